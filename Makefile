@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures renders test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover
+.PHONY: help demo view pictures renders test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -37,7 +37,7 @@ prepare:  ## environment and install/ only
 fleet:  ## four nodes on one terrain whose bodies meet, until Ctrl-C; ARGS="--nodes 2 --bodies 50 --seconds 20"
 	@$(RUN) -- install/smartmesh_ros/lib/smartmesh_ros/smartmesh-fleet $(ARGS)
 
-fleet-study:  ## what fleets carry, how their bodies meet, and faults (about 40 minutes; ARGS=--quick: two)
+fleet-study:  ## how many bodies fleets carry in real time (about 20 minutes; ARGS=--quick: one)
 	@$(RUN) load -- $(STUDIES) fleet $(ARGS)
 
 bench:  ## running times against the report's tables
@@ -55,8 +55,17 @@ robots:  ## robots on rough and moving ground, beside other engines (about 12 mi
 start-study:  ## from a node's command to its first answer, and its memory (a minute; on a machine with nothing to do)
 	@$(RUN) -- python scripts/start_study.py $(ARGS)
 
+friction:  ## boxes slide on ice beside gravel, against v^2 / (2 mu g): docs/images/friction.png
+	@$(RUN) -- $(STUDIES) friction
+
+height-scan:  ## what a legged robot's policy observes of moving ground, printed and drawn: out/height_scan.png
+	@$(RUN) -- python scripts/height_scan.py $(ARGS)
+
 rover:  ## a wheeled robot drives an eight on soil and leaves ruts: out/rover.png, out/rover.gif
 	@$(RUN) studies -- $(STUDIES) rover $(ARGS)
+
+tracks:  ## a tracked machine drives, turns on the spot and climbs 20 degrees on soil: out/tracks.png, out/tracks.gif
+	@$(RUN) studies -- $(STUDIES) tracks $(ARGS)
 
 soil:  ## soil against closed forms and a measured wheel, and its cost (ARGS="--only plates" for a part)
 	@$(RUN) studies -- $(STUDIES) soil $(ARGS)

@@ -133,7 +133,7 @@ setup(
     cmdclass={"build_py": BuildWithCore, "develop": DevelopWithCore, "install_lib": InstallAnew},
     options={"bdist_wheel": {"py_limited_api": "cp312"}} if core_build.STABLE_ABI else {},
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "tools/evaluation/scenes/*.yaml", "soil/soils.yaml"]},
+    package_data={NAME: ["py.typed", "tools/evaluation/scenes/*.yaml", "soil/soils.yaml", "scenes/*.urdf"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

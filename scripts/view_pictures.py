@@ -21,19 +21,21 @@ from smartmesh_ros.tools.view.browser import FLAGS, find_browser
 from smartmesh_ros.tools.view.camera import Camera
 from smartmesh_ros.tools.view.main import demo_running
 from smartmesh_ros.tools.view.page import Page
-from smartmesh_ros.tools.view.remote import Remote
+from smartmesh_ros.tools.view.panel import WINDOW
+from smartmesh_ros.tools.view.remote import OUTPUTS, Remote
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 TINY, LARGE, WIDE = ({"width": width, "height": height} for width, height in ((320, 200), (1280, 940), (1280, 640)))
 # Run times before the pictures [s]: until bodies have fallen onto the ground, and until the page's plot has a history.
-FALL, HISTORY = 1.0, 6.0
+FALL, HISTORY = 1.0, 20.0
 # The robot stands on its wheels if the tilt of its z axis [rad] and the height of its base link above the ground [m]
 # are below these bounds.
 MAX_TILT, MAX_HEIGHT = math.radians(25.0), 0.4
 # Limit of the wait for a suitable instant [s].
-TIMEOUT = 30.0
-# Real-time factor above which the node keeps up.
-REAL_TIME = 0.95
+TIMEOUT = 60.0
+# The node keeps up at a real-time factor above this one, with at most so many deadlines missed in the page window: one
+# step in fifty.
+REAL_TIME, MOST_MISSED = 0.95, 48
 # Time in which a browser without a graphics card redraws the page [ms].
 DRAWING = 4000.0
 # Distances of the camera behind and above the robot, and of the camera's target ahead of the robot [m].
@@ -47,11 +49,12 @@ class Stage:
         self.demo, self.remote, self.page, self.opened = demo, remote, page, opened
 
     def run(self, seconds: float) -> None:
-        """Run the demo and refresh the page for ``seconds`` [s]."""
+        """Run the demo for ``seconds`` [s] without showing it, because drawing takes processor time from the node."""
         end = monotonic() + seconds
         while monotonic() < end:
+            self.remote.watch(set(OUTPUTS))
             self.remote.spin(0.04)
-            self.page.refresh()
+            self.remote.apply_waiting()
             self.demo.drive()
             self.opened.wait_for_timeout(10)
 
@@ -61,26 +64,28 @@ class Stage:
             close.click()
 
     def on_wheels(self) -> bool:
-        """Return True if the robot stands on its wheels."""
-        (x, y, z), (_, i, j, _) = self.remote.sight.bases[ROBOT]
+        """Return True if the robot is known and stands on its wheels."""
+        if ROBOT not in self.remote.sight.poses:
+            return False
+        (x, y, z), (_, i, j, _) = self.remote.sight.poses[ROBOT]
         ground = float(self.remote.ground.heights(np.array([[x, y]]))[0])
         return 1.0 - 2.0 * (i * i + j * j) > math.cos(MAX_TILT) and z - ground < MAX_HEIGHT
 
     def keeps_up(self) -> bool:
-        """Return True if the node runs in real time. Late maps throw bodies up."""
-        timings = self.remote.timings
-        return bool(timings) and timings[-1][1].real_time_factor > REAL_TIME
+        """Return True if the node runs in real time and misses few deadlines. Late maps throw bodies up."""
+        recent = [message for came, message in self.remote.timings if came > monotonic() - WINDOW]
+        missed = sum(message.deadline_misses for message in recent)
+        return bool(recent) and recent[-1].real_time_factor > REAL_TIME and missed <= MOST_MISSED
 
     def shoot(self, path: Path, size: Any, place_camera: Callable[[], None]) -> None:
-        """Take a picture at an instant when the robot stands on its wheels. Until then the page is small, and while the
-        browser draws it large it is not refreshed, because drawing takes processor time from the node."""
+        """Take a picture of an instant when the robot stands on its wheels and the node keeps up."""
         end = monotonic() + TIMEOUT
         while not (self.on_wheels() and self.keeps_up()):
             if monotonic() > end:
-                sys.exit(
-                    "no picture: the robot is off its wheels, or the machine is too busy to run the demo in real time"
-                )
+                busy = "" if self.keeps_up() else ", the machine is too busy to run the demo in real time"
+                sys.exit("no picture" + (busy or ", the robot is off its wheels"))
             self.run(0.1)
+        self.page.refresh()
         self.opened.set_viewport_size(size)
         self.opened.wait_for_timeout(DRAWING)
         place_camera()
@@ -95,11 +100,11 @@ class Stage:
     def stand_behind_the_robot(self) -> None:
         """Place the page's camera behind and above the robot, pointing at the median of the other bodies."""
         sight = self.remote.sight
-        robot = np.array(sight.bases[ROBOT].position)
+        robot = np.array(sight.poses[ROBOT].position)
         away = np.median([pose.position for pose in sight.poses.values()], axis=0)[:2] - robot[:2]
         towards = away / max(float(np.linalg.norm(away)), 1e-9)
         position, target = robot + (*(-BEHIND * towards), ABOVE), robot + (*(AHEAD * towards), 0.0)
-        self.page.cameras.turn(Camera(tuple(position.tolist()), tuple(target.tolist())))
+        self.page.cameras.turn(Camera(position, target))
 
 
 @contextmanager

@@ -15,9 +15,11 @@ if TYPE_CHECKING:
     from smartmesh_ros.ground.state import BodyState
     from smartmesh_ros.patches.config import PatchConfig
     from smartmesh_ros.terrain.grid import GridGeometry
+    from smartmesh_ros.terrain.height_scan import HeightScan
     from smartmesh_ros.terrain.heightmap import HeightMap
     from smartmesh_ros.terrain.motion import MotionConfig
     from smartmesh_ros.terrain.terrain import Terrain
+    from smartmesh_ros.world.height_scanner import HeightScanner
     from smartmesh_ros.world.snapshot import Snapshot
     from smartmesh_ros.world.world import World, WorldConfig
 
@@ -26,11 +28,13 @@ _MODULES = {
     "patches.config": ("PatchConfig",),
     "ground.config": ("PhysicsConfig",),
     "ground.ground": ("Ground",),
+    "world.height_scanner": ("HeightScanner",),
     "world.snapshot": ("Snapshot",),
     "ground.shapes": ("Box", "Capsule", "Cylinder", "Sphere"),
     "ground.state": ("BodyState",),
     "world.world": ("World", "WorldConfig"),
     "terrain.grid": ("GridGeometry",),
+    "terrain.height_scan": ("HeightScan",),
     "terrain.heightmap": ("HeightMap",),
     "terrain.motion": ("MotionConfig",),
     "terrain.terrain": ("Terrain",),
@@ -45,6 +49,8 @@ __all__ = [
     "GridGeometry",
     "Ground",
     "HeightMap",
+    "HeightScan",
+    "HeightScanner",
     "InputError",
     "MotionConfig",
     "PatchConfig",

@@ -9,16 +9,16 @@ import sys
 STUDIES = {
     "accuracy": ("studies.accuracy", "speed against accuracy, and the stability matrix"),
     "before-after": ("studies.before_after", "this code against that of another checkout"),
-    "bench": ("studies.bench", "running times against the report's tables"),
-    "consumer": ("studies.consumer.study", "MuJoCo on served patches, and on the whole map"),
+    "bench": ("studies.bench.cli", "running times against the report's tables"),
     "fleet": ("studies.fleet.study", "several nodes on one terrain, in networks of their own"),
+    "friction": ("studies.friction_picture", "a picture of boxes on ice beside gravel"),
     "lidar": ("studies.lidar_picture", "a picture of what a lidar measures"),
     "load": ("studies.load.study", "the node under load over DDS"),
     "rising": ("studies.rising_picture", "the README's moving picture: bodies sink into rising ground"),
     "robots": ("studies.robots.study", "robots on rough and moving ground, beside other engines"),
     "rover": ("studies.soil.rover", "a wheeled robot on soil: pictures of its ruts"),
     "soil": ("studies.soil.study", "soil against closed forms, a measured wheel, and its cost"),
-    "view-cost": ("studies.view_cost.study", "what the view costs the node that it shows"),
+    "tracks": ("studies.soil.tracks", "a tracked machine on soil: pictures of its turn and its climb"),
     "soak": ("studies.load.soak", "the node for minutes or hours of everything changing"),
 }
 

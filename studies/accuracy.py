@@ -9,11 +9,12 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from smartmesh_ros.tools.evaluation.machine import describe
 from smartmesh_ros.tools.evaluation.scene import read_scenes
+from studies.body_contest import run_scene
 from studies.chart import draw_all, draw_scene
 from studies.configurations import configurations
-from studies.contest import PIECES, Result, run_scene
+from studies.contest import Result
+from studies.machine import describe, measured_on
 from studies.matrix.picture import draw_matrix, matrix_table
 from studies.matrix.real_maps_picture import draw_box
 from studies.matrix.row import METHODS, Outcome
@@ -22,8 +23,8 @@ from studies.pages import fill
 from studies.patch_tables import choosing_table, rates_table
 from studies.progress import Progress
 from studies.readme_chart import SCENE, draw_panel
-from studies.results_file import read_results, save_results
-from studies.tables import front_table, scene_table, summary_table
+from studies.results_file import read_results, records, save_results
+from studies.tables import all_tables, front_table, summary_table
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -35,9 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     say = Progress()
 
     found = describe()
-    versions: Any = found["versions"]
-    words = ", ".join(f"{name} {version}" for name, version in versions.items())
-    blocks: dict[str, str] = {"machine": f"Measured on {found['cores']} cores of {found['cpu']}; {words}."}
+    blocks: dict[str, str] = {"machine": f"{measured_on(found)}."}
     data: dict[str, Any] = {"machine": found, "quick": options.quick}
     if not options.matrix_only:
         _charts(options, images, blocks, data, say)
@@ -100,19 +99,12 @@ def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], d
     chosen = configurations(options.quick)
     families = {configuration.name: configuration.family for configuration in chosen}
     for scene in scenes:
-        results[scene.name] = run_scene(scene, chosen, say, pieces=PIECES)
+        results[scene.name] = run_scene(scene, chosen, say)
         title = f"{scene.title} ({scene.bodies.count} bodies)"
         draw_scene(images / f"{scene.name}.png", title, results[scene.name], families)
-        data["scenes"] = {
-            name: {one: asdict(result) for one, result in found.items()} for name, found in results.items()
-        }
+        data["scenes"] = records(results)
         save_results(path, data)
-    scenes = [scene for scene in read_scenes() if scene.name in results]
-    parts = [
-        f"## {scene.title}\n\n![](images/accuracy/{scene.name}.png)\n\n{scene_table(results[scene.name])}\n"
-        for scene in scenes
-    ]
-    titles = {scene.name: scene.title for scene in scenes}
+    titles = {scene.name: scene.title for scene in read_scenes() if scene.name in results}
     draw_all(images / "all.png", titles, results, families)
     if SCENE in results:
         draw_panel(images / "readme.png", results[SCENE])
@@ -123,7 +115,7 @@ def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], d
         blocks["choosing"] = choosing_table(titles, results)
     head = f"# Accuracy: every figure of every scene\n\nWritten by `make studies`. {blocks['machine']}\n"
     head += "See [accuracy](accuracy.md) for what the figures mean.\n\n"
-    (images.parent.parent / "accuracy_tables.md").write_text(head + "\n".join(parts))
+    (images.parent.parent / "accuracy_tables.md").write_text(head + all_tables("accuracy", titles, results))
     print("\n" + blocks["summary"])
 
 

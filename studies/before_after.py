@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.evaluation.machine import describe
 from smartmesh_ros.tools.evaluation.scene import Scene, read_scenes
+from studies.body_contest import run_scene
 from studies.configurations import Configuration
-from studies.contest import Result, run_scene
+from studies.contest import Result
 from studies.engines.checkout import HERE, CheckoutOptions
+from studies.machine import describe
+from studies.markdown import table
 from studies.progress import Progress
-from studies.tables import table
+from studies.results_file import records, save_results
 
 BEFORE, NOW = "before", "now"
 
@@ -42,9 +43,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     page = f"# Before and now\n\nBefore: {commits[BEFORE]}; now: {commits[NOW]}. {HEAD}\n\n{speed_table(results)}\n"
     options.out.mkdir(parents=True, exist_ok=True)
     (options.out / "before_after.md").write_text(page)
-    found = {title: {side: asdict(result) for side, result in sides.items()} for title, sides in results.items()}
-    data = {"machine": describe(), "commits": commits, "kind": options.kind, "scenes": found}
-    (options.out / "before_after.json").write_text(json.dumps(data, indent=1) + "\n")
+    data = {"machine": describe(), "commits": commits, "kind": options.kind, "scenes": records(results)}
+    save_results(options.out / "before_after.json", data)
     print(page)
     print(f"wrote {options.out}/before_after.md and .json in {say.elapsed:.0f} s")
     return 0
@@ -71,11 +71,8 @@ def compare(scene: Scene, folders: Mapping[str, Path], kind: str, say: Any) -> d
 
 def same(before: Result, now: Result) -> bool:
     """Return True if every figure but the times is equal."""
-    return repr(_without_times(before)) == repr(_without_times(now))
-
-
-def _without_times(result: Result) -> Result:
-    return replace(result, cost=0.0, spread=(0.0, 0.0), update=0.0, note="")
+    one, other = (repr(replace(side, cost=0.0, spread=(0.0, 0.0), update=0.0, note="")) for side in (before, now))
+    return one == other
 
 
 def speed_table(results: Mapping[str, Mapping[str, Result]]) -> str:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.tools.evaluation.engines.smartmesh import SmartMeshOptions
-from smartmesh_ros.tools.evaluation.presets import read_presets
 from studies.engines.registry import missing
+from studies.engines.smartmesh import SmartMeshOptions
+from studies.presets import read_presets
 
 Family = Literal["ours", "ours, less", "report", "whole map", "MuJoCo", "PhysX", "Rapier"]
 

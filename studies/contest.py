@@ -3,28 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from time import process_time
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.evaluation.clearance import clearances
-from smartmesh_ros.tools.evaluation.engines.engine import EngineBody, Setup
-from smartmesh_ros.tools.evaluation.measures import BoolArray, Penetration, deviation, held_up, penetration
-from smartmesh_ros.tools.evaluation.reference import HORIZON, reference_positions
-from smartmesh_ros.tools.evaluation.scene import Scene
+from smartmesh_ros.tools.evaluation.measures import BoolArray, deviation, held_up, penetration
 from studies.configurations import Configuration
 from studies.engines.checkout import Checkout
-from studies.engines.registry import build
-
-# Number of pieces of a run, in which all engines take turns. The cost is the median over the pieces.
-PIECES = 12
-# Processor time in one scene after which an engine is stopped [s].
-PATIENCE = 2.5
+from studies.reference import HORIZON
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,9 +25,9 @@ class Result:
     """One configuration in one scene.
 
     ``cost`` [us]: processor time of update and step, per body and simulated second, median; ``spread``: its quartiles
-    [us]; ``update``: the ground's share of it [us]. Then `Penetration`'s figures [m]; deviation from the reference
-    after one second, median and largest over the bodies [m], NaN = none; how long it ran [s]; ``note``: why it did not
-    run, or not long.
+    [us]; ``update``: the ground's share of it [us], NaN = not told apart. Then `Penetration`'s figures [m]; deviation
+    from the reference after one second, median and largest over the bodies [m], NaN = none; how long it ran [s];
+    ``note``: why it did not run, or not long.
     """
 
     cost: float = math.nan
@@ -52,24 +45,21 @@ class Result:
     note: str = ""
 
 
-@dataclass
 class Sample:
-    """N bodies at one instant: centres (N, 3) [m], orientations (N, 4), mask of supported bodies (N,); after measuring
-    also clearance (N,) [m] and a mask of bodies whose centre is below the ground (N,)."""
+    """N bodies at one instant: their ``state`` as `Contest.state` returns it, mask of supported bodies (N,), and, once
+    measured, clearance (N,) [m] and a mask of bodies that are below the ground (N,)."""
 
-    positions: FloatArray
-    orientations: FloatArray
-    held: BoolArray
-    clearance: FloatArray | None = None
-    below: BoolArray | None = None
+    def __init__(self, state: Any, held: BoolArray) -> None:
+        self.state, self.held = state, held
+        self.clearance = np.full(len(held), np.nan)
+        self.below = np.zeros(len(held), bool)
 
 
 class Maps:
     """The maps of a scene by their number, made once for all engines."""
 
-    def __init__(self, scene: Scene) -> None:
-        self._ground = scene.make_ground()
-        self._rate = scene.map_rate
+    def __init__(self, ground: MovingGround, rate: float) -> None:
+        self._ground, self._rate = ground, rate
         self._maps: dict[int, Any] = {}
 
     def __call__(self, number: int) -> Any:
@@ -83,153 +73,162 @@ class Maps:
             del self._maps[number]
 
 
-class Runner:
-    """One configuration in a scene: steps and times it, and records samples for measurements."""
+@dataclass(frozen=True, kw_only=True)
+class Rules:
+    """``bodies``: their number. A run of ``duration`` [s] has ``samples`` measurements a second [Hz], after the first
+    ``settle`` [s], and ``pieces`` in which all engines take turns, timed from ``timed_from`` [s] on; the cost is the
+    median over the pieces. An engine is stopped after ``patience`` [s] of processor time. ``map_rate`` [Hz]: of the
+    ground, 0 = one map."""
 
-    def __init__(self, scene: Scene, configuration: Configuration, maps: Maps) -> None:
-        self.configuration = configuration
-        self.note = ""
-        self._scene = scene
-        self._maps = maps
-        self._steps = 0
-        self._map = 0
+    name: str
+    bodies: int
+    duration: float
+    settle: float
+    samples: float
+    pieces: int
+    patience: float
+    map_rate: float
+    timed_from: float = 0.0
+
+
+class Contest(ABC):
+    """A scene for many engines: how they enter, what they do in a step, and how samples of them are measured."""
+
+    # True = the result tells the update's share of the cost.
+    tells_update: ClassVar[bool] = True
+
+    def __init__(self, rules: Rules, ground: MovingGround) -> None:
+        self.rules = rules
+        self.maps = Maps(ground, rules.map_rate)
+
+    @abstractmethod
+    def enter(self, configuration: Configuration) -> Any:
+        """Return the engine with the bodies at the start; raises `InputError` if it cannot run them."""
+
+    @abstractmethod
+    def handing(self, configuration: Configuration, engine: Any, heights: Any) -> Callable[[], None]:
+        """Return a function that gives an engine a map, which is prepared before the measurement."""
+
+    def act(self, engine: Any, time: float) -> None:  # noqa: B027  nothing, but for joints that are held
+        """What is done before each step, not timed."""
+
+    @abstractmethod
+    def state(self, engine: Any) -> Any:
+        """Return what `measure` and `centres` need to know of the bodies."""
+
+    @abstractmethod
+    def measure(self, instant: float, runners: Sequence[Runner]) -> None:
+        """Fill in the samples at an instant [s]: who is below the ground, and after the settling the clearance."""
+
+    @abstractmethod
+    def centres(self, state: Any) -> FloatArray:
+        """Return the places (N, 3) [m] that are compared with those of the reference."""
+
+    @abstractmethod
+    def reference(self) -> FloatArray | None:
+        """Return the true places (N, 3) [m] after `HORIZON`; None = there is no reference."""
+
+
+class Runner:
+    """One configuration in a contest: steps and times it, and keeps samples by their instants [s]."""
+
+    def __init__(self, contest: Contest, configuration: Configuration) -> None:
+        self.configuration, self.note = configuration, ""
+        self.samples: dict[float, Sample] = {}
         self.times: list[tuple[float, float]] = []  # of each piece, per simulated second: update, step [s]
-        self.used = 0.0
-        self._piece = [0.0, 0.0]
-        self._piece_began = 0.0
-        self.samples: list[Sample] = []
-        shape: Any = scene.bodies.make_shape()
-        bodies = [EngineBody(shape=shape, state=state, friction=scene.bodies.friction) for state in scene.starts()]
-        setup = Setup(
-            heights=maps(0), resolution=scene.grid[1], bodies=bodies, dt=1.0 / configuration.rate, slide=scene.slide
-        )
-        self.engine = build(configuration.engine, setup, configuration.options)
+        self._contest = contest
+        self._steps, self._map = 0, 0
+        self._used = np.zeros(2)
+        self.engine = contest.enter(configuration)
 
     @property
     def time(self) -> float:
         """Simulated time [s]."""
         return self._steps / self.configuration.rate
 
-    def advance(self, until: float) -> None:
-        """Step to ``until`` [s] with the scene's maps. Stop if that takes too much processor time."""
-        engine, rate, scene = self.engine, self.configuration.rate, self._scene
+    def run_piece(self, instants: Sequence[float]) -> None:
+        """Advance over the instants of a piece, and note what a simulated second took."""
+        began, before = self.time, self._used.copy()
+        for instant in instants:
+            if not self.note:
+                self._advance(instant)
+        if began >= self._contest.rules.timed_from and self.time > began:
+            update, step = ((self._used - before) / (self.time - began)).tolist()
+            self.times.append((update, step))
+
+    def _advance(self, until: float) -> None:
+        """Step to ``until`` [s] and take a sample; stop if that takes too much processor time."""
+        engine, contest, rate = self.engine, self._contest, self.configuration.rate
         last = round(until * rate)
         before = engine.velocities()
         while self._steps < last:
-            if self.used + sum(self._piece) > PATIENCE:
+            if self._used.sum() > contest.rules.patience:
                 self.note = f"stopped after {self.time:.2f} s: too slow"
                 return
-            number = math.floor(self._steps / rate * scene.map_rate + 1e-6)
-            give = None if number == self._map else self._handing(self._maps(number))
+            number = math.floor(self.time * contest.rules.map_rate + 1e-6)
+            give = None
+            if number != self._map:
+                give = contest.handing(self.configuration, engine, contest.maps(number))
+                self._map = number
+            contest.act(engine, self.time)
             if self._steps == last - 1:
                 before = engine.velocities()
             start = process_time()
             if give is not None:
                 give()
-                self._map = number
             middle = process_time()
             engine.step()
             end = process_time()
             # Another checkout runs in a process of its own, which measures itself.
-            update, step = engine.taken() if isinstance(engine, Checkout) else (middle - start, end - middle)
-            self._piece[0] += update
-            self._piece[1] += step
+            taken = engine.taken() if isinstance(engine, Checkout) else (middle - start, end - middle)
+            self._used += np.array(taken)
             self._steps += 1
-        after = engine.velocities()
-        held = held_up(before[:, :3], after[:, :3], 1.0 / rate)
-        self.samples.append(Sample(engine.positions(), engine.orientations(), held))
-
-    def _handing(self, heights: Any) -> Callable[[], None]:
-        """Return a function that transfers a map in the engine's own format, which is prepared before the
-        measurement."""
-        engine: Any = self.engine
-        if self.configuration.engine == "mujoco":
-            ready = engine.normalised(heights)
-            return lambda: engine.write(ready)
-        ready = heights if self.configuration.engine in ("smartmesh", "checkout") else np.array(heights, np.float64)
-        return lambda: engine.set_ground(ready)
-
-    def end_piece(self) -> None:
-        """Notes the running time since the last call."""
-        simulated = self.time - self._piece_began
-        self.used += sum(self._piece)
-        if simulated <= 0.0:
-            return
-        self.times.append((self._piece[0] / simulated, self._piece[1] / simulated))
-        self._piece, self._piece_began = [0.0, 0.0], self.time
+        held = held_up(before[:, :3], engine.velocities()[:, :3], 1.0 / rate)
+        self.samples[until] = Sample(contest.state(engine), held)
 
 
-def run_scene(
-    scene: Scene, chosen: list[Configuration], say: Callable[[str], None], pieces: int = PIECES
-) -> dict[str, Result]:
-    """Runs a scene in every configuration, taking turns piece by piece."""
-    maps = Maps(scene)
+def run(contest: Contest, chosen: Sequence[Configuration], say: Callable[[str], None]) -> dict[str, Result]:
+    """Run a scene in every configuration, taking turns piece by piece."""
+    rules = contest.rules
     results: dict[str, Result] = {}
     runners: list[Runner] = []
-    chosen = [configuration for configuration in chosen if scene.slides or not configuration.for_sliding]
     for configuration in chosen:
         try:
-            runners.append(Runner(scene, configuration, maps))
+            runners.append(Runner(contest, configuration))
         except InputError as error:
-            results[configuration.name] = Result(bodies=scene.bodies.count, note=str(error))
-    instants = np.arange(1, round(scene.duration * scene.samples) + 1) / scene.samples
-    truth = scene.make_ground()
-    surfaces = {}
-    for part, piece in enumerate(np.array_split(instants, min(pieces, len(instants)))):
+            results[configuration.name] = Result(bodies=rules.bodies, note=str(error))
+    instants = np.arange(1, round(rules.duration * rules.samples) + 1) / rules.samples
+    for part, piece in enumerate(np.array_split(instants, min(rules.pieces, len(instants)))):
         first = part % max(len(runners), 1)
         for index, runner in enumerate(runners[first:] + runners[:first]):
-            if runner.note:
-                continue
-            say(f"{scene.name} {part + 1}/{pieces} {index + 1}/{len(runners)} {runner.configuration.name}")
-            for instant in piece.tolist():
-                runner.advance(instant)
-            runner.end_piece()
+            say(f"{rules.name} {part + 1}/{rules.pieces} {index + 1}/{len(runners)} {runner.configuration.name}")
+            runner.run_piece(piece.tolist())
         for instant in piece.tolist():
-            surfaces[instant] = np.array(truth.heights(instant)) if scene.moves else truth.heights(instant)
-        _measure(scene, surfaces, runners)
-        maps.forget(math.floor(float(piece[-1]) * scene.map_rate) - 1)
-        surfaces.clear()
-    reference = reference_positions(scene)
+            contest.measure(instant, [runner for runner in runners if instant in runner.samples])
+        contest.maps.forget(math.floor(float(piece[-1]) * rules.map_rate) - 1)
+    say(f"{rules.name}: reference")
+    reference = contest.reference()
     for runner in runners:
-        results[runner.configuration.name] = _result(scene, runner, reference)
+        results[runner.configuration.name] = _result(contest, runner, reference)
         runner.engine.close()
     return {configuration.name: results[configuration.name] for configuration in chosen}
 
 
-def _measure(scene: Scene, surfaces: dict[float, Any], runners: list[Runner]) -> None:
-    """Adds clearance and whether the centre is below the ground to the samples of the last piece."""
-    shape = scene.bodies.make_shape()
-    for runner in runners:
-        fresh = [sample for sample in runner.samples if sample.clearance is None]
-        for sample, (instant, heights) in zip(fresh, surfaces.items(), strict=False):
-            surface = scene.surface(heights, instant)
-            ground = surface.below(sample.positions)
-            sample.clearance = clearances(surface, shape, sample.positions, sample.orientations)
-            sample.clearance[np.isnan(ground)] = np.nan
-            sample.below = sample.positions[:, 2] < ground
-
-
-def _result(scene: Scene, runner: Runner, reference: FloatArray | None) -> Result:
-    skip = round(scene.settle * scene.samples)
-    measured = runner.samples[skip:]
-    if not measured or not runner.times:
-        return Result(bodies=scene.bodies.count, note=runner.note or "too slow to measure")
-    clearance = np.array([sample.clearance for sample in measured])
-    below = np.array([sample.below for sample in runner.samples])
-    lost = np.logical_or.accumulate(below, axis=0)[skip:]
-    found = penetration(clearance, lost, np.array([sample.held for sample in measured]))
-    times = 1e6 / scene.bodies.count * np.array(runner.times)
-    apart, second = None, round(HORIZON * scene.samples) - 1
-    if reference is not None and len(runner.samples) > second:
-        apart = deviation(runner.samples[second].positions, reference)
-    update = float(np.median(times[:, 0]))
-    return result_of(found, times.sum(axis=1), apart, update=update, ran=runner.time, note=runner.note)
-
-
-def result_of(found: Penetration, times: FloatArray, apart: FloatArray | None, **more: Any) -> Result:
-    """Return a result from its penetration, the processor time of each piece [us] (see `Result`), the deviation of each
-    body [m], None = not measured, and the other fields."""
-    low, middle, high = np.percentile(times, (25, 50, 75)).tolist()
-    if apart is not None:
+def _result(contest: Contest, runner: Runner, reference: FloatArray | None) -> Result:
+    rules = contest.rules
+    measured = np.array(list(runner.samples)) > rules.settle + 1e-9
+    if not measured.any() or not runner.times:
+        return Result(bodies=rules.bodies, note=runner.note or "too slow to measure")
+    clearance, below, held = (
+        np.array([getattr(sample, name) for sample in runner.samples.values()])
+        for name in ("clearance", "below", "held")
+    )
+    lost = np.logical_or.accumulate(below, axis=0)
+    found = penetration(clearance[measured], lost[measured], held[measured])
+    times = 1e6 / rules.bodies * np.array(runner.times)
+    low, middle, high = np.percentile(times.sum(axis=1), (25, 50, 75)).tolist()
+    more: dict[str, Any] = {"update": float(np.median(times[:, 0]))} if contest.tells_update else {}
+    if reference is not None and HORIZON in runner.samples:
+        apart = deviation(contest.centres(runner.samples[HORIZON].state), reference)
         more |= {"deviation": float(np.median(apart)), "most_deviation": float(apart.max())}
-    return Result(cost=middle, spread=(low, high), **asdict(found), **more)
+    return Result(cost=middle, spread=(low, high), **asdict(found), **more, ran=runner.time, note=runner.note)

@@ -28,7 +28,6 @@ SUBJECTS = {
     "soil": ("core", "terrain", "soil"),
     "node": (*_CORE, "node"),
     "tuner": (*_CORE, "tools/evaluation", "tools/tune"),
-    "client": (*_CORE, "node", "tools/client"),
 }
 _MARK = re.compile(r"<!-- generated: (?P<name>[\w -]+?) of (?P<subject>\w+), code (?P<digest>\w+) -->\n")
 _END = "<!-- end -->"

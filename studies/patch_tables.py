@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from statistics import geometric_mean, median
 
 from studies.contest import Result
-from studies.tables import table
+from studies.markdown import table
 
 DEFAULTS = "defaults"
 # Configurations whose patches follow in every step, at 60 Hz and at 30 Hz.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,11 @@ def read_results(path: Path) -> dict[str, Any]:
 def save_results(path: Path, data: dict[str, Any]) -> None:
     """Writes results; entries of the file that ``data`` does not have stay."""
     path.write_text(f"{_text({**read_results(path), **data}, 0)}\n")
+
+
+def records(results: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Results, which are dataclasses, by scene or group and name, as records."""
+    return {group: {name: asdict(one) for name, one in found.items()} for group, found in results.items()}
 
 
 def _text(value: Any, depth: int) -> str:

@@ -1,28 +1,16 @@
-"""The study's tables as Markdown, and the blocks of a document that they replace."""
+"""Tables of what contests found."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from studies.configurations import Family
 from studies.contest import Result
-from studies.front import (
-    beyond_all,
-    cheapest_as_accurate,
-    deviation_of,
-    distance_of,
-    measures_of,
-    only_by,
-)
+from studies.front import beyond_all, cheapest_as_accurate, deviation_of, distance_of, measures_of, only_by
+from studies.markdown import table
 
 OURS = ("ours", "ours, less")
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table; the first column is text, the others are numbers."""
-    lines = ["| " + " | ".join(header) + " |", "|---|" + "---:|" * (len(header) - 1)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
 
 
 def scene_table(results: Mapping[str, Result]) -> str:
@@ -50,6 +38,15 @@ def scene_table(results: Mapping[str, Result]) -> str:
         "max [mm]", "hover [mm]", "lost", "deviation, median / max [mm]",
     ]  # fmt: skip
     return table(header, rows)
+
+
+def all_tables(study: str, titles: Mapping[str, str], results: Mapping[str, Mapping[str, Result]]) -> str:
+    """The picture and the table of each scene, by its name in ``titles``."""
+    parts = [
+        f"## {title}\n\n![](images/{study}/{name}.png)\n\n{scene_table(results[name])}\n"
+        for name, title in titles.items()
+    ]
+    return "\n".join(parts)
 
 
 def summary_table(

@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Tunes what is not in the results yet; with all of them there it only writes the table."""
     options = _parser().parse_args(arguments)
     silence_pybullet()
-    from smartmesh_ros.tools.evaluation.machine import describe
+    from studies.machine import short
+    from studies.markdown import table
     from studies.pages import fill
 
     results = options.out / "results.json"
@@ -31,21 +32,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if source not in found:
             found[source] = _tuned(source, options)
             results.write_text(json.dumps(found, indent=1) + "\n")
-            print(_row(found[source]), flush=True)
-    machine = describe()
-    about = f"Measured on {machine['cores']} cores of {machine['cpu']}, {options.trials} settings tried in each."
+            print(" | ".join(_row(found[source])), flush=True)
+    about = f"Measured on {short()}, {options.trials} settings tried in each."
     won = sum(_verdict(result) != ON_FRONT for result in found.values())
-    table = "\n".join([HEAD, *map(_row, found.values())])
     summary = f"Better than the defaults in {won} of {len(found)}."
-    fill(options.document, {"table": f"{about} {summary}\n\n{table}"})
+    fill(options.document, {"table": f"{about} {summary}\n\n{table(HEAD, map(_row, found.values()))}"})
     print(f"{summary} Wrote {options.document}")
     return 0
 
 
 HEAD = (
-    "| case | defaults: share of a core | penetration [mm] | tuned: share of a core | penetration [mm] | cost | "
-    "hover, defaults / tuned [mm] | verdict | changed |\n|---|---:|---:|---:|---:|---:|---:|---|---|"
-)
+    "case", "defaults: share of a core", "penetration [mm]", "tuned: share of a core", "penetration [mm]", "cost",
+    "hover, defaults / tuned [mm]", "verdict", "changed",
+)  # fmt: skip
 ON_FRONT = "the defaults are on the front"
 
 
@@ -53,21 +52,18 @@ def _tuned(source: str, options: argparse.Namespace) -> dict[str, Any]:
     """The confirmed figures of one case."""
     from smartmesh_ros.tools.tune import space
     from smartmesh_ros.tools.tune.cli import parser
-    from smartmesh_ros.tools.tune.parameter_file import parameter_file
-    from smartmesh_ros.tools.tune.session import Request, find
+    from smartmesh_ros.tools.tune.report import parameter_file
+    from smartmesh_ros.tools.tune.session import find
 
-    given = parser().parse_args([source, "--trials", str(options.trials), "--out", str(options.out)])
-    request = Request.of(given)
+    words = [source, "--trials", str(options.trials), "--jobs", str(options.jobs), "--out", str(options.out)]
+    given = parser().parse_args(words)
     if options.bag is not None and source == str(options.bag):
-        request = replace(request, params_file=options.params_file)
-    case = request.open_case()
-    _, verdict = find(request, case, options.jobs)
-    (options.out / f"{case.name}_tuned.yaml").write_text(parameter_file(case, request.asked, verdict))
-    known = space.defaults()
-    changed = {name: value for name, value in verdict.chosen.values.items() if known[name] != value}
+        given.params_file = options.params_file
+    search, verdict = find(given)
+    (options.out / f"{search.case.name}_tuned.yaml").write_text(parameter_file(search, verdict))
     return {
-        "title": case.title, "defaults": verdict.defaults.as_json(), "tuned": verdict.chosen.figures.as_json(),
-        "changed": changed,
+        "title": search.case.title, "defaults": asdict(verdict.defaults), "tuned": asdict(verdict.chosen.figures),
+        "changed": space.changes(verdict.chosen.values),
     }  # fmt: skip
 
 
@@ -80,15 +76,14 @@ def _verdict(result: dict[str, Any]) -> str:
     return " and ".join(words) or ON_FRONT
 
 
-def _row(result: dict[str, Any]) -> str:
+def _row(result: dict[str, Any]) -> list[str]:
     before, after = result["defaults"], result["tuned"]
     changed = ", ".join(f"`{name}` {value}" for name, value in result["changed"].items())
-    cells = [
+    return [
         result["title"], f"{before['cost']:.3f}", f"{1e3 * before['penetration']:.3f}", f"{after['cost']:.3f}",
         f"{1e3 * after['penetration']:.3f}", f"{after['cost'] / before['cost']:.2f} x",
         f"{1e3 * before['hover']:.2f} / {1e3 * after['hover']:.2f}", _verdict(result), changed or "-",
     ]  # fmt: skip
-    return "| " + " | ".join(cells) + " |"
 
 
 def _parser() -> argparse.ArgumentParser:

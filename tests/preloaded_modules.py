@@ -8,3 +8,5 @@ silence_pybullet()
 for name in ("fleet.front", "sensor.terrain_sensor", "soil.soil_node", "terrain_collider"):
     import_module(f"smartmesh_ros.node.{name}")
 import_module("smartmesh_ros.tools.demo.terrain_source")
+# Tests wait for diagnostics, which a node publishes once a second [s].
+import_module("smartmesh_ros.node.outputs.publishing").DIAGNOSTICS_PERIOD = 0.2

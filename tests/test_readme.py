@@ -25,11 +25,11 @@ assert 0.15 < z - below < 0.4, (z, below)
 
 def test_the_page_of_parameters_is_that_of_the_node() -> None:
     """If not: scripts/workspace run dev -- python scripts/write_parameters.py"""
-    from smartmesh_ros.node.parameters.helping import parameter_page
+    from scripts.write_parameters import parameter_page
     from smartmesh_ros.node.parameters.specifications import SPECS
 
     page = (ROOT / "docs" / "parameters.md").read_text()
-    assert page == parameter_page("terrain_collider", SPECS)
+    assert page == parameter_page(SPECS)
     for spec in SPECS:
         typed = re.findall(rf"^\| `{re.escape(spec.name)}` \| `([^`]*)` \|", page, re.MULTILINE)
         assert [yaml.safe_load(text) for text in typed] == [spec.default], "as YAML takes it"

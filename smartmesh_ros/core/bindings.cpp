@@ -33,4 +33,5 @@ NB_MODULE(_core, m) {
   add_soil(m);
   add_bodies(m);
   add_rows(m);
+  add_scans(m);
 }

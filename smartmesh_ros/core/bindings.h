@@ -210,6 +210,7 @@ void add_soil(nb::module_& m);
 void add_bodies(nb::module_& m);
 void add_rows(nb::module_& m);
 void add_contacts(nb::module_& m);
+void add_scans(nb::module_& m);
 // In the folder bullet, which is compiled where Bullet's headers are.
 void add_ground(nb::module_& m);
 

@@ -102,6 +102,17 @@ class GridReader {
   GridReader(const HeightGrid& grid, double time, double ahead) : grid_(grid), time_(time), ahead_(ahead) {}
   Sample read(int row, int column);
 
+  // Returns the height [m] of a sample inside the map, the same as that of `read`.
+  double height(int row, int column) {
+    const Clock& clock = grid_.clock(row, column);
+    if (&clock != clock_) enter(clock);
+    const std::size_t i = grid_.index(row, column);
+    const double height = grid_.z + static_cast<double>(grid_.heights[i]);
+    if (newest_ == nullptr) return grid_.mode == Mode::Correct ? height + left_ * static_cast<double>(grid_.offsets[i]) : height;
+    if (grid_.noise > 0.0) return height + displacement(motion(row, column, i), phase_);
+    return height + displacement(motion_of(newest_[i], second_[i], third_[i], phase_, grid_.max_velocity), phase_);
+  }
+
   // Writes the heights [m] of `count` samples of a row from a column on; NaN beyond the edge and in holes.
   void read_row(int row, int column, int count, double* heights);
 

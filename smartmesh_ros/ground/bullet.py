@@ -26,6 +26,12 @@ class BulletCalls:
         numbers = chain.from_iterable(chain(*pose(body, client), *velocity(body, client)) for body in bodies)
         return np.fromiter(numbers, np.float64, 13 * len(bodies)).reshape(-1, 13)
 
+    def poses(self, bodies: list[int]) -> FloatArray:
+        """Return position and orientation (x, y, z, w) of each body (n, 7) [m]."""
+        pose, client = pb.getBasePositionAndOrientation, self._client
+        numbers = chain.from_iterable(chain(*pose(body, client)) for body in bodies)
+        return np.fromiter(numbers, np.float64, 7 * len(bodies)).reshape(-1, 7)
+
     def link_states(self, body: int, links: list[int]) -> FloatArray:
         """Return the states of a robot's links (n, 13), as `states` does."""
         found = pb.getLinkStates(body, links, 1, 0, self._client)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.belt import Belt
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, BodyShape, ShapeTable
 from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
@@ -26,7 +27,7 @@ class Follower:
     """An attached body or link, with a patch under it.
 
     ``solid``: as in ``FOLLOWER``. ``name``: for outputs; links are ``robot/link``. ``slot``: its row in the tables of
-    `Followers`. ``collider``: PyBullet body that is its ground, None = none.
+    `Followers`. ``collider``: PyBullet body that is its ground, None = none. ``belt``: how its surface moves.
     """
 
     body: int
@@ -36,6 +37,7 @@ class Follower:
     name: str = ""
     slot: int = -1
     collider: int | None = None
+    belt: Belt = field(default_factory=Belt)
 
     @property
     def radius(self) -> float:
@@ -141,6 +143,14 @@ class Followers:
     def of(self, body: int) -> list[int]:
         """Slots of a PyBullet body and its links, empty if it is not attached."""
         return self._slots.get(body, [])
+
+    def at(self, body: int, link: int) -> Follower | None:
+        """Return the follower of a PyBullet body's link, None if it is not attached."""
+        return next((self[slot] for slot in self.of(body) if self[slot].link == link), None)
+
+    def stands_still(self, body: int) -> bool:
+        """Return True if no surface of a PyBullet body or of its links is driven."""
+        return not any(self[slot].belt.speed for slot in self.of(body))
 
     def set_awake(self, slots: IntArray, *, awake: bool) -> None:
         """Note that bodies woke, or fell asleep and do not move."""

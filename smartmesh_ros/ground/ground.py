@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.belt import Belt
 from smartmesh_ros.ground.body_shapes import links_with_shape, shape_of
 from smartmesh_ros.ground.bullet_sleep import is_fixed
 from smartmesh_ros.ground.colliders.patch_contacts import PatchContacts
@@ -27,18 +28,16 @@ from smartmesh_ros.ground.sleep_contacts import SleepContacts
 from smartmesh_ros.ground.sleeping import Sleeping
 from smartmesh_ros.ground.soil_support import SoilSupport, SteppedSoil
 from smartmesh_ros.ground.solver import gravity_of, time_step_of
+from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.ground.update_schedule import UpdateSchedule
 from smartmesh_ros.ground.usable import require_usable
-from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.patches.config import ANYWHERE, PatchConfig
+from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.shapes import BodyShape
-from smartmesh_ros.report.methods import require_search_on
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.ray_cast import GroundHits, RayCaster, checked_rays
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
-from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 log = logging.getLogger("smartmesh_ros")
 
@@ -57,6 +56,7 @@ class Ground:
     Bodies that are not attached do not collide with the terrain.
     ``gravity`` [m/s^2]: tells how soon a falling body may touch the ground; `step` reads it from PyBullet.
     ``time`` [s]: of the last update. ``refreshes``, ``rescues``: refreshes so far, and bodies put back onto the ground.
+    ``followers``: the attached bodies by slot; ``patches``: the ground under them; ``contacts``: how they collide.
     """
 
     def __init__(
@@ -81,8 +81,8 @@ class Ground:
         self.refreshes = self.rescues = 0
         self.soil: SteppedSoil | None = None
         self._client = client
-        self._patches = ShownPatches(self.terrain, self.config, self.followers, self.stopwatch)
-        self._contacts = self._new_contacts(self.config)
+        self.patches = ShownPatches(self.terrain, self.config, self.followers, self.stopwatch)
+        self.contacts = self._new_contacts(self.config)
         self._sleeping = Sleeping(client, self.followers, self.terrain)
         self._schedule = UpdateSchedule()
         self._stale = True  # the next step needs an update, even if the last one has not expired
@@ -115,14 +115,14 @@ class Ground:
         self.followers.require_new(body, links)
         own = solid and not is_fixed(self._client, body)
         if not len(self.followers):
-            self._contacts.set_time(self.time, time_step_of(self._client))
+            self.contacts.set_time(self.time, time_step_of(self._client))
         for follower in made:
             self.followers.add(follower, own=own)
-            self._patches.reserve(self.followers.capacity)
-            self._contacts.attach(follower)
+            self.patches.reserve(self.followers.capacity)
+            self.contacts.attach(follower)
             self._sleeping.add(follower.slot)
-        if self._contacts.exact:
-            self._contacts.refresh()
+        if self.contacts.exact:
+            self.contacts.refresh()
         self._stale = True
         return made[0]
 
@@ -130,10 +130,30 @@ class Ground:
         """Take ``body`` and its links off the ground. Call it before the body is removed from PyBullet."""
         for slot in list(self.followers.of(body)):
             self._sleeping.remove(slot)
-            self._contacts.detach(slot)
-            self._patches.remove(slot)
+            self.contacts.detach(slot)
+            self.patches.remove(slot)
             self.followers.remove(slot)
         self._stale = True
+
+    def drive(self, body: int, link: int, axis: Vector, speed: float) -> None:
+        """Move the surface of an attached ``body``'s ``link`` (-1 = the base) at a ``speed`` [m/s] from now on, as that
+        of a track; zero stops it.
+
+        Where the ground touches it with a normal n, the surface moves along n x ``axis``, a vector in the frame of the
+        link's centre of mass: a positive speed drives as a wheel that turns about the axis. The body wakes, and does
+        not sleep while its surface moves. On colliders of PyBullet's own, which `configure` may choose meanwhile, the
+        surface stands still. Raises `InputError` if there are such colliders, no such link, or impossible numbers.
+        """
+        belt, follower = Belt(axis, speed), self.followers.at(body, link)
+        if follower is None or not follower.solid:
+            raise InputError(
+                "unknown_body", f"body {body}, link {link} has no contacts with the ground; attach it first"
+            )
+        contacts = self.require_belts()
+        if follower.belt != belt:
+            follower.belt = belt
+            contacts.drive(follower)
+            self.wake(body)
 
     def let_sleep(self, may_sleep: Callable[[int], bool] | None, config: SleepConfig | None = None) -> None:
         """Put bodies at rest to sleep from now on, without contacts, if ``may_sleep`` returns True for the PyBullet
@@ -164,13 +184,13 @@ class Ground:
         self._require_usable(config)
         self._require_exact_for(self.soil, config)
         self.wake()
-        self._patches.configure(config)
-        if self._is_exact(config) != self._contacts.exact:
-            self._contacts.close()
-            self._contacts = self._new_contacts(config)
+        self.patches.configure(config)
+        if self._is_exact(config) != self.contacts.exact:
+            self.contacts.close()
+            self.contacts = self._new_contacts(config)
             for follower in self.followers:
-                self._contacts.attach(follower)
-        self._contacts.configure(config)
+                self.contacts.attach(follower)
+        self.contacts.configure(config)
         self.config = config
         self.gravity = self.gravity if gravity is None else gravity
 
@@ -178,7 +198,7 @@ class Ground:
         """Detach all bodies, and leave the client to another ground."""
         for follower in list(self.followers):
             self.detach(follower.body)
-        self._contacts.close()
+        self.contacts.close()
 
     # Soil
 
@@ -189,15 +209,15 @@ class Ground:
         if soil is not None and all(tile is not soil.map for tile in self.terrain.tiles.values()):
             raise InputError("soil", "the map of the soil is no tile of this ground's terrain")
         self.soil = soil
-        if isinstance(self._contacts, MapContacts):
-            self._contacts.set_soil(None if soil is None else soil.core)
+        if isinstance(self.contacts, MapContacts):
+            self.contacts.set_soil(None if soil is None else soil.core)
         self.wake()
 
     def on_soil(self) -> dict[str, SoilSupport]:
         """Return how the soil bore each body and link on it in the last step, by the names of the followers."""
-        if not isinstance(self._contacts, MapContacts):
+        if not isinstance(self.contacts, MapContacts):
             return {}
-        parts = {follower.name: self._contacts.on_soil(follower.slot) for follower in self.followers}
+        parts = {follower.name: self.contacts.on_soil(follower.slot) for follower in self.followers}
         return {
             name: SoilSupport(float(found[:, 0].max()), float(found[:, 1].sum()), float(found[:, 2].sum()))
             for name, found in parts.items()
@@ -251,19 +271,19 @@ class Ground:
     def update(self, time: float, dt: float, steps: int = 1) -> None:
         """Read the bodies at ``time`` [s], and do what holds for the next ``steps`` steps of ``dt`` [s]: move bodies
         with corrections of the ground, wake and put to sleep, take the terrain's tiles, replace colliders."""
-        duration, contacts, sleeping = dt * steps, self._contacts, self._sleeping
+        duration, contacts, sleeping = dt * steps, self.contacts, self._sleeping
         contacts.set_time(time, dt)
         with self.stopwatch.stage("bodies"):
             corrections = show_corrections(self.terrain, time)
             sleeping.wake_changed(time, duration, self.gravity)
             if corrections and len(self.followers):
                 contacts.read_states(0.0)
-                move_with_corrections(self._client, corrections, self.followers, self.supports, time)
+                move_with_corrections(self._client, corrections, self.followers, self.patches.supports, time)
             contacts.read_states(dt)
             contacts.let_go(sleeping.settle(time, dt, steps))
         self._stale, self._steps, self.time = False, steps, time
         fall = 0.5 * self.gravity * duration**2 if contacts.exact else math.inf
-        self._patches.begin(time, duration, fall)
+        self.patches.begin(time, duration, fall)
         if not contacts.exact:
             self._require_usable(self.config)
         contacts.refresh()
@@ -278,7 +298,7 @@ class Ground:
         return True
 
     def _must_update(self, time: float, dt: float) -> bool:
-        followers, contacts = self.followers, self._contacts
+        followers, contacts = self.followers, self.contacts
         if not followers.awake.size:
             return False
         if contacts.exact and any(correcting(mesh) for mesh in self.terrain.tiles.values()):
@@ -332,58 +352,27 @@ class Ground:
         """Casts rays onto this ground."""
         return RayCaster(self.terrain)
 
-    def states_of(self, slots: IntArray) -> FloatArray | None:
-        """Return the states (n, 13) of attached bodies and links now: position [m], orientation (x, y, z, w), linear
-        [m/s] and angular velocity [rad/s] of their centres of mass; NaN for those that are gone. None if contacts are
-        not `exact`: PyBullet's calls then read bodies one by one."""
-        return self._contacts.states_of(slots)
-
     @property
     def exact(self) -> bool:
         """True if contacts come from the map itself."""
-        return self._contacts.exact
-
-    @property
-    def supports(self) -> Any:
-        """Supports by slot as of the last update: records of ``SUPPORT`` (S,)."""
-        return self._patches.supports
-
-    @property
-    def batches(self) -> list[PatchBatch]:
-        """Patches as of the last update; their bodies are slots of `followers`. Call `choose_tracked` before, if bodies
-        were attached with ``solid=False``."""
-        return self._patches.batches
-
-    def choose_tracked(self) -> None:
-        """Compute the patches of the bodies that were attached with ``solid=False``, as of the last update. They are
-        not part of `update`, because nothing collides with them."""
-        self._patches.choose_tracked()
+        return self.contacts.exact
 
     @property
     def contacts_asleep(self) -> dict[int, SleepContacts]:
         """By slot: the contacts of sleeping bodies with their ground, in the last step before they fell asleep."""
         return self._sleeping.contacts
 
-    @property
-    def replacements(self) -> int:
-        """Number of colliders whose surface was changed so far."""
-        return self._contacts.replacements
-
-    @property
-    def leaked(self) -> int:
-        """Number of colliders that were rebuilt so far; PyBullet leaks a few KiB for each."""
-        return self._contacts.leaked
-
-    # Settings
-
     def require_usable(self, mesh: MainMesh, config: PatchConfig | None = None) -> None:
-        """Raise `InputError` if a mesh cannot be ground with these settings, or the present ones (None). Contacts come
-        from every mesh; only the search for a patch that is shown may not work on it."""
+        """Raise `InputError` if a mesh cannot be ground with these settings, or the present ones (None)."""
         config = config or self.config
-        if not self._is_exact(config):
-            require_usable(config, mesh)
-        elif isinstance(mesh, TriangleMesh) and config.search not in ANYWHERE:
-            require_search_on(config.search, mesh.shape)
+        require_usable(config, mesh, exact=self._is_exact(config))
+
+    def require_belts(self) -> MapContacts:
+        """Return the contacts, in which surfaces can move; raises `InputError` if they are PyBullet's own."""
+        if isinstance(self.contacts, MapContacts):
+            return self.contacts
+        cause = self.no_proxies or f"the kind of patch is {self.config.kind!r}; choose 'auto'"
+        raise InputError("surface", f"a surface moves only where contacts come from the map itself: {cause}")
 
     def _require_usable(self, config: PatchConfig) -> None:
         for mesh in self.terrain.tiles.values():
@@ -395,4 +384,4 @@ class Ground:
     def _new_contacts(self, config: PatchConfig) -> MapContacts | PatchContacts:
         if self._is_exact(config):
             return MapContacts(self._client, self.followers, self.terrain, config)
-        return PatchContacts(self._client, self.followers, self.terrain, config, self._patches)
+        return PatchContacts(self._client, self.followers, self.terrain, config, self.patches)

@@ -7,7 +7,6 @@ Nothing here runs in a step.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -94,6 +93,8 @@ class MapContacts:
         if follower.solid:
             proxy = self._uids[follower.slot] = self._new_body()
         self._core.attach(follower.slot, follower.body, follower.link, proxy)
+        if follower.belt.speed:
+            self.drive(follower)
 
     def detach(self, slot: int) -> None:
         """Remove the proxy of a follower."""
@@ -116,9 +117,9 @@ class MapContacts:
         """Leave the followers (S,) that are ``stopped`` in PyBullet to sleep, even if their ground changes."""
         self._core.hold(stopped)
 
-    def drive(self, slot: int, axis: Sequence[float], speed: float) -> None:
-        """Move the surface of a follower about an ``axis`` in the frame of its centre of mass, at a ``speed`` [m/s]."""
-        self._core.drive(slot, tuple(axis), speed)
+    def drive(self, follower: Follower) -> None:
+        """Move the surface of a follower by its belt."""
+        self._core.drive(follower.slot, follower.belt.axis, follower.belt.speed)
 
     def set_soil(self, soil: Any) -> None:
         """Take contacts from a core's soil where its map is; None = from the map itself."""

@@ -20,14 +20,15 @@ NOTHING_FOUND: tuple[IntArray, FloatArray] = np.empty(0, np.int64), np.empty(0)
 
 
 class RestingGround:
-    """Heights of the ground under sleeping bodies, as they were when the bodies fell asleep. Bodies are addressed by
-    slot."""
+    """Heights and friction of the ground under sleeping bodies, as they were when the bodies fell asleep. Bodies are
+    addressed by slot."""
 
     def __init__(self, terrain: Terrain) -> None:
         self._terrain = terrain
         # Positions of samples under all bodies, and the height of what is above them [m].
         self._points: FloatArray = np.empty((0, 3))
         self._heights: FloatArray = np.empty(0)  # at the points [m]
+        self._friction: FloatArray = np.empty(0)  # at the points
         # By slot: first and last + 1 of the points under a body, and number of updates of the blocks under it.
         self._first: IntArray = np.empty(0, np.int64)
         self._end: IntArray = np.empty(0, np.int64)
@@ -53,11 +54,12 @@ class RestingGround:
         if 2 * (self._end - self._first)[kept].sum() < len(self._heights):  # half of the memory is unused
             places, firsts = self._places(kept)
             self._points, self._heights = self._points[places], self._heights[places]
+            self._friction = self._friction[places]
             self._first[kept], self._end[kept] = firsts[:-1], firsts[1:]
 
     def calm(self, chosen: IntArray, boxes: FloatArray, time: float, duration: float, limit: float) -> BoolArray:
         """Return which bodies (n,) have ground under them that moves by at most ``limit`` [m] in the ``duration`` [s]
-        from ``time`` [s] on, and note the heights under all. ``boxes`` (S, 6)."""
+        from ``time`` [s] on, and note the ground under all. ``boxes`` (S, 6)."""
         parts = [self._points_under(mesh, chosen, boxes, time) for mesh in self._terrain.tiles.values()]
         owner = np.concatenate([np.repeat(np.arange(len(chosen)), counts) for _, counts in parts] or [chosen[:0]])
         order = np.argsort(owner, kind="stable")
@@ -68,6 +70,7 @@ class RestingGround:
         self._end[chosen] = len(self._heights) + firsts[1:]
         self._points = np.concatenate([self._points, points])
         self._heights = np.concatenate([self._heights, heights])
+        self._friction = np.concatenate([self._friction, self._terrain.friction_at(points[:, :2])])
         self._seen[chosen], self._corrected[chosen], self._moved[chosen] = -1, 0.0, 0.0
         moves = np.abs(velocities) * duration > limit
         return ~_any_of(moves, firsts) & ~self._slides(chosen, boxes, time)
@@ -76,7 +79,7 @@ class RestingGround:
         self, asleep: IntArray, boxes: FloatArray, time: float, duration: float, config: SleepConfig
     ) -> IntArray:
         """Return the slots of those sleeping bodies (n,) whose ground differs by more than `SleepConfig.ground`, or
-        will within the ``duration`` [s] from ``time`` [s] on."""
+        will within the ``duration`` [s] from ``time`` [s] on, or has another friction."""
         terrain = self._terrain
         moving = any(mesh.moving(time) for mesh in terrain.tiles.values())
         if not asleep.size or not (moving or self._moving or terrain.changed_since(self._revision)):
@@ -95,6 +98,7 @@ class RestingGround:
         limits = np.maximum(config.ground, config.noise * terrain.deviations_at(points[:, :2]))
         same = np.abs(heights - known) + np.abs(velocities) * duration <= limits
         same |= np.isnan(heights) & np.isnan(known)
+        same &= terrain.friction_at(points[:, :2]) == self._friction[places]
         total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(heights - known))])
         self._found = touched, (total[firsts[1:]] - total[firsts[:-1]]) / np.maximum(np.diff(firsts), 1)
         differ: IntArray = touched[_any_of(~same, firsts) | self._slides(touched, boxes, time)]

@@ -239,7 +239,8 @@ class Sleeping:
         assert may_sleep is not None
         remote = set(owners[self._followers.table["remote"][slots]].tolist())
         answers = {
-            owner: self._bullet.joints_rest(owner, self._config.joint)
+            owner: self._followers.stands_still(owner)
+            and self._bullet.joints_rest(owner, self._config.joint)
             and (owner in remote or self._bullet.supported(owner))
             and may_sleep(owner)
             for owner in set(owners.tolist())

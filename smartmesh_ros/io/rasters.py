@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.checked_heights import unmasked
 from smartmesh_ros.terrain.grid import GridGeometry
-from smartmesh_ros.terrain.masked import unmasked
 
 FloatGrid = NDArray[np.float32]
 FirstRow = Literal["top", "bottom"]
@@ -28,11 +28,13 @@ MAX_CONDITION = 1e12
 
 
 class Raster(NamedTuple):
-    """Geometry of a surface, its heights (rows, columns) [m], NaN = no ground, and their variances [m^2] or None."""
+    """Geometry of a surface, its heights (rows, columns) [m], NaN = no ground, their variances [m^2] or None, and the
+    ground's coefficients of friction: one, those of the samples (NaN = 1), or None = unknown."""
 
     geometry: GridGeometry
     heights: FloatGrid
     variances: FloatGrid | None = None
+    friction: float | FloatGrid | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,13 +42,15 @@ class RasterConfig:
     """Conversion of values to heights, ``scale`` x value + ``offset`` [m], and position of images and plain files.
 
     ``layer``: layer of a grid map with the heights. ``variance_layer``: layer with their variances [m^2 before
-    scaling], empty = none. ``resolution`` [m], ``origin`` (x, y, z) [m] of the sample in the bottom left corner, and
+    scaling], empty = none. ``friction_layer``: layer with the ground's coefficients of friction (NaN = 1), empty =
+    none. ``resolution`` [m], ``origin`` (x, y, z) [m] of the sample in the bottom left corner, and
     ``yaw`` [rad]: of images and plain files. ``first_row``: their first row is at the top (the largest y) or at the
     bottom. ``zero_is_hole``: zero means no ground in images and plain files.
     """
 
     layer: str = "elevation"
     variance_layer: str = ""
+    friction_layer: str = ""
     scale: float = 1.0
     offset: float = 0.0
     resolution: float = 0.1
@@ -104,8 +108,10 @@ def from_grid_map(
     resolution: float,
     config: RasterConfig,
     variances: NDArray[Any] | None = None,
+    friction: NDArray[Any] | None = None,
 ) -> Raster:
-    """Return a layer ``cells`` (along -x, along -y) of a grid map, and optionally its ``variances``, as a raster.
+    """Return a layer ``cells`` (along -x, along -y) of a grid map as a raster, optionally with ``variances`` and
+    ``friction``.
 
     A grid map is a circular buffer: ``start`` is the index of its first cell in space, and scrolling moves ``start``
     instead of the cells. ``centre`` (x, y) [m]: middle of the map. Heights belong to the centres of cells.
@@ -119,7 +125,7 @@ def from_grid_map(
     x = centre[0] - 0.5 * (along_x - 1) * resolution
     y = centre[1] - 0.5 * (along_y - 1) * resolution
     geometry = GridGeometry(rows=along_y, columns=along_x, resolution=resolution, origin=(x, y, 0.0))
-    return Raster(geometry, heights, certainty)
+    return Raster(geometry, heights, certainty, None if friction is None else _unrolled(friction, start))
 
 
 def _unrolled(cells: NDArray[Any], start: tuple[int, int]) -> NDArray[Any]:

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterable
 from time import monotonic
 from typing import Any
 
+from rclpy.node import Node
+
 # Name in the ROS graph of a node whose name has not arrived.
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
 # Time without a name after which an endpoint counts as a program without ROS [s].
@@ -36,7 +38,8 @@ class EndpointNames:
         waited = self._now() - self._first_seen.setdefault(key, self._now())
         return NAMELESS if waited > NAME_TIMEOUT else None
 
-    def of_all(self, endpoints: Iterable[Any]) -> list[str] | None:
-        """Return the distinct node names of ``endpoints``, sorted; None while one of them may still arrive."""
-        names = {self.of(endpoint) for endpoint in endpoints}
+    def of_publishers(self, node: Node, topics: Iterable[str]) -> list[str] | None:
+        """Return the distinct names of the nodes that publish on ``topics``, as ``node`` sees them, sorted; None while
+        one of them may still arrive."""
+        names = {self.of(peer) for topic in topics for peer in node.get_publishers_info_by_topic(topic)}
         return None if None in names else sorted(name for name in names if name is not None)

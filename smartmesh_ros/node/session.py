@@ -17,6 +17,7 @@ from smartmesh_ros.node.endpoint_names import EndpointNames
 from smartmesh_ros.node.inputs.bounds import require_name
 from smartmesh_ros.node.inputs.conversions import BodyInput
 from smartmesh_ros.node.inputs.decoding import MOST_ITEMS, message_from
+from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.own_topics import OwnTopics
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
@@ -39,7 +40,7 @@ class Session:
     terrain message [s], None before the first; ``maps``: number of accepted terrain messages. ``overtaken``: number of
     maps that arrived after a map with a newer stamp, by topic. ``lock``: guards the world, for executors with several
     threads. ``handled``: number of messages and calls so far. ``rival_maps``: publishers whose maps disagree.
-    ``map_warning``: suspected misuse of the maps, empty = none. ``terrain_subscriptions``: subscriptions to terrain.
+    ``map_checks``: warn of maps that are misused. ``terrain_subscriptions``: subscriptions to terrain.
     ``topics``: the node's inputs and outputs. ``jumps``: number of jumps of tracked bodies, by topic. ``unstamped``:
     number of transforms without stamp, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s],
     None = without stamps. ``names``: names of the peer nodes. ``turns``: answers under way. ``robots``: prepares
@@ -71,7 +72,7 @@ class Session:
         self.overtaken: Counter[str] = Counter()
         self.maps = 0
         self.rival_maps: list[str] = []
-        self.map_warning = ""
+        self.map_checks = MapChecks(node.get_logger())
         self.turns = Turns()
         self.robots = RobotPreparation()
 
@@ -148,17 +149,7 @@ class Session:
                 return end.value
             return Work(steps)
 
-        made = self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES)
-        send = made.send_response
-
-        def respond(found: Any, header: Any) -> None:
-            if isinstance(found, Work):
-                self.turns.add(found, lambda response: send(response, header))
-            else:
-                send(found, header)
-
-        # An executor passes the callback's return value to `send_response`. Work in turns is answered when it ends.
-        made.send_response = respond
+        self.turns.answer_later(self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES))
 
     def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], None]) -> None:
         """Serves ``~/service`` with a response of any type, which ``handle`` fills in."""
@@ -188,10 +179,7 @@ class Session:
         def start(request: Any, response: Any) -> Work:
             return Work(answer(request, response))
 
-        made = self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES)
-        send = made.send_response
-        # The executors pass to this method what the callback returned.
-        made.send_response = lambda work, header: self.turns.add(work, lambda response: send(response, header))
+        self.turns.answer_later(self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES))
 
     def clock_now(self) -> float:
         """Return the time to compare stamps with [s]: simulated time if the node publishes it, else its clock."""
@@ -241,6 +229,6 @@ class Session:
 
     def require_frame(self, frame_id: str) -> None:
         """Raises `InputError` if ``frame_id`` is too long, or neither empty nor the terrain's frame."""
-        require_name(frame_id, self.settings)
+        require_name(frame_id)
         if self.frame_id and frame_id and frame_id != self.frame_id:
             raise InputError("frame", f"frame {frame_id!r} is not the terrain's frame {self.frame_id!r}")

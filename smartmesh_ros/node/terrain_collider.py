@@ -21,7 +21,6 @@ from smartmesh_ros.node.inputs.robot_description import RobotDescription
 from smartmesh_ros.node.inputs.terrain_inputs import TerrainInputs
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.announcing import announce, announce_changes
-from smartmesh_ros.node.outputs.namesakes import Namesakes
 from smartmesh_ros.node.outputs.publishing import Publishing
 from smartmesh_ros.node.outputs.transform_outputs import require_transforms
 from smartmesh_ros.node.parameters import declaring
@@ -69,7 +68,6 @@ class TerrainCollider(ParameterNode):
         )
         self.add_post_set_parameters_callback(self._on_parameters_set)
         session.clock.on_set_back(self._forget_stamps)
-        self._namesakes = Namesakes(self)
         self._values = declaring.current_values(self, parameters.SPECS)
         announce(self, self.settings)
 
@@ -96,7 +94,6 @@ class TerrainCollider(ParameterNode):
                 session.world.step(prepared=self._outputs.publish_patches)
             session.note_lost()
             self._outputs.publish()
-            self._namesakes.check()
 
     def turn(self) -> bool:
         """Does one turn of a long answer; returns False if there is none under way."""
@@ -107,7 +104,6 @@ class TerrainCollider(ParameterNode):
         with self.session.lock:
             self.session.world.refresh()
             self._outputs.publish()
-            self._namesakes.check()
 
     def destroy_node(self) -> None:
         """Clears the patches that viewers show, closes the world, and destroys the node."""

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.patches.config import ColliderKind, PatchConfig
-from smartmesh_ros.terrain.across import samples_across as samples_across
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.heightmap import HeightMap, Samples
+from smartmesh_ros.terrain.motion import INSTANT
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import grid_triangles
 
@@ -133,3 +133,21 @@ def twists_at(supports: Any, points_w: FloatArray) -> tuple[FloatArray, FloatArr
     for axis, name in enumerate(("turn_x", "turn_y", "turn_z")):
         angular[:, axis] = supports[name]
     return linear, angular
+
+
+def samples_across(
+    terrain: Terrain, heightmap: HeightMap, rows: IntArray, columns: IntArray, time: float, ahead: float = INSTANT
+) -> Samples:
+    """Samples (n, K) of a map at ``time`` [s], with mean velocities over the time ``ahead`` [s]. Samples beyond the
+    map's edge are read from its neighbour tiles, NaN = no tile."""
+    geometry = heightmap.geometry
+    inside = (rows >= 0) & (columns >= 0) & (rows < geometry.rows) & (columns < geometry.columns)
+    indices = np.where(inside, rows * geometry.columns + columns, 0)
+    samples = heightmap.sample(indices, time, ahead)
+    outside = ~inside
+    if outside.any():
+        samples.heights[outside], samples.velocities[outside] = np.nan, 0.0
+        if len(terrain.tiles) > 1:
+            beyond = terrain.at(heightmap.placed_at(time).to_world(rows[outside], columns[outside]), time)
+            samples.heights[outside], samples.velocities[outside] = beyond
+    return samples

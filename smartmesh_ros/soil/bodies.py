@@ -119,7 +119,7 @@ class BulletBodies:
             self._epoch, self._slots = self._world.followers.epoch, {}
         known = self._slots
         slots = [known[name] if name in known else self._find_slot(name) for name in names]
-        states = None if -1 in slots or not slots else self._world.ground.states_of(np.array(slots))
+        states = None if -1 in slots or not slots else self._world.ground.contacts.states_of(np.array(slots))
         if states is None or np.isnan(states).any():
             return all_of(self, names)
         return ManyBodies([self._known[name][2] for name in names], states)

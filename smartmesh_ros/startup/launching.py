@@ -83,7 +83,7 @@ def _fleet_nodes(value: Values) -> list[Any]:
     files = parameter_files([value("preset")], value("config"))
     nodes = []
     for index in range(count):
-        own = {name: v for name, v in fleet_layout.parameters_of(index, count, space).items() if v != []}
+        own = fleet_layout.parameters_of(index, count, space)
         nodes.append(
             node(
                 **common, executable=NODE, namespace=fleet_layout.namespace_of(index, space),
@@ -91,7 +91,7 @@ def _fleet_nodes(value: Values) -> list[Any]:
                 respawn=True,
             )
         )  # fmt: skip
-    front = {**fleet_layout.front_parameters(count, space), "spread": value("spread"), "respawn": value("respawn")}
+    front = {"nodes": fleet_layout.node_names(count, space), "spread": value("spread"), "respawn": value("respawn")}
     nodes.append(node(**common, executable="fleet_front", namespace=space, parameters=[front, time], arguments=level))
     if value("scene"):
         nodes.append(

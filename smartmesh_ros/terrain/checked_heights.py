@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import IntArray
-from smartmesh_ros.terrain.masked import unmasked
 
 
 def require_region(row: int, column: int, region: tuple[int, ...], size: tuple[int, int]) -> None:
@@ -97,3 +97,12 @@ def _as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[
         raise InputError("type", f"{what} are of type {array.dtype}; they must be real numbers")
     with np.errstate(over="ignore"):  # too large values become infinity, which is refused
         return array.astype(np.float32, copy=False)
+
+
+def unmasked(values: ArrayLike) -> NDArray[Any]:
+    """Return values as a plain array, in which masked real numbers are NaN."""
+    if not isinstance(values, np.ma.MaskedArray):
+        return np.asarray(values)
+    if values.dtype.kind not in "fiu" or not np.ma.getmaskarray(values).any():
+        return np.asarray(values.data)
+    return np.where(np.ma.getmaskarray(values), np.nan, values.data)

@@ -57,7 +57,8 @@ class HeightMap:
     ``geometry``. ``time`` [s]: instant of the heights, on the clock of `Ground` or `World`. ``velocities`` [m/s], same
     shape: vertical velocity of the ground; by default the difference quotient of successive heights. ``variance``
     [m^2]: of the heights, one number or one for each; by default that of ``motion.noise``. ``friction``: coefficient of
-    the ground, by which that of a body is multiplied; one number or one for each sample (NaN = 1), by default 1.
+    the ground, by which that of a body is multiplied; one number or one for each sample (NaN = 1). By default it is 1,
+    or that of the map that this one replaces (see `Terrain.put`).
 
     If changes are corrections (see `MotionConfig`), the ground has no velocity, heights with a variance are fused over
     time, and the shown heights approach the fused ones as `show` advances.
@@ -77,7 +78,7 @@ class HeightMap:
         time: float = 0.0,
         velocities: ArrayLike | None = None,
         variance: float | ArrayLike | None = None,
-        friction: float | ArrayLike = 1.0,
+        friction: float | ArrayLike | None = None,
         motion: MotionConfig | None = None,
     ) -> None:
         if geometry is None:
@@ -104,7 +105,7 @@ class HeightMap:
         self._corrections = Corrections(shape)
         self._deviation: float | None = None  # standard deviation by the last update's variances [m], None = not given
         self.version = 0  # number of updates
-        self.friction = friction
+        self._friction = None if friction is None else checked_friction(friction, shape)
         self._take(0, 0, new, speeds, time, checked_variance(variance, shape))
         self.track = at_rest(geometry, self.time)  # pose and rigid motion of the grid
 
@@ -121,13 +122,20 @@ class HeightMap:
 
         Assign another to replace it; raises `InputError` and then changes nothing.
         """
-        return self._friction
+        return 1.0 if self._friction is None else self._friction
 
     @friction.setter
     def friction(self, friction: float | ArrayLike) -> None:
         self._friction = checked_friction(friction, (self.geometry.rows, self.geometry.columns))
+        self._clocks["updates"] += 1  # what rests on the ground looks at it again
+        self.revision = next_revision()
         if self._core is not None:
             tell_friction(self._core, self._friction)
+
+    @property
+    def has_friction(self) -> bool:
+        """True if coefficients of friction were given."""
+        return self._friction is not None
 
     @property
     def motion(self) -> MotionConfig:
@@ -233,11 +241,15 @@ class HeightMap:
         time: float,
         velocities: ArrayLike | None = None,
         variance: float | ArrayLike | None = None,
+        friction: float | ArrayLike | None = None,
     ) -> None:
-        """Replace all heights (rows, columns) [m]; raises `InputError` and then changes nothing."""
+        """Replace all heights (rows, columns) [m], and the friction unless it is None; raises `InputError` and then
+        changes nothing."""
         shape = (self.geometry.rows, self.geometry.columns)
         certainty = checked_variance(variance, shape)
         new, speeds = checked(heights, velocities, shape, "the map")
+        if friction is not None:
+            self.friction = friction
         self._take(0, 0, new, speeds, time, certainty)
         if not self.motion.corrects:
             self.follow(self, time)

@@ -14,37 +14,68 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from smartmesh_ros.terrain.grid import GridGeometry
-from smartmesh_ros.terrain.grid_track import cells_moved
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.core import CORE
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.grid_track import cells_moved, same_grid
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.sample_lattice import NO_COUNTS, FloatGrid, compare, lattice_of, moved_as_one
 
+# Number of map samples per lattice point: the sample itself and its two neighbours in the row.
+STENCIL = 3
 # Mean absolute difference between the changes of two samples with noise of standard deviation one.
 MEAN_DIFFERENCE = math.sqrt(8.0 / math.pi)
 
 
+class Lattice(NamedTuple):
+    """About a hundred samples that measure changes from map to map, at the same cost for any map size. They keep their
+    positions in the world while a map scrolls by whole cells, and move with a map that slides.
+
+    State of the lattice points, a ring buffer of (n, m), for ``CORE.moved_as_one`` and ``CORE.compare_maps``.
+
+    The latter returns the median of the changes [m], and the numbers of points that are *known* in this map and the one
+    before; *changed* now and before; of these, *reversed*, with opposite signs; *tilted*, with changes that differ from
+    those of both neighbours; of these, *agreeing*, with differences of the same sign; and the *tilt* [m], the sum of
+    the differences to one neighbour.
+
+    ``cells`` (n, m, 2): row and column of each point in the lattice of the world. ``heights`` (n, m, STENCIL) [m]: last
+    heights there, NaN = unknown. ``steps`` (n, m) [m]: last change of each point, zero = none yet. ``stride``: distance
+    between lattice points along rows and columns [samples of the map].
+    """
+
+    cells: NDArray[np.int64]
+    heights: FloatArray
+    steps: FloatArray
+    stride: tuple[int, int]
+
+
+def lattice_of(shape: tuple[int, ...], samples: int) -> Lattice:
+    """Return an empty lattice for maps of ``shape`` (rows, columns), with about ``samples`` points along each side."""
+    rows, columns = (max(-(-size // samples), 1) for size in shape)
+    n, m = -(-shape[0] // rows) + 1, -(-shape[1] // columns) + 1  # one more if the map is not aligned
+    return Lattice(np.zeros((n, m, 2), np.int64), np.full((n, m, STENCIL), math.nan), np.zeros((n, m)), (rows, columns))
+
+
 @dataclass(frozen=True, kw_only=True)
 class NoiseCheckConfig:
-    """Thresholds of the detection. Raising a field delays the warning unless its description says otherwise.
+    """Thresholds of the detection.
 
-    ``samples``: maximum number of compared samples along each side of the map. Raising it costs time and detects
-    smaller features.
+    ``samples``: maximum number of compared samples along each side of the map.
     ``least_change`` [m]: smaller changes are ignored, because contacts of heavy bodies give way by as much.
     ``reversed`` [-]: minimum fraction of changes that reverse the change before. White noise has 2/3, a drifting mapper
     1/4 and more, periodic motion sampled n times a period 2 / n.
-    ``agreeing`` [-]: maximum fraction of places where changes tilt in the same direction on both sides of a sample;
-    raising it warns sooner. White noise has 1/3, smoothed noise 1/2, a wave sampled n times a wavelength 1 - 2 / n
-    along its direction.
+    ``agreeing`` [-]: maximum fraction of places where changes tilt in the same direction on both sides of a sample.
+    White noise has 1/3, smoothed noise 1/2, a wave sampled n times a wavelength 1 - 2 / n along its direction.
     ``share`` [-]: minimum fraction of samples that change from map to map; fewer changes may come from a wheel or tool.
     ``changes``, ``maps``: minimum numbers of changes and maps for a result. ``lasting`` [s]: minimum duration of noise.
     ``memory`` [s]: time constant of the decay of counts.
     ``least_jump`` [m]: smaller jumps are ignored, because they throw no bodies. ``acceleration`` [m/s^2]: ground that
     needs no more than this to get from rest to rest between two maps may be a lift or a platform.
     ``rest`` [s]: time at rest before and after a jump. ``still`` [-]: maximum change from map to map of ground at rest,
-    as a fraction of the jump; raising it warns sooner, in stronger noise.
-    ``hold`` [s]: time after which findings expire; raising it keeps the warning longer.
+    as a fraction of the jump. ``hold`` [s]: time after which findings expire.
     """
 
     samples: int = 12
@@ -95,11 +126,10 @@ class NoiseCheck:
         self._time = self._last_found = -math.inf  # times of the last map and of the last detection [s]
         self._geometry: GridGeometry | None = None
         self._lattice, self._first = lattice_of((0, 0), self.config.samples), (0, 0)
-        self._maps, self._counts = 0.0, NO_COUNTS  # number of maps, and counts in them, both decaying
+        self._maps, self._counts = 0.0, np.zeros(6)  # number of maps, and counts in them, both decaying
         self._noisy_since = math.inf  # [s]
-        self._changes: deque[Change] = deque()  # within the last ``rest`` seconds
-        self._jumped: Change | None = None  # candidate for a jump
-        self._before = -math.inf  # time of the last map before these changes [s]
+        self._start = -math.inf  # time of the first map [s]
+        self._new, self._old = deque[Change](), deque[Change]()  # changes of the last ``rest`` seconds, and before
 
     def take(self, heightmap: HeightMap, time: float) -> None:
         """Check a height map after its whole map of ``time`` [s]. Noise is ignored if the height map has a variance."""
@@ -110,81 +140,74 @@ class NoiseCheck:
         if not self._follow(geometry, heights) or not 0.0 < interval <= motion.max_interval:
             self._restart(time)
         self._time = time
-        height, least = float(geometry.origin[2]), self.config.least_change
+        found, step = CORE.compare_maps(*self._lattice, *self._placed(geometry, heights))
         fading = math.exp(-interval / self.config.memory)
-        counts, step = compare(self._lattice, heights, height, self._first, least)
-        self._counts = counts.after(self._counts, fading)
-        if not self._counts.known:
+        self._counts = fading * self._counts + found
+        if not self._counts[0]:
             return
         self._maps = fading * self._maps + 1.0
         noise = self._noise(time) if heightmap.noise == 0.0 else 0.0
         self._record(noise, self._jump(Change(time, step, interval)), time)
 
-    def _follow(self, geometry: GridGeometry, heights: FloatGrid) -> bool:
+    def _placed(self, geometry: GridGeometry, heights: NDArray[np.float32]) -> tuple[Any, ...]:
+        """Return heights, their datum [m], the place of sample (0, 0) in the world [samples], and the tolerance [m]."""
+        return heights, float(geometry.origin[2]), self._first, self.config.least_change
+
+    def _follow(self, geometry: GridGeometry, heights: NDArray[np.float32]) -> bool:
         """Move the lattice to the position of a map; return False for a different grid, which gets a new lattice."""
         before, self._geometry = self._geometry, geometry
-        if geometry == before:
-            return True
-        size = (geometry.rows, geometry.columns, geometry.resolution)
-        if before is None or size != (before.rows, before.columns, before.resolution):
+        if before is None or not same_grid(before, geometry):
             self._lattice, self._first = lattice_of(heights.shape, self.config.samples), (0, 0)
             return False
-        moved = cells_moved(before, geometry)
-        if moved is None or moved == (0, 0):
-            return True  # the samples move with a map that slides or rotates
-        least = self.config.least_change
-        if not moved_as_one(self._lattice, heights, float(geometry.origin[2]), self._first, least):
+        # The samples move with a map that slides or rotates, and with one that scrolls as its ground moves.
+        moved = cells_moved(before, geometry) or (0, 0)
+        if moved != (0, 0) and not CORE.moved_as_one(*self._lattice, *self._placed(geometry, heights)):
             self._first = (self._first[0] + moved[0], self._first[1] + moved[1])
         return True
 
     def _restart(self, time: float) -> None:
         """Forget the maps before ``time`` [s], but not the findings."""
-        self._maps, self._counts = 0.0, NO_COUNTS
-        self._noisy_since = math.inf
-        self._changes.clear()
-        self._jumped, self._before = None, time
+        self._maps, self._counts = 0.0, np.zeros(6)
+        self._noisy_since, self._start = math.inf, time
+        self._new.clear()
+        self._old.clear()
         self._last_found = -math.inf if self.findings == NO_FINDINGS else time
-        self._lattice.heights[...] = math.nan
-        self._lattice.steps[...] = 0.0
+        self._lattice.heights[...], self._lattice.steps[...] = math.nan, 0.0
 
     def _noise(self, time: float) -> float:
         """Return the standard deviation of the noise [m]; zero if noise is absent or has not lasted long enough."""
-        counts, config = self._counts, self.config
-        enough = self._maps >= config.maps and counts.tilted >= config.changes
-        enough = enough and counts.changed >= max(config.changes, config.share * counts.known)
-        reverses = counts.reversed >= config.reversed * counts.changed
-        if not (enough and reverses and counts.agreeing <= config.agreeing * counts.tilted):
+        config = self.config
+        known, changed, reversed_, tilted, agreeing, tilt = self._counts.tolist()
+        enough = self._maps >= config.maps and tilted >= config.changes
+        enough = enough and changed >= max(config.changes, config.share * known)
+        if not (enough and reversed_ >= config.reversed * changed and agreeing <= config.agreeing * tilted):
             self._noisy_since = math.inf
             return 0.0
         self._noisy_since = min(self._noisy_since, time)
-        return counts.tilt / counts.tilted / MEAN_DIFFERENCE if time - self._noisy_since >= config.lasting else 0.0
+        return float(tilt / tilted / MEAN_DIFFERENCE) if time - self._noisy_since >= config.lasting else 0.0
 
-    def _jump(self, change: Change) -> float:
-        """Return the height of a jump [m] that the newest ``change`` confirms by rest after it; else zero."""
-        config, last = self.config, self._jumped
-        if last is not None and change.step > config.still * last.step:
-            self._jumped = last = None
-        if change.step >= max(config.least_jump, 0.25 * config.acceleration * change.interval**2):
-            self._jumped = last = change if self._rested_before(change) else None
-        self._changes.append(change)
-        while self._changes[0].time < change.time - config.rest:
-            self._before = self._changes.popleft().time
-        if last is None or change.time - last.time < config.rest:
-            return 0.0
-        self._jumped = None
-        return last.step
-
-    def _rested_before(self, change: Change) -> bool:
-        """Return True if maps show that the ground was at rest before a ``change``."""
-        known = change.time - change.interval - self._before >= self.config.rest
-        return known and all(one.step <= self.config.still * change.step for one in reversed(self._changes))
+    def _jump(self, newest: Change) -> float:
+        """Return the height of a jump [m] that the rest between it and the ``newest`` change confirms; else zero."""
+        config, jump = self.config, 0.0
+        self._new.append(newest)
+        while self._new[0].time <= newest.time - config.rest:
+            change = self._new.popleft()
+            before = change.time - change.interval - config.rest
+            while self._old and self._old[0].time < before:
+                self._old.popleft()
+            least = max(config.least_jump, 0.25 * config.acceleration * change.interval**2)
+            if change.step >= least and self._start <= before:
+                rests = all(other.step <= config.still * change.step for other in (*self._old, *self._new))
+                jump = max(jump, change.step if rests else 0.0)
+            self._old.append(change)
+        return jump
 
     def _record(self, noise: float, jump: float, time: float) -> None:
         """Update the findings; they expire after ``hold`` seconds without a detection."""
+        known = self.findings
         if noise > 0.0 or jump > 0.0:
             self._last_found = time
-            known = self.findings
-            worst = Findings(max(noise, known.noise), max(jump, known.jump))
-            self.findings = worst if worst.noise > 1.1 * known.noise or jump > known.jump else known
+            if noise > 1.1 * known.noise or jump > known.jump:
+                self.findings = Findings(max(noise, known.noise), max(jump, known.jump))
         elif time - self._last_found > self.config.hold:
             self.findings = NO_FINDINGS

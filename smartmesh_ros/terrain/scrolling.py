@@ -1,4 +1,4 @@
-"""Maps that replace another one: velocities and corrections with respect to the map before."""
+"""Maps that replace another one: velocities, corrections and friction with respect to the map before."""
 
 from __future__ import annotations
 
@@ -39,8 +39,7 @@ def velocities_across(
 def follow_across(before: HeightMap, after: HeightMap) -> None:
     """Estimate the motion of a map from the map before it, which it replaces, unless its velocities were given."""
     if not after.has_velocities:
-        x, y, _ = after.geometry.origin
-        if replace(after.geometry, origin=(x, y, before.geometry.origin[2])) == before.geometry:
+        if _levelled(before.geometry, after.geometry) == before.geometry:
             after.go_on_from(before)
         else:
             velocities = velocities_across(before, after.geometry, after.heights, after.time)
@@ -52,3 +51,35 @@ def follow_across(before: HeightMap, after: HeightMap) -> None:
 def correct_across(before: HeightMap, after: HeightMap) -> None:
     """Treat a map as a correction of the map before it, where both have ground; their grids may differ."""
     after.correct_from(before, cells_moved(before.geometry, after.geometry))
+
+
+def carry_friction(before: HeightMap, after: HeightMap) -> None:
+    """Give a map whose friction was not given that of the map before it, which it replaces.
+
+    One coefficient for the whole map is that of the new map, too. Coefficients of samples stay with the ground: at
+    their places if the map was scrolled by whole cells, and on the samples of a map that slides. New ground has 1, and
+    so has a map on another grid.
+    """
+    known, motion = before.friction, after.motion
+    if after.has_friction or not before.has_friction:
+        return
+    if isinstance(known, float):
+        after.friction = known
+        return
+    if motion.corrects:
+        moved = cells_moved(before.geometry, _levelled(before.geometry, after.geometry))
+    else:
+        _, moved = follow(before.track, after.geometry, after.time, motion.max_interval, motion.max_velocity)
+    if moved is None:
+        return
+    (new_rows, old_rows), (new_columns, old_columns) = (
+        overlap(cells, size) for cells, size in zip(moved, known.shape, strict=True)
+    )
+    friction = np.full(known.shape, np.nan, np.float32)
+    friction[new_rows, new_columns] = known[old_rows, old_columns]
+    after.friction = friction
+
+
+def _levelled(before: GridGeometry, after: GridGeometry) -> GridGeometry:
+    """Return the grid ``after`` at the height of the grid ``before`` it."""
+    return replace(after, origin=(*after.origin[:2], before.origin[2]))

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.checked_heights import unmasked
 from smartmesh_ros.terrain.grid import MAX_COORDINATE, FloatArray
-from smartmesh_ros.terrain.masked import unmasked
 from smartmesh_ros.terrain.terrain import Terrain
 
 

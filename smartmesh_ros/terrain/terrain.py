@@ -12,7 +12,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples, ground_heights
 from smartmesh_ros.terrain.revisions import next_revision
-from smartmesh_ros.terrain.scrolling import correct_across, follow_across
+from smartmesh_ros.terrain.scrolling import carry_friction, correct_across, follow_across
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 MainMesh = HeightMap | TriangleMesh
@@ -38,10 +38,12 @@ class Terrain:
         """Add a tile or replace the tile of that name.
 
         If a height map replaces another one, its motion or correction is estimated from both, as by
-        `HeightMap.replace`; velocities that were given with the map are kept.
+        `HeightMap.replace`; velocities that were given with the map are kept. The ground keeps its friction unless the
+        new map was given one, 1.0 included: what is new in a map are its heights.
         """
         old = self.tiles.get(name)
         if isinstance(old, HeightMap) and isinstance(mesh, HeightMap) and old is not mesh:
+            carry_friction(old, mesh)
             if mesh.motion.corrects:
                 correct_across(old, mesh)
             else:
@@ -99,6 +101,25 @@ class Terrain:
         height maps are ground, too.
         """
         return ground_heights(self.readers, xy_w, time)
+
+    def friction_at(self, xy_w: FloatArray) -> FloatArray:
+        """Return the coefficients of friction of the ground at points (N, 2) [m], shape (N,).
+
+        They are those of the nearest sample of the first height map that has ground there, and 1 elsewhere.
+        """
+        found = np.full(len(xy_w), np.nan)
+        unknown = np.ones(len(xy_w), np.bool_)
+        maps = [mesh for mesh in self.tiles.values() if isinstance(mesh, HeightMap)]
+        for heightmap in maps if any(heightmap.has_friction for heightmap in maps) else ():
+            chosen = np.flatnonzero(unknown & (heightmap.beyond(xy_w) <= 0.0))
+            rows, columns = np.rint(heightmap.geometry.to_grid(xy_w[chosen])).astype(np.int64).T
+            ground = ~np.isnan(heightmap.heights[rows, columns])
+            here = chosen[ground]
+            unknown[here] = False
+            friction = heightmap.friction
+            found[here] = friction if isinstance(friction, float) else friction[rows[ground], columns[ground]]
+        found[np.isnan(found)] = 1.0
+        return found
 
     def deviations_at(self, xy_w: FloatArray) -> FloatArray:
         """Return the standard deviation of fused heights at points (N, 2) [m], zero where maps are not fused (N,)

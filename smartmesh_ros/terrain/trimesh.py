@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.checked_heights import unmasked
 from smartmesh_ros.terrain.core_grid import core_mesh_of
 from smartmesh_ros.terrain.graph import TriangleGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
-from smartmesh_ros.terrain.masked import unmasked
 from smartmesh_ros.terrain.mesh_shape import MeshShape, count_parts, shape_of
 from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, INSTANT, KEPT, MotionConfig
 from smartmesh_ros.terrain.revisions import next_revision

@@ -10,6 +10,7 @@ import numpy as np
 
 from smartmesh_ros.ground.quaternions import conjugate, product, rotate
 from smartmesh_ros.ground.state import BodyState, Quaternion, Vector
+from smartmesh_ros.terrain.grid import FloatArray
 
 
 class InertialFrame(NamedTuple):
@@ -23,6 +24,14 @@ def frame_state(centre: BodyState, inertial: InertialFrame) -> BodyState:
     """Return the state of the link's frame, given that of its centre of mass."""
     orientation = product(centre.orientation, conjugate(inertial.orientation))
     return _moved(replace(centre, orientation=orientation), inertial.position, -1.0)
+
+
+def frame_pose(centre: FloatArray, inertial: InertialFrame) -> FloatArray:
+    """Return the pose (7,) of the link's frame, position [m] and orientation (x, y, z, w), given that of its centre of
+    mass. Other than in a state, its numbers may be not finite."""
+    x, y, z, w = centre[3:].tolist()
+    orientation = product((x, y, z, w), conjugate(inertial.orientation))
+    return np.array([*(centre[:3] - rotate(orientation, inertial.position)), *orientation])
 
 
 def centre_state(frame: BodyState, inertial: InertialFrame) -> BodyState:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -23,6 +24,7 @@ from smartmesh_ros.world.link_contacts import given_contacts
 from smartmesh_ros.world.link_masses import set_masses
 from smartmesh_ros.world.robots.loading import couple_joints, load_robot
 from smartmesh_ros.world.robots.prepared import PreparedRobot
+from smartmesh_ros.world.robots.surface_drives import SurfaceDrive
 
 # Collision margin of boxes and cylinders [m]. PyBullet rounds their edges by it; at its default of 1 mm a box standing
 # on an edge would be 0.4 mm deep in the ground.
@@ -65,6 +67,7 @@ class Body:
     fixed: bool = False  # a robot whose base has no mass, so that physics does not move it
     hull: Box | None = None  # of a robot: the box around its links at joint positions zero, relative to its base
     shapes: dict[int, BodyShape] = field(default_factory=dict)  # of a robot's links
+    surfaces: Mapping[str, SurfaceDrive] = field(default_factory=dict)  # of a robot, that are driven
     starts: dict[str, float] = field(default_factory=dict)  # positions of joints that do not start at zero [rad, m]
 
     @property
@@ -172,7 +175,7 @@ class BodyFactory:
         couple_joints(client, uid, joints, robot.mimics)
         body = Body(
             name, uid, next(iter(shapes.values())).radius, False, BodyState(), links, joints, urdf=robot.given,
-            shapes=shapes, starts={mimic.joint: mimic.offset for mimic in robot.mimics},
+            shapes=shapes, surfaces=robot.surfaces, starts={mimic.joint: mimic.offset for mimic in robot.mimics},
         )  # fmt: skip
         masses = set_masses(client, uid, robot.text).note
         body.notes = (*robot.notes, masses) if masses else robot.notes

@@ -37,7 +37,7 @@ def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
         contacts += contacts_from(points, {collider: followers[slot].name})
     tracked = followers.tracked.tolist()
     if tracked:
-        ground.choose_tracked()
+        ground.patches.choose_tracked()
         found = (_contact_of_sphere(followers[slot].name, ground, slot) for slot in tracked)
         contacts += [contact for contact in found if contact is not None]
     return contacts
@@ -62,7 +62,7 @@ def contacts_from(points: Iterable[Any], colliders: dict[int | None, str]) -> li
 def _contact_of_sphere(name: str, ground: Ground, slot: int) -> GroundContact | None:
     """Return the deepest contact of a tracked sphere, None if there is none. If the centre is below the surface, the
     contact is that of a sphere pushed through the ground."""
-    support, radius = ground.supports[slot], ground.followers[slot].radius
+    support, radius = ground.patches.supports[slot], ground.followers[slot].radius
     if support.state == Support.NONE:
         return None
     foot = np.array([support.foot_x, support.foot_y, support.foot_z])

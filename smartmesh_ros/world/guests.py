@@ -10,9 +10,7 @@ owner's state by a share in every step, so that both worlds agree where things a
 from __future__ import annotations
 
 import math
-from collections import deque
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import pybullet as pb
@@ -23,70 +21,19 @@ from smartmesh_ros.ground.bullet import BulletCalls
 from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.guest_config import GuestConfig
+from smartmesh_ros.world.guest_owner import Guest, GuestOwner, Received
 from smartmesh_ros.world.state_table import StateTable, require_valid
 
 # Indices into a contact point of PyBullet: the other body, and the normal force.
 _OTHER, _FORCE = 2, 9
-# Largest number of received states that are not used yet; a quarter of a second at 240 Hz.
-MOST_PENDING = 64
 # Largest difference of equal times, due to rounding [s].
 INSTANT = 1e-9
 # Largest difference of a sleeping guest's coordinates from its owner's that is left [m, quaternion].
 SAME_PLACE = 1e-6
 NOBODY = np.zeros(0, bool)
-
-
-@dataclass(eq=False)
-class Guest:
-    """A remote body in this world. ``touched``: first and last time that it touched another body since its owner's
-    states were last used unchanged [s], None = no contact since."""
-
-    row: int  # index in its owner's states
-    uid: int
-    touched: tuple[float, float] | None = None
-
-
-class _Received(NamedTuple):
-    """States of all bodies of an owner, and the time at which they hold [s]."""
-
-    states: StateTable
-    time: float
-
-
-@dataclass(eq=False)
-class _Owner:
-    """Another world, which simulates remote bodies.
-
-    ``pending``: received states that are too young to be used. ``now``: the states in use, None before the first.
-    ``new``: True until the ``guests`` are set to ``now``. ``delay`` [s]: estimated delay of its states. ``listed``,
-    ``names``: of its bodies, in order and as a set. ``shared``: names that are also used by other worlds. ``barred``:
-    bodies of ``now`` with a shared name, which cannot be guests. ``phase``: lag of its steps behind this world's
-    [steps], None before the first states.
-    """
-
-    pending: deque[_Received] = field(default_factory=lambda: deque(maxlen=MOST_PENDING))
-    now: _Received | None = None
-    new: bool = False
-    delay: float = 0.0
-    guests: dict[str, Guest] = field(default_factory=dict)
-    listed: list[str] = field(default_factory=list)
-    names: frozenset[str] = frozenset()
-    shared: frozenset[str] = frozenset()
-    barred: BoolArray = field(default_factory=lambda: np.zeros(0, bool))
-    phase: float | None = None
-
-    def to_own_steps(self, steps: float, config: GuestConfig) -> int:
-        """Return the whole number of this world's steps for a time of ``steps`` steps that the owner sent."""
-        if self.phase is None:
-            self.phase = steps - round(steps)
-        whole = round(steps - self.phase)
-        self.phase += config.drift * (steps - whole - self.phase)
-        if abs(self.phase) > config.slip:
-            self.phase -= math.copysign(1.0, self.phase)
-        return whole
 
 
 class HostWorld(Protocol):
@@ -115,7 +62,7 @@ class Guests:
         self.config = config
         self._world = world
         self._calls = BulletCalls(world.client)
-        self._owners: dict[str, _Owner] = {}
+        self._owners: dict[str, GuestOwner] = {}
 
     @property
     def counts(self) -> dict[str, tuple[int, int, float]]:
@@ -133,13 +80,13 @@ class Guests:
         well; these bodies are ignored.
         """
         require_valid(states)
-        known = self._owners.setdefault(owner, _Owner())
+        known = self._owners.setdefault(owner, GuestOwner())
         dt = self._world.dt
         time = self._world.time + known.to_own_steps((time - self._world.time) / dt, self.config) * dt
         delay = max(self._world.time - time, 0.0)
         known.delay = max(delay, known.delay + self.config.forget * (delay - known.delay))
         same = states.names == known.listed
-        known.pending.append(_Received(states, time))
+        known.pending.append(Received(states, time))
         if same and not known.shared:
             return []
         known.listed, known.names = states.names, frozenset(states.names)
@@ -197,7 +144,7 @@ class Guests:
         followers = self._world.followers
         return any(followers[slot].solid for slot in followers.of(body))
 
-    def _share(self, owner: str, known: _Owner) -> list[InputError]:
+    def _share(self, owner: str, known: GuestOwner) -> list[InputError]:
         """Find the bodies whose names are also used by other worlds or by this one; returns an error for each new
         one."""
         rivals: dict[str, list[str]] = {}
@@ -218,7 +165,7 @@ class Guests:
             for name in sorted(known.shared - before)
         ]
 
-    def _use(self, known: _Owner, newest: _Received) -> None:
+    def _use(self, known: GuestOwner, newest: Received) -> None:
         """Use newer states; guests that are missing from them, or whose shape or mass changed, are removed."""
         states, before = newest.states, known.now
         known.now, known.new = newest, True
@@ -234,7 +181,7 @@ class Guests:
                     guest.row = row
         known.barred = np.array([name in known.shared for name in states.names], bool) if known.shared else NOBODY
 
-    def _add_and_remove(self, owner: str, known: _Owner, now: _Received) -> None:
+    def _add_and_remove(self, owner: str, known: GuestOwner, now: Received) -> None:
         """Add guests for bodies that come near, and remove guests that are far away."""
         world, states, followers = self._world, now.states, self._world.followers
         margins = np.full(len(states.names), self.config.margin)
@@ -262,7 +209,7 @@ class Guests:
             known.guests[name] = Guest(row, uid)
         known.new = True
 
-    def _follow(self, known: _Owner, now: _Received) -> None:
+    def _follow(self, known: GuestOwner, now: Received) -> None:
         """Set guests to their owner's states if there are new ones; in a lasting contact blend them instead; otherwise
         do nothing."""
         dt = self._world.dt
@@ -287,7 +234,7 @@ class Guests:
             states = self._calls.states([guest.uid for guest in drawing])
             self._put(drawing, CORE.blended(states, self._extrapolated(now, drawing), share))
 
-    def _rests(self, guest: Guest, now: _Received) -> bool:
+    def _rests(self, guest: Guest, now: Received) -> bool:
         """Return True if a guest sleeps, and its owner says that it is at rest where it is."""
         followers = self._world.followers
         slot, row = followers.of(guest.uid)[0], now.states.numbers[guest.row]
@@ -295,10 +242,10 @@ class Guests:
             return False
         return bool(np.abs(row[:7] - followers.states[slot, :7]).max() <= SAME_PLACE)
 
-    def _age(self, received: _Received) -> float:
+    def _age(self, received: Received) -> float:
         return min(self._world.time - received.time, self.config.max_extrapolation)
 
-    def _extrapolated(self, now: _Received, guests: list[Guest]) -> FloatArray:
+    def _extrapolated(self, now: Received, guests: list[Guest]) -> FloatArray:
         """Return the owners' states of guests, extrapolated to the current time (n, 13)."""
         moved: FloatArray = CORE.extrapolated(now.states.numbers[[guest.row for guest in guests]], self._age(now))
         return moved

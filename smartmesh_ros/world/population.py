@@ -23,13 +23,14 @@ from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.base_frames import frame_state
 from smartmesh_ros.world.bodies import Body, BodyFactory
 from smartmesh_ros.world.body_rays import RayHits, cast_rays, require_bodies
+from smartmesh_ros.world.driving import Driving
 from smartmesh_ros.world.guests import Guests
-from smartmesh_ros.world.joints import JointCommand, JointReading, Motors, read_joints
+from smartmesh_ros.world.joints import Motors
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.standing import NO_TERRAIN, Parts, Stance, finished, stance_of
 
 
-class Population:
+class Population(Driving):
     """The bodies of a world, by name, on its ``ground`` at the world's ``time`` [s]: spawned and tracked bodies,
     robots, and remote bodies (``guests``). ``say`` tells the user what a robot's description was taken as."""
 
@@ -164,26 +165,6 @@ class Population:
         if name in self.bodies:
             self._remove(name)
 
-    def drive(self, name: str, joint: str, velocity: float, force: float | None = None) -> None:
-        """Drive a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N], None = the joint's
-        limit."""
-        self.command(name, joint, JointCommand(velocity=velocity, effort=force))
-
-    def command(self, name: str, joint: str, command: JointCommand) -> None:
-        """Drive a robot's joint by a command from now on."""
-        self.require_joint(name, joint)
-        body = self.bodies[name]
-        if body.commands.get(joint) != command:  # a robot may sleep while it holds a position
-            self.ground.wake(body.uid)
-        body.commands[joint] = command
-        self._motors.command(body.uid, body.joints[joint], command)
-
-    def require_joint(self, name: str, joint: str) -> None:
-        """Raise `InputError` if there is no robot of that name with this joint."""
-        joints = self._body(name).joints
-        if joint not in joints:
-            raise InputError("unknown_joint", f"{name!r} has no joint {joint!r}; it has {', '.join(joints) or 'none'}")
-
     def move(self, name: str, state: BodyState) -> None:
         """Set the state of a simulated body's centre of mass; a robot's joints stay as they are. A robot whose base is
         fixed takes no velocity."""
@@ -211,23 +192,10 @@ class Population:
         """Return the state of the frame of a robot's base link; of another body, the state of its centre of mass."""
         return frame_state(self.state(name), self._body(name).inertial)
 
-    def joints(self, name: str) -> list[JointReading]:
-        """Return the current readings of a robot's joints."""
-        body = self._body(name)
-        return read_joints(self.client, body.uid, body.joints, body.commands)
-
     @property
     def followers(self) -> Followers:
         """The attached bodies and links, by the slots of the batches."""
         return self.ground.followers
-
-    def _may_sleep(self, uid: int) -> bool:
-        """Return True if no joint of a PyBullet body is driven to move. Efforts are applied in each step, and PyBullet
-        sums those that a sleeping robot does not heed."""
-        slot = self.followers.of(uid)[0]
-        body = self.bodies[self.followers[slot].name.partition("/")[0]]
-        commands = body.commands.values()
-        return not any(command.velocity or (command.is_effort and command.effort) for command in commands)
 
     def _on_ground(self, body: Body, clearance: float, align: bool) -> Body:
         """Place a new body on the ground; removes it and raises `InputError` if that is refused."""
@@ -248,12 +216,6 @@ class Population:
         """Return the body of a robot, not yet part of this world."""
         robot = prepare_robot(urdf) if isinstance(urdf, str) else urdf
         return self._factory.robot(name, robot, state)
-
-    def _body(self, name: str) -> Body:
-        try:
-            return self.bodies[name]
-        except KeyError:
-            raise InputError("unknown_body", f"there is no body {name!r}") from None
 
     def _own_body(self, name: str) -> Body:
         """Return a body that this world simulates or tracks; raises `InputError` for a remote body."""

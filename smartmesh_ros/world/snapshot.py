@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.belt import Belt
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.world.bodies import Body
@@ -26,7 +27,7 @@ _SHAPES = {shape.__name__: shape for shape in (Box, Capsule, Cylinder, Sphere)}
 class BodySnapshot:
     """One body. ``shape``: of a simulated body; ``urdf``: file or text of a robot; neither: a tracked body, a sphere of
     ``radius`` [m]. ``joints``: position and velocity by name [rad, rad/s or m, m/s]; ``commands``: current commands of
-    the joints."""
+    the joints; ``belts``: moving surfaces by link, "" = of a body that is no robot."""
 
     name: str
     state: BodyState
@@ -39,15 +40,16 @@ class BodySnapshot:
     restitution: float = 0.0
     joints: dict[str, tuple[float, float]]
     commands: dict[str, JointCommand]
+    belts: dict[str, Belt] = field(default_factory=dict)
 
 
-def body_snapshot(client: Any, body: Body, state: BodyState) -> BodySnapshot:
-    """Return a body in a ``state`` as data."""
+def body_snapshot(client: Any, body: Body, state: BodyState, belts: dict[str, Belt]) -> BodySnapshot:
+    """Return a body in a ``state``, with its moving surfaces, as data."""
     joints = {name: client.getJointState(body.uid, index)[:2] for name, index in body.joints.items()}
     return BodySnapshot(
         name=body.name, state=state, initial=body.initial, radius=body.radius, mass=body.mass, shape=body.shape,
         urdf=body.urdf, friction=body.friction, restitution=body.restitution, joints=joints,
-        commands=dict(body.commands),
+        commands=dict(body.commands), belts=belts,
     )  # fmt: skip
 
 
@@ -89,4 +91,6 @@ def _body(fields: dict[str, Any]) -> BodySnapshot:
     states = {key: BodyState(**{k: tuple(v) for k, v in fields[key].items()}) for key in ("state", "initial")}
     joints = {name: tuple(pair) for name, pair in fields["joints"].items()}
     commands = {name: JointCommand(**command) for name, command in fields["commands"].items()}
-    return BodySnapshot(**{**fields, "shape": shape, **states, "joints": joints, "commands": commands})
+    belts = {link: Belt(tuple(belt["axis"]), belt["speed"]) for link, belt in fields.get("belts", {}).items()}
+    made = {"shape": shape, "joints": joints, "commands": commands, "belts": belts}
+    return BodySnapshot(**{**fields, **states, **made})

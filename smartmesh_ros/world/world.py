@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,6 +11,8 @@ import numpy as np
 import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.bullet import BulletCalls
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.limits import FARTHEST_BODY
@@ -19,7 +21,10 @@ from smartmesh_ros.ground.solver import set_up
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.stopwatch import Stopwatch
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.height_scan import HeightScan, yaws_of
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+from smartmesh_ros.world.base_frames import frame_pose
 from smartmesh_ros.world.bodies import Surface
 from smartmesh_ros.world.contacts import GroundContact, ground_contacts
 from smartmesh_ros.world.guest_config import GuestConfig
@@ -172,7 +177,7 @@ class World(Population):
         return Snapshot(
             time=self.time,
             bodies=tuple(
-                body_snapshot(self.client, body, self.state(name))
+                body_snapshot(self.client, body, self.state(name), self._belts(body))
                 for name, body in self.bodies.items()
                 if not body.owner
             ),
@@ -187,8 +192,11 @@ class World(Population):
 
     def restore(self, snapshot: Snapshot) -> None:
         """Replace the bodies by those of a snapshot, in a new PyBullet client; the terrain and its soil stay. Raises
-        `InputError` and changes nothing if a robot of it is refused."""
+        `InputError` and changes nothing if a robot of it is refused, or a surface moves and contacts are PyBullet's
+        own."""
         robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
+        if any(body.belts for body in snapshot.bodies):
+            self.ground.require_belts()
         soil = self.ground.soil
         self.close()
         self._refreshes, self._rescues = self.refreshes, self.rescues
@@ -209,11 +217,12 @@ class World(Population):
                 self.client.resetJointState(new.uid, new.joints[joint], position, velocity)
             for joint, command in body.commands.items():
                 self.command(body.name, joint, command)
+            self._move_belts(new, body.belts)
 
     def shown_batches(self) -> list[PatchBatch]:
         """Return the patches as of the last update, without those of remote bodies, which their owners publish."""
-        self.ground.choose_tracked()
-        batches, remote = self.ground.batches, self.followers.table["remote"]
+        self.ground.patches.choose_tracked()
+        batches, remote = self.ground.patches.batches, self.followers.table["remote"]
         if not remote.any():
             return batches
         kept = (batch.of(np.flatnonzero(~remote[batch.bodies])) for batch in batches)
@@ -228,6 +237,19 @@ class World(Population):
         """Return the wrench of the ground in the last step on each simulated body and link that can touch it."""
         found = wrenches_of_step(self.client, self.ground)
         return [wrench for wrench in found if not self._is_guest(wrench.body)]
+
+    def height_scan(self, names: str | Sequence[str], scan: HeightScan) -> FloatArray:
+        """Return the values (n, k) of a scan of the ground around n bodies now, of a robot around the frame of its base
+        link. Raises `InputError` if there is no body of one of the names, or if the scan has a delay, for which
+        `HeightScanner` keeps earlier scans."""
+        if scan.delay:
+            raise InputError("height_scan", "World.height_scan scans now; for a delay use a HeightScanner")
+        bodies = [self._body(name) for name in ([names] if isinstance(names, str) else names)]
+        poses_w = BulletCalls(self.client).poses([body.uid for body in bodies])
+        for row, body in enumerate(bodies):
+            if body.is_robot:
+                poses_w[row] = frame_pose(poses_w[row], body.inertial)
+        return scan.read(self.terrain, np.column_stack([poses_w[:, :3], yaws_of(poses_w[:, 3:])]), self.time)
 
     def below_ground(self) -> list[str]:
         """Return simulated bodies and links whose middle was under the ground at the last update, because a collider

@@ -6,24 +6,14 @@ import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from time import perf_counter
 from typing import Any, NamedTuple
 
-from smartmesh_ros.tools.evaluation import machine
-from studies.bench import (
-    collecting,
-    crowds,
-    document,
-    searching,
-    simple_mesh,
-    smart_mesh,
-    tables,
-)
+from studies import machine
+from studies.bench import collecting, crowds, document, searching, simple_mesh, smart_mesh, tables
 from studies.bench.measure import FULL, QUICK, Bench, Results
 from studies.bench.report import BATCHES
 from studies.bench.targets import TARGETS
-
-_BAR = 24
+from studies.progress import Progress
 
 
 class Job(NamedTuple):
@@ -71,15 +61,14 @@ def jobs(*, quick: bool) -> list[Job]:
 
 
 def measure(*, quick: bool) -> Results:
-    """Runs every part; a bar on stderr shows how far it is."""
-    bench = Bench(QUICK if quick else FULL)
+    """Runs every part; a line on stderr tells how far it is."""
+    bench, say = Bench(QUICK if quick else FULL), Progress()
     todo = jobs(quick=quick)
-    total, done, start = sum(job.share for job in todo), 0.0, perf_counter()
+    total, done = sum(job.share for job in todo), 0.0
     for job in todo:
-        _show(done / total, perf_counter() - start, job.label)
+        say(f"{done / total:4.0%} {job.label}")
         job.run(bench, *job.arguments)
         done += job.share
-    _show(1.0, perf_counter() - start, "done")
     print(file=sys.stderr)
     return bench.results
 
@@ -103,10 +92,3 @@ def main(arguments: list[str] | None = None) -> int:
     reached = [target.reached(run.results) for target in TARGETS]
     print(f"\n{sum(reached)} of {len(reached)} figures reached; see {files.tables} and {files.results}")
     return 0
-
-
-def _show(share: float, seconds: float, label: str) -> None:
-    filled = round(share * _BAR)
-    bar = "#" * filled + "." * (_BAR - filled)
-    end = "\r" if sys.stderr.isatty() else "\n"
-    print(f"[{bar}] {share:4.0%} {seconds:4.0f} s  {label:<32}", end=end, file=sys.stderr, flush=True)

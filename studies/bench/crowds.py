@@ -12,7 +12,6 @@ import pybullet as pb
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.tools.evaluation.engines.engine import Engine, EngineBody, Setup
 from studies.bench.handing import Handing, handing
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import (
@@ -27,6 +26,7 @@ from studies.bench.moving import (
     height_map,
 )
 from studies.bench.report import RINGS
+from studies.engines.engine import Engine, EngineBody, Setup
 from studies.engines.registry import build, missing
 
 SIDE = 1024

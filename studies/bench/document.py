@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from studies.bench.figures import draw_all
 from studies.bench.measure import Results
 from studies.bench.tables import all_tables
+from studies.machine import measured_on
 from studies.pages import fill
 
 BLOCK = "tables"
@@ -53,11 +54,10 @@ def read(file: Path) -> Run:
 def summary(run: Run) -> str:
     """The machine and all tables."""
     machine = run.machine
-    versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items())
     frames = [timing.frames for timing in run.results.timings.values()]
     most, least = max(frames, default=0), min(frames, default=0)
     words = (
-        f"Measured on {machine['cores']} cores of {machine['cpu']}, {versions}, under a load of {machine['load']} "
+        f"{measured_on(machine)}, under a load of {machine['load']} "
         f"(this bench alone: about 1). Medians of {most} frames; of as few as {least} where a frame takes long."
     )
     if run.quick:

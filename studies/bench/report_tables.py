@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from studies.bench import report
-from studies.bench.markdown import RATIO, beside, number, size, table, times
 from studies.bench.measure import Results
 from studies.bench.targets import update_per_body
+from studies.markdown import RATIO, beside, number, size, table, times
 
 SEARCHES = {
     "brute_force": "brute force",
@@ -30,8 +30,7 @@ def table_1(results: Results) -> str:
         for side in report.SIMPLE_PHYSX
     ]
     return table(
-        ["main mesh", "PhysX, report", "today", RATIO, "Bullet (refit), report", "PyBullet (anew), today", RATIO],
-        rows,
+        ["main mesh", "PhysX, report", "today", RATIO, "Bullet (refit), report", "PyBullet (anew), today", RATIO], rows
     )
 
 

@@ -6,11 +6,11 @@ from typing import Any
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from smartmesh_ros.tools.evaluation.engines.engine import Setup
 from studies.bench.handing import handing
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import FRAME, RESOLUTION, Waves, doubles, grid_vertices
 from studies.bench.report import LARGER, SIMPLE_PHYSX
+from studies.engines.engine import Setup
 from studies.engines.registry import build, missing
 
 ENGINES = ("physx", "bullet_trimesh", "bullet_heightfield", "mujoco")

@@ -7,18 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.tools.evaluation.engines.engine import Setup
 from studies.bench.measure import Bench, Case
-from studies.bench.moving import (
-    FRAME,
-    RADIUS,
-    RESOLUTION,
-    Player,
-    Waves,
-    general_mesh,
-    height_map,
-)
+from studies.bench.moving import FRAME, RADIUS, RESOLUTION, Player, Waves, general_mesh, height_map
 from studies.bench.report import LARGER, RINGS
+from studies.engines.engine import Setup
 from studies.engines.registry import build, missing
 
 # Main mesh of the measurements that vary the collider [vertices on a side].
@@ -67,8 +59,8 @@ def _measure_physx(bench: Bench, waves: Waves) -> None:
 
         def update() -> None:
             world.refresh()
-            ground.choose_tracked()
-            engine.set_ground(ground.batches[0].vertices_w[0, :, 2].reshape(3, 3))
+            ground.patches.choose_tracked()
+            engine.set_ground(ground.patches.batches[0].vertices_w[0, :, 2].reshape(3, 3))
 
         bench.time(Case("smart", "physx", waves.side), update, player.next_frame)
 
@@ -80,11 +72,7 @@ def measure_local_colliders(bench: Bench) -> None:
         varying = replace(REPORT, rings=rings, collect="union_bfs")
         constant = replace(REPORT, rings=rings)
         plain = replace(UNIFORM, rings=rings)
-        for method, config in (
-            ("varying", varying),
-            ("constant", constant),
-            ("heightfield", plain),
-        ):
+        for method, config in (("varying", varying), ("constant", constant), ("heightfield", plain)):
             mesh = general_mesh(waves) if method == "varying" else height_map(waves)
             player = Player(waves, mesh, config)
             with player.world as world:
@@ -94,10 +82,7 @@ def measure_local_colliders(bench: Bench) -> None:
 def measure_frames(bench: Bench, side: int) -> None:
     """Whole frames as in Figure 2: the ground's vertices are moved, the collider updated, the physics stepped once."""
     waves = Waves(side)
-    for method, patch in (
-        ("simple", PatchConfig(kind="whole_trimesh")),
-        ("smart", UNIFORM),
-    ):
+    for method, patch in (("simple", PatchConfig(kind="whole_trimesh")), ("smart", UNIFORM)):
         player = Player(waves, height_map(waves), patch)
         with player.world:
             bench.time(Case("frame", method, side), player.next_frame)

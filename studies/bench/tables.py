@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from studies.bench import crowds, report, searching
-from studies.bench.markdown import RATIO, beside, number, size, table
 from studies.bench.measure import LONGEST_FRAME, Results
 from studies.bench.report_tables import SEARCHES, table_1, table_2, table_3, table_4, table_5, table_6
 from studies.bench.targets import TARGETS, collect_per_body, search_per_body, update_per_body
+from studies.markdown import RATIO, beside, number, size, table
 
 _SIMPLE = {
     "physx": "PhysX, cooked",
@@ -29,10 +29,7 @@ def all_tables(results: Results) -> str:
         ("Table 2: one local collider of 3x3 by main mesh [ms]", table_2(results)),
         ("Table 3: one local collider by its size, main mesh 200x200 [ms]", table_3(results)),
         ("Table 4: nearest-vertex search, one body [ms]", table_4(results)),
-        (
-            "Beyond Table 4: one body on a height map, through the code that serves batches [ms]",
-            map_searches(results),
-        ),
+        ("Beyond Table 4: one body on a height map, through the code that serves batches [ms]", map_searches(results)),
         ("Table 5: collecting the vertices of one local collider [ms]", table_5(results)),
         ("Table 6: everything for one body [ms]", table_6(results)),
         ("General mesh of 40,000 vertices, all moving, one body [ms]", general(results)),

@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 import smartmesh_ros
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.evaluation.engines.engine import Engine, EngineBody, Setup
 from studies.engines import checkout_process
+from studies.engines.engine import Engine, EngineBody, Setup
 
 HERE = Path(smartmesh_ros.__file__).parents[1]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.evaluation.engines.engine import Engine, EngineBody, Setup
+from studies.engines.engine import Engine, EngineBody, Setup
 
 # Memory for the contacts of one body [bytes]: MuJoCo takes up to 50 between it and the ground.
 _ARENA = 1 << 20

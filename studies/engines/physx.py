@@ -11,7 +11,7 @@ import numpy as np
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from smartmesh_ros.tools.evaluation.engines.engine import Engine, EngineBody, Setup
+from studies.engines.engine import Engine, EngineBody, Setup
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # about pictures, which are not wanted here
@@ -41,9 +41,7 @@ class PhysxTrimesh(Engine):
         self._steps = 0
         # These are global to SAPIEN and read when a scene, a shape or a body is made.
         physx.set_scene_config(
-            gravity=np.array(setup.gravity, np.float32),
-            bounce_threshold=chosen.bounce_threshold,
-            enable_ccd=chosen.ccd,
+            gravity=np.array(setup.gravity, np.float32), bounce_threshold=chosen.bounce_threshold, enable_ccd=chosen.ccd
         )
         self._contact_offset = chosen.contact_offset
         physx.set_shape_config(contact_offset=self._contact_offset)

@@ -11,7 +11,7 @@ import rapier3d as rapier
 
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.evaluation.engines.engine import Engine, EngineBody, Setup
+from studies.engines.engine import Engine, EngineBody, Setup
 
 # Rapier's height fields rise along y; with this turn about x [rad] they rise along z, and its rows run along -y.
 UPRIGHT = (0.5 * math.pi, 0.0, 0.0)

@@ -4,27 +4,20 @@ from __future__ import annotations
 
 from functools import cache
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.evaluation.engines.engine import Engine, Setup
+from studies.engines.engine import Engine, Setup
 
-
-class _Entry(NamedTuple):
-    """Where an engine is: module and class."""
-
-    module: str
-    engine: str
-
-
+# Module and class of each engine.
 _ENTRIES = {
-    "smartmesh": _Entry("smartmesh_ros.tools.evaluation.engines.smartmesh", "SmartMesh"),
-    "bullet_trimesh": _Entry("smartmesh_ros.tools.evaluation.engines.bullet", "BulletTrimesh"),
-    "bullet_heightfield": _Entry("smartmesh_ros.tools.evaluation.engines.bullet", "BulletHeightfield"),
-    "mujoco": _Entry("studies.engines.mujoco_hfield", "MujocoHfield"),
-    "physx": _Entry("studies.engines.physx", "PhysxTrimesh"),
-    "rapier": _Entry("studies.engines.rapier", "RapierHeightfield"),
-    "checkout": _Entry("studies.engines.checkout", "Checkout"),
+    "smartmesh": ("studies.engines.smartmesh", "SmartMesh"),
+    "bullet_trimesh": ("studies.engines.bullet", "BulletTrimesh"),
+    "bullet_heightfield": ("studies.engines.bullet", "BulletHeightfield"),
+    "mujoco": ("studies.engines.mujoco_hfield", "MujocoHfield"),
+    "physx": ("studies.engines.physx", "PhysxTrimesh"),
+    "rapier": ("studies.engines.rapier", "RapierHeightfield"),
+    "checkout": ("studies.engines.checkout", "Checkout"),
 }
 ENGINES = tuple(_ENTRIES)
 
@@ -35,7 +28,7 @@ def missing(name: str) -> str:
     if name not in _ENTRIES:
         raise InputError("engine", f"there is no engine {name!r}; choose {', '.join(ENGINES)}")
     try:
-        import_module(_ENTRIES[name].module)
+        import_module(_ENTRIES[name][0])
     except (ImportError, OSError) as error:  # OSError: a library of the package's does not load
         return f"{type(error).__name__}: {error}"
     return ""
@@ -46,6 +39,6 @@ def build(name: str, setup: Setup, options: Any = None) -> Engine:
     reason = missing(name)
     if reason:
         raise InputError("engine", f"engine {name!r} is not available ({reason}); install requirements/studies.txt")
-    entry = _ENTRIES[name]
-    engine: type[Engine] = getattr(import_module(entry.module), entry.engine)
+    module, kind = _ENTRIES[name]
+    engine: type[Engine] = getattr(import_module(module), kind)
     return engine(setup, options)

@@ -1,1 +1,1 @@
-"""Several nodes on one terrain: capacity, accuracy of collisions between their bodies, and faults."""
+"""Several nodes on one terrain: how many bodies they carry."""

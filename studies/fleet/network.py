@@ -17,11 +17,7 @@ import psutil
 INSIDE = "SMARTMESH_FLEET_NETWORK"
 BRIDGE, ADDRESS = "switch", "10.77.0.{}/24"
 # UDP only, in a domain of its own network, found beyond one machine.
-VARIABLES = {
-    "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
-    "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
-    "ROS_DOMAIN_ID": "1",
-}
+VARIABLES = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_DOMAIN_ID": "1"}
 DROPPED = ("FASTRTPS_DEFAULT_PROFILES_FILE", "RMW_FASTRTPS_USE_QOS_FROM_XML")
 
 
@@ -67,16 +63,6 @@ class Machine:
             self.process = subprocess.Popen([*self._enter(), *command], stdout=file, stderr=subprocess.STDOUT)
         return self.process
 
-    def kill(self) -> None:
-        """Ends the command as a crash would."""
-        if self.process is not None:
-            self.process.kill()
-            self.process.wait()
-
-    def connect(self, *, on: bool) -> None:
-        """Connect the machine to the bridge, or disconnect it."""
-        _ip(f"link set {self._cable} {'up' if on else 'down'}")
-
     def traffic(self) -> tuple[int, int]:
         """Bytes that the command has sent and received so far."""
         command = ["ip", "-json", "-statistics", "link", "show", "dev", self._cable]
@@ -91,22 +77,15 @@ class Machine:
 
     def close(self) -> None:
         """Ends it."""
-        self.kill()
+        if self.process is not None:
+            self.process.kill()
+            self.process.wait()
         _ip(f"link delete {self._cable}")  # the kernel takes its time with the namespace, and the next one has its name
         self._holder.kill()
         self._holder.wait()
 
     def _enter(self) -> list[str]:
         return ["nsenter", "--net", "--mount", "--target", str(self._holder.pid)]
-
-
-def delays_are_to_be_had() -> bool:
-    """Return True if the kernel can delay and lose packets (``tc netem``)."""
-    command = ["tc", "qdisc", "add", "dev", BRIDGE, "root", "netem", "delay", "1ms"]
-    found = subprocess.run(command, capture_output=True, check=False).returncode == 0
-    if found:
-        subprocess.run(["tc", "qdisc", "del", "dev", BRIDGE, "root"], check=False)
-    return found
 
 
 def _ip(command: str) -> Any:

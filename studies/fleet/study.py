@@ -1,4 +1,4 @@
-"""``make fleet-study``: capacity of several nodes on one terrain, accuracy of their collisions, and faults.
+"""``make fleet-study``: how many bodies several nodes on one terrain carry in real time.
 
 Nodes run in network namespaces joined by a bridge: UDP between them, no shared memory.
 """
@@ -7,65 +7,136 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
-from studies.fleet import live, network, physics, pictures
-from studies.fleet.watcher import load
-from studies.fleet.worlds import RATE
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
-PARTS = ("physics", "cost", "capacity", "faults")
+from smartmesh_ros.node.fleet.layout import WAVES
+from smartmesh_ros.node.fleet.plan import FleetPlan
+from studies.fleet import network
+from studies.fleet.site import Site, load, site
+from studies.machine import short
+
+# Real time, as far as it counts; bodies start so far apart [m], in squares of so many on a side, one to a quarter of
+# the terrain, whose bodies share a node.
+REAL_TIME, APART, SIDE = 0.98, 1.0, 24
+NOBODY = "/nobody"  # a peer that is never heard
 
 
-def machine() -> str:
-    """The machine, by cores and processor."""
-    lines = Path("/proc/cpuinfo").read_text().splitlines()
-    model = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "unknown")
-    return f"{os.cpu_count()} cores, {model}"
+def places(count: int, first: int) -> list[tuple[float, float]]:
+    """Where balls start [m]: one after the other in each quarter."""
+    found = []
+    for number in range(first, first + count):
+        quarter, place = number % 4, number // 4
+        x, y = (APART * (index + 0.5) for index in (place % SIDE, place // SIDE))
+        found.append((x if quarter % 2 else -x, y if quarter // 2 else -y))
+    return found
 
 
-def run(parts: list[str], *, quick: bool, file: Path) -> dict[str, Any]:
-    """Runs some parts and keeps what there is in ``file`` after each."""
-    data: dict[str, Any] = json.loads(file.read_text()) if file.is_file() else {}
-    data |= {"machine": machine(), "netem": network.delays_are_to_be_had()}
-    for part in parts:
-        data[f"load before {part}"] = load()
-        if part == "physics":
-            step = 1e3 / RATE
-            delays = (0.0, step, 25.0, 50.0) if quick else (0.0, step, 12.5, 25.0, 37.5, 50.0)
-            data[part] = physics.errors(delays, (0.1,) if quick else (0.02, 0.05, 0.1), 1 if quick else 7)
-        elif part == "cost":
-            data[part] = {count: physics.guest_cost(count, 100) for count in ((50,) if quick else (50, 100, 200))}
-        elif part == "capacity":
-            data[part] = [
-                live.capacity(
-                    nodes, start=100 if quick else 200, more=100, most=100 if quick else 2200,
-                    seconds=4.0 if quick else 6.0, meet=meet,
-                )
-                for nodes, meet in (((2, True),) if quick else ((1, True), (2, True), (4, True), (4, False)))
-            ]  # fmt: skip
-        elif part == "faults":
-            data[part] = live.faults(1 if quick else 20)
-        file.write_text(json.dumps(data, indent=1))
-        print(json.dumps(data[part]), flush=True)
-    return data
+def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float, meet: bool = True) -> dict[str, Any]:
+    """Add bodies until the slowest node of a fleet falls behind real time; return the real-time factors at each number
+    and the network traffic of a node [bytes/s]. ``meet``: True = bodies of different nodes collide."""
+    # What is measured is how late nodes are: none is taken for dead for it.
+    front = {"spread": "tiles", "tile_size": APART * SIDE, "timeout": 20.0}
+    alone = {} if meet else {"bodies.peers": [NOBODY]}
+    plan = FleetPlan(count=nodes, source=WAVES, front=front, parameters={"bodies.timeout": 20.0, **alone})
+    runs = []
+    with site(plan) as fleet:
+        count = 0
+        while count < most:
+            added = start if count == 0 else more
+            fleet.watcher.spawn(places(added, count), count)
+            count += added
+            fleet.watcher.spin(2.0)
+            run = measure(fleet, seconds)
+            runs.append({"bodies": count, **run})
+            which = "" if meet else " by themselves"
+            print(
+                f"{nodes} nodes{which}, {count:5d} bodies: real-time factor {run['real_time']:.3f}, "
+                f"{run['busy']:.2f} s of processor time a simulated second, "
+                f"{run['sent'] / 1e6:.2f} MB/s sent by a node, load {load():.1f}",
+                flush=True,
+            )
+            if run["real_time"] < REAL_TIME - 0.05:
+                break
+    return {"nodes": nodes, "meet": meet, "runs": runs, "carried": carried(runs), "load": load()}
+
+
+def measure(fleet: Site, seconds: float) -> dict[str, float]:
+    """Run a fleet; return the slowest node's real-time factor, the maximum processor time of a node for a simulated
+    second [s], which hardly depends on other load, and the bytes a second that a node sent and received.
+    """
+    watcher, machines = fleet.watcher, fleet.machines
+    for timings in watcher.timings.values():
+        timings.clear()
+    before, start = [machine.traffic() for machine in machines], monotonic()
+    used = [machine.processor_time() for machine in machines]
+    watcher.spin(seconds)
+    span = monotonic() - start
+    taken = [(machine.processor_time() - was) / span for machine, was in zip(machines, used, strict=True)]
+    factors = []
+    for timings in watcher.timings.values():
+        window = sum(timing.window_s for timing in timings)
+        simulated = sum(timing.real_time_factor * timing.window_s for timing in timings)
+        factors.append(simulated / window if window else 0.0)
+    pairs = [(machine.traffic(), was) for machine, was in zip(machines, before, strict=True)]
+    sent, received = (sum(now[way] - was[way] for now, was in pairs) / span / len(machines) for way in (0, 1))
+    busy = max(cpu / max(factor, 1e-9) for cpu, factor in zip(taken, factors, strict=True))
+    return {"real_time": min(factors), "busy": busy, "sent": sent, "received": received}
+
+
+def carried(runs: list[dict[str, Any]]) -> float:
+    """Return the number of bodies at which the real-time factor crosses the bound, interpolated between the last number
+    within the bound and the first one beyond; the last number if all are within."""
+    within = 0
+    for run in runs:
+        if run["real_time"] < REAL_TIME:
+            last = next((r for r in reversed(runs) if r["bodies"] == within), None)
+            if last is None:
+                return 0.0
+            share = (last["real_time"] - REAL_TIME) / max(last["real_time"] - run["real_time"], 1e-9)
+            return float(within + share * (run["bodies"] - within))
+        within = run["bodies"]
+    return float(within)
+
+
+def draw_capacity(path: Path, capacities: list[dict[str, Any]], machine: str) -> None:
+    """Real-time factors against the number of bodies."""
+    figure = Figure(figsize=(7.0, 4.2), dpi=90, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    for capacity in capacities:
+        runs = capacity["runs"]
+        which = f"{capacity['nodes']} node{'s' if capacity['nodes'] > 1 else ''}"
+        label = f"{which}{'' if capacity['meet'] else ' by themselves'}: {capacity['carried']:.0f} bodies"
+        style = "o-" if capacity["meet"] else "o:"
+        axes.plot([r["bodies"] for r in runs], [r["real_time"] for r in runs], style, label=label)
+    axes.axhline(0.98, color="black", linestyle="--", linewidth=1)
+    axes.set_xlabel("bodies of the fleet")
+    axes.set_ylabel("real-time factor of the slowest node")
+    axes.grid(alpha=0.3)
+    axes.legend()
+    axes.set_title(machine, fontsize=9)
+    figure.savefig(path)
 
 
 def main() -> None:
     """Runs the study."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="a minute or two, and few figures")
-    parser.add_argument("--only", choices=PARTS, nargs="+", default=list(PARTS), help="these parts only")
+    parser.add_argument("--quick", action="store_true", help="a minute, and one figure")
     parser.add_argument("--out", type=Path, default=Path("out/fleet"), help="folder of figures and pictures")
     options = parser.parse_args()
     network.enter()
     options.out.mkdir(parents=True, exist_ok=True)
-    data = run(options.only, quick=options.quick, file=options.out / "fleet.json")
-    if "physics" in data:
-        pictures.draw_errors(options.out / "errors.png", data["physics"], data["machine"])
-    if "capacity" in data:
-        pictures.draw_capacity(options.out / "capacity.png", data["capacity"], data["machine"])
+    fleets = ((2, True),) if options.quick else ((1, True), (2, True), (4, True), (4, False))
+    start, most, seconds = (100, 100, 4.0) if options.quick else (200, 2200, 6.0)
+    found = [capacity(nodes, start=start, more=100, most=most, seconds=seconds, meet=meet) for nodes, meet in fleets]
+    machine = short()
+    (options.out / "fleet.json").write_text(json.dumps({"machine": machine, "capacity": found}, indent=1))
+    draw_capacity(options.out / "capacity.png", found, machine)
     print(f"wrote {options.out}")
 
 

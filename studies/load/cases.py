@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 Mode = Literal["full", "regions"]
-Kind = Literal["terrain_collider", "naive", "apart"]
 
 RESOLUTION = 0.1
 # Distance of the bodies, and their radius [m].
@@ -35,7 +34,6 @@ class Case:
     mode: Mode
     map_rate: float
     physics_rate: float
-    kind: Kind = "terrain_collider"
     executor: str = "events"
     markers: bool = True
     seconds: float = 6.0
@@ -45,7 +43,7 @@ class Case:
     def name(self) -> str:
         """Short and distinct."""
         bodies = f"{self.bodies}-{self.resting}" if self.resting else str(self.bodies)
-        return f"{self.kind}-{self.executor}-{self.side}-{bodies}-{self.mode}-{self.map_rate:g}-{self.physics_rate:g}"
+        return f"{self.executor}-{self.side}-{bodies}-{self.mode}-{self.map_rate:g}-{self.physics_rate:g}"
 
     @property
     def row(self) -> int:
@@ -107,21 +105,12 @@ def grid(*, quick: bool) -> list[Case]:
     return list({case.name: case for case in cases}.values())
 
 
-def naive(*, quick: bool) -> list[Case]:
-    """The naive way beside ours: the same cases in the same run."""
-    base = Case(side=256, bodies=100, mode="full", map_rate=10.0, physics_rate=240.0, seconds=4.0)
-    ours = [base] if quick else [base, replace(base, bodies=1000, physics_rate=60.0), replace(base, side=1024)]
-    return [case for one in ours for case in (one, replace(one, kind="naive", executor="single_threaded"))]
-
-
 def executors(*, quick: bool) -> list[Case]:
     """Ways to run the loop while maps stream in; nobody listens to markers, so that only the loop differs."""
     base = Case(side=1024, bodies=100, mode="full", map_rate=30.0, physics_rate=240.0, markers=False)
     kinds = ["events", "single_threaded"] if quick else ["events", "single_threaded", "multi_threaded"]
     seconds = 4.0 if quick else 8.0
-    return [replace(base, executor=kind, seconds=seconds) for kind in kinds] + [
-        replace(base, kind="apart", executor="single_threaded", seconds=seconds)
-    ]
+    return [replace(base, executor=kind, seconds=seconds) for kind in kinds]
 
 
 def rest(*, quick: bool) -> list[Case]:

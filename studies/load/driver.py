@@ -24,7 +24,7 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, Timing, TrackedBody, 
 from visualization_msgs.msg import MarkerArray
 
 from studies.load.cases import CODES, PROBE_HEIGHT, PROBE_RADIUS, RISE, Case
-from studies.load.terrain_messages import FRAME, TerrainMessages, naive_map
+from studies.load.terrain_messages import FRAME, TerrainMessages
 
 # How long the node may take to start and take the first map, and then to settle [s].
 START_LIMIT, SETTLE = 90.0, 2.0
@@ -98,7 +98,7 @@ class Driver(Node):
         while (now := monotonic()) < end:
             if now >= next_map:
                 next_map = max(next_map + 1.0 / case.map_rate, now)
-                self.send(whole=case.mode == "full" or case.kind == "naive")
+                self.send(whole=case.mode == "full")
             if now >= next_probe:
                 next_probe = now + 0.2
                 self._track_probe()
@@ -140,9 +140,7 @@ class Driver(Node):
         now = monotonic()
         self._sent_at.append((self.sent, now))
         stamp, time = time_ns(), now - self._start
-        if self._case.kind == "naive":
-            self._maps.publish(naive_map(self._case, self._messages.heights(self.sent, time), stamp))
-        elif whole:
+        if whole:
             self._maps.publish(self._messages.whole(self.sent, time, stamp))
         else:
             self._regions.publish(self._messages.region(self.sent, time, stamp))

@@ -11,7 +11,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from studies.load.summary import Summary
-from studies.load.tables import KINDS
 
 STAGES = {
     "search": "#9ecae1", "collect": "#4292c6", "collider": "#084594", "bodies": "#807dba", "step": "#d95f0e",
@@ -26,12 +25,8 @@ def draw(groups: dict[str, list[Summary]], machine: str, folder: Path) -> list[P
     if groups["grid"]:
         paths += [_bodies(groups["grid"], machine, folder / "bodies.png")]
         paths += [_latency(groups["grid"], machine, folder / "latency.png")]
-    if groups["naive"]:
-        title = "The same node written naively"
-        paths += [_ways(groups["naive"], machine, folder / "naive.png", title, executors=False)]
     if groups["executors"]:
-        title = "Ways to run the loop: 100 bodies, full 1024$^2$ maps at 30 Hz"
-        paths += [_ways(groups["executors"], machine, folder / "executors.png", title, executors=True)]
+        paths += [_executors(groups["executors"], machine, folder / "executors.png")]
     return paths
 
 
@@ -57,31 +52,26 @@ def _bodies(summaries: list[Summary], machine: str, path: Path) -> Path:
     return _save(figure, machine, path)
 
 
-def _ways(summaries: list[Summary], machine: str, path: Path, title: str, *, executors: bool) -> Path:
-    """Lateness, latency and processor time of several ways to do the same."""
-    names = []
-    for s in summaries:
-        way = s.case.executor if executors and s.case.kind == "terrain_collider" else KINDS[s.case.kind]
-        names.append(
-            way if executors else f"{way}: {s.case.bodies} bodies,\n{s.case.side}$^2$, {s.case.physics_rate:g} Hz"
-        )
+def _executors(summaries: list[Summary], machine: str, path: Path) -> Path:
+    """Lateness, real-time factor and processor time of the ways to run the loop."""
     figure, axes = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained")
     place = np.arange(len(summaries))
-    colours = ["#d95f0e" if s.case.kind == "naive" else "#084594" for s in summaries]
     late = np.array([s.stage("lateness") for s in summaries]) + 1e-3
-    axes[0].bar(place, late[:, 1], color=colours)
+    axes[0].bar(place, late[:, 1], color="#084594")
     axes[0].plot(place, late[:, 2], "k_", markersize=14, label="maximum")
     axes[0].set_yscale("log")
     axes[0].set_ylabel("start of a step after its deadline, 99 % [ms]")
     axes[0].legend(fontsize=8)
-    axes[1].bar(place, [s.real_time_factor for s in summaries], color=colours)
+    axes[1].bar(place, [s.real_time_factor for s in summaries], color="#084594")
     axes[1].axhline(1.0, color="black", linestyle="--", linewidth=1)
     axes[1].set_ylabel("real-time factor")
-    axes[2].bar(place, [s.cpu_per_step for s in summaries], color=colours)
+    axes[2].bar(place, [s.cpu_per_step for s in summaries], color="#084594")
     axes[2].set_ylabel("processor time a step, all in [ms]")
     for axis in axes:
-        axis.set_xticks(place, names, fontsize=7, rotation=30, ha="right", rotation_mode="anchor")
-    figure.suptitle(title)
+        axis.set_xticks(
+            place, [s.case.executor for s in summaries], fontsize=7, rotation=30, ha="right", rotation_mode="anchor"
+        )
+    figure.suptitle("Ways to run the loop: 100 bodies, full 1024$^2$ maps at 30 Hz")
     return _save(figure, machine, path)
 
 

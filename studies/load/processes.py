@@ -33,15 +33,12 @@ def environment() -> dict[str, str]:
     }
 
 
-def node_command(case: Case, parameters: Path) -> list[str]:
-    """How the node of a case is started."""
+def node_command(executable: str, parameters: Path) -> list[str]:
+    """How a node of the package is started."""
     from ament_index_python.packages import get_package_prefix
 
-    if case.kind == "terrain_collider":
-        start = [str(Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / "terrain_collider")]
-    else:
-        start = [sys.executable, "-m", f"studies.load.{case.kind}"]
-    return [*start, "--ros-args", "--params-file", str(parameters)]
+    path = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / executable
+    return [str(path), "--ros-args", "--params-file", str(parameters)]
 
 
 class Watch:
@@ -81,9 +78,8 @@ def run_case(case: Case) -> dict[str, Any]:
         (folder / "parameters.yaml").write_text(yaml.safe_dump({"/**": {"ros__parameters": case.parameters()}}))
         variables = environment()
         log = (folder / "node.txt").open("wb")
-        node = subprocess.Popen(
-            node_command(case, folder / "parameters.yaml"), stdout=log, stderr=subprocess.STDOUT, env=variables
-        )
+        start = node_command("terrain_collider", folder / "parameters.yaml")
+        node = subprocess.Popen(start, stdout=log, stderr=subprocess.STDOUT, env=variables)
         command = [sys.executable, "-m", "studies.load.driver", str(folder / "case.json")]
         driver = subprocess.Popen(
             [*command, str(folder / "result.json")], stdout=subprocess.PIPE, env=variables, text=True

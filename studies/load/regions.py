@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.terrain.heightmap import HeightMap
-from studies.load import tables
+from studies import markdown
 
 SIDES = (256, 1024, 4096, 8192, 16384)
 # Samples on one side of a region, and how many are taken.
@@ -45,11 +45,8 @@ def measure(*, quick: bool) -> list[dict[str, Any]]:
 def table(found: Sequence[dict[str, Any]]) -> str:
     """The same as a Markdown table."""
     head = ["map", "regions", "place", "median [us]", "10 to 90 % [us]", "99 % [us]"]
-    return tables.table(
-        head,
-        [
-            [f"{r['side']}^2", str(r["count"]), r["way"], f"{r['p50_us']:.1f}",
-             f"{r['p10_us']:.1f} to {r['p90_us']:.1f}", f"{r['p99_us']:.1f}"]
-            for r in found
-        ],
-    )  # fmt: skip
+    rows = []
+    for r in found:
+        low, median, high, highest = (f"{r[f'p{share}_us']:.1f}" for share in (10, 50, 90, 99))
+        rows.append([f"{r['side']}^2", str(r["count"]), r["way"], median, f"{low} to {high}", highest])
+    return markdown.table(head, rows)

@@ -11,6 +11,7 @@ import json
 import subprocess
 import tempfile
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
@@ -19,7 +20,6 @@ from typing import Any
 import numpy as np
 import rclpy
 import yaml
-from ament_index_python.packages import get_package_prefix
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
@@ -34,7 +34,7 @@ from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.startup.domains import isolated_unless_chosen
 from studies.load import soak_report
-from studies.load.processes import Watch, environment
+from studies.load.processes import Watch, environment, node_command
 from studies.load.tables import PAGE, PICTURES
 
 # How often things happen [s].
@@ -42,6 +42,11 @@ SOURCE_EVERY, SPAWN_EVERY, KIND_EVERY, BAD_EVERY, SAMPLE_EVERY = 20.0, 2.0, 15.0
 MOST_BODIES = 40
 SIZES = (101, 201, 401, 1001)
 KINDS = ("auto", "heightfield")
+SHAPES = (
+    SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2]),
+    SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.4, 0.3, 0.2]),
+    SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.3, 0.2]),
+)
 START_LIMIT = 60.0
 # A line is printed, and what there is is kept, so often [s].
 TELL_EVERY = 60.0
@@ -66,10 +71,8 @@ def start_node(name: str, parameters: dict[str, Any], folder: Path) -> subproces
     """An installed executable of the package as a process."""
     file = folder / f"{name}.yaml"
     file.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
-    path = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / name
     with (folder / f"{name}.txt").open("ab") as log:
-        command = [str(path), "--ros-args", "--params-file", str(file)]
-        return subprocess.Popen(command, env=environment(), stdout=log, stderr=log)
+        return subprocess.Popen(node_command(name, file), env=environment(), stdout=log, stderr=log)
 
 
 class Soak(Node):
@@ -119,14 +122,7 @@ class Soak(Node):
         """Spawns a body, and removes the oldest where there are many."""
         self._count += 1
         name = f"body_{self._count}"
-        request = SpawnBody.Request(id=name, mass=1.0)
-        kind = self._count % 3
-        if kind == 0:
-            request.shape = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
-        elif kind == 1:
-            request.shape = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.4, 0.3, 0.2])
-        else:
-            request.shape = SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.3, 0.2])
+        request = SpawnBody.Request(id=name, mass=1.0, shape=SHAPES[self._count % len(SHAPES)])
         position = request.pose.position
         # Within the smallest map.
         position.x, position.y = self._rng.uniform(-3.0, 3.0, 2).tolist()
@@ -205,33 +201,30 @@ def run(minutes: float, folder: Path, file: Path) -> None:
             raise RuntimeError("the node took no map")
         watch = Watch(collider.pid)
         start = monotonic()
-        due = dict.fromkeys(("source", "spawn", "kind", "bad", "sample", "tell"), start)
-        due["source"] += SOURCE_EVERY
-        due["tell"] += TELL_EVERY
+
+        def restart_source() -> None:
+            nonlocal source
+            source.kill()
+            source.wait()
+            source = start_node("terrain_source", source_parameters(rng), folder)
+            log.done["sources killed"] += 1
+
+        def tell() -> None:
+            _keep(node, log, file)
+            _tell(node, log, minutes)
+
+        actions: tuple[tuple[float, Callable[[], None]], ...] = (
+            (SOURCE_EVERY, restart_source), (SPAWN_EVERY, node.spawn), (KIND_EVERY, node.change_kind),
+            (BAD_EVERY, node.send_bad), (SAMPLE_EVERY, lambda: _sample(node, watch, log, monotonic() - start)),
+            (TELL_EVERY, tell),
+        )  # fmt: skip
+        due = [start if every < SOURCE_EVERY else start + every for every, _ in actions]
         while (now := monotonic()) < start + 60.0 * minutes and collider.poll() is None:
-            if now >= due["source"]:
-                due["source"] = now + SOURCE_EVERY
-                source.kill()
-                source.wait()
-                source = start_node("terrain_source", source_parameters(rng), folder)
-                log.done["sources killed"] += 1
-            if now >= due["spawn"]:
-                due["spawn"] = now + SPAWN_EVERY
-                node.spawn()
-            if now >= due["kind"]:
-                due["kind"] = now + KIND_EVERY
-                node.change_kind()
-            if now >= due["bad"]:
-                due["bad"] = now + BAD_EVERY
-                node.send_bad()
-            if now >= due["sample"]:
-                due["sample"] = now + SAMPLE_EVERY
-                _sample(node, watch, log, now - start)
-            if now >= due["tell"]:
-                due["tell"] = now + TELL_EVERY
-                _keep(node, log, file)
-                _tell(node, log, minutes)
-            node.wait(min(due.values()) - monotonic())
+            for index, (every, act) in enumerate(actions):
+                if now >= due[index]:
+                    due[index] = now + every
+                    act()
+            node.wait(min(due) - monotonic())
         if collider.poll() is not None:
             raise RuntimeError(f"the node ended: {(folder / 'terrain_collider.txt').read_text()[-2000:]}")
         node.wait(3.0)

@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.load.tables import table
+from studies.markdown import table
 from studies.pages import fill
 
 # The start is left out: buffers grow to the largest map and message, and pools of colliders fill. Share of the time.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -15,20 +14,13 @@ from studies.load.cases import Case
 from studies.load.processes import run_case
 from studies.load.summary import Summary
 from studies.load.tables import PAGE, PICTURES
+from studies.machine import short
 from studies.pages import digest_of, fill
-
-
-def machine() -> str:
-    """The machine, by cores and processor."""
-    lines = Path("/proc/cpuinfo").read_text().splitlines()
-    model = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "unknown")
-    return f"{os.cpu_count()} cores, {model}"
 
 
 def groups(*, quick: bool) -> dict[str, list[Case]]:
     """Everything that is run."""
-    makers = {"grid": cases.grid, "naive": cases.naive, "executors": cases.executors, "memory": cases.memory,
-              "rest": cases.rest}  # fmt: skip
+    makers = {"grid": cases.grid, "executors": cases.executors, "memory": cases.memory, "rest": cases.rest}
     return {name: make(quick=quick) for name, make in makers.items()}
 
 
@@ -37,7 +29,7 @@ def run_all(chosen: dict[str, list[Case]], file: Path, known: dict[str, Any]) ->
     digest of the code that each group was measured with."""
     groups = {**known.get("groups", {}), **{group: known.get("groups", {}).get(group, []) for group in chosen}}
     code = {**known.get("code", {}), **{group: digest_of("node") for group in chosen}}
-    data: dict[str, Any] = {**known, "machine": machine(), "code": code, "groups": groups}
+    data: dict[str, Any] = {**known, "machine": short(), "code": code, "groups": groups}
     file.write_text(json.dumps(data, indent=1))
     start = monotonic()
     for group, members in chosen.items():
@@ -62,8 +54,7 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
         print(f"wrote {path}")
     blocks = {
         "grid": tables.runs(summaries["grid"]),
-        "naive": tables.ways(summaries["naive"], executors=False),
-        "executors": tables.ways(summaries["executors"], executors=True),
+        "executors": tables.executors(summaries["executors"]),
         "memory": tables.memory(summaries["memory"]),
         "rest": tables.runs(summaries["rest"]),
         "machine": f"Machine: {data['machine']}.",

@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 from studies.load.summary import UPDATE, Summary
+from studies.markdown import table
 
 # The page of the load study and the soak, and the folder of its pictures and what they show.
 PAGE, PICTURES = Path("docs/performance.md"), Path("docs/images/load")
-KINDS = {"terrain_collider": "ours", "naive": "naive", "apart": "physics apart"}
-
-
-def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def runs(summaries: list[Summary]) -> str:
@@ -29,20 +23,19 @@ def runs(summaries: list[Summary]) -> str:
     return table(head, [_run(summary) for summary in summaries])
 
 
-def ways(summaries: list[Summary], *, executors: bool) -> str:
-    """Ways of doing the same thing, side by side."""
+def executors(summaries: list[Summary]) -> str:
+    """Ways to run the loop, side by side."""
     head = ["way", "bodies", "map", "physics [Hz]", "real-time factor", "missed", "late 50 / 99 / 100 % [ms]",
             "markers [ms]", "ingest [ms]", "in to out 50 / 99 / 100 % [ms]", "CPUs", "lost"]  # fmt: skip
-    rows = []
-    for s in summaries:
-        way = KINDS[s.case.kind]
-        if executors and s.case.kind == "terrain_collider":
-            way = s.case.executor
-        rows.append([
-            way, str(s.case.bodies), f"{s.case.side}^2", f"{s.case.physics_rate:g}", f"{s.real_time_factor:.2f}",
-            f"{100 * s.missed:.2f} %", _three(s.stage("lateness")), _ms(s.stage("publish")[0]),
-            _ms(s.stage("ingest")[0]), _three(s.latency), f"{s.result['cpus']['node']:.2f}", _lost(s),
-        ])  # fmt: skip
+    rows = [
+        [
+            s.case.executor, str(s.case.bodies), f"{s.case.side}^2", f"{s.case.physics_rate:g}",
+            f"{s.real_time_factor:.2f}", f"{100 * s.missed:.2f} %", _three(s.stage("lateness")),
+            _ms(s.stage("publish")[0]), _ms(s.stage("ingest")[0]), _three(s.latency),
+            f"{s.result['cpus']['node']:.2f}", _lost(s),
+        ]
+        for s in summaries
+    ]  # fmt: skip
     return table(head, rows)
 
 

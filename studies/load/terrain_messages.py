@@ -24,8 +24,8 @@ class TerrainMessages:
         message.header.frame_id = FRAME
         message.info.resolution, message.info.width, message.info.height = RESOLUTION, side, side
         self._map = np.frombuffer(serialize_message(message), np.uint8).copy()
-        # The heights are followed by the length of no velocities.
-        self._map_heights = np.ndarray((side, side), "<f4", self._map, len(self._map) - 4 - 4 * side * side)
+        # The heights are followed by the lengths of no velocities and no friction.
+        self._map_heights = np.ndarray((side, side), "<f4", self._map, len(self._map) - 8 - 4 * side * side)
         update = HeightmapUpdate(width=window, height=window, heights=_floats(window * window))
         update.header.frame_id = FRAME
         self._region = np.frombuffer(serialize_message(update), np.uint8).copy()
@@ -58,17 +58,6 @@ class TerrainMessages:
         """A HeightmapUpdate."""
         self._region_heights[:] = self.heights(k, time)
         return _stamped(self._region, stamp_ns)
-
-
-def naive_map(case: Case, heights: NDArray[np.float32], stamp_ns: int) -> Heightmap:
-    """The same map as most code makes it: a list of floats in a message object."""
-    grid = np.zeros((case.side, case.side), np.float32)
-    grid[: len(heights), : len(heights)] = heights
-    message = Heightmap(heights=grid.ravel().tolist())
-    message.header.frame_id = FRAME
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
-    message.info.resolution, message.info.width, message.info.height = RESOLUTION, case.side, case.side
-    return message
 
 
 def _stamped(buffer: NDArray[np.uint8], stamp_ns: int) -> bytes:

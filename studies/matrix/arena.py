@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
+import pybullet_data
 
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import Shape
@@ -19,6 +21,8 @@ from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.grounds import Rigid, make_ground
 from smartmesh_ros.world.world import World, WorldConfig
+
+HUSKY = str(Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf")
 
 
 def square(size: int, resolution: float) -> GridGeometry:

@@ -74,29 +74,30 @@ def height_on_cliff(method: PatchConfig, beyond: float) -> float:
 
 
 ROWS = (
+    Row("hit to 6 m/s, patches at 4 Hz", hit_on_flat_ground, 1.0, "mm", "a plane; theory: 6 m/s on"),
+    Row("hit over an edge, patches at 4 Hz", hit_over_an_edge, 25.0, "mm", "ballistics; two steps late", quick=True),
+    Row("hit against a step", hit_against_a_step, 25.0, "mm", "main mesh; a step at 6 m/s", quick=True),
     Row(
-        name="hit to 6 m/s, patches at 4 Hz", figure=hit_on_flat_ground, limit=1.0, unit="mm",
-        source="a plane; theory: 6 m/s on",
-    ),
-    Row(
-        name="hit over an edge, patches at 4 Hz", figure=hit_over_an_edge, limit=25.0, unit="mm",
-        source="ballistics; two steps late", quick=True,
-    ),
-    Row(
-        name="hit against a step", figure=hit_against_a_step, limit=25.0, unit="mm",
-        source="main mesh; a step at 6 m/s", quick=True,
-    ),
-    Row(
-        name="hit against a step, patches at 4 Hz", figure=lambda method: hit_against_a_step(_seldom(method)),
-        limit=25.0, unit="mm", source="main mesh; a step at 6 m/s",
+        "hit against a step, patches at 4 Hz",
+        lambda method: hit_against_a_step(_seldom(method)),
+        25.0,
+        "mm",
+        "main mesh; a step at 6 m/s",
     ),
     Row(
         # It has fallen where it is half a metre below the edge.
-        name="box 2 cm over a cliff's edge", figure=lambda method: 1e3 * max(height_on_cliff(method, 0.02) + 0.5, 0.0),
-        limit=0.0, unit="mm", source="statics: it tips", quick=True,
+        "box 2 cm over a cliff's edge",
+        lambda method: 1e3 * max(height_on_cliff(method, 0.02) + 0.5, 0.0),
+        0.0,
+        "mm",
+        "statics: it tips",
+        quick=True,
     ),
     Row(
-        name="box 2 cm before it", figure=lambda method: 1e3 * abs(height_on_cliff(method, -0.02) - 0.1),
-        limit=1.0, unit="mm", source="statics: it stays",
+        "box 2 cm before it",
+        lambda method: 1e3 * abs(height_on_cliff(method, -0.02) - 0.1),
+        1.0,
+        "mm",
+        "statics: it stays",
     ),
-)  # fmt: skip
+)

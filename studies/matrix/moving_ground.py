@@ -14,7 +14,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
-from studies.matrix.arena import Arena, deepest, lost_in, square
+from studies.matrix.arena import HUSKY, Arena, deepest, lost_in, square
 from studies.matrix.row import Row
 
 BALL = Sphere(0.2)
@@ -130,11 +130,8 @@ def crowd(method: PatchConfig) -> float:
 
 def robot(method: PatchConfig) -> float:
     """Links of a driving four-wheeled robot whose centre is ever below the ground on slow waves."""
-    import pybullet_data
-
     with Arena(method, WAVES[1], size=61, map_rate=60.0) as arena:
-        urdf = f"{pybullet_data.getDataPath()}/husky/husky.urdf"
-        arena.world.spawn_robot("husky", urdf, BodyState((0.0, 0.0, 0.6)))
+        arena.world.spawn_robot("husky", HUSKY, BodyState((0.0, 0.0, 0.6)))
         for joint in arena.world.bodies["husky"].joints:
             arena.world.drive("husky", joint, 5.0)
         gone: set[str] = set()
@@ -148,65 +145,29 @@ _SLOW = ("prisms",)  # 16 bodies of 32 links each, built anew in every step
 _UNKNOWN = "free fall; in the first step nobody knows of it"
 _FACTS = "a limit of this project, 99 %"
 ROWS = (
-    Row(name="T5 ground rising, 0.1 m/s", figure=_rising(0.1), limit=1.0, unit="mm", source=_STEADY),
-    Row(name="T5 ground rising, 1 m/s", figure=_rising(1.0), limit=1.0, unit="mm", source=_STEADY),
-    Row(name="T5 ground rising, 3 m/s", figure=_rising(3.0), limit=1.0, unit="mm", source=_STEADY, quick=True),
-    Row(name="launch, 0.5 m/s", figure=_launch(0.5), limit=2.0, unit="%", source="ballistics"),
-    Row(name="launch, 2 m/s", figure=_launch(2.0), limit=2.0, unit="%", source="ballistics", quick=True),
-    Row(name="launch, 8 m/s", figure=_launch(8.0), limit=2.0, unit="%", source="ballistics"),
-    Row(name="T5 ground sliding, 0.5 m/s", figure=drags, limit=5.0, unit="%", source="theory: the box goes along"),
-    Row(name="ground falling at 2 g", figure=falls_away, limit=1.0, unit="steps late", source=_UNKNOWN, quick=True),
-    Row(name="landing after it", figure=lands_after_fall, limit=1.0, unit="mm", source="rest height"),
-    Row(name="floating on heaving ground", figure=floats, limit=1.0, unit="mm", source=_STEADY),
-    Row(name="waves, w = 1", figure=_rides(1), limit=2.0, unit="mm", source=_FACTS, skip=_SLOW),
-    Row(name="waves, w = 4", figure=_rides(4), limit=4.0, unit="mm", source=_FACTS, quick=True, skip=_SLOW),
-    Row(name="waves, w = 8", figure=_rides(8), limit=2.0, unit="mm", source=_FACTS, skip=_SLOW),
-    Row(name="waves, w = 16", figure=_loses(16), limit=0.0, unit="lost", source="none lost", quick=True, skip=_SLOW),
-    Row(name="w = 4, maps at 60 Hz", figure=_rides(4, map_rate=60.0), limit=6.0, unit="mm", source=_FACTS, skip=_SLOW),
-    Row(
-        name="w = 4, maps at 20 Hz",
-        figure=_rides(4, map_rate=20.0),
-        limit=12.0,
-        unit="mm",
-        source=_FACTS,
-        quick=True,
-        skip=_SLOW,
-    ),
-    Row(
-        name="w = 4, maps at 10 Hz",
-        figure=_loses(4, map_rate=10.0),
-        limit=0.0,
-        unit="lost",
-        source="none lost",
-        skip=_SLOW,
-    ),
-    Row(
-        name="w = 4, physics at 60 Hz",
-        figure=_loses(4, rate=60.0, map_rate=60.0),
-        limit=0.0,
-        unit="lost",
-        source="none lost",
-        skip=_SLOW,
-    ),
-    Row(name="w = 4, physics at 480 Hz", figure=_rides(4, rate=480.0), limit=4.0, unit="mm", source=_FACTS, skip=_SLOW),
-    Row(name="boxes, w = 4", figure=_rides(4, Box(0.5, 0.4, 0.3)), limit=4.0, unit="mm", source=_FACTS, skip=_SLOW),
-    Row(name="cylinders, w = 4", figure=_rides(4, Cylinder(0.2, 0.3)), limit=4.0, unit="mm", source=_FACTS, skip=_SLOW),
-    Row(name="capsules, w = 4", figure=_rides(4, Capsule(0.15, 0.3)), limit=4.0, unit="mm", source=_FACTS, skip=_SLOW),
-    Row(
-        name="balls at 40 m/s, w = 4",
-        figure=_loses(4, linear=(0.0, 0.0, -40.0)),
-        limit=0.0,
-        unit="lost",
-        source="none lost",
-        skip=_SLOW,
-    ),
-    Row(
-        name="1,000 balls packed close",
-        figure=crowd,
-        limit=0.0,
-        unit="lost",
-        source="none lost",
-        skip=("prisms", "rebuilt trimesh", "convex hull"),
-    ),
-    Row(name="a robot on waves", figure=robot, limit=0.0, unit="links lost", source="none lost", skip=_SLOW),
+    Row("T5 ground rising, 0.1 m/s", _rising(0.1), 1.0, "mm", _STEADY),
+    Row("T5 ground rising, 1 m/s", _rising(1.0), 1.0, "mm", _STEADY),
+    Row("T5 ground rising, 3 m/s", _rising(3.0), 1.0, "mm", _STEADY, quick=True),
+    Row("launch, 0.5 m/s", _launch(0.5), 2.0, "%", "ballistics"),
+    Row("launch, 2 m/s", _launch(2.0), 2.0, "%", "ballistics", quick=True),
+    Row("launch, 8 m/s", _launch(8.0), 2.0, "%", "ballistics"),
+    Row("T5 ground sliding, 0.5 m/s", drags, 5.0, "%", "theory: the box goes along"),
+    Row("ground falling at 2 g", falls_away, 1.0, "steps late", _UNKNOWN, quick=True),
+    Row("landing after it", lands_after_fall, 1.0, "mm", "rest height"),
+    Row("floating on heaving ground", floats, 1.0, "mm", _STEADY),
+    Row("waves, w = 1", _rides(1), 2.0, "mm", _FACTS, skip=_SLOW),
+    Row("waves, w = 4", _rides(4), 4.0, "mm", _FACTS, quick=True, skip=_SLOW),
+    Row("waves, w = 8", _rides(8), 2.0, "mm", _FACTS, skip=_SLOW),
+    Row("waves, w = 16", _loses(16), 0.0, "lost", "none lost", quick=True, skip=_SLOW),
+    Row("w = 4, maps at 60 Hz", _rides(4, map_rate=60.0), 6.0, "mm", _FACTS, skip=_SLOW),
+    Row("w = 4, maps at 20 Hz", _rides(4, map_rate=20.0), 12.0, "mm", _FACTS, quick=True, skip=_SLOW),
+    Row("w = 4, maps at 10 Hz", _loses(4, map_rate=10.0), 0.0, "lost", "none lost", skip=_SLOW),
+    Row("w = 4, physics at 60 Hz", _loses(4, rate=60.0, map_rate=60.0), 0.0, "lost", "none lost", skip=_SLOW),
+    Row("w = 4, physics at 480 Hz", _rides(4, rate=480.0), 4.0, "mm", _FACTS, skip=_SLOW),
+    Row("boxes, w = 4", _rides(4, Box(0.5, 0.4, 0.3)), 4.0, "mm", _FACTS, skip=_SLOW),
+    Row("cylinders, w = 4", _rides(4, Cylinder(0.2, 0.3)), 4.0, "mm", _FACTS, skip=_SLOW),
+    Row("capsules, w = 4", _rides(4, Capsule(0.15, 0.3)), 4.0, "mm", _FACTS, skip=_SLOW),
+    Row("balls at 40 m/s, w = 4", _loses(4, linear=(0.0, 0.0, -40.0)), 0.0, "lost", "none lost", skip=_SLOW),
+    Row("1,000 balls packed close", crowd, 0.0, "lost", "none lost", skip=("prisms", "rebuilt trimesh", "convex hull")),
+    Row("a robot on waves", robot, 0.0, "links lost", "none lost", skip=_SLOW),
 )

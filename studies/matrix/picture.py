@@ -9,8 +9,8 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from studies.markdown import table
 from studies.matrix.row import Outcome
-from studies.tables import table
 
 PASS, FAIL, NONE = "#cfe8d5", "#f4c7c3", "#eeeeee"
 

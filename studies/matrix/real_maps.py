@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -20,13 +20,12 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.world import World, WorldConfig
-from studies.matrix.arena import square
+from studies.matrix.arena import HUSKY, square
 from studies.matrix.row import METHODS, Row
 
 CELLS, RESOLUTION = 61, 0.1
 STEP = 1.0 / 240.0
 SHAPES: dict[str, Shape] = {"box": Box(0.4, 0.4, 0.3), "ball": Sphere(0.15), "cylinder": Cylinder(0.2, 0.3)}
-HUSKY = str(Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf")
 LAIKAGO = str(Path(pybullet_data.getDataPath()) / "laikago" / "laikago_toes_zup.urdf")
 ROBOTS = {"wheeled robot": (HUSKY, 0.0), "robot on legs": (LAIKAGO, 0.46)}  # and how high they start [m]
 SIZES = (0.01, 0.03, 0.1, 0.3, -0.01, -0.03, -0.1, -0.3)
@@ -161,12 +160,7 @@ def at_rest_in_noise(measure: str, kind: str, sigma: float, method: PatchConfig)
         return {"speed": max(speeds), "height": max(errors), "drift": drift}[measure]
 
 
-def _row(
-    name: str, figure: Callable[[PatchConfig], float], limit: float, unit: str, source: str, *, quick: bool = False
-) -> Row:
-    return Row(name=name, figure=figure, limit=limit, unit=unit, source=source, quick=quick, skip=OTHERS)
-
-
+_row = partial(Row, skip=OTHERS)
 KINDS = (*SHAPES, *ROBOTS)
 ROWS = (
     *(

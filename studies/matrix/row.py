@@ -22,7 +22,7 @@ METHODS: dict[str, PatchConfig] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Row:
     """One test: ``figure`` of a method must not exceed ``limit`` [``unit``].
 

@@ -10,7 +10,6 @@ from smartmesh_ros.errors import InputError
 from studies.matrix import (
     changes,
     edges,
-    mapper_drive,
     moving_ground,
     real_maps,
     rules,
@@ -30,7 +29,6 @@ ROWS: tuple[Row, ...] = (
     *edges.ROWS,
     *real_maps.ROWS,
     *uneven_maps.ROWS,
-    *mapper_drive.ROWS,
     *sleeping.ROWS,
 )
 QUICK_METHODS = ("defaults", "rebuilt trimesh")

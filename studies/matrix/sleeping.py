@@ -3,139 +3,38 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pybullet_data
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import Box, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.states import simulated_states
 from smartmesh_ros.world.world import World, WorldConfig
+from studies.matrix.arena import HUSKY
 from studies.matrix.row import Row
-
-SIDE, SPACING = 41, 0.1
-MIDDLE = 0.5 * (SIDE - 1) * SPACING
-RATE, MAPS = 240, 60.0  # steps and maps in a second
-SETTLED = 480  # steps until bodies are asleep
-FLAT = np.zeros((SIDE, SIDE), np.float32)
-HUSKY = str(Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf")
-
-Build = Callable[[World], None]
-# Called before each step after the bodies slept: with the world and the number of the step.
-Event = Callable[[World, int], None]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Scene:
-    """Bodies that come to rest, and what then happens to them for a number of ``steps``. ``heights`` (rows, columns)
-    [m]: of the ground."""
-
-    build: Build
-    event: Event
-    steps: int = 480
-    heights: FloatArray | None = None
-    motion: MotionConfig = field(default_factory=MotionConfig)
-    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
-
-
-def play(scene: Scene, method: PatchConfig, *, sleep: bool) -> list[dict[str, FloatArray]]:
-    """Play a scene and return the positions [m] of all bodies by name after each step of the event. In a sleeping world
-    all bodies must be asleep before it; raises `InputError` if they are not."""
-    heights = FLAT if scene.heights is None else scene.heights
-    ground = HeightMap(heights, resolution=SPACING, origin=(-MIDDLE, -MIDDLE), motion=scene.motion)
-    config = WorldConfig(physics=PhysicsConfig(sleep=sleep, gravity=scene.gravity), patch=method)
-    path = []
-    with World(Terrain(ground), config) as world:
-        scene.build(world)
-        world.step(SETTLED)
-        awake = [follower.name for follower in world.followers if follower.slot in world.followers.solid]
-        if sleep and awake:
-            raise InputError("method", f"these bodies did not fall asleep: {', '.join(awake)}")
-        for step in range(scene.steps):
-            scene.event(world, step)
-            world.step()
-            path.append({name: np.array(world.state(name).position) for name in world.bodies})
-    return path
-
-
-def astray(scene: Scene, method: PatchConfig) -> float:
-    """Largest distance [mm] of any body from its place in a world that never sleeps, at the end; infinite if one is
-    lost."""
-    asleep, awake = play(scene, method, sleep=True)[-1], play(scene, method, sleep=False)[-1]
-    if asleep.keys() != awake.keys():
-        return math.inf
-    return 1e3 * max(math.dist(asleep[name].tolist(), awake[name].tolist()) for name in awake)
-
-
-def deeper(scene: Scene, method: PatchConfig) -> float:
-    """How much lower [mm] the lowest body gets than in a world that never sleeps."""
-    lowest = [
-        min(positions[2] for places in play(scene, method, sleep=sleep) for positions in places.values())
-        for sleep in (True, False)
-    ]
-    return float(1e3 * max(lowest[1] - lowest[0], 0.0))
-
-
-def ball_and_box(world: World) -> None:
-    """A ball and a box apart from one another."""
-    world.spawn("ball", Sphere(0.1), 1.0, BodyState((-0.5, 0.02, 0.1)))
-    world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.5, 0.03, 0.1)))
-
-
-def pile(count: int) -> Build:
-    """Boxes in columns of five, side by side."""
-
-    def build(world: World) -> None:
-        for index in range(count):
-            column, level = divmod(index, 5)
-            x, y = divmod(column, 4)
-            place = (0.21 * x, 0.21 * y, 0.1 + 0.2 * level)
-            world.spawn(f"box_{index}", Box(0.2, 0.2, 0.2), 1.0, BodyState(place))
-
-    return build
-
-
-def changed_map(change: Callable[[float], Any], *, region: bool = False) -> Event:
-    """Maps, or regions in the middle, at the maps' rate: heights [m] by the time since the event began [s]."""
-
-    def event(world: World, step: int) -> None:
-        ground = world.terrain.tiles[""]
-        assert isinstance(ground, HeightMap)
-        if step % round(RATE / MAPS) == 0:
-            heights = change(step / RATE).astype(np.float32)
-            if region:
-                ground.update_region(8, 8, heights[8:33, 8:33], time=world.time)
-            else:
-                ground.replace(heights, time=world.time)
-
-    return event
-
-
-def rise(height: float, speed: float) -> Callable[[float], Any]:
-    """Ground that rises by a ``height`` [m] at a ``speed`` [m/s] and stays there."""
-    return lambda time: FLAT + np.float32(min(speed * (time + 1.0 / MAPS), height))
-
-
-def once(act: Callable[[World], None]) -> Event:
-    """Do something before the first step."""
-
-    def event(world: World, step: int) -> None:
-        if step == 0:
-            act(world)
-
-    return event
+from studies.matrix.sleep_scenes import (
+    FLAT,
+    MIDDLE,
+    RATE,
+    SETTLED,
+    Scene,
+    astray,
+    ball_and_box,
+    changed_map,
+    deeper,
+    ground_of,
+    map_of,
+    once,
+    pile,
+    play,
+    rise,
+    slope_of,
+)
 
 
 def rises(method: PatchConfig) -> float:
@@ -173,8 +72,7 @@ def slide(method: PatchConfig) -> float:
     """The ground starts to slide at 0.3 m/s, as a belt does."""
 
     def start(world: World) -> None:
-        ground = world.terrain.tiles[""]
-        assert isinstance(ground, HeightMap)
+        ground = map_of(world)
         ground.replace(FLAT, time=world.time)
         ground.slide((0.3, 0.0), 0.5)
 
@@ -265,7 +163,7 @@ def gravity_turns(method: PatchConfig) -> float:
 
 def guest_comes(method: PatchConfig) -> float:
     """A remote ball rolls into the box."""
-    with World(HeightMap(FLAT, resolution=SPACING, origin=(-MIDDLE, -MIDDLE))) as other:
+    with World(ground_of(FLAT)) as other:
         other.spawn("guest", Sphere(0.1), 1.0, BodyState((-0.3, 0.03, 0.1), linear=(2.0, 0.0, 0.0)))
         path = []
         for _ in range(120):
@@ -282,8 +180,7 @@ def noise(method: PatchConfig) -> float:
     """Share of the time [%] that bodies are awake on maps with noise of 5 mm at 10 Hz that are fused, after the first
     minute of two."""
     rng = np.random.default_rng(7)
-    motion = MotionConfig(changes="correction", noise=0.005)
-    ground = HeightMap(FLAT, resolution=SPACING, origin=(-MIDDLE, -MIDDLE), motion=motion)
+    ground = ground_of(FLAT, MotionConfig(changes="correction", noise=0.005))
     with World(ground, WorldConfig(patch=method)) as world:
         for index in range(4):
             world.spawn(f"box_{index}", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.8 * index - 1.2, 0.03, 0.1)))
@@ -299,9 +196,7 @@ def noise(method: PatchConfig) -> float:
 
 def long_on_slope(method: PatchConfig) -> float:
     """How far [mm] a box creeps on a slope of 25 degrees in an hour, once it is asleep."""
-    slope = np.tile(math.tan(math.radians(25.0)) * SPACING * np.arange(SIDE), (SIDE, 1)).astype(np.float32)
-    ground = HeightMap(slope, resolution=SPACING, origin=(-MIDDLE, -MIDDLE))
-    with World(ground, WorldConfig(physics=PhysicsConfig(friction=0.7), patch=method)) as world:
+    with World(slope_of(math.radians(25.0)), WorldConfig(physics=PhysicsConfig(friction=0.7), patch=method)) as world:
         half = 0.5 * math.radians(25.0)
         height = MIDDLE * math.tan(2.0 * half) + 0.1 / math.cos(2.0 * half)
         turn = (0.0, -math.sin(half), 0.0, math.cos(half))
@@ -316,11 +211,9 @@ def rolls_on(method: PatchConfig) -> float:
     """Distance [mm] of a ball that rolls down a slope of 0.5 degrees for 3 s from its place in a world that never
     sleeps."""
     angle = math.radians(0.5)
-    slope = np.tile(-math.tan(angle) * SPACING * np.arange(SIDE), (SIDE, 1)).astype(np.float32)
     ends = []
     for sleep in (True, False):
-        ground = HeightMap(slope, resolution=SPACING, origin=(-MIDDLE, -MIDDLE))
-        with World(ground, WorldConfig(physics=PhysicsConfig(sleep=sleep), patch=method)) as world:
+        with World(slope_of(-angle), WorldConfig(physics=PhysicsConfig(sleep=sleep), patch=method)) as world:
             height = -math.tan(angle) * (MIDDLE - 1.0) + 0.1 / math.cos(angle)
             world.spawn("ball", Sphere(0.1), 1.0, BodyState((-1.0, 0.0, height)))
             world.step(3 * RATE)
@@ -333,20 +226,20 @@ SOURCE = "a world that never sleeps"
 CHAOS = "a world that never sleeps; chaos"
 
 ROWS = (
-    Row(name="sleep: ground rises", figure=rises, limit=1.0, unit="mm", source=SOURCE),
-    Row(name="sleep: dug away", figure=dug_away, limit=1.0, unit="mm", source=SOURCE, quick=True),
-    Row(name="sleep: a hole", figure=hole, limit=1.0, unit="mm", source=SOURCE, quick=True),
-    Row(name="sleep: its tile goes", figure=no_tile, limit=1.0, unit="mm", source=SOURCE, quick=True),
-    Row(name="sleep: slides", figure=slide, limit=1.0, unit="mm", source=SOURCE, quick=True),
-    Row(name="sleep: corrected", figure=corrected, limit=1.0, unit="mm", source=SOURCE, quick=True),
-    Row(name="sleep: bottom taken", figure=bottom_taken, limit=1.0, unit="mm", source="geometry", quick=True),
-    Row(name="sleep: pile of 50", figure=pile_of_fifty, limit=5.0, unit="mm", source=CHAOS),
-    Row(name="sleep: hit", figure=hit, limit=1.0, unit="mm", source=SOURCE, quick=True),
-    Row(name="sleep: robot pushes", figure=robot_pushes, limit=50.0, unit="mm", source=CHAOS),
-    Row(name="sleep: joint commanded", figure=joint_commanded, limit=5.0, unit="mm", source=CHAOS, quick=True),
-    Row(name="sleep: gravity turns", figure=gravity_turns, limit=1.0, unit="mm", source=SOURCE, quick=True),
-    Row(name="sleep: guest comes", figure=guest_comes, limit=1.0, unit="mm", source=SOURCE, quick=True),
-    Row(name="sleep: fused noise", figure=noise, limit=50.0, unit="%", source="asleep most of the time"),
-    Row(name="sleep: an hour on 25 degrees", figure=long_on_slope, limit=0.0, unit="mm", source="Coulomb"),
-    Row(name="sleep: rolls on 0.5 degrees", figure=rolls_on, limit=0.0, unit="mm", source=SOURCE, quick=True),
+    Row("sleep: ground rises", rises, 1.0, "mm", SOURCE),
+    Row("sleep: dug away", dug_away, 1.0, "mm", SOURCE, quick=True),
+    Row("sleep: a hole", hole, 1.0, "mm", SOURCE, quick=True),
+    Row("sleep: its tile goes", no_tile, 1.0, "mm", SOURCE, quick=True),
+    Row("sleep: slides", slide, 1.0, "mm", SOURCE, quick=True),
+    Row("sleep: corrected", corrected, 1.0, "mm", SOURCE, quick=True),
+    Row("sleep: bottom taken", bottom_taken, 1.0, "mm", "geometry", quick=True),
+    Row("sleep: pile of 50", pile_of_fifty, 5.0, "mm", CHAOS),
+    Row("sleep: hit", hit, 1.0, "mm", SOURCE, quick=True),
+    Row("sleep: robot pushes", robot_pushes, 50.0, "mm", CHAOS),
+    Row("sleep: joint commanded", joint_commanded, 5.0, "mm", CHAOS, quick=True),
+    Row("sleep: gravity turns", gravity_turns, 1.0, "mm", SOURCE, quick=True),
+    Row("sleep: guest comes", guest_comes, 1.0, "mm", SOURCE, quick=True),
+    Row("sleep: fused noise", noise, 50.0, "%", "asleep most of the time"),
+    Row("sleep: an hour on 25 degrees", long_on_slope, 0.0, "mm", "Coulomb"),
+    Row("sleep: rolls on 0.5 degrees", rolls_on, 0.0, "mm", SOURCE, quick=True),
 )

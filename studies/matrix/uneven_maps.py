@@ -107,10 +107,7 @@ def thrown_of_even(name: str, frequency: int, rate: float, even_rate: float, met
     return 100.0 * uneven.rise / even_ride(frequency, "balls", even_rate, method).rise
 
 
-def _row(name: str, figure: Callable[[PatchConfig], float], limit: float, unit: str, source: str) -> Row:
-    return Row(name=name, figure=figure, limit=limit, unit=unit, source=source, skip=OTHERS)
-
-
+_row = partial(Row, skip=OTHERS)
 STAMPS: dict[str, Callable[[float], tuple[float, ...]]] = {
     "jitter of an interval": jittered,
     "bursts of five": in_bursts,

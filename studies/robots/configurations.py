@@ -2,42 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.tools.evaluation.presets import read_presets
-from studies.configurations import RATE, Family
+from studies.configurations import RATE, Configuration, Family
 from studies.engines.registry import missing
+from studies.presets import read_presets
 from studies.robots.bullet_robots import WorldOptions, WorldRobots
 from studies.robots.engine import RobotEngine, RobotSetup
 
 
-@dataclass(frozen=True, kw_only=True)
-class RobotConfiguration:
-    """One point of the charts: how an engine with its options is built, stepped at ``rate`` [Hz]. ``quick``: part of
-    the quick run."""
-
-    name: str
-    family: Family
-    build: Callable[[RobotSetup], RobotEngine]
-    rate: float = RATE
-    quick: bool = False
-
-
 def world(
-    name: str, patch: PatchConfig, physics: PhysicsConfig, family: Family = "ours", **settings: Any
-) -> RobotConfiguration:
+    name: str, patch: PatchConfig, physics: PhysicsConfig, family: Family = "ours", *, quick: bool = False
+) -> Configuration:
     """Return one of ours, or another collider in our world."""
     options = WorldOptions(patch=patch, physics=physics)
-    return RobotConfiguration(
-        name=name, family=family, build=lambda setup: WorldRobots(setup, options), rate=physics.rate, **settings
-    )
+    return Configuration(name=name, family=family, engine="smartmesh", options=options, rate=physics.rate, quick=quick)
 
 
-def configurations(*, quick: bool) -> list[RobotConfiguration]:
+def configurations(*, quick: bool) -> list[Configuration]:
     """Return all points of the charts, or those of the quick run."""
     awake = PhysicsConfig(sleep=False)
     found = [
@@ -45,39 +29,39 @@ def configurations(*, quick: bool) -> list[RobotConfiguration]:
         world("defaults, never asleep", PatchConfig(), awake, quick=True),
         *(world(f"preset {preset.name}", preset.patch, preset.physics) for preset in read_presets()),
         world("whole heightfield", PatchConfig(kind="whole_heightfield"), awake, "whole map", quick=True),
-        *_mujoco(),
-        *_physx(),
     ]
+    if not missing("mujoco"):
+        from studies.robots.mujoco_robots import MujocoRobotOptions
+
+        default = MujocoRobotOptions(time_constant=0.02)  # MuJoCo's own
+        found.append(Configuration(name="MuJoCo, 240 Hz", family="MuJoCo", engine="mujoco", options=default))
+        found += [
+            Configuration(
+                name=f"MuJoCo tuned, {rate:.0f} Hz", family="MuJoCo", engine="mujoco", rate=rate, quick=rate == RATE
+            )
+            for rate in (240.0, 480.0, 960.0)
+        ]
+    if not missing("physx"):
+        from studies.robots.physx_robots import PhysxRobotOptions
+
+        sleeps = PhysxRobotOptions(sleeps=True)
+        found += [
+            Configuration(name="PhysX, 240 Hz", family="PhysX", engine="physx", quick=True),
+            Configuration(name="PhysX, 240 Hz, sleeps", family="PhysX", engine="physx", options=sleeps),
+            Configuration(name="PhysX, 480 Hz", family="PhysX", engine="physx", rate=480.0),
+        ]
     return [one for one in found if one.quick or not quick]
 
 
-def _mujoco() -> list[RobotConfiguration]:
-    if missing("mujoco"):
-        return []
-    from studies.robots.mujoco_robots import MujocoRobotOptions, MujocoRobots
+def build(configuration: Configuration, setup: RobotSetup) -> RobotEngine:
+    """Return the robots of a setup in the engine of a configuration."""
+    options: Any = configuration.options
+    if configuration.engine == "mujoco":
+        from studies.robots.mujoco_robots import MujocoRobots
 
-    default = MujocoRobotOptions(time_constant=0.02)  # MuJoCo's own
-    return [
-        RobotConfiguration(name="MuJoCo, 240 Hz", family="MuJoCo", build=lambda setup: MujocoRobots(setup, default)),
-        *(
-            RobotConfiguration(
-                name=f"MuJoCo tuned, {rate:.0f} Hz", family="MuJoCo", build=MujocoRobots, rate=rate, quick=rate == RATE
-            )
-            for rate in (240.0, 480.0, 960.0)
-        ),
-    ]
+        return MujocoRobots(setup, options)
+    if configuration.engine == "physx":
+        from studies.robots.physx_robots import PhysxRobots
 
-
-def _physx() -> list[RobotConfiguration]:
-    if missing("physx"):
-        return []
-    from studies.robots.physx_robots import PhysxRobotOptions, PhysxRobots
-
-    sleeps = PhysxRobotOptions(sleeps=True)
-    return [
-        RobotConfiguration(name="PhysX, 240 Hz", family="PhysX", build=PhysxRobots, quick=True),
-        RobotConfiguration(
-            name="PhysX, 240 Hz, sleeps", family="PhysX", build=lambda setup: PhysxRobots(setup, sleeps)
-        ),
-        RobotConfiguration(name="PhysX, 480 Hz", family="PhysX", build=PhysxRobots, rate=480.0),
-    ]
+        return PhysxRobots(setup, options)
+    return WorldRobots(setup, options)

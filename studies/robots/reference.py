@@ -9,7 +9,7 @@ import numpy as np
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.evaluation.reference import HORIZON
+from studies.reference import HORIZON
 from studies.robots.bullet_robots import WorldOptions, WorldRobots
 from studies.robots.engine import Links, RobotSetup
 from studies.robots.scene import RobotScene

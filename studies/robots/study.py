@@ -11,18 +11,19 @@ from pathlib import Path
 from typing import Any
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.evaluation.machine import describe
 from studies.chart import draw_all, draw_scene
 from studies.configurations import Family
 from studies.contest import Result
+from studies.machine import describe, measured_on
+from studies.markdown import table
 from studies.pages import fill
 from studies.progress import Progress
-from studies.results_file import save_results
+from studies.results_file import records, save_results
 from studies.robots.configurations import configurations
 from studies.robots.contest import run_scene
 from studies.robots.scene import RobotScene, scenes
 from studies.robots.strangers import MOST_RESCUES, Stranger, run_strangers
-from studies.tables import front_table, scene_table, summary_table, table
+from studies.tables import all_tables, front_table, summary_table
 
 Results = dict[str, dict[str, Result]]
 # Largest penetration of the deepest link, 99 % [m], by motion of the ground.
@@ -50,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for scene in chosen:
         results[scene.name] = run_scene(scene, configured, say)
         draw_scene(images / f"{scene.name}.png", scene.title, results[scene.name], families, unit="robot")
-        data["scenes"] = _records(results)
+        data["scenes"] = records(results)
         save_results(out / DATA, data)
     strangers = [] if options.scenes else run_strangers(say, quick=options.quick)
     data["strangers"] = [asdict(one) for one in strangers]
@@ -82,23 +83,13 @@ def _titles(chosen: Sequence[RobotScene]) -> dict[str, str]:
     return {scene.name: scene.title for scene in chosen}
 
 
-def _records(results: Results) -> dict[str, Any]:
-    return {scene: {name: asdict(result) for name, result in found.items()} for scene, found in results.items()}
-
-
 def _blocks(
-    chosen: Sequence[RobotScene],
-    results: Results,
-    families: Mapping[str, Family],
-    strangers: Sequence[Stranger],
+    chosen: Sequence[RobotScene], results: Results, families: Mapping[str, Family], strangers: Sequence[Stranger]
 ) -> dict[str, str]:
     """Return the blocks of the page by name."""
-    found = describe()
-    versions: Any = found["versions"]
-    words = ", ".join(f"{name} {version}" for name, version in versions.items())
     titles = _titles(chosen)
     return {
-        "machine": f"Measured on {found['cores']} cores of {found['cpu']}; {words}.",
+        "machine": f"{measured_on(describe())}.",
         "summary": summary_table(titles, results, families),
         "front": front_table(titles, results, families),
         "depths": depths_table(chosen, results),
@@ -154,12 +145,9 @@ def strangers_table(strangers: Sequence[Stranger]) -> str:
 
 
 def _tables_page(chosen: Sequence[RobotScene], results: Results, machine: str) -> str:
-    parts = [
-        f"## {scene.title}\n\n![](images/robots/{scene.name}.png)\n\n{scene_table(results[scene.name])}\n"
-        for scene in chosen
-    ]
     head = f"# Robots: every figure of every scene\n\nWritten by `make robots`. {machine}\n"
-    return head + "See [robots in the charts](robot_charts.md) for what the figures mean.\n\n" + "\n".join(parts)
+    head += "See [robots in the charts](robot_charts.md) for what the figures mean.\n\n"
+    return head + all_tables("robots", _titles(chosen), results)
 
 
 def _parser() -> argparse.ArgumentParser:

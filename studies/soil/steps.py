@@ -13,9 +13,10 @@ from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.soil.soils import soil_named, soils_of
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.world.world import World
+from studies.markdown import table
 from studies.soil.arcs import free_slip, undamped, wheel_forces
+from studies.soil.measured import K10, SMOOTH
 from studies.soil.rig import roll
-from studies.soil.tables import K10, SMOOTH, table
 from studies.soil.trials import Wheel, plate_sinkage
 from studies.soil.vehicles import GRAVITY, WARTHOG, Cart, drive, set_down
 

@@ -16,9 +16,10 @@ from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.soil.soils import soil_named, soils_of
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.world.world import World
+from studies.markdown import table
 from studies.pages import ROOT, fill
 from studies.soil import steps
-from studies.soil.tables import K10, SMOOTH, table
+from studies.soil.measured import K10, SMOOTH
 from studies.soil.trials import (
     RIGID,
     TOWED,
@@ -176,14 +177,8 @@ def boxes() -> str:
                     rest = "sleeps" if world.is_asleep("box") else "awake"
                 row.append(f"{1e3 * sunk:.2f} ({100.0 * (sunk / wanted - 1.0):+.0f} %), {last:.2f} s, {rest}")
             rows.append(row)
-    head = [
-        "soil",
-        "grid [mm]",
-        "closed form [mm]",
-        "update at each step (240 Hz)",
-        "update at each fourth step (60 Hz) by the mean of four",
-    ]
-    return table(head, rows)
+    updates = "update at each step (240 Hz)", "update at each fourth step (60 Hz) by the mean of four"
+    return table(["soil", "grid [mm]", "closed form [mm]", *updates], rows)
 
 
 def nodes() -> str:

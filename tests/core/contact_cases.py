@@ -13,6 +13,7 @@ import pybullet_data
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import _core
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.coal_shapes import coal_hull, coal_triangle
 from tests.core.test_bindings import grid_of
 
@@ -137,6 +138,11 @@ class Ground:
         return grid_of(self.heights, self.resolution, self.yaw)
 
     @cached_property
+    def mesh(self) -> TriangleMesh:
+        """The same ground as a mesh."""
+        return TriangleMesh(self.points, grid_triangles(*self.heights.shape))
+
+    @cached_property
     def corners(self) -> np.ndarray:
         """Corners of the facets (F, 3, 3) [m]."""
         rows, columns = self.heights.shape
@@ -205,6 +211,10 @@ class Case:
         """Returns the same contacts with another tile of the core."""
         pose = np.ascontiguousarray(np.vstack([self.turn, self.position]))
         return np.asarray(_core.find_contacts(self.body.core, [tile], pose, motion_of(way), 1.0, self.margin))
+
+    def mesh_contacts(self, way: ArrayLike = (0.0, 0.0, 0.0)) -> np.ndarray:
+        """Returns the contacts with the mesh of the same ground."""
+        return self.contacts_with(self.ground.mesh.core_reader, way)
 
     def distance(self, within: float, deep: bool = False) -> float:
         """Returns coal's least signed distance [m] from the facets, infinite if it is above ``within`` [m]."""

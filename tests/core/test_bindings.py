@@ -201,6 +201,8 @@ def test_slots_that_nobody_has_are_refused(ground: Any, slot: int) -> None:
         ground.read(np.array([slot], np.int64), np.zeros((1, 13)) if slot else np.zeros((0, 13)))
     with pytest.raises(REFUSED):
         ground.attach(slot, 0, -1, 0)  # PyBullet has no body
+    with pytest.raises(REFUSED):
+        ground.drive(slot, (0.0, 1.0, 0.0), 1.0)
 
 
 @pytest.mark.parametrize("flags", (np.zeros(3), np.zeros((2, 2), bool), np.zeros(6, bool)[::2], None))

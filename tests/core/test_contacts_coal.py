@@ -11,6 +11,8 @@ says so, or has one that is too deep: `make contacts` finds and lists them, so i
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Iterator
+from functools import cache
 
 import coal
 import numpy as np
@@ -21,6 +23,7 @@ from hypothesis import strategies as st
 from tests.core.contact_cases import (
     IDENTITY,
     SHAPES,
+    Case,
     Ground,
     convex_ground,
     distance,
@@ -51,14 +54,28 @@ def nearest(contacts: np.ndarray) -> float:
     return float(contacts[:, 6].min(initial=np.inf))
 
 
-@pytest.mark.parametrize("name", SHAPES)
-def test_distances_and_depths_are_those_of_coal(name: str) -> None:
-    wrong, shallow = [], 0
-    for seed in range(POSES):
+def cases(name: str, count: int) -> Iterable[Case]:
+    """Returns the first poses of a shape over random ground. They are kept for the next test, unless they are many."""
+    return kept(name)[:count] if POSES <= 1000 else made(name, count)
+
+
+@cache
+def kept(name: str) -> list[Case]:
+    return list(made(name, POSES))
+
+
+def made(name: str, count: int) -> Iterator[Case]:
+    for seed in range(count):
         rng = np.random.default_rng(seed)
         if seed % PER_GROUND == 0:
             ground = random_ground(rng)
-        case = random_case(name, ground, rng)
+        yield random_case(name, ground, rng)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_distances_and_depths_are_those_of_coal(name: str) -> None:
+    wrong, shallow = [], 0
+    for seed, case in enumerate(cases(name, POSES)):
         true, found = case.distance(case.margin + EXACT), nearest(case.contacts())
         if true > case.margin + EXACT:
             right = found > case.margin - EXACT
@@ -74,6 +91,21 @@ def test_distances_and_depths_are_those_of_coal(name: str) -> None:
             wrong.append((seed, true, found, case.margin))
     assert not wrong, f"{len(wrong)} of {POSES}: {wrong[:10]}"
     assert shallow <= SHALLOW * POSES
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_distances_from_a_mesh_are_those_of_coal_and_of_the_same_height_map(name: str) -> None:
+    wrong, deep, differ, count = [], 0, 0, min(POSES, 300)
+    for seed, case in enumerate(cases(name, count)):
+        of_map, found = nearest(case.contacts()), nearest(case.mesh_contacts())
+        true = case.distance(case.margin + EXACT)
+        if true <= EXACT:  # a mesh has no inside: the way out of a deep body may be another one
+            deep += 1
+            differ += abs(found - of_map) > EXACT
+        elif not np.allclose((found, of_map), true, rtol=0.0, atol=EXACT) and min(true, found) < case.margin - EXACT:
+            wrong.append((seed, true, found, of_map))
+    assert not wrong
+    assert deep > count // 6 and differ <= 0.05 * deep
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -100,11 +132,8 @@ def test_depths_in_convex_ground_are_those_of_the_solid(name: str) -> None:
 @pytest.mark.parametrize("name", SHAPES)
 def test_a_body_moved_out_along_its_deepest_contacts_is_apart(name: str) -> None:
     left = []
-    for seed in range(POSES // 3):
-        rng = np.random.default_rng(seed)
-        if seed % PER_GROUND == 0:
-            ground = random_ground(rng)
-        case = random_case(name, ground, rng)
+    for seed, start in enumerate(cases(name, POSES // 3)):
+        case = start
         for _ in range(MOVES):
             contacts = case.contacts()
             deepest = contacts[np.argmin(contacts[:, 6])] if len(contacts) else None
@@ -119,14 +148,11 @@ def test_a_body_moved_out_along_its_deepest_contacts_is_apart(name: str) -> None
 @pytest.mark.parametrize("name", SHAPES)
 def test_normals_are_in_the_cones_of_the_ground(name: str) -> None:
     """No facet beside the point that is touched rises above the plane of the contact."""
-    for seed in range(POSES // 3):
-        rng = np.random.default_rng(seed)
-        if seed % PER_GROUND == 0:
-            ground = random_ground(rng)
-        for contact in random_case(name, ground, rng).contacts():
+    for seed, case in enumerate(cases(name, POSES // 3)):
+        for contact in case.contacts():
             point, normal = contact[:3], contact[3:6]
             assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-9)
-            touched = ground.corners[ground.touching(point)]
+            touched = case.ground.corners[case.ground.touching(point)]
             assert len(touched) > 0 or contact[6] < 0.0  # deep points leave through a facet that they are under
             ways = touched - point
             assert np.all(ways @ normal <= CONE * np.linalg.norm(ways, axis=2) + 1e-9), (seed, contact)

@@ -46,6 +46,13 @@ def calls() -> dict[str, tuple[Any, dict[str, Any]]]:
                 "distances": np.zeros(COUNT), "normals": np.zeros((COUNT, 3)),
             },
         ),
+        "scan_heights": (
+            _core.scan_heights,
+            {
+                "tiles": [grid, mesh()], "poses": np.ones((COUNT, 3)), "pattern": np.ones((4, 2)), "time": 0.0,
+                "heights": np.zeros((COUNT, 4)),
+            },
+        ),
         "sample_grid": (
             _core.sample_grid, {"grid": grid, "indices": np.arange(COUNT), "time": 0.0, "ahead": 0.1} | rows
         ),
@@ -108,7 +115,7 @@ def test_numbers_that_are_not_finite_are_refused(name: str, key: str, value: flo
 
 
 @pytest.mark.parametrize("tiles", ([None], [np.zeros(3)], None, "tiles", [[]]))
-@pytest.mark.parametrize("name", ("ground_heights", "ground_samples", "cast"))
+@pytest.mark.parametrize("name", ("ground_heights", "ground_samples", "cast", "scan_heights"))
 def test_only_grids_and_meshes_are_tiles(name: str, tiles: Any) -> None:
     function, given = calls()[name]
     with pytest.raises((*REFUSED, RuntimeError)):
@@ -132,6 +139,21 @@ def test_points_anywhere_do_no_harm(axis: int, value: float) -> None:
         function, given = calls()[name]
         if axis < given["points"].shape[1]:
             given["points"][:, axis] = value
+            function(**given)
+
+
+@pytest.mark.parametrize("value", (np.nan, np.inf, -1e10))
+def test_scans_from_nowhere_find_no_ground(value: float) -> None:
+    """A body may be at no place until it is removed; the grid around it may not."""
+    for column in range(3):
+        function, given = calls()["scan_heights"]
+        given["poses"][-1, column] = value
+        function(**given)
+        assert np.isnan(given["heights"]).any(axis=1).tolist() == [False] * (COUNT - 1) + [True]
+    for column in range(2):
+        function, given = calls()["scan_heights"]
+        given["pattern"][-1, column] = value
+        with pytest.raises(REFUSED):
             function(**given)
 
 

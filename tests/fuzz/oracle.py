@@ -35,6 +35,9 @@ class Oracle:
         grid = np.array(message.heights, np.float64)
         assert grid.size == info.width * info.height, "a map of the wrong length was taken"
         assert not np.isinf(grid).any(), "a map with infinite heights was taken"
+        friction = np.array(message.friction, np.float64)
+        assert friction.size in (0, 1, grid.size), "a map with friction of the wrong length was taken"
+        assert not ((friction < 0.0) | np.isinf(friction)).any(), "a map with impossible friction was taken"
         assert math.isfinite(info.resolution), "a map of infinite resolution was taken"
         assert info.resolution > 0.0, "a map of no resolution was taken"
         q = info.origin.orientation

@@ -70,8 +70,9 @@ def make(name: str, rng: np.random.Generator) -> Any:
 def _heightmap(rng: np.random.Generator) -> Any:
     tile, origin = [("", (0.0, 0.0, 0.0)), ("far", (9.0, 1.0, 0.5))][int(rng.random() < 0.3)]
     speeds = rng.normal(size=(ROWS, COLUMNS)) if rng.random() < 0.3 else None
+    friction = [None, None, rng.uniform(0.0, 2.0), rng.uniform(0.0, 2.0, (ROWS, COLUMNS))][int(rng.integers(4))]
     return heightmap_message(heights(rng), resolution=RESOLUTION, origin=origin, tile=tile, velocities=speeds,
-                             yaw=float(rng.choice([0.0, 0.4])))  # fmt: skip
+                             friction=friction, yaw=float(rng.choice([0.0, 0.4])))  # fmt: skip
 
 
 def _update(rng: np.random.Generator) -> Any:

@@ -9,7 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, HeightMap, InputError, PhysicsConfig, Sphere, Terrain, World, WorldConfig
+from smartmesh_ros import (
+    BodyState,
+    Box,
+    HeightMap,
+    InputError,
+    PatchConfig,
+    PhysicsConfig,
+    Sphere,
+    Terrain,
+    World,
+    WorldConfig,
+)
+from smartmesh_ros.patches.config import PatchKind
 
 GRAVITY = 9.81
 ROWS, COLUMNS, RESOLUTION = 41, 201, 0.1
@@ -28,8 +40,10 @@ def flat(friction: float | np.ndarray = 1.0) -> HeightMap:
     return HeightMap(heights, resolution=RESOLUTION, origin=(-10.0, -2.0), friction=friction)
 
 
-def sliding(terrain: HeightMap | Terrain, x: float, speed: float, friction: float = 1.0) -> World:
-    world = World(terrain, WorldConfig(physics=PhysicsConfig(friction=friction)))
+def sliding(
+    terrain: HeightMap | Terrain, x: float, speed: float, friction: float = 1.0, kind: PatchKind = "auto"
+) -> World:
+    world = World(terrain, WorldConfig(physics=PhysicsConfig(friction=friction), patch=PatchConfig(kind=kind)))
     world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((x, 0.0, 0.1), linear=(speed, 0.0, 0.0)))
     return world
 
@@ -118,3 +132,41 @@ def test_impossible_friction_is_refused_and_the_old_one_stays(friction: float | 
     with pytest.raises(InputError, match=words):
         terrain.friction = friction
     assert terrain.friction == ICE
+
+
+@pytest.mark.parametrize("how", ["assigned", "replaced", "put"])
+@pytest.mark.parametrize(("friction", "slides"), [(0.1, True), (1.0, False)])
+def test_what_sleeps_on_a_slope_that_freezes_wakes_and_slides(how: str, friction: float, slides: bool) -> None:
+    """And sleeps on where the friction is the one that it fell asleep on."""
+    slope = 0.2 * RESOLUTION * np.arange(COLUMNS) * np.ones((ROWS, 1))
+    ground = HeightMap(slope, resolution=RESOLUTION, origin=(-10.0, -2.0))
+    with World(ground, WorldConfig(physics=PhysicsConfig(friction=0.8))) as world:
+        world.spawn("box", Box(0.4, 0.4, 0.1), 1.0, BodyState((0.0, 0.0, 2.06)))
+        world.step(600)
+        assert not world.followers.awake.size
+        before = world.state("box").position[0]
+        if how == "assigned":
+            ground.friction = friction
+        elif how == "replaced":
+            ground.replace(slope, time=world.time, friction=friction)
+        else:
+            new = HeightMap(slope, geometry=ground.geometry, time=world.time, friction=friction)
+            world.terrain.put("", new)
+        world.step()
+        assert bool(world.followers.awake.size) == slides
+        world.step(120)
+        assert (world.state("box").position[0] < before - 0.1) == slides
+
+
+def test_colliders_of_pybullet_have_the_friction_under_their_body() -> None:
+    """A metre of ice, then gravel, on a collider without inner edges, which would take some speed, too."""
+    speed_on_gravel = math.sqrt(3.0**2 - 2 * ICE * GRAVITY * 1.0)
+    expected = 1.0 + speed_on_gravel**2 / (2 * GRAVEL * GRAVITY)
+    assert way_of(sliding(flat(halves()), -1.05, 3.0, kind="hull")) == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize("friction", [ICE, GRAVEL])
+def test_on_a_height_field_the_friction_of_ground_and_body_are_multiplied(friction: float) -> None:
+    ground = way_of(sliding(flat(friction), -9.0, 2.0, kind="heightfield"))
+    body = way_of(sliding(flat(), -9.0, 2.0, friction, kind="heightfield"))
+    assert ground == pytest.approx(body, rel=1e-3)

@@ -144,14 +144,6 @@ def test_bodies_sleep_and_wake_when_their_ground_falls() -> None:
         assert world.state("box").position[2] == pytest.approx(-0.4, abs=1e-3)
 
 
-@pytest.fixture
-def client() -> Any:
-    bullet = BulletClient(pb.DIRECT)
-    bullet.setGravity(0.0, 0.0, -9.81)
-    yield bullet
-    bullet.disconnect()
-
-
 def ball(client: Any) -> int:
     shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=0.2)
     return int(client.createMultiBody(1.0, shape, basePosition=(0.0, 0.0, 0.5)))
@@ -231,7 +223,7 @@ def test_what_slides_stops_where_friction_says(friction: float) -> None:
         assert world.state("box").position[0] == pytest.approx(3.0**2 / (2.0 * friction * 9.81), rel=0.02)
 
 
-@pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("restitution", [0.0, 0.2, 0.5, 0.8, 0.9])
 def test_what_bounces_rises_as_high_as_its_restitution_says(restitution: float) -> None:
     for shape, height in ((Sphere(0.2), 0.2), (Box(0.3, 0.3, 0.2), 0.1), (Cylinder(0.15, 0.2), 0.1)):
         with world_of(flat(), restitution=restitution) as world:
@@ -241,7 +233,7 @@ def test_what_bounces_rises_as_high_as_its_restitution_says(restitution: float) 
                 world.step()
                 if rising or world.state("body").linear[2] > 0.0:
                     rising.append(world.state("body").position[2] - height)
-            assert max(rising) == pytest.approx(restitution**2, rel=0.03)
+            assert max(rising, default=0.0) == pytest.approx(restitution**2, rel=0.03, abs=1e-3)
 
 
 def test_a_client_has_one_ground_at_a_time(client: Any) -> None:

@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
-from smartmesh_ros.ground.shapes import Capsule, Cylinder, Shape
 from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from tests.bodies import rotation
 
 DT = 1.0 / 240.0
-TILT = (0.3, 0.2, 0.1, math.sqrt(1.0 - 0.14))
 
 
 def rough(seed: int = 0, scale: float = 0.02) -> HeightMap:
@@ -20,85 +17,17 @@ def rough(seed: int = 0, scale: float = 0.02) -> HeightMap:
     return HeightMap(rng.normal(scale=scale, size=(81, 81)), resolution=0.25, origin=(-10.0, -10.0))
 
 
-def support(shape: Shape, orientation: tuple[float, float, float, float], normal: np.ndarray) -> float:
-    """How far a shape in an orientation (x, y, z, w) reaches from its middle against a unit normal [m]."""
-    if isinstance(shape, Sphere):
-        return shape.radius
-    across = rotation(np.array(orientation)).T @ normal  # along the shape's own axes
-    if isinstance(shape, Box):
-        return float(0.5 * np.abs(across) @ (shape.x, shape.y, shape.z))
-    if isinstance(shape, Cylinder):
-        return float(shape.radius * math.hypot(across[0], across[1]) + 0.5 * shape.height * abs(across[2]))
-    return float(shape.radius + 0.5 * shape.height * abs(across[2]))
-
-
-def deepest(heightmap: HeightMap, physics: PhysicsConfig, speed: float, radius: float) -> tuple[float, int]:
-    """How deep 20 balls get that come down at ``speed``, and how many end below the ground."""
-    rng = np.random.default_rng(1)
-    with World(heightmap, WorldConfig(physics=physics)) as world:
+@pytest.mark.parametrize("speed", [2.0, 5.0, 10.0, 20.0, 40.0])
+def test_no_small_fast_body_is_lost(speed: float) -> None:
+    heightmap, rng, radius = rough(), np.random.default_rng(1), 0.02
+    with World(heightmap, WorldConfig(physics=PhysicsConfig(guard=False))) as world:
         for index in range(20):
             x, y = rng.uniform(-8.0, 8.0, 2)
             height = float(heightmap.at([[x, y]], 0.0).heights[0]) + radius + rng.uniform(0.02, 0.4)
             world.spawn(f"ball_{index}", Sphere(radius), 1.0, BodyState((x, y, height), linear=(0.0, 0.0, -speed)))
-        depth = 0.0
-        for _ in range(120):
-            world.step()
-            places = np.array([world.state(name).position for name in world.bodies])
-            surface = heightmap.at(places[:, :2], world.time).heights
-            depth = max(depth, float((surface + radius - places[:, 2]).max()))
-        return depth, int((places[:, 2] < surface).sum())
-
-
-@pytest.mark.parametrize("speed", [2.0, 8.0, 40.0])
-def test_falling_bodies_stop_at_the_surface(speed: float) -> None:
-    flat = HeightMap(np.zeros((81, 81)), resolution=0.25, origin=(-10.0, -10.0))
-    assert deepest(flat, PhysicsConfig(guard=False), speed, 0.2)[0] < 1e-3
-
-
-@pytest.mark.parametrize("speed", [2.0, 5.0, 10.0, 20.0, 40.0])
-def test_no_small_fast_body_is_lost(speed: float) -> None:
-    assert deepest(rough(), PhysicsConfig(guard=False), speed, 0.02)[1] == 0
-
-
-@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9])
-def test_a_ball_bounces_as_high_as_its_restitution_says(restitution: float) -> None:
-    flat = HeightMap(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0))
-    config = WorldConfig(physics=PhysicsConfig(restitution=restitution))
-    with World(flat, config) as world:
-        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 1.2)))
-        speeds, heights = [], []
-        for _ in range(300):
-            world.step()
-            speeds.append(world.state("ball").linear[2])
-            heights.append(world.state("ball").position[2])
-        rebound = max(speeds[100:200])
-        assert rebound == pytest.approx(restitution * math.sqrt(2.0 * 9.81 * 1.0), abs=0.12)
-        apex = max(heights[130:])
-        assert apex - 0.2 == pytest.approx(restitution**2, rel=0.05, abs=0.01)
-
-
-@pytest.mark.parametrize("shape", [Sphere(0.3), Box(0.4, 0.6, 0.2), Cylinder(0.2, 0.6), Capsule(0.2, 0.5)])
-def test_the_support_is_that_of_the_shape(shape: Shape) -> None:
-    """A body touches a slope when it is as far from it as its support: PyBullet finds the contact there."""
-    import pybullet as pb
-    from pybullet_utils.bullet_client import BulletClient
-
-    client = BulletClient(pb.DIRECT)
-    normal = np.array([0.2, -0.3, 0.9])
-    normal /= np.linalg.norm(normal)
-    axis = np.cross((0.0, 0.0, 1.0), normal)
-    angle = math.acos(normal[2])
-    turn = (*(axis / np.linalg.norm(axis) * math.sin(angle / 2)), math.cos(angle / 2))
-    slab = client.createMultiBody(
-        0.0, client.createCollisionShape(pb.GEOM_BOX, halfExtents=[9, 9, 1]), basePosition=-normal, baseOrientation=turn
-    )
-    reach = support(shape, TILT, normal)
-    body = client.createMultiBody(
-        1.0, client.createCollisionShape(**shape.bullet()), basePosition=reach * normal, baseOrientation=TILT
-    )
-    points = client.getClosestPoints(body, slab, 1.0)
-    client.disconnect()
-    assert min(point[8] for point in points) == pytest.approx(0.0, abs=2e-3)
+        world.step(120)
+        places = np.array([world.state(name).position for name in world.bodies])
+        assert (places[:, 2] >= heightmap.at(places[:, :2], world.time).heights).all()
 
 
 def test_the_guard_puts_back_what_is_below_the_ground_and_counts_it() -> None:
@@ -311,7 +240,6 @@ def test_a_body_at_rest_rides_on_ground_that_starts_to_rise_at_once(speed: float
 
 @pytest.mark.parametrize("speed", [2.0, 5.0])
 def test_a_body_at_rest_on_rough_ground_that_starts_to_rise_is_not_thrown(speed: float) -> None:
-    """There its collider is off the ground by up to the tolerance, so its distance from the ground tells little."""
     rng = np.random.default_rng(3)
     found = clearances_where_ground_starts(speed, PhysicsConfig(), rng.normal(scale=0.02, size=(SIDE, SIDE)))
     assert max(found) <= 1e-3
@@ -333,7 +261,7 @@ def test_a_body_at_rest_that_is_sent_into_flat_ground_stays_on_it(speed: float) 
         assert min(heights) >= -1e-3
 
 
-def test_a_body_in_contact_is_clamped_where_it_runs_into_a_wall() -> None:
+def test_a_body_in_contact_stops_where_it_runs_into_a_wall() -> None:
     """A ball that rolls at 20 m/s meets a wall: the floor that it touches is no reason to let it in."""
     heights = np.zeros((SIDE, SIDE))
     heights[:, 30:] = 1.0

@@ -22,19 +22,6 @@ def flat(size: int = 121, resolution: float = 0.1) -> HeightMap:
     return HeightMap(np.zeros((size, size)), resolution=resolution, origin=(-half, -half))
 
 
-def slide(kind: PatchKind) -> float:
-    """Speed after a second of a frictionless box that starts at 3 m/s on flat ground."""
-    with World(flat(), WorldConfig(physics=PhysicsConfig(friction=0.0), patch=PatchConfig(kind=kind))) as world:
-        world.spawn("box", Box(0.4, 0.4, 0.4), 1.0, BodyState((-3.0, 0.013, 0.2), linear=(3.0, 0.0, 0.0)))
-        world.step(240)
-        return math.hypot(*world.state("box").linear)
-
-
-def test_a_box_slides_without_ghost_collisions() -> None:
-    assert slide("auto") == pytest.approx(3.0, abs=0.002)
-    assert slide("heightfield") < 2.99, "inner edges hold it up"
-
-
 def speed_along_a_gutter(kind: PatchKind) -> float:
     """Speed [m/s] of a frictionless ball after 8 s in a straight V gutter that it enters at 4 m/s."""
     heights = np.tile(0.05 * np.abs(np.arange(41) - 20)[:, None], (1, 361))
@@ -68,18 +55,6 @@ def test_ground_above_everything_seen_before_carries() -> None:
     """Heights are relative to the patch's centre sample: once that has dropped, all others are higher than any was when
     the collider was made (bullet3 issues 4200 and 4236)."""
     assert depth_in_pit() < 0.02
-
-
-def test_a_plank_leans_on_a_step_far_above_its_foot() -> None:
-    heights = np.zeros((61, 61))
-    heights[:, 34:] = 0.3
-    tilt = 0.5 * math.radians(30.0)
-    config = WorldConfig(physics=PhysicsConfig(guard=False))
-    with World(HeightMap(heights, resolution=0.1, origin=(-3.0, -3.0)), config) as world:
-        orientation = (0.0, -math.sin(tilt), 0.0, math.cos(tilt))
-        world.spawn("plank", Box(1.0, 0.2, 0.1), 1.0, BodyState((0.05, 0.0, 0.36), orientation))
-        world.step(240)
-        assert world.state("plank").position[2] > 0.2
 
 
 @pytest.mark.parametrize("rise", [1.0, 5.0, 20.0])
@@ -193,16 +168,6 @@ def test_a_body_that_falls_obeys_ballistics_until_it_rests(make: Callable[[], Sp
         assert force == pytest.approx(2.0 * GRAVITY, rel=0.01)
 
 
-def test_digging_under_a_resting_body_lets_it_fall_at_once() -> None:
-    heightmap = flat(61)
-    with World(heightmap) as world:
-        world.spawn("box", Box(0.3, 0.3, 0.3), 1.0, BodyState((0.0, 0.0, 0.15)))
-        world.step(480)
-        heightmap.update_region(20, 20, np.full((21, 21), -1.0), time=world.time)
-        world.step(24)
-        assert world.state("box").position[2] < 0.15 - 0.5 * 0.5 * GRAVITY * 0.1**2
-
-
 def test_a_rolling_ball_keeps_its_speed() -> None:
     with World(flat(), WorldConfig(patch=PatchConfig(kind="heightfield"))) as world:
         world.spawn(
@@ -225,22 +190,6 @@ def test_a_ball_does_not_hang_on_contacts_of_ground_that_sank_away() -> None:
         heightmap.replace(sunk, time=world.time)
         world.step(240)
         assert world.state("ball").position[2] < 0.1
-
-
-@pytest.mark.parametrize("kind", ["auto", "heightfield"])
-def test_ground_that_slides_takes_a_box_along(kind: PatchKind) -> None:
-    """The same map comes 5 mm further on at 100 Hz: by friction the box gets the ground's speed."""
-    with World(HeightMap(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0)),
-               WorldConfig(physics=PhysicsConfig(rate=200.0), patch=PatchConfig(kind=kind))) as world:  # fmt: skip
-        world.spawn("box", Box(0.4, 0.4, 0.2), 1.0, BodyState((0.01, 0.02, 0.1)))
-        for step in range(200):
-            if step % 2 == 0:
-                heightmap = HeightMap(
-                    np.zeros((41, 41)), resolution=0.25, origin=(-5.0 + 0.0025 * step, -5.0), time=world.time
-                )
-                world.terrain.put("", heightmap)
-            world.step()
-        assert world.state("box").linear == pytest.approx((0.5, 0.0, 0.0), abs=0.02)
 
 
 @pytest.mark.parametrize("rate", [0.0, 60.0])

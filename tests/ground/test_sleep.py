@@ -20,7 +20,7 @@ from smartmesh_ros.ground.sleep_config import SleepConfig
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.joints import JointCommand
-from studies.matrix.sleeping import HUSKY
+from studies.matrix.arena import HUSKY
 from tests.examples import examples
 
 SIDE, SPACING, RATE = 61, 0.1, 240
@@ -407,7 +407,7 @@ class SleepingBesideAwake(RuleBasedStateMachine):
                 fresh.spawn(name, BOX, 1.0, world.state(name))
             fresh.refresh()
             found, expected = (
-                {w.followers[slot].name: w.ground.supports[slot] for slot in w.followers.solid.tolist()}
+                {w.followers[slot].name: w.ground.patches.supports[slot] for slot in w.followers.solid.tolist()}
                 for w in (world, fresh)
             )
             assert found.keys() == expected.keys()

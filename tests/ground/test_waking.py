@@ -1,12 +1,10 @@
 """Bodies that PyBullet has put to sleep go with the ground; others are left alone."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pybullet as pb
 import pytest
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -16,14 +14,6 @@ DT = 1.0 / 240.0
 SIDE, SPACING = 41, 0.1
 ROWS, COLUMNS = np.mgrid[:SIDE, :SIDE]
 BUMPS = 0.002 * np.sin(3.0 * ROWS) * np.cos(2.0 * COLUMNS)
-
-
-@pytest.fixture
-def client() -> Iterator[Any]:
-    bullet = BulletClient(pb.DIRECT)
-    bullet.setGravity(0.0, 0.0, -9.81)
-    yield bullet
-    bullet.disconnect()
 
 
 @pytest.fixture

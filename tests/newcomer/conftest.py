@@ -74,6 +74,11 @@ def line_with(words: str, lines: list[str]) -> str:
     return line
 
 
+def build_command() -> str:
+    """The README's command that builds a workspace."""
+    return line_with("colcon", readme_block("ln -s")).partition(" && ")[0]
+
+
 def copy_of_this(folder: Path) -> None:
     """Copies this repository as it is in version control, what is not committed yet included, and libraries of the core
     that are compiled already."""
@@ -98,10 +103,9 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
 def workspace(sources: Workspace) -> Workspace:
     """The workspace, built with the README's command but for the messages, whose C++ takes minutes: those of this
     environment, which `make` built from the same sources."""
-    build, _, _ = line_with("colcon", readme_block("ln -s")).partition(" && ")
     installed = sources.folder / "install"
     installed.mkdir()
     (installed / MESSAGES).symlink_to(get_package_prefix(MESSAGES))
-    sources.run(f"{build} --packages-skip {MESSAGES}", sourced=False)
+    sources.run(f"{build_command()} --packages-skip {MESSAGES}", sourced=False)
     assert Path(sys.prefix) in Path(shutil.which("colcon") or "").parents or shutil.which("ros2")
     return sources

@@ -1,13 +1,20 @@
-"""A wheel for users of PyBullet without ROS, installed into an empty environment."""
+"""Installations by pip into empty environments: what lands there, and which package named PyBullet is asked for.
+
+Users of PyBullet without ROS install in this way. One asks for a PyBullet that has a wheel, and for none where a
+PyBullet is there.
+"""
 
 import importlib.metadata
 import os
 import re
 import subprocess
 import sys
+import tomllib
+from email.parser import Parser
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 from tests.newcomer.conftest import LONG, ROOT, copy_of_this
 
@@ -15,6 +22,25 @@ OWN = ("demo", "fleet", "fleet-front", "rover", "soil", "tune", "view")
 CONSTRAINTS = ROOT / "requirements" / "constraints.txt"
 COMMANDS = {"terrain_collider", "terrain_sensor", "terrain_source", *(f"smartmesh-{name}" for name in OWN)}
 WITHOUT_ROS = {"smartmesh-tune"}
+FORK, UPSTREAM = "pybullet-arm64", "pybullet"
+MACHINES = [("Linux", "x86_64"), ("Linux", "aarch64"), ("Darwin", "x86_64"), ("Darwin", "arm64"), ("Windows", "AMD64")]
+VERSIONS = ["3.10", "3.11", "3.12", "3.13", "3.14"]
+DROP = """
+import numpy as np
+import pybullet as p
+from smartmesh_ros import Ground, HeightMap
+
+p.connect(p.DIRECT)
+p.setGravity(0, 0, -9.81)
+ball = p.createMultiBody(1.0, p.createCollisionShape(p.GEOM_SPHERE, radius=0.2), basePosition=[0, 0, 0.5])
+ground = Ground(p, HeightMap(np.zeros((21, 21)), resolution=0.1, origin=(-1, -1)))
+ground.attach(ball)
+for step in range(480):
+    ground.step(time=step / 240, dt=1 / 240)
+assert ground.exact, ground.no_proxies
+height, speed = p.getBasePositionAndOrientation(ball)[0][2], np.linalg.norm(p.getBaseVelocity(ball)[0])
+assert abs(height - 0.2) < 1e-4 and speed < 1e-6, (height, speed)
+"""
 
 
 def run(*command: str | Path, **settings: str) -> subprocess.CompletedProcess[str]:
@@ -37,17 +63,76 @@ def install(environment: Path, *arguments: str | Path, **settings: str) -> None:
     pip(sys.executable, "--python", environment / "bin" / "python", "install", *arguments, **settings)
 
 
+def of_pybullet(requirements: list[str]) -> list[Requirement]:
+    """Those of the requirements that are of PyBullet."""
+    return [found for found in map(Requirement, requirements) if found.name.startswith("pybullet")]
+
+
+def metadata_of(folder: Path) -> list[str]:
+    """The requirements of the installation of this package in a folder."""
+    [file] = folder.rglob("smartmesh_ros-*.dist-info/METADATA")
+    return Parser().parsestr(file.read_text()).get_all("Requires-Dist", [])
+
+
+def tag_of(packages: Path) -> str:
+    """For which Python and machine the wheel was that was installed into a folder."""
+    [file] = packages.glob("smartmesh_ros-*.dist-info/WHEEL")
+    return Parser().parsestr(file.read_text())["Tag"]
+
+
+def empty_environment(made: Path) -> Path:
+    """The folder of the packages of a new virtual environment."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", made], check=True)
+    [packages] = made.glob("lib/python*/site-packages")
+    return packages
+
+
 @pytest.fixture(scope="module")
-def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A virtual environment that holds the wheel and what it asks for, and nothing else."""
-    folder = tmp_path_factory.mktemp("wheel")
-    copy_of_this(folder / "source")
-    pip(sys.executable, "wheel", "--no-deps", "--wheel-dir", folder, folder / "source")
-    [wheel] = folder.glob("smartmesh_ros-*.whl")
-    made = folder / "empty"
-    assert run(sys.executable, "-m", "venv", "--without-pip", made).returncode == 0
-    install(made, wheel)
-    return made
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("pip") / "source"
+    copy_of_this(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def packages(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The packages of an empty environment into which pip installed this one, and what it asks for."""
+    made = tmp_path_factory.mktemp("empty") / "environment"
+    found = empty_environment(made)
+    install(made, source)
+    return found
+
+
+@pytest.fixture(scope="module")
+def environment(packages: Path) -> Path:
+    """The folder of that environment."""
+    return packages.parents[2]
+
+
+@pytest.fixture(scope="module")
+def for_all_machines(packages: Path) -> list[Requirement]:
+    """What a package asks for that is installed into an environment without PyBullet."""
+    return of_pybullet(metadata_of(packages))
+
+
+@pytest.fixture(scope="module")
+def for_make() -> list[Requirement]:
+    """What `make` and the README's recipe for a workspace install."""
+    lines = (ROOT / "requirements" / "pybullet.txt").read_text().splitlines()
+    return of_pybullet([line for line in lines if line and not line.startswith("#")])
+
+
+def test_the_library_is_installed_without_its_sources(packages: Path) -> None:
+    library, *others = [path.name for path in (packages / "smartmesh_ros" / "core").glob("*.*") if path.suffix != ".py"]
+    assert library.startswith("_core.")
+    assert not others
+    this = f"cp{sys.version_info.major}{sys.version_info.minor}"
+    assert tag_of(packages).startswith("cp312-abi3-linux" if sys.version_info >= (3, 12) else f"{this}-{this}-linux")
+
+
+def test_a_ball_rests_on_the_map_of_an_installed_package(environment: Path) -> None:
+    result = run(environment / "bin" / "python", "-c", DROP)
+    assert result.returncode == 0, result.stderr
 
 
 def test_the_ten_lines_run_without_ros(environment: Path) -> None:
@@ -78,3 +163,47 @@ def entry_points(python: Path) -> tuple[set[str], set[str]]:
     code = f"import importlib.metadata; [print(e.name, e.value) for e in {entries}]"
     pairs = [line.split() for line in run(python, "-c", code).stdout.splitlines()]
     return {name for name, _ in pairs}, {function for _, function in pairs}
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize(("system", "machine"), MACHINES)
+def test_one_pybullet_is_asked_for_and_it_has_a_wheel_on_linux(
+    for_all_machines: list[Requirement], for_make: list[Requirement], version: str, system: str, machine: str
+) -> None:
+    there = {"platform_system": system, "platform_machine": machine, "python_version": version}
+    expected = FORK if (system, machine) == ("Linux", "x86_64") and version in ("3.12", "3.13") else UPSTREAM
+    for requirements in (for_all_machines, for_make):
+        [name] = [found.name for found in requirements if found.marker is not None and found.marker.evaluate(there)]
+        assert name == expected
+
+
+def test_versions_are_pinned_to_those_of_the_constraints(
+    for_all_machines: list[Requirement], for_make: list[Requirement]
+) -> None:
+    constraints = (ROOT / "requirements" / "constraints.txt").read_text().splitlines()
+    for found in for_make:
+        assert f"{found.name}{found.specifier}" in constraints
+    [fork] = [found for found in for_all_machines if found.name == FORK]
+    assert f"{FORK}{fork.specifier}" in constraints
+
+
+def test_a_build_installs_no_pybullet_for_itself() -> None:
+    requires = tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"]
+    assert not of_pybullet(requires)
+
+
+@pytest.mark.parametrize("name", [UPSTREAM, FORK, ""])
+def test_an_environment_keeps_its_pybullet(source: Path, tmp_path: Path, name: str) -> None:
+    """Installed by pip, which builds where the environment's packages cannot be imported. With "", PyBullet is there
+    without being a package of pip's."""
+    made = tmp_path / "environment"
+    packages = empty_environment(made)
+    (packages / "pybullet.py").touch()
+    if name:
+        folder = packages / f"{name.replace('-', '_')}-3.2.9.dist-info"
+        folder.mkdir()
+        (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 3.2.9\n")
+        (folder / "top_level.txt").write_text("pybullet\n")
+    install(made, "--no-deps", source)
+    found = of_pybullet(metadata_of(packages))
+    assert [str(item) for item in found] == [name] * bool(name)

@@ -7,7 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from tests.newcomer.conftest import ASK_CORE, HERE, ROOT, Workspace, copy_of_this, line_with, readme_block
+from tests.newcomer.conftest import (
+    ASK_CORE,
+    HERE,
+    ROOT,
+    Workspace,
+    build_command,
+    copy_of_this,
+    line_with,
+    readme_block,
+)
 
 ROSDEP = f"""
 export ROS_DISTRO=jazzy ROS_PYTHON_VERSION=3 ROS_HOME=$PWD/ros_home ROSDEP_SOURCE_PATH=$PWD/rosdep_sources
@@ -75,22 +84,28 @@ def test_the_core_is_installed(workspace: Workspace) -> None:
     assert Path(place).is_relative_to(workspace.folder / "install")
 
 
-@pytest.mark.parametrize("option", ["", "--symlink-install"])
-def test_a_changed_core_is_fresh_after_a_build(tmp_path: Path, option: str) -> None:
-    made = Workspace(tmp_path)
-    source = tmp_path / "src" / "smartmesh_ros"
-    copy_of_this(source)
-    bindings = source / "smartmesh_ros" / "core" / "bindings.cpp"
+def build_another_core(made: Workspace, answer: str, option: str = "") -> Path:
+    """Change the core in a workspace and build it; return the core that is imported, which gives that answer."""
+    bindings = made.folder / "src" / "smartmesh_ros" / "smartmesh_ros" / "core" / "bindings.cpp"
     begin = "nb::set_leak_warnings(false);"
-    assert begin in bindings.read_text()
-    ask = f"{ASK_CORE}; print(_core.answer)"
+    text = re.sub(r'm\.attr\("answer"\) = \d+; ', "", bindings.read_text())
+    assert begin in text
+    bindings.write_text(text.replace(begin, f'm.attr("answer") = {answer}; {begin}'))
+    made.run(f"{build_command()} --packages-select smartmesh_ros {option}", sourced=False)
+    core, found = made.run(f"python3 -c '{ASK_CORE}; print(_core.answer)'").stdout.split()
+    assert found == answer
+    return Path(core).resolve()
+
+
+def test_a_changed_core_is_fresh_after_a_build(workspace: Workspace) -> None:
+    assert build_another_core(workspace, "42").is_relative_to(workspace.folder / "install")
+
+
+def test_a_changed_core_is_fresh_after_a_build_of_links(tmp_path: Path) -> None:
+    made = Workspace(tmp_path)
+    copy_of_this(tmp_path / "src" / "smartmesh_ros")
     for answer in ("41", "42"):
-        text = re.sub(r'm\.attr\("answer"\) = \d+; ', "", bindings.read_text())
-        bindings.write_text(text.replace(begin, f'm.attr("answer") = {answer}; {begin}'))
-        made.run(f"colcon build --packages-select smartmesh_ros {option}", sourced=False)
-        core, found = made.run(f"python3 -c '{ask}'").stdout.split()
-        assert found == answer
-        assert Path(core).resolve().is_relative_to(source if option else tmp_path / "install")
+        assert build_another_core(made, answer, "--symlink-install").is_relative_to(tmp_path / "src")
 
 
 def test_a_user_takes_the_first_steps_with_a_package_of_his_own(workspace: Workspace) -> None:

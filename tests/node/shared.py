@@ -28,6 +28,8 @@ from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, heightmap_message
 
 LISTS = {spec.name for spec in SPECS if isinstance(spec.default, list)}
+# What is still there is taken away again after so long [s], longer than bodies are tracked by default.
+AGAIN = 1.5
 NOTHING = {"simulated": "0", "tracked": "0", "patches": "0"}
 
 
@@ -50,13 +52,17 @@ def clear(probe: Probe) -> None:
         assert probe.call("reset", Trigger).success  # stamps too: the last test may have set them ahead
 
     def empty() -> bool:
+        nonlocal due
         found = probe.diagnostics_by_task()
         if found["terrain"]["tiles"] == "0" and NOTHING.items() <= found["bodies"].items():
             return True
-        take_away(_tiles(found["terrain"]))
+        if monotonic() >= due:  # a reset starts the time-outs of tracked bodies anew
+            due = monotonic() + AGAIN
+            take_away(_tiles(found["terrain"]))
         return False
 
     take_away(_tiles(probe.newest_diagnostics().get("terrain", {})))  # likely all of them, a diagnostics period earlier
+    due = monotonic() + AGAIN
     probe.wait_for(empty)
 
 

@@ -140,7 +140,7 @@ def test_bodies_that_are_heard_of_stay_however_old_their_stamps_are(shared: Prob
                 rover.publish(odometry)
                 arm.publish(old(shared, PoseStamped(pose=pose_message((1.0, 2.0, 0.2))), 0.9))
             shared.spin(0.01)
-            return len(shared.received[DIAGNOSTICS]) >= seen + 8
+            return len(shared.received[DIAGNOSTICS]) >= seen + 20
 
         shared.wait_for(publish)
         tracked = [bodies_tracked(message) for message in shared.received[DIAGNOSTICS][seen:]]

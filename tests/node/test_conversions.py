@@ -20,13 +20,15 @@ places = st.tuples(*[st.floats(-1e3, 1e3)] * 3)
 
 
 @settings(deadline=None)
-@given(texts, texts, grids, places, st.floats(-3.1, 3.1), st.booleans())
+@given(texts, texts, grids, places, st.floats(-3.1, 3.1), st.booleans(), st.sampled_from(["", "one", "each"]))
 def test_a_map_is_what_was_sent(
-    frame_id: str, tile: str, heights: np.ndarray, origin: tuple[float, ...], yaw: float, moving: bool
+    frame_id: str, tile: str, heights: np.ndarray, origin: tuple[float, ...], yaw: float, moving: bool, rubs: str
 ) -> None:
+    friction = {"": None, "one": 0.25, "each": 3 * heights}[rubs]
     message = heightmap_message(
-        heights, frame_id=frame_id, tile=tile, origin=origin, yaw=yaw, velocities=2 * heights if moving else None
-    )
+        heights, frame_id=frame_id, tile=tile, origin=origin, yaw=yaw, velocities=2 * heights if moving else None,
+        friction=friction,
+    )  # fmt: skip
     message.header.stamp.sec, message.header.stamp.nanosec = 12, 34
     new = map_from(serialize_message(message), ROOM)
     assert new.start == (12, 34, frame_id, tile)
@@ -38,6 +40,9 @@ def test_a_map_is_what_was_sent(
         np.testing.assert_array_equal(new.velocities, 2 * heights)
     else:
         assert new.velocities is None
+    assert (new.friction is None) == (friction is None)
+    if friction is not None:
+        np.testing.assert_array_equal(new.friction, friction)
 
 
 @settings(deadline=None)

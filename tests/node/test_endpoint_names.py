@@ -6,7 +6,6 @@ from typing import Any
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from smartmesh_ros.node.endpoint_names import NAME_TIMEOUT, NAMELESS, UNKNOWN, EndpointNames
-from smartmesh_ros.node.inputs.rivals import publisher_names
 from smartmesh_ros.node.outputs.connections import incompatible_peers
 
 RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
@@ -45,9 +44,9 @@ class Graph:
 def test_rivals_are_named_once_the_names_of_all_have_arrived() -> None:
     graph: Any = Graph()
     names = EndpointNames()
-    assert publisher_names(graph, [graph.subscription], names) == []
+    assert names.of_publishers(graph, ["/maps"]) is None
     graph.publishers[1] = endpoint(2, ("other", "/"))
-    assert publisher_names(graph, [graph.subscription], names) == ["/other", "/robot/mapper"]
+    assert names.of_publishers(graph, ["/maps"]) == ["/other", "/robot/mapper"]
 
 
 def test_a_peer_that_does_not_fit_is_told_of_once_its_name_has_arrived() -> None:

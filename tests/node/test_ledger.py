@@ -46,9 +46,9 @@ class World:
         for again in duties.spawn:
             if again.node in self.alive and again.name not in self.bodies[again.node]:
                 self.bodies[again.node].append(again.name)
-                self.ledger.spawned(again.name, self.time)
+                self.ledger.answered(again.name, self.time, success=True)
             else:
-                self.ledger.not_spawned(again.name)
+                self.ledger.answered(again.name, self.time, success=False)
         for node, name in duties.remove:
             if node in self.alive:
                 self.bodies[node].remove(name)
@@ -56,7 +56,7 @@ class World:
     def spawn(self, name: str, x: float = 0.0) -> str:
         node = self.ledger.choose(name, x, 0.0, object())
         self.bodies[node].append(name)
-        self.ledger.spawned(name, self.time)
+        self.ledger.answered(name, self.time, success=True)
         return node
 
     def die(self, node: str) -> None:

@@ -15,10 +15,11 @@ from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import ContactWrenchArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
 from std_msgs.msg import String
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.services.robot_files import robot_name, with_package_paths
+from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.tools.testing import Probe, Process, pose_message
 from tests.node.shared import changed
 
@@ -178,6 +179,33 @@ def test_the_twist_of_odometry_is_in_the_frame_of_the_turned_base(shared: Probe)
         shared.wait_for(lambda: "other/base_link" in {message.child_frame_id for message in received})
         assert shared.call("remove_body", RemoveBody, id="other").success
         shared.wait_for(lambda: shared.latest("joint_states").name == WHEELS)
+
+
+def test_tracks_are_driven_by_joint_commands_under_their_names(shared: Probe) -> None:
+    """Before and after a reset; joint states, which tell only of joints, have no name."""
+    listen(shared)
+    shared.publish_map(np.zeros((101, 101)))
+    pose = pose_message((3.0, 5.0, 0.0))
+    asked = {"id": "machine", "urdf": robot_file().read_text(), "pose": pose, "on_ground": True}
+    shared.wait_for(lambda: shared.call("spawn_body", SpawnBody, **asked).success)
+    assert shared.call("pause", SetBool, data=True).success
+    publisher = shared.publisher(JointState, "joint_commands")
+
+    def twist() -> Twist:
+        return shared.latest("odometry").twist.twist
+
+    def drives() -> bool:
+        publisher.publish(JointState(name=["left_track", "right_track"], velocity=[0.3, 0.5]))
+        step(shared, 1)
+        return bool(twist().linear.x > 0.05)
+
+    shared.wait_for(drives)
+    for _ in range(2):
+        step(shared, 120)
+        assert twist().linear.x == pytest.approx(0.4, rel=0.03)
+        assert twist().angular.z == pytest.approx(0.2, rel=0.1)
+        assert shared.call("reset", Trigger).success
+    assert not shared.latest("joint_states").name
 
 
 def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(

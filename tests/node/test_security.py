@@ -39,7 +39,7 @@ def test_services_open_no_file_outside_the_folders(probe: Probe, tmp_path: Path)
 
 def test_sizes_are_capped_by_parameters(probe: Probe) -> None:
     caps = {
-        "bodies.most": 3, "bodies.longest_name": 20, "bodies.longest_urdf": 1000,
+        "bodies.most": 3, "bodies.longest_urdf": 1000,
         "terrain.max_samples": 2000, "terrain.max_tiles": 2,
     }  # fmt: skip
     with probe.running(parameters=caps):
@@ -53,11 +53,11 @@ def test_sizes_are_capped_by_parameters(probe: Probe) -> None:
         probe.wait_for(lambda: probe.diagnostics("terrain")["tiles"] == "2")
         probe.publish_map(np.zeros((10, 10)), tile="c", origin=(99.0, 0.0, 0.0))
         probe.wait_for(lambda: probe.diagnostics("inputs").get(refused) == "2")
-        probe.publish_map(np.zeros((10, 10)), tile="x" * 21, origin=(99.0, 0.0, 0.0))
+        probe.publish_map(np.zeros((10, 10)), tile="x" * 257, origin=(99.0, 0.0, 0.0))
         probe.wait_for(lambda: probe.diagnostics("inputs").get(refused) == "3")
         # Names and descriptions.
         spawn = {"shape": SPHERE, "mass": 1.0, "pose": pose_message((1, 1, 1))}
-        assert "longest_name" in probe.call("spawn_body", SpawnBody, id="x" * 21, **spawn).message
+        assert "at most 256" in probe.call("spawn_body", SpawnBody, id="x" * 257, **spawn).message
         long = ROBOT.replace("<link", " " * 1000 + "<link", 1)
         assert "bytes" in probe.call("spawn_body", SpawnBody, id="long", urdf=long).message
         # Bodies, by service and by topic.

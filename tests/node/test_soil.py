@@ -27,6 +27,7 @@ from std_msgs.msg import Header
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.soil.message_bodies import MessageBodies
 from smartmesh_ros.node.soil.soil_map import soil_map_from
+from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.scenes import eight
 from smartmesh_ros.soil.soils import soil_named
 from smartmesh_ros.terrain.grid import GridGeometry
@@ -234,8 +235,8 @@ def test_the_links_of_a_robot_are_where_its_base_and_joints_put_them() -> None:
         bodies.take_joints({"axle": 0.3}, {"axle": 2.0})
         wheel = bodies.read("bot/wheel")
         assert wheel is not None
-        assert wheel.shape.kind == "cylinder"
-        assert wheel.shape.size == pytest.approx([0.1, 0.05], abs=1e-3)
+        assert wheel.shape.kind == ShapeKind.CYLINDER
+        assert wheel.shape.record["half"] == pytest.approx([0.1, 0.1, 0.025], abs=1e-3)
         assert wheel.state[:3] == pytest.approx([0.8, 2.3, 2.9], abs=1e-4)
         assert np.linalg.norm(wheel.state[10:]) == pytest.approx(2.0, abs=1e-3)
         assert bodies.read("bot/nothing") is None

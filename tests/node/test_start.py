@@ -16,12 +16,14 @@ import pytest
 import yaml
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
+from rclpy.context import Context
+from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import front
 from smartmesh_ros.node.outputs import publishing
-from smartmesh_ros.node.parameters.declaring import checked
+from smartmesh_ros.node.parameters.declaring import checked, given_parameters, plain_value
 from smartmesh_ros.node.parameters.parameter_files import files_of, mismatch
 from smartmesh_ros.node.parameters.refused_arguments import own_arguments
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
@@ -137,6 +139,24 @@ def test_a_parameter_file_for_another_node_is_named(probe: Probe, tmp_path: Path
         [line] = warned
         assert f"{file} has no effect: it is for /other_node" in line
         assert "240 Hz; " in process.output, "as rcl has it: the default"
+
+
+def test_what_is_given_is_known_whether_it_is_declared_or_not(domain: int) -> None:
+    def make(context: Context, cli_args: list[str]) -> Node:
+        return Node("some", context=context, cli_args=cli_args)
+
+    with made_with(make, {"a": 1, "b.c": [1.0, 2.0]}, ["-p", "d:=x"]) as node:
+        given = given_parameters(node)
+        assert {name: plain_value(item) for name, item in given.items()} == {"a": 1, "b.c": [1.0, 2.0], "d": "x"}
+        assert not any(node.has_parameter(name) for name in given)
+        node.declare_parameter("a", 0)
+        assert given_parameters(node).keys() == {"a", "b.c", "d"}
+
+
+def test_a_parameter_that_is_not_known_is_warned_about(probe: Probe) -> None:
+    with probe.running(parameters={"patch.kin": "auto"}) as process:
+        words = "parameter 'patch.kin' is unknown and has no effect; did you mean 'patch.kind'?"
+        probe.wait_for(lambda: words in process.output)
 
 
 @pytest.mark.parametrize("name", [*NODES, "view"])

@@ -207,6 +207,19 @@ def test_pause_step_and_reset(shared: Probe) -> None:
     shared.wait_for(lambda: (p := position()) and p[2] < 0.3)
 
 
+def test_outputs_keep_their_rates_after_many_calls_for_single_steps(shared: Probe) -> None:
+    """Each call publishes all outputs: it does not put off the next ones. Timing comes once a second."""
+    shared.call("pause", SetBool, data=True)
+    for _ in range(20):
+        assert shared.call("step", StepPhysics, steps=1).success
+    shared.call("pause", SetBool, data=False)
+    timings, diagnostics = shared.received[shared.topic("timing")], shared.received["/diagnostics"]
+    shared.latest("/diagnostics")
+    before, start = len(timings), len(diagnostics)
+    shared.wait_for(lambda: len(diagnostics) > start + 10)  # two seconds
+    assert len(timings) > before
+
+
 def test_a_robot_drives_by_joint_commands(shared: Probe) -> None:
     import pybullet_data
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, InputError, PatchConfig, Sphere, World
-from smartmesh_ros.ground.map_contacts import MapContacts
 from smartmesh_ros.soil.checked_soil import map_from
 from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.soil.soils import soil_named
@@ -184,12 +183,8 @@ def test_a_driven_track_pulls_itself_through_the_soil() -> None:
     with World(HeightMap(FLAT, resolution=0.04)) as world:
         world.spawn("track", Box(0.5, 0.1, 0.1), 20.0, BodyState((1.0, 2.0, 0.051)))
         world.ground.set_soil(ContactSoil(world.terrain, "dry_sand"))
-        follower = world.followers.of(world.bodies["track"].uid)[0]
         world.step(60)
-        contacts = world.ground._contacts
-        assert isinstance(contacts, MapContacts)
-        contacts.drive(follower, (0.0, 1.0, 0.0), 0.3)
-        world.wake()
+        world.ground.drive(world.bodies["track"].uid, -1, (0.0, 1.0, 0.0), 0.3)
         world.step(480)
         assert world.state("track").linear[0] == pytest.approx(0.3, rel=0.1)
 

@@ -8,8 +8,9 @@ import pytest
 
 from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
 from studies import accuracy
+from studies.body_contest import run_scene
 from studies.configurations import configurations
-from studies.contest import Result, run_scene
+from studies.contest import Result
 from studies.front import beyond_all, cheapest_as_accurate, only_by, pareto_front
 from studies.matrix.row import Outcome
 from studies.matrix.run import ROWS, run_cell

@@ -8,12 +8,12 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.evaluation.engines.engine import EngineBody, Setup
 from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
 from studies import before_after
 from studies.before_after import BEFORE, NOW, compare, same, speed_table
 from studies.contest import Result
 from studies.engines.checkout import HERE, Checkout, CheckoutOptions
+from studies.engines.engine import EngineBody, Setup
 
 DT = 1.0 / 240.0
 SMALL = Scene(

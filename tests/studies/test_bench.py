@@ -11,10 +11,10 @@ import pytest
 
 from smartmesh_ros.errors import InputError
 from studies.bench import cli, document, report
-from studies.bench.markdown import number, times
 from studies.bench.measure import QUICK, Bench, Case, Effort, Results, Timing
 from studies.bench.tables import targets
 from studies.bench.targets import TARGETS
+from studies.markdown import number, times
 
 PNG = b"\x89PNG"
 

@@ -12,8 +12,8 @@ import pytest
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import Box, Sphere
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.tools.evaluation.engines.bullet import BulletHeightfieldOptions, BulletTrimeshOptions
-from smartmesh_ros.tools.evaluation.engines.engine import EngineBody, Setup
+from studies.engines.bullet import BulletHeightfieldOptions, BulletTrimeshOptions
+from studies.engines.engine import EngineBody, Setup
 from studies.engines.registry import ENGINES, build, missing
 
 DT = 1.0 / 240.0

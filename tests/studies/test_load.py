@@ -27,7 +27,7 @@ SMALL = Case(side=128, bodies=3, mode="regions", map_rate=30.0, physics_rate=120
 
 
 def test_every_case_has_a_name_of_its_own_and_parameters_that_the_node_knows() -> None:
-    for group in (cases.grid, cases.naive, cases.executors, cases.memory):
+    for group in (cases.grid, cases.executors, cases.memory, cases.rest):
         members = group(quick=False)
         assert len({case.name for case in members}) == len(members)
         assert all(set(case.parameters()) <= set(NAMES) for case in members)

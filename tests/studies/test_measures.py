@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from smartmesh_ros.tools.evaluation.measures import angles_between, deviation, energies, held_up, penetration
+from smartmesh_ros.tools.evaluation.measures import deviation, held_up, penetration
+from studies.matrix.quantities import angles_between, energies
 
 
 def test_percentiles_leave_lost_bodies_out_from_when_they_are_lost() -> None:

@@ -19,7 +19,7 @@ from studies.contest import Result
 from studies.engines.registry import missing
 from studies.matrix.arena import square
 from studies.robots import study
-from studies.robots.configurations import configurations
+from studies.robots.configurations import build, configurations
 from studies.robots.contest import shapes_of
 from studies.robots.engine import SERVO, RobotEngine, RobotSetup
 from studies.robots.geometry import GroundPrisms, Part, cylinder, hull, placed, pose_of, read_links, sphere
@@ -146,7 +146,7 @@ def test_every_engine_holds_a_braked_rover_up(engine: str) -> None:
         heights=np.zeros((51, 51), np.float32), geometry=LEVEL, dt=1.0 / 240.0,
     )  # fmt: skip
     shapes = shapes_of(setup.text, prisms=False)
-    with chosen.build(setup) as robots:
+    with build(chosen, setup) as robots:
         for _ in range(180):
             robots.step()
         links = robots.links()
@@ -250,7 +250,7 @@ def test_servos_of_all_engines_approach_their_position_alike(engine: str) -> Non
         positions = robots.links().positions[0]
         return math.dist(*(positions[robots.names.index(name)] for name in ("toeFR", "FR_upper_leg")))
 
-    with chosen.build(setup) as robots:
+    with build(chosen, setup) as robots:
         robots.hold(LAIKAGO.stance)
         path = []
         for step in range(96):

@@ -9,9 +9,10 @@ import pytest
 from smartmesh_ros import GridGeometry, InputError
 from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.grounds import GROUNDS, make_ground
-from smartmesh_ros.tools.evaluation.presets import NAMES, read_presets
-from smartmesh_ros.tools.evaluation.reference import reference_positions
 from smartmesh_ros.tools.evaluation.scene import read_scene, read_scenes
+from smartmesh_ros.tools.tune.start import PRESETS
+from studies.presets import read_presets
+from studies.reference import reference_positions
 
 SCENES = read_scenes()
 
@@ -68,14 +69,14 @@ def test_unknown_grounds_and_settings_are_refused() -> None:
 
 def test_presets_are_points_of_the_chart() -> None:
     found = {preset.name: preset for preset in read_presets()}
-    assert set(found) == set(NAMES)
+    assert set(found) == set(PRESETS)
     assert found["fast"].physics.rate == 120.0
     assert found["fast"].physics.solver_residual > found["rover"].physics.solver_residual
     assert found["rover"].physics.rate == 240.0
 
 
 def test_ground_that_slides_is_at_rest_for_who_goes_along() -> None:
-    [scene] = [scene for scene in SCENES if scene.slides]
+    [scene] = [scene for scene in SCENES if scene.slide != (0.0, 0.0)]
     at_rest = replace(scene, slide=(0.0, 0.0), bodies=replace(scene.bodies, count=1, velocity=(-1.0, 0.0, 0.0)))
     sliding = replace(at_rest, slide=(1.0, 0.0), bodies=replace(at_rest.bodies, velocity=(0.0, 0.0, 0.0)))
     found, expected = reference_positions(sliding), reference_positions(at_rest)

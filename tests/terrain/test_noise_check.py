@@ -12,14 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck, NoiseCheckConfig
-from smartmesh_ros.terrain.sample_lattice import Lattice, compare
+from smartmesh_ros.terrain.noise_check import NO_FINDINGS, Lattice, NoiseCheck, NoiseCheckConfig
 from smartmesh_ros.tools.evaluation.grounds import make_ground
 from smartmesh_ros.tools.evaluation.scene import Scene, read_scenes
-from studies.mapper import NO_DRIFT, LoopPath, MappingConfig, mapped_terrain
 from studies.matrix.arena import square
 from studies.matrix.moving_ground import WAVES
 from studies.matrix.uneven_maps import STAMPS
@@ -89,23 +88,6 @@ def test_noise_drift_and_closures_together_are_seen_within_five_seconds() -> Non
 
 def test_drift_alone_is_motion() -> None:
     assert check_of(of_mapper(10.0, 10.0, drift=0.01)).findings == NO_FINDINGS
-
-
-@pytest.mark.parametrize("config", [MappingConfig(duration=SOON), MappingConfig(duration=SOON, drift=NO_DRIFT)])
-def test_the_maps_of_the_mapper_of_the_studies_are_noisy(config: MappingConfig) -> None:
-    """Its map travels with the rover by whole cells, has holes, and is filtered over time."""
-    check = check_of((frame.stamp, frame.geometry, frame.elevation) for frame in mapped_terrain(config))
-    assert 0.0005 < check.findings.noise < 0.005
-
-
-def test_the_mapper_of_a_rover_that_stands_jumps_at_its_closures() -> None:
-    path, drift = (
-        LoopPath(radii=(1e-6, 1e-6), speed=0.0),
-        replace(MappingConfig().drift, vertical=0.05, closures=(2.0,)),
-    )
-    config = MappingConfig(duration=4.0, path=path, drift=drift)
-    check = check_of((frame.stamp, frame.geometry, frame.elevation) for frame in mapped_terrain(config))
-    assert check.findings != NO_FINDINGS
 
 
 def test_smoothed_noise_is_seen() -> None:
@@ -304,7 +286,7 @@ def test_counts_are_those_of_whole_arrays(seed: int, rows: int, columns: int) ->
         np.zeros((rows, columns, 2), np.int64), np.full((rows, columns, 3), np.nan), np.zeros((rows, columns)), (1, 1)
     )
     for heights in maps:
-        found, step = compare(lattice, heights, 0.0, (0, 0), 0.002)
+        found, step = CORE.compare_maps(*lattice, heights, 0.0, (0, 0), 0.002)
     first, last = np.diff(maps.astype(np.float64), axis=0)
     both = (np.abs(first) >= 0.002) & (np.abs(last) >= 0.002)
     tilts = np.diff(last, axis=1)

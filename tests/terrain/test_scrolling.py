@@ -17,6 +17,7 @@ from smartmesh_ros.terrain.grid_track import (
     moved_on,
 )
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.terrain.scrolling import cells_moved, velocities_across
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -207,3 +208,68 @@ def test_a_map_that_is_put_late_or_early_is_at_rest() -> None:
         terrain.put("", HeightMap(np.full((20, 20), 1.0), time=time))
         assert terrain.at([[10.0, 10.0]], time).heights == pytest.approx([1.0])
         assert not terrain.at([[10.0, 10.0]], time).velocities.any()
+
+
+def coefficients(geometry: GridGeometry) -> np.ndarray:
+    """Friction by the place in the world, unknown in the south."""
+    xy = geometry.to_world(*np.mgrid[: geometry.rows, : geometry.columns])
+    return np.where(xy[..., 1] < -3.0, np.nan, 1.0 + 0.5 * np.sin(xy[..., 0])).astype(np.float32)
+
+
+@settings(deadline=None)
+@given(
+    rows=st.integers(-9, 9), columns=st.integers(-11, 11), yaw=st.floats(-3.0, 3.0), rise=st.floats(-1.0, 1.0),
+    changes=st.sampled_from(["motion", "correction"]), later=st.sampled_from([0.0, 0.1, 100.0]),
+)  # fmt: skip
+def test_friction_stays_with_the_ground_of_a_map_that_scrolls(
+    rows: int, columns: int, yaw: float, rise: float, changes: Changes, later: float
+) -> None:
+    before = GridGeometry(rows=8, columns=10, resolution=0.2, origin=(3.0, -2.0, 0.0), yaw=yaw)
+    x, y = before.to_world(rows, columns)
+    after = GridGeometry(rows=8, columns=10, resolution=0.2, origin=(float(x), float(y), rise), yaw=yaw)
+    motion = MotionConfig(changes=changes)
+    terrain = Terrain(HeightMap(np.zeros((8, 10)), geometry=before, friction=coefficients(before), motion=motion))
+    new = HeightMap(np.zeros((8, 10)), geometry=after, time=later, motion=motion)
+    terrain.put("", new)
+    wanted = coefficients(after)
+    known_rows, known_columns = np.arange(8) + rows, np.arange(10) + columns  # in the map before
+    is_new = ((known_rows < 0) | (known_rows >= 8))[:, None] | (known_columns < 0) | (known_columns >= 10)
+    wanted[is_new] = np.nan
+    np.testing.assert_allclose(np.full((8, 10), new.friction), np.where(is_new.all(), 1.0, wanted), atol=1e-5)
+
+
+def test_friction_slides_with_a_map_that_slides() -> None:
+    geometry = GridGeometry(rows=8, columns=10, resolution=0.2)
+    terrain = Terrain(HeightMap(np.zeros((8, 10)), geometry=geometry, friction=coefficients(geometry)))
+    slid = HeightMap(np.zeros((8, 10)), resolution=0.2, origin=(0.05, 0.03), time=0.1)
+    terrain.put("", slid)
+    np.testing.assert_array_equal(slid.friction, coefficients(geometry))
+
+
+def test_friction_that_is_given_with_a_map_replaces_that_of_before() -> None:
+    geometry = GridGeometry(rows=8, columns=10, resolution=0.2)
+    for given_friction in (1.0, 0.3, np.full((8, 10), 0.4, np.float32)):
+        terrain = Terrain(HeightMap(np.zeros((8, 10)), geometry=geometry, friction=coefficients(geometry)))
+        new = HeightMap(np.zeros((8, 10)), geometry=geometry, time=0.1, friction=given_friction)
+        terrain.put("", new)
+        np.testing.assert_array_equal(new.friction, given_friction)
+
+
+def test_one_coefficient_is_that_of_the_next_map_on_any_grid_and_others_are_not_known_there() -> None:
+    other = GridGeometry(rows=5, columns=5, resolution=0.7, origin=(1.0, 1.0, 0.0))
+    for friction, wanted in ((0.2, 0.2), (np.full((8, 10), 0.2), 1.0)):
+        terrain = Terrain(HeightMap(np.zeros((8, 10)), friction=friction))
+        new = HeightMap(np.zeros((5, 5)), geometry=other, time=0.1)
+        terrain.put("", new)
+        assert new.friction == wanted
+
+
+def test_friction_at_points_is_that_of_the_nearest_sample_of_the_first_map_with_ground() -> None:
+    heights = np.zeros((5, 5))
+    heights[2, 2] = np.nan
+    terrain = Terrain()
+    terrain.put("holed", HeightMap(heights, friction=np.arange(25.0).reshape(5, 5)))
+    terrain.put("below", HeightMap(np.full((9, 9), -1.0), friction=0.5))
+    points = np.array([[1.4, 0.6], [3.6, 4.0], [2.0, 2.0], [6.0, 6.0], [20.0, 0.0]])
+    np.testing.assert_allclose(terrain.friction_at(points), [6.0, 24.0, 0.5, 0.5, 1.0])
+    assert Terrain(HeightMap(np.zeros((5, 5)))).friction_at(points[:1]) == 1.0

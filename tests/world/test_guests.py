@@ -18,8 +18,8 @@ from smartmesh_ros.world.guest_config import GuestConfig
 from smartmesh_ros.world.guests import Guests
 from smartmesh_ros.world.state_table import StateTable
 from smartmesh_ros.world.states import simulated_states
-from studies.fleet.worlds import RATE, Peers, Start, flat_world, peers
 from tests.bodies import random_turn, rotation, turn_about
+from tests.peers import RATE, Peers, Start, flat_world, peers
 
 BALL = Sphere(0.2)
 ROVER = str(Path(__file__).parent.parent / "data" / "rover.urdf")
@@ -163,7 +163,9 @@ def test_guests_are_shown_by_their_owners_only() -> None:
             assert set(world.bodies) == {"b0", "b1"}
             names = world.followers.names
             assert [names[index] for batch in world.shown_batches() for index in batch.bodies.tolist()] == [own]
-            assert sum(len(batch.bodies) for batch in world.ground.batches) == 2  # guests stand on patches of their own
+            assert (
+                sum(len(batch.bodies) for batch in world.ground.patches.batches) == 2
+            )  # guests stand on patches of their own
             assert {contact.body for contact in world.contacts()} == {own}
             assert [wrench.body for wrench in world.wrenches()] == [own]
             assert [body.name for body in world.snapshot().bodies] == [own]

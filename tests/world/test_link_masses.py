@@ -1,11 +1,9 @@
 """Links without <inertial> have no mass, and the user is told which."""
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, HeightMap, World
+from smartmesh_ros import BodyState, World
 from smartmesh_ros.world.joints import JointCommand
 
 BOX = '<collision><geometry><box size="0.4 0.4 0.2"/></geometry></collision>'
@@ -25,12 +23,6 @@ def inertial(mass: float, moment: float = 0.05) -> str:
 
 
 BASE = f'<link name="base">{inertial(2.0)}{BOX}</link>'
-
-
-@pytest.fixture
-def world() -> Iterator[World]:
-    with World(HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))) as made:
-        yield made
 
 
 def spawned(world: World, links: str) -> list[str]:

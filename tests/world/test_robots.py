@@ -1,7 +1,6 @@
 """Joints, frames and ground wrenches of robots, against mechanics."""
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -33,12 +32,6 @@ PENDULUM = """
   </link>
 </robot>
 """
-
-
-@pytest.fixture
-def world() -> Iterator[World]:
-    with World(HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))) as made:
-        yield made
 
 
 def reading(world: World, joint: str) -> tuple[float, float, float]:

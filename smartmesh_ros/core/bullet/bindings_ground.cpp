@@ -122,6 +122,8 @@ struct Ground {
     const auto [x, y, z] = axis;
     if (!world().has(slot)) throw std::invalid_argument("no attached body has this slot");
     if (!std::isfinite(x + y + z + speed)) throw std::invalid_argument("the axis and the speed must be finite");
+    const double size = norm2({x, y, z});
+    if (!(size > 0.0 && std::isfinite(size))) throw std::invalid_argument("the axis must have a length");
     world().drive(slot, {{x, y, z}, speed});
   }
   // Writes the states of the bodies in `slots` (n,) to `states` (S, 13); NaN for bodies that are gone.

@@ -23,6 +23,9 @@ constexpr double PUSH_OUT = 1.0;
 // bodies the higher, the shorter the steps.
 constexpr double PUSH_OUT_TIME = 0.014;
 
+// Sine of the angle between a belt's axis and a normal, below which the contact is at the side of the belt and stands still.
+constexpr double SIDE = 0.5;
+
 // Sets what Bullet's solver reads of the two materials, as btManifoldResult does.
 void combine(const btCollisionObject& a, const btCollisionObject& b, btManifoldPoint& point) {
   point.m_combinedFriction = btManifoldResult::calculateCombinedFriction(&a, &b);
@@ -75,12 +78,26 @@ btManifoldPoint point_of(const Contact& contact, const Touching& touching, bool 
     point.m_contactCFM = touching.softness;
   }
   btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
+  if (norm2(touching.belt) > 0.0)
+    run_on(surface_velocity(touching.belt, contact.normal) * touching.anchor_time, ground_is_b, point);
   point.m_partId0 = ground_is_b ? 0 : 1;
   point.m_index0 = contact.body_feature, point.m_index1 = contact.ground_feature;
   return point;
 }
 
 }  // namespace
+
+Vec3 surface_velocity(const Vec3& belt, const Vec3& normal) {
+  const Vec3 along = cross(belt, normal);
+  const double speed = norm(belt), share = norm(along) / speed;
+  return share > SIDE ? along * (1.0 / share) : Vec3{};
+}
+
+void run_on(const Vec3& ahead, bool ground_is_b, btManifoldPoint& point) {
+  // As if the body held on to a point of the ground, which friction pulls it to in the step.
+  (ground_is_b ? point.m_positionWorldOnB : point.m_positionWorldOnA) += to_bullet(ahead);
+  point.m_contactPointFlags |= BT_CONTACT_FLAG_FRICTION_ANCHOR;
+}
 
 void read_contacts(const btPersistentManifold& manifold, std::vector<OldContact>& before) {
   before.clear();
@@ -109,6 +126,17 @@ void write_contacts(const std::vector<Contact>& contacts, const std::vector<OldC
     manifold.getContactPoint(k) = point;
   }
   manifold.setNumContacts(count);
+}
+
+void put_back_places(btPersistentManifold& manifold, bool ground_is_b) {
+  const btTransform& ground = (ground_is_b ? manifold.getBody1() : manifold.getBody0())->getWorldTransform();
+  for (int k = 0; k < manifold.getNumContacts(); ++k) {
+    btManifoldPoint& point = manifold.getContactPoint(k);
+    if (ground_is_b)
+      point.m_positionWorldOnB = ground * point.m_localPointB;
+    else
+      point.m_positionWorldOnA = ground * point.m_localPointA;
+  }
 }
 
 }  // namespace smartmesh

@@ -7,6 +7,8 @@
 #include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
 #include <BulletCollision/NarrowPhaseCollision/btPersistentManifold.h>
 
+#include "contact_points.h"
+
 namespace smartmesh {
 
 namespace {
@@ -79,7 +81,7 @@ MovingSolid SoilInStep::moving(const SoilPart& part, const Pose& pose, const OnS
   found.solid.axes = transpose(pose.turn);
   found.linear = on.linear + cross(on.angular, pose.at - on.centre);
   found.angular = on.angular;
-  found.surface = on.surface;
+  if (norm2(on.belt) > 0.0) found.surface = -surface_velocity(on.belt, {0.0, 0.0, 1.0});
   return found;
 }
 
@@ -99,7 +101,7 @@ double SoilInStep::rise_at(const Vec3& point, double time) const {
   return std::isfinite(rise) ? rise : 0.0;
 }
 
-Vec3 SoilInStep::touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground, const Convex& convex,
+void SoilInStep::touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground, const Convex& convex,
                        const Pose& pose, const OnSoil& on, double slop, SoilPart& part, btPersistentManifold& manifold) {
   if (part.step == 0) part.shape = pressing_shape(convex);
   const Pose now = pose * part.shape.pose;
@@ -119,21 +121,19 @@ Vec3 SoilInStep::touch(const btCollisionObjectWrapper& body, const btCollisionOb
   const bool ground_is_b = manifold.getBody0() == body.getCollisionObject();
   manifold.setContactBreakingThreshold(FARTHEST);
   part.up.clear();
-  Vec3 normals;
   for (SoilSpring spring : springs) {
     spring.point.z += on.rise;
     const int k = static_cast<int>(part.up.size());
     btManifoldPoint point =
         point_of(spring, *body.getCollisionObject(), *ground.getCollisionObject(), ground_is_b, on.duration, slop);
+    if (norm2(on.belt) > 0.0) run_on(surface_velocity(on.belt, spring.normal) * on.anchor_time, ground_is_b, point);
     if (k < before) point.m_appliedImpulse = manifold.getContactPoint(k).m_appliedImpulse, point.m_lifeTime = 1;
     manifold.getContactPoint(k) = point;
     part.up.push_back(spring.normal.z);
-    normals = normals + spring.normal;
   }
   manifold.setNumContacts(static_cast<int>(springs.size()));
   part.speed = solid.linear.z;
   part.step = step_;
-  return normals;
 }
 
 void SoilInStep::press(const OnSoil& on, SoilParts& parts) {

@@ -36,12 +36,12 @@ struct SoilPart {
 using SoilParts = std::unordered_map<const btCollisionShape*, SoilPart>;
 
 // A body near the soil at the start or the end of a step. Velocities are relative to the ground, that of the point
-// `centre` [m], and of the body's own surface, as of a track. `mass` [kg]: of what rests on each part of it alone.
-// `rise` [m]: of the ground there since its last map.
+// `centre` [m]. `mass` [kg]: of what rests on each part of it alone. `rise` [m]: of the ground there since its last map.
+// `belt`, `anchor_time`: as in Touching.
 struct OnSoil {
   Pose pose;
-  Vec3 linear, angular, centre, surface;
-  double mass, gravity, duration, time, rise;  // [m/s^2], [s]
+  Vec3 linear, angular, centre, belt;
+  double mass, gravity, duration, time, rise, anchor_time;  // [m/s^2], [s]
 };
 
 class SoilInStep {
@@ -54,8 +54,8 @@ class SoilInStep {
   // Returns how far the ground near a point has moved up since its last map [m].
   double rise_at(const Vec3& point, double time) const;
   // Replaces the contacts of a part of a body, a convex shape at `pose`, by those with the soil. `slop` [m]: depth that
-  // Bullet's solver leaves. Returns the sum of their normals.
-  Vec3 touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground, const Convex& convex,
+  // Bullet's solver leaves.
+  void touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground, const Convex& convex,
              const Pose& pose, const OnSoil& on, double slop, SoilPart& part, btPersistentManifold& manifold);
   // Presses the soil to where the parts of an awake body are at the end of a step.
   void press(const OnSoil& on, SoilParts& parts);

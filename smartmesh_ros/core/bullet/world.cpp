@@ -124,6 +124,13 @@ void BulletWorld::enable(int index, bool enabled) {
   world_->getPairCache()->removeOverlappingPairsContainingProxy(bounds, world_->getDispatcher());
 }
 
+void BulletWorld::drive(int index, const Belt& belt) {
+  find_objects();
+  Slot& slot = slots_[index];
+  slot.belt = belt;
+  if (slot.object != nullptr) wake(slot);
+}
+
 void BulletWorld::find_objects() {
   for (Slot& slot : slots_) slot.object = nullptr, slot.ground = nullptr;
   auto& objects = world_->getCollisionObjectArray();
@@ -171,6 +178,17 @@ void BulletWorld::after_step() {
   if (world_ == nullptr) return;
   duration = world_->getDispatchInfo().m_timeStep;
   time += duration;
+  press_soil();
+  if (std::none_of(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.belt.speed != 0.0; })) return;
+  btDispatcher& dispatcher = *world_->getDispatcher();
+  for (int k = 0; k < dispatcher.getNumManifolds(); ++k) {
+    btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(k);
+    const bool ground_is_b = is_driven(*manifold.getBody1());
+    if (ground_is_b || is_driven(*manifold.getBody0())) put_back_places(manifold, ground_is_b);
+  }
+}
+
+void BulletWorld::press_soil() {
   if (soil == nullptr) return;
   for (Slot& slot : slots_) {
     if (slot.on_soil.empty() || slot.object == nullptr || slot.ground == nullptr) continue;
@@ -188,17 +206,22 @@ OnSoil BulletWorld::on_soil(const Slot& slot, double step) const {
     if (!other.used || other.body != slot.body) continue;
     for (const auto& [shape, part] : other.on_soil) count += soil->was_near(part) && !part.up.empty();
   }
-  OnSoil found;
+  OnSoil found{};
   found.pose = from_bullet(slot.object->getWorldTransform());
   found.centre = found.pose.at;
-  found.linear = slot.linear - slot.ground_linear;
+  found.linear = slot.linear - from_bullet(slot.ground->getLinearVelocity());
   found.angular = slot.angular;
-  if (slot.belt.speed != 0.0) found.surface = slot.ground_linear - from_bullet(slot.ground->getLinearVelocity());
+  if (slot.belt.speed != 0.0) found.belt = belt_of(slot), found.anchor_time = anchor_time(step);
   found.mass = mass_of(*slot.object) / std::max(count, 1);
   found.gravity = world_->getGravity().length();
   found.duration = step, found.time = time;
   found.rise = soil->rise_at(found.centre, time);
   return found;
+}
+
+bool BulletWorld::is_driven(const btCollisionObject& ground) const {
+  const auto found = slot_of_ground_.find(ground.getCollisionShape());
+  return found != slot_of_ground_.end() && slots_[found->second].belt.speed != 0.0;
 }
 
 void BulletWorld::place(Slot& slot) {
@@ -237,8 +260,6 @@ void BulletWorld::place(Slot& slot) {
   slot.shape->origin = foot.getOrigin();
   ground.setWorldTransform(foot);
   ground.setInterpolationWorldTransform(foot);
-  slot.ground_linear = motion.linear;
-  slot.normals = {};
   ground.setLinearVelocity(to_bullet(motion.linear));
   ground.setAngularVelocity(to_bullet(motion.angular));
   if (moved > 0.0 || norm2(motion.angular) > 0.0) wake(slot);
@@ -292,8 +313,8 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   Pose pose = from_bullet(body.getWorldTransform());
   for (Vec3& row : pose.turn.row) row = rotated(shape->turn.inverse(), row);
   if (soil != nullptr && soil->is_under(pose.at, time)) {
-    run_belt(slot, soil->touch(body, ground, *shape, pose, on_soil(slot, step), world_->getSolverInfo().m_linearSlop,
-                               slot.on_soil[body.getCollisionShape()], manifold));
+    soil->touch(body, ground, *shape, pose, on_soil(slot, step), world_->getSolverInfo().m_linearSlop,
+                slot.on_soil[body.getCollisionShape()], manifold);
     return;
   }
   Approach approach = approach_of(slot);
@@ -307,26 +328,23 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
     const SurfaceReader ground_now = surface.reader(time, INSTANT);
     for (Contact& contact : contacts_) contact.friction = ground_now.tiles.friction(contact.point.x, contact.point.y);
   }
-  double softness = 0.0;
+  Touching touching{body, ground, approach, world_->getSolverInfo().m_erp2};
   if (slot.belt.speed != 0.0) {
-    Vec3 normals;
-    for (const Contact& contact : contacts_) normals = normals + contact.normal;
-    run_belt(slot, normals);
+    touching.belt = belt_of(slot), touching.anchor_time = anchor_time(step);
     // Rigid contacts may share a load in any way. These share it as equal springs, 0.1 mm deep at 240 Hz.
-    softness = step / mass_of(*slot.object);
+    touching.softness = step / mass_of(*slot.object);
   }
-  write_contacts(contacts_, before_, {body, ground, approach, world_->getSolverInfo().m_erp2, softness},
-                 manifold);
+  write_contacts(contacts_, before_, touching, manifold);
 }
 
-// A proxy has one velocity, so that contacts with several normals share the mean one.
-void BulletWorld::run_belt(Slot& slot, const Vec3& normals) {
-  if (slot.belt.speed == 0.0) return;
-  slot.normals = slot.normals + normals;
-  const Vec3 axis = from_bullet(slot.object->getWorldTransform().getBasis() * to_bullet(slot.belt.axis));
-  const Vec3 along = cross(axis, slot.normals);
-  if (!(norm2(along) > 0.0)) return;
-  slot.ground->setLinearVelocity(to_bullet(slot.ground_linear + along * (slot.belt.speed / norm(along))));
+Vec3 BulletWorld::belt_of(const Slot& slot) const {
+  const btVector3 axis = slot.object->getWorldTransform().getBasis() * to_bullet(slot.belt.axis);
+  return from_bullet(axis.normalized() * slot.belt.speed);
+}
+
+double BulletWorld::anchor_time(double step) const {
+  const double share = world_->getSolverInfo().m_frictionERP;  // of a distance, closed in a step
+  return share > 0.0 ? step / share : 0.0;
 }
 
 double BulletWorld::margin_in(double step) const { return margin + world_->getGravity().length() * step * step; }

@@ -38,8 +38,6 @@ struct Slot {
   std::unique_ptr<GroundShape> shape;
   Vec3 linear, angular;    // of the body [m/s], [rad/s]
   Belt belt;
-  Vec3 ground_linear;      // velocity of the ground [m/s]
-  Vec3 normals;            // sum of the normals of the step's contacts
   std::vector<double> slept_on;  // heights of the ground under a body that PyBullet put to sleep [m]
   long slept_at = -1;            // revision of the ground when they were read
   std::unordered_map<const btCollisionShape*, std::optional<Convex>> shapes;  // none = of unknown kind
@@ -72,8 +70,8 @@ class BulletWorld {
   // Sets whether a body that sleeps in PyBullet is left to sleep when its ground changes.
   void hold(int slot, bool held) { slots_[slot].held = held; }
 
-  // Moves the surface of the body in a slot.
-  void drive(int slot, const Belt& belt) { slots_[slot].belt = belt; }
+  // Moves the surface of the body in a slot, which wakes the body if it sleeps in PyBullet.
+  void drive(int slot, const Belt& belt);
 
   // Returns the parts of the body in a slot that came near the soil.
   const SoilParts& parts_on_soil(int slot) const { return slots_[slot].on_soil; }
@@ -104,9 +102,14 @@ class BulletWorld {
   btCollisionObject* find(int body, int link) const;
   void read_velocity(Slot& slot) const;
   void place(Slot& slot);
-  // Moves the proxy against the surface of its body, whose contacts in this step have normals with a sum.
-  static void run_belt(Slot& slot, const Vec3& normals);
+  void press_soil();
+  // Returns the axis that the surface of a body runs about, as long as its speed [m/s].
+  Vec3 belt_of(const Slot& slot) const;
+  // Returns the time in which the solver's friction closes a distance [s].
+  double anchor_time(double step) const;
   static void wake(const Slot& slot);
+  // Returns true for the ground of a body whose surface moves.
+  bool is_driven(const btCollisionObject& ground) const;
   bool keeps_asleep(Slot& slot, const btVector3& low, const btVector3& high);
   // Returns `margin` and the way that gravity adds to the motion of a body in a step.
   double margin_in(double step) const;

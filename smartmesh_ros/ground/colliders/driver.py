@@ -15,17 +15,19 @@ from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import is_mesh
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.terrain import Terrain
 
 
 class Colliders:
     """The colliders under followers. ``replacements``: how often a surface was changed so far. ``built``: meshes that
     were built so far, each of which PyBullet leaks."""
 
-    def __init__(self, client: Any, followers: Followers) -> None:
+    def __init__(self, client: Any, followers: Followers, terrain: Terrain) -> None:
         self.replacements = 0
         self.built = 0
         self._client = client
         self._followers = followers
+        self._terrain = terrain
         self._pairs = Pairs(client)
         self._held: dict[Follower, Field | MeshCollider] = {}
 
@@ -34,9 +36,12 @@ class Colliders:
         without a patch. ``carry``: move the colliders with the ground."""
         solid, served = set(self._followers.solid.tolist()), set()
         for batch in batches:
+            feet = np.column_stack([supports[name][batch.bodies] for name in ("foot_x", "foot_y")])
+            friction = self._terrain.friction_at(feet).tolist()
             for row, slot in enumerate(batch.bodies.tolist()):
                 if slot in solid and batch.kind != "whole":
                     self._apply_patch(self._followers[slot], batch, row, supports[slot], carry=carry)
+                    self._set_friction(self._followers[slot], friction[row])
                     served.add(slot)
         for slot in solid - served:
             self.release(self._followers[slot])
@@ -95,6 +100,14 @@ class Colliders:
         turn = np.array([support.turn_x, support.turn_y, support.turn_z])
         linear = np.array([support.slide_x, support.slide_y, support.rise]) + np.cross(turn, away)
         self._client.resetBaseVelocity(uid, linear.tolist(), turn.tolist())
+
+    def _set_friction(self, follower: Follower, friction: float) -> None:
+        """Give a follower's collider a coefficient, by which PyBullet multiplies that of the body."""
+        held = self._held.get(follower)
+        if held is not None and held.friction != friction:
+            held.friction = friction
+            for link in range(-1, self._client.getNumJoints(held.uid)):
+                self._client.changeDynamics(held.uid, link, lateralFriction=friction)
 
     def _hold(self, follower: Follower, made: Field | MeshCollider) -> None:
         """Put a new collider in the place of a follower's old one; it touches this follower alone."""

@@ -21,7 +21,7 @@ STEEPEST = 2.0
 @dataclass(eq=False)
 class Field:
     """A field of ``rows`` x ``columns`` samples, ``spacing`` [m] apart: its PyBullet ``shape``, ``uid`` of its body,
-    and the ``heights`` above its base (rows, columns) [m]."""
+    the ``heights`` above its base (rows, columns) [m], and its coefficient of ``friction``."""
 
     rows: int
     columns: int
@@ -29,6 +29,7 @@ class Field:
     shape: int
     uid: int
     heights: FloatArray
+    friction: float = 1.0
 
     def fits(self, rows: int, columns: int, spacing: float) -> bool:
         """Return True if the field has these sizes, which PyBullet cannot change."""

@@ -25,12 +25,14 @@ SAME_PLACE = 1e-6
 
 @dataclass(eq=False)
 class MeshCollider:
-    """A collider of ``triangles`` (T, 3) among ``vertices`` (K, 3) relative to its base [m], with its body ``uid``."""
+    """A collider of ``triangles`` (T, 3) among ``vertices`` (K, 3) relative to its base [m], with its body ``uid`` and
+    its coefficient of ``friction``."""
 
     kind: MeshKind
     uid: int
     vertices: FloatArray
     triangles: NDArray[np.int32]
+    friction: float = 1.0
 
     def fits(self, kind: MeshKind, vertices: FloatArray, triangles: NDArray[np.int32]) -> bool:
         """Return True if this is a collider of such a surface."""

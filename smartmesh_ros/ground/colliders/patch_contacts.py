@@ -27,7 +27,7 @@ class PatchContacts:
         self._followers = followers
         self._patches = patches
         self._reader = FollowerReader(client, followers)
-        self._colliders = Colliders(client, followers)
+        self._colliders = Colliders(client, followers, terrain)
         self._whole = WholeMesh(client, terrain)
         self._time = 0.0
 

@@ -7,15 +7,16 @@ nodes. The nodes themselves publish on one shared topic of patches.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
 from time import monotonic
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import QoSProfile
-from smartmesh_msgs.msg import BodyFailure, Timing, TrackedBodyArray
+from smartmesh_msgs.msg import BodyFailure, BodySpecification, Timing, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -27,8 +28,8 @@ from smartmesh_ros.node.fleet.ledger import Duties, Ledger, LedgerConfig, Respaw
 from smartmesh_ros.node.fleet.peer_names import full_names
 from smartmesh_ros.node.fleet.peer_states import PeerReader
 from smartmesh_ros.node.fleet.polling import Polled
-from smartmesh_ros.node.fleet.requests import place_of, specification_of
-from smartmesh_ros.node.outputs.diagnostics import task_name
+from smartmesh_ros.node.fleet.requests import same_as, specification_of
+from smartmesh_ros.node.outputs.diagnostics import task_status
 from smartmesh_ros.node.parameters.declaring import Spec, declare
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.parameter_node import ParameterNode
@@ -67,13 +68,10 @@ class Front(ParameterNode):
         self._states = {node: Polled(self, TrackedBodyArray, f"{node}/body_states") for node in self.ledger.members}
         self._timings: dict[str, Timing] = {}
         self._listening: list[Any] = []
-        for kind, name, act in (
-            (SpawnBody, "spawn_body", self._on_spawn),
-            (SpawnBodies, "spawn_bodies", self._on_spawn_all),
-            (RemoveBody, "remove_body", self._on_remove),
-            (RemoveBodies, "remove_bodies", self._on_remove_all),
-        ):
-            self.create_service(kind, f"~/{name}", act, callback_group=self._group, qos_profile=SERVICES)
+        self._serve(SpawnBody, "spawn_body", self._spawn, lambda request: [same_as(request)])
+        self._serve(SpawnBodies, "spawn_bodies", self._spawn, lambda request: request.bodies)
+        self._serve(RemoveBody, "remove_body", self._remove, lambda request: [request.id])
+        self._serve(RemoveBodies, "remove_bodies", self._remove, lambda request: request.ids)
         self._patches = self.create_publisher(MarkerArray, "~/patches", QoSProfile(depth=10))
         self._timing = self.create_publisher(Timing, "~/timing", QoSProfile(depth=10))
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
@@ -98,141 +96,112 @@ class Front(ParameterNode):
         for target in {respawning.node for respawning in duties.spawn}:
             await self._respawn(target, [again for again in duties.spawn if again.node == target])
         for node, name in duties.remove:
-            await self._calls.remove(node, name)
+            await self._calls.remove(node, [name])
 
     async def _respawn(self, node: str, lost: list[Respawning]) -> None:
         """Respawn lost bodies on a node. If the node refuses some, try once more with the others."""
-        refused: set[str] = set()
-        success = False
-        for _ in range(2):
-            bodies = [specification_of(one) for one in lost if one.name not in refused]
-            response = await self._calls.spawn_all(node, bodies)
-            success = response.success
-            if success or not response.failures:
-                break
-            refused |= {failure.id for failure in response.failures}
-            self.get_logger().warning(f"not spawned again yet: {response.message}", throttle_duration_sec=5.0)
+        bodies = {one.name: specification_of(one) for one in lost}
+        if refused := await self._calls.spawn(node, list(bodies.values())):
+            reason = next(iter(refused.values()))
+            self.get_logger().warning(f"not spawned again yet: {reason}", throttle_duration_sec=5.0)
+            bodies = {name: body for name, body in bodies.items() if name not in refused}
+            if bodies and await self._calls.spawn(node, list(bodies.values())):
+                bodies = {}
         for one in lost:
-            self._record(success and one.name not in refused, one.name)
-        if again := [one.name for one in lost if success and one.name not in refused]:
-            self.get_logger().info(f"spawned again on {node}: {_listed(again)}")
+            self.ledger.answered(one.name, monotonic(), success=one.name in bodies)
+        if bodies:
+            self.get_logger().info(f"spawned again on {node}: {_listed(list(bodies))}")
 
     def _log_changes(self, duties: Duties) -> None:
+        config, log = self.ledger.config, self.get_logger()
         for node in duties.joined:
-            self.get_logger().info(f"{node} joined the fleet")
+            log.info(f"{node} joined the fleet")
+        place = "elsewhere" if config.respawn == "elsewhere" else "when it is back"
         for node in duties.died:
             lost = duties.lost.get(node, [])
-            bodies = f"to be spawned again {self._respawn_place()}: {_listed(lost)}" if lost else "it had no bodies"
-            self.get_logger().error(f"{node} died: not heard for {self.ledger.config.timeout:g} s; {bodies}")
+            bodies = f"to be spawned again {place}: {_listed(lost)}" if lost else "it had no bodies"
+            log.error(f"{node} died: not heard for {config.timeout:g} s; {bodies}")
             # A dead node cannot delete its markers itself.
             gone = Marker(ns=marker_namespace(node), action=Marker.DELETEALL)
             self._patches.publish(MarkerArray(markers=[gone]))
-
         for node in duties.lost.keys() - set(duties.died):
-            bodies = _listed(duties.lost[node])
-            self.get_logger().error(f"{node} restarted without its bodies; to be spawned again: {bodies}")
+            log.error(f"{node} restarted without its bodies; to be spawned again: {_listed(duties.lost[node])}")
 
-    def _respawn_place(self) -> str:
-        return "elsewhere" if self.ledger.config.respawn == "elsewhere" else "when it is back"
+    def _serve(self, kind: Any, name: str, act: Callable[[Any], Awaitable[dict[str, str]]], asked: Any) -> None:
+        """Serve ``~/name`` by an act on what is ``asked`` of a request. The act returns reasons of refusals by body."""
 
-    async def _on_spawn(self, request: Any, response: Any) -> Any:
-        try:
-            node = self.ledger.choose(request.id, *place_of(request), request)
-        except InputError as error:
-            response.message = str(error)
+        async def answer(request: Any, response: Any) -> Any:
+            refused = await act(asked(request))
+            response.success = not refused
+            response.message = next(iter(refused.values()), "")
+            if refused and hasattr(response, "failures"):
+                response.failures = [BodyFailure(id=name, reason=reason) for name, reason in refused.items()]
+                nothing = ", so nothing was changed" if kind is SpawnBodies else ""
+                response.message = f"{len(refused)} bodies are refused{nothing}: {response.message}"
             return response
-        answered = await self._calls.spawn(node, request)
-        self._record(answered.success, request.id)
-        return answered
 
-    async def _on_spawn_all(self, request: Any, response: Any) -> Any:
-        chosen: dict[str, list[Any]] = {}
-        failures = []
-        for body in request.bodies:
+        self.create_service(kind, f"~/{name}", answer, callback_group=self._group, qos_profile=SERVICES)
+
+    async def _spawn(self, bodies: Sequence[BodySpecification]) -> dict[str, str]:
+        """Spawn all bodies, each on a node that the ledger chooses, or none."""
+        chosen: dict[str, list[BodySpecification]] = {}
+        refused: dict[str, str] = {}
+        for body in bodies:
             try:
-                chosen.setdefault(self.ledger.choose(body.id, *place_of(body), body), []).append(body)
+                place = body.pose.position
+                chosen.setdefault(self.ledger.choose(body.id, place.x, place.y, body), []).append(body)
             except InputError as error:
-                failures.append(BodyFailure(id=body.id, reason=str(error)))
-        added: list[tuple[str, str]] = []
-        for node, bodies in chosen.items():
-            answered = None if failures else await self._calls.spawn_all(node, bodies)
-            success = answered is not None and answered.success
-            if answered is not None:
-                failures += answered.failures
-                if not success and not answered.failures:
-                    failures += [BodyFailure(id=body.id, reason=answered.message) for body in bodies]
-            for body in bodies:
-                self._record(success, body.id)
-                if success:
-                    added.append((node, body.id))
-        if failures:  # all or none
-            for node, name in added:
-                await self._calls.remove(node, name)
+                refused[body.id] = str(error)
+        added = []
+        for node, group in chosen.items():
+            refused |= {} if refused else await self._calls.spawn(node, group)
+            for body in group:
+                self.ledger.answered(body.id, monotonic(), success=not refused)
+            if not refused:
+                added.append((node, [body.id for body in group]))
+        for node, names in added if refused else ():
+            await self._calls.remove(node, names)
+            for name in names:
                 self.ledger.removed(name)
-        response.success, response.failures = not failures, failures
-        if failures:
-            response.message = f"{len(failures)} bodies are refused, so nothing was changed: {failures[0].reason}"
-        return response
+        return refused
 
-    async def _on_remove(self, request: Any, response: Any) -> Any:
-        try:
-            node = self.ledger.node_of(request.id)
-        except InputError as error:
-            response.message = str(error)
-            return response
-        answered = await self._calls.remove(node, request.id)
-        if answered.success:
-            self.ledger.removed(request.id)
-        return answered
-
-    async def _on_remove_all(self, request: Any, response: Any) -> Any:
+    async def _remove(self, names: Sequence[str]) -> dict[str, str]:
+        """Remove bodies from their nodes, none if the fleet does not have all of them."""
         chosen: dict[str, list[str]] = {}
-        for name in request.ids:
+        refused: dict[str, str] = {}
+        for name in names:
             try:
                 chosen.setdefault(self.ledger.node_of(name), []).append(name)
             except InputError as error:
-                response.failures.append(BodyFailure(id=name, reason=str(error)))
-        for node, names in {} if response.failures else chosen.items():
-            answered = await self._calls.remove_all(node, names)
-            response.failures += answered.failures
-            for name in names if answered.success else ():
+                refused[name] = str(error)
+        for node, group in {} if refused else chosen.items():
+            found = await self._calls.remove(node, group)
+            for name in () if found else group:
                 self.ledger.removed(name)
-        response.success = not response.failures
-        if response.failures:
-            response.message = f"{len(response.failures)} bodies are refused: {response.failures[0].reason}"
-        return response
-
-    def _record(self, success: bool, name: str) -> None:
-        if success:
-            self.ledger.spawned(name, monotonic())
-        else:
-            self.ledger.not_spawned(name)
+            refused |= found
+        return refused
 
     def _report(self) -> None:
         self._publish_timing()
         self.ledger.set_connected(f"{space.rstrip('/')}/{name}" for name, space in self.get_node_names_and_namespaces())
-        counts: dict[str, int] = dict.fromkeys(self.ledger.members, 0)
-        for entry in self.ledger.bodies.values():
-            counts[entry.node] += 1
-        living, waiting = self.ledger.living, self.ledger.waiting
-        starting = self.ledger.starting
-        absent = {node: "starting" if node in starting else "not heard" for node in counts}
-        values = {node: f"{count} bodies" if node in living else absent[node] for node, count in counts.items()}
-        values |= {"bodies": str(len(self.ledger.bodies)), "spawned again": str(self.ledger.respawned)}
-        values["waiting to be spawned again"] = str(len(waiting))
-        dead = [node for node in counts if node not in living and node not in starting]
+        living, waiting, starting = self.ledger.living, self.ledger.waiting, self.ledger.starting
+        counts = Counter(entry.node for entry in self.ledger.bodies.values())
+        dead = self.ledger.members.keys() - {*living, *starting}
+        values: dict[str, Any] = {
+            node: "not heard" if node in dead else "starting" if node in starting else f"{counts[node]} bodies"
+            for node in self.ledger.members
+        }
+        values |= {"bodies": len(self.ledger.bodies), "spawned again": self.ledger.respawned}
+        values["waiting to be spawned again"] = len(waiting)
         level, text = DiagnosticStatus.OK, f"{len(living)} nodes"
         if dead:
-            level, text = DiagnosticStatus.ERROR, f"not heard: {', '.join(dead)}"
+            level, text = DiagnosticStatus.ERROR, f"not heard: {', '.join(sorted(dead))}"
         elif starting:
             level, text = DiagnosticStatus.WARN, f"starting: {', '.join(sorted(starting))}"
         elif waiting:
             level, text = DiagnosticStatus.WARN, f"{len(waiting)} bodies wait to be spawned again"
-        pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
         own = self.get_fully_qualified_name()
-        name = task_name(own, "nodes")
-        status = DiagnosticStatus(level=level, name=name, message=text, hardware_id=own, values=pairs)
-        message = DiagnosticArray(status=[status])
+        message = DiagnosticArray(status=[task_status(own, "nodes", level, text, values)])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
 

@@ -34,13 +34,11 @@ def node_names(count: int, namespace: str = "") -> list[str]:
 
 def parameters_of(index: int, count: int, namespace: str = "") -> dict[str, Any]:
     """Return a node's parameters beside its preset: its peers and the namespace of its markers."""
-    peers = [name for other, name in enumerate(node_names(count, namespace)) if other != index]
-    alone = {} if peers else {"bodies.peers": ["auto"]}
+    names = node_names(count, namespace)
     return {
-        "bodies.peers": peers,
+        "bodies.peers": [*names[:index], *names[index + 1 :]] or ["auto"],
         "publish.body_states": EVERY_STEP,
-        "publish.marker_namespace": marker_namespace(node_names(count, namespace)[index]),
-        **alone,
+        "publish.marker_namespace": marker_namespace(names[index]),
     }
 
 
@@ -57,8 +55,3 @@ def remappings(namespace: str = "") -> list[tuple[str, str]]:
 def source_remappings(namespace: str = "") -> list[tuple[str, str]]:
     """Return the remappings of terrain_source."""
     return [(f"{COLLIDER}/{topic}", f"{front_of(namespace)}/{topic}") for topic in ("heightmap", "heightmap_update")]
-
-
-def front_parameters(count: int, namespace: str = "") -> dict[str, Any]:
-    """Return the parameters of the front."""
-    return {"nodes": node_names(count, namespace)}

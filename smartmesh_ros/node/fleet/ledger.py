@@ -11,9 +11,6 @@ from typing import Any, Literal, NamedTuple
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.world.state_table import StateTable
 
-Spread = Literal["fewest", "tiles"]
-Respawn = Literal["elsewhere", "same"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class LedgerConfig:
@@ -26,17 +23,12 @@ class LedgerConfig:
     for their own. ``spawn_grace`` [s]: time a node has to report a new body before the body counts as removed.
     """
 
-    spread: Spread = "fewest"
+    spread: Literal["fewest", "tiles"] = "fewest"
     tile_size: float = 20.0
     timeout: float = 2.0
     restart: float = 0.5
-    respawn: Respawn = "elsewhere"
+    respawn: Literal["elsewhere", "same"] = "elsewhere"
     spawn_grace: float = 2.0
-
-    def __post_init__(self) -> None:
-        for name in ("tile_size", "timeout", "restart", "spawn_grace"):
-            if not (math.isfinite(value := getattr(self, name)) and value > 0.0):
-                raise InputError("parameter", f"{name} is {value}; it must be greater than zero")
 
 
 class LastState(NamedTuple):
@@ -48,35 +40,35 @@ class LastState(NamedTuple):
 
 @dataclass(eq=False)
 class Member:
-    """A node. ``heard``: time of its last message [s]. ``alive``: False after the timeout. ``returned``: True after a
-    silence that is long enough for a restart. ``states``: last states of its bodies, with ``rows`` by body name.
-    ``states_before_silence``: last states from before that silence, by body name."""
+    """A node. ``heard``: time of its last message [s]. ``alive``: False after the timeout. ``last``: last known states
+    of its bodies by name; ``before_silence``: those from before a silence long enough for a restart, until the check
+    after it."""
 
     heard: float = -math.inf
     alive: bool = False
-    returned: bool = False
-    states: StateTable | None = None
-    rows: dict[str, int] = field(default_factory=dict)
-    states_before_silence: dict[str, LastState] = field(default_factory=dict)
-
-    @property
-    def last(self) -> dict[str, LastState]:
-        """The last known states by body name."""
-        assert self.states is not None or not self.rows
-        return {name: LastState(self.states, row) for name, row in self.rows.items()}
+    last: dict[str, LastState] = field(default_factory=dict)
+    before_silence: dict[str, LastState] = field(default_factory=dict)
 
 
 @dataclass(eq=False)
 class Entry:
-    """A body. ``node``: its node. ``request``: the request that spawned it; None if the front did not. ``seen``: True
-    once its node has reported it. ``spawn_time`` [s]: infinite while a spawn call is open. ``lost``: its last known
+    """A body. ``node``: its node. ``request``: the request that spawned it; None if the front did not. ``spawn_time``
+    [s]: infinite while a spawn call is open, minus infinity once its node has reported it. ``lost``: its last known
     state while it waits to be respawned, else None."""
 
     node: str
     request: Any = None
-    seen: bool = False
     spawn_time: float = -math.inf
     lost: LastState | None = None
+
+    @property
+    def spawning(self) -> bool:
+        """True while a spawn call is open."""
+        return self.spawn_time == math.inf
+
+    def lose(self, last: LastState) -> None:
+        """Let the body wait to be respawned in its ``last`` state."""
+        self.lost, self.spawn_time = last, -math.inf
 
 
 class Respawning(NamedTuple):
@@ -137,18 +129,15 @@ class Ledger:
         self.bodies[name] = Entry(node, request, spawn_time=math.inf)
         return node
 
-    def spawned(self, name: str, time: float) -> None:
-        """Record that a node spawned its body at ``time`` [s]."""
-        self.bodies[name].spawn_time = time
-        if self.bodies[name].lost is not None:
-            self.bodies[name].lost = None
-            self.respawned += 1
-
-    def not_spawned(self, name: str) -> None:
-        """Record that a spawn failed: forget a new body; a lost body waits for the next attempt."""
+    def answered(self, name: str, time: float, *, success: bool) -> None:
+        """Record the answer to a spawn call at ``time`` [s]. After a refusal a new body is forgotten, and a lost one
+        waits for the next attempt."""
         entry = self.bodies[name]
-        entry.spawn_time = -math.inf
-        if entry.lost is None:
+        entry.spawn_time = time if success else -math.inf
+        if success:
+            self.respawned += entry.lost is not None
+            entry.lost = None
+        elif entry.lost is None:
             del self.bodies[name]
 
     def node_of(self, name: str) -> str:
@@ -164,7 +153,8 @@ class Ledger:
     def hear(self, node: str, time: float) -> None:
         """Record a message from a node at ``time`` [s]."""
         member = self.members[node]
-        member.returned |= time - member.heard > self.config.restart
+        if time - member.heard > self.config.restart:
+            member.before_silence = member.last
         member.heard = time
 
     def set_connected(self, nodes: Iterable[str]) -> None:
@@ -173,12 +163,7 @@ class Ledger:
 
     def update_states(self, node: str, states: StateTable) -> None:
         """Record the newest states of a node's bodies."""
-        member = self.members[node]
-        if member.returned and not member.states_before_silence:
-            member.states_before_silence = member.last
-        if member.states is None or states.names != member.states.names:
-            member.rows = {name: row for row, name in enumerate(states.names)}
-        member.states = states
+        self.members[node].last = {name: LastState(states, row) for row, name in enumerate(states.names)}
 
     def check(self, time: float) -> Duties:
         """Update which nodes live at ``time`` [s]; return the duties that follow."""
@@ -188,10 +173,8 @@ class Ledger:
         for node, member in self.members.items():
             member.heard += pause
             alive = time - member.heard <= self.config.timeout
-            if alive and not member.alive:
-                duties.joined.append(node)
-            elif member.alive and not alive:
-                duties.died.append(node)
+            if alive != member.alive:
+                (duties.joined if alive else duties.died).append(node)
             member.alive = alive
         for node in duties.died:
             duties.lost[node] = self._lose(node)
@@ -201,69 +184,63 @@ class Ledger:
         return duties
 
     def _lose(self, node: str) -> list[str]:
-        """Mark the bodies of a dead node as lost, to be respawned; return their names."""
-        last = self.members[node].last
-        lost = []
-        for name, entry in self.bodies.items():
-            if entry.node == node and entry.lost is None and entry.spawn_time != math.inf:
-                entry.lost, entry.seen, entry.spawn_time = last.get(name, LastState(None)), False, -math.inf
+        """Mark the bodies of a dead node as lost, to be respawned; return their names. Forget those of which neither
+        the state nor the request is known."""
+        last, lost = self.members[node].last, []
+        for name, entry in list(self.bodies.items()):
+            if entry.node != node or entry.lost is not None or entry.spawning:
+                continue
+            if name in last or entry.request is not None:
+                entry.lose(last.get(name, LastState(None)))
                 lost.append(name)
-        for name in [name for name, of in self.bodies.items() if of.lost == LastState(None) and of.request is None]:
-            del self.bodies[name]
-        return [name for name in lost if name in self.bodies]
+            else:
+                del self.bodies[name]
+        return lost
 
     def _compare(self, node: str, time: float, duties: Duties) -> None:
         """Compare the bodies that a node reports with its bodies in the ledger; add the differences to ``duties``."""
         member = self.members[node]
-        for name in member.rows:
+        for name in member.last:
             entry = self.bodies.setdefault(name, Entry(node))
-            spawning = entry.spawn_time == math.inf
-            if entry.node != node and (entry.lost is None or spawning):
+            if entry.node != node and (entry.lost is None or entry.spawning):
                 duties.remove.append((node, name))
-            elif not spawning:
-                entry.node, entry.lost, entry.seen = (
-                    node,
-                    None,
-                    True,
-                )  # also a lost body that came back
+            elif not entry.spawning:  # also a lost body that came back
+                entry.node, entry.lost, entry.spawn_time = node, None, -math.inf
         for name, entry in list(self.bodies.items()):
-            if entry.node != node or name in member.rows or entry.lost is not None or entry.spawn_time == math.inf:
+            if entry.node != node or name in member.last or entry.lost is not None:
                 continue
-            if not entry.seen and time - entry.spawn_time <= self.config.spawn_grace:
+            if time - entry.spawn_time <= self.config.spawn_grace:  # also an open call
                 continue
-            if name in member.states_before_silence:
-                entry.lost, entry.seen, entry.spawn_time = member.states_before_silence[name], False, -math.inf
+            if name in member.before_silence:
+                entry.lose(member.before_silence[name])
                 duties.lost.setdefault(node, []).append(name)
             else:
                 del self.bodies[name]  # removed by another service, or off the terrain
-        member.returned, member.states_before_silence = False, {}
+        member.before_silence = {}
 
     def _respawnings(self) -> list[Respawning]:
         found = []
-        for name in self.waiting:
-            entry = self.bodies[name]
-            if entry.spawn_time == math.inf or entry.lost is None:
+        for name, entry in self.bodies.items():
+            if entry.lost is None or entry.spawning:
                 continue
-            states, row = entry.lost
             if not self.members[entry.node].alive:
                 if self.config.respawn == "same" or not self.living:
                     continue
-                x, y = (0.0, 0.0) if states is None else states.numbers[row, :2].tolist()
-                entry.node = self._choose(x, y)
+                states, row = entry.lost
+                entry.node = self._choose(*((0.0, 0.0) if states is None else states.numbers[row, :2].tolist()))
             entry.spawn_time = math.inf
             found.append(Respawning(name, entry.node, entry.request, entry.lost))
         return found
 
     def _choose(self, x: float, y: float) -> str:
-        living = self.living
+        living, tile = self.living, self.config.tile_size
         if not living and self.starting:
             names = ", ".join(sorted(self.starting))
             raise InputError("no_node", f"{names} are starting; try again when the diagnostics list their bodies")
         if not living:
             raise InputError("no_node", f"none of {', '.join(self.members)} is heard; start one")
         if self.config.spread == "tiles" and math.isfinite(x) and math.isfinite(y):
-            column, row = math.floor(x / self.config.tile_size), math.floor(y / self.config.tile_size)
             side = math.ceil(math.sqrt(len(living)))
-            return living[(column % side + side * (row % side)) % len(living)]
+            return living[(math.floor(x / tile) % side + side * (math.floor(y / tile) % side)) % len(living)]
         counts = Counter(entry.node for entry in self.bodies.values())
         return min(living, key=lambda node: counts[node])

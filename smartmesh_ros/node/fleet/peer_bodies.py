@@ -14,6 +14,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet.peer_names import AUTO, TOPIC, topic_of
 from smartmesh_ros.node.fleet.peer_states import PeerReader, PeerStates
 from smartmesh_ros.node.inputs.conversions import stamp_seconds
+from smartmesh_ros.node.parameters.settings import LONGEST_NAME
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import StampClock
 
@@ -125,7 +126,7 @@ class PeerBodies:
         try:
             settings = session.settings
             with session.world.stopwatch.stage("ingest"):
-                new = peer.reader.read(data, settings.most_bodies, settings.longest_name)
+                new = peer.reader.read(data, settings.most_bodies, LONGEST_NAME)
                 if not self._fits(name, new):
                     return
                 stamp = stamp_seconds(new)

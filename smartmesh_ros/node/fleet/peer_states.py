@@ -99,5 +99,5 @@ def _names_in(content: bytes, count: int, max_name: int) -> list[str]:
         if not name or "/" in name:
             raise InputError("empty_id", f"{name!r} cannot name a body; a name is not empty and has no '/'")
         if len(name) > max_name:
-            raise InputError("size", f"a name of {len(name)} characters; bodies.longest_name allows {max_name}")
+            raise InputError("size", f"a name of {len(name)} characters; at most {max_name} are possible")
     return names

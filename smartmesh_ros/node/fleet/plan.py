@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,56 +10,46 @@ from typing import Any
 import yaml
 from ament_index_python.packages import get_package_prefix
 
-from smartmesh_ros.node.fleet import layout as layout
+from smartmesh_ros.node.fleet import layout
 
 PACKAGE = "smartmesh_ros"
 
 
 @dataclass(frozen=True, kw_only=True)
 class FleetPlan:
-    """A fleet of ``count`` nodes in a ``namespace``. ``preset`` (empty = none) and ``parameters`` are for all nodes,
-    ``front`` and ``source`` are parameters of the front and of terrain_source."""
+    """A fleet of ``count`` nodes. ``parameters`` are for all nodes, ``front`` and ``source`` for the front and for
+    terrain_source. Each command writes its parameter file into a ``folder``."""
 
     count: int
-    namespace: str = ""
-    preset: str = layout.PRESET
     parameters: dict[str, Any] = field(default_factory=dict)
     front: dict[str, Any] = field(default_factory=dict)
     source: dict[str, Any] = field(default_factory=dict)
 
     def node(self, index: int, folder: Path) -> list[str]:
-        """Return the command of node ``index``; write its parameter file into ``folder``."""
-        own = layout.parameters_of(index, self.count, self.namespace)
-        files = [str(_share() / "config" / f"{self.preset}.yaml")] if self.preset else []
-        files.append(_file(folder / f"node_{index}.yaml", {**own, **self.parameters}))
-        names = [("__ns", layout.namespace_of(index, self.namespace)), *layout.remappings(self.namespace)]
-        return _command(layout.COLLIDER, files, names)
+        """Return the command of node ``index``."""
+        preset = Path(get_package_prefix(PACKAGE)) / "share" / PACKAGE / "config" / f"{layout.PRESET}.yaml"
+        own = _file(folder / f"node_{index}.yaml", {**layout.parameters_of(index, self.count), **self.parameters})
+        return _command(layout.COLLIDER, [preset, own], [("__ns", layout.namespace_of(index)), *layout.remappings()])
 
     def front_command(self, folder: Path) -> list[str]:
         """Return the command of the front."""
-        own = layout.front_parameters(self.count, self.namespace)
-        files = [_file(folder / "front.yaml", {**own, **self.front})]
-        return _command("fleet_front", files, [("__ns", self.namespace)] if self.namespace else [])
+        return _command(
+            "fleet_front", [_file(folder / "front.yaml", {"nodes": layout.node_names(self.count), **self.front})]
+        )
 
     def source_command(self, folder: Path) -> list[str]:
         """Return the command of terrain_source."""
-        files = [_file(folder / "source.yaml", self.source)] if self.source else []
-        return _command("terrain_source", files, layout.source_remappings(self.namespace))
+        return _command("terrain_source", [_file(folder / "source.yaml", self.source)], layout.source_remappings())
 
 
-def _share() -> Path:
-    return Path(get_package_prefix(PACKAGE)) / "share" / PACKAGE
-
-
-def _file(path: Path, parameters: dict[str, Any]) -> str:
+def _file(path: Path, parameters: dict[str, Any]) -> Path:
     # ROS cannot tell the type of an empty list in YAML.
     plain = {name: value for name, value in parameters.items() if value != []}
     path.write_text(yaml.safe_dump({"/**": {"ros__parameters": plain}}))
-    return str(path)
+    return path
 
 
-def _command(name: str, files: list[str], names: list[tuple[str, str]]) -> list[str]:
-    path = Path(get_package_prefix(PACKAGE)) / "lib" / PACKAGE / name
-    options = [part for file in files for part in ("--params-file", file)]
+def _command(name: str, files: list[Path], names: Sequence[tuple[str, str]] = ()) -> list[str]:
+    options = [part for file in files for part in ("--params-file", str(file))]
     options += [part for old, new in names for part in ("-r", f"{old}:={new}")]
-    return [str(path), "--ros-args", *options]
+    return [str(Path(get_package_prefix(PACKAGE)) / "lib" / PACKAGE / name), "--ros-args", *options]

@@ -83,7 +83,7 @@ class BodyInputs:
         radii = [body.radius or session.settings.default_radius for body in bodies]
         for body, state, radius in zip(bodies, states, radii, strict=True):
             session.require_not_simulated(body.name)
-            require_name(body.name, session.settings)
+            require_name(body.name)
             require_possible(body.name, state)
             require_between(f"radius of {body.name!r}", radius, SIZES, "m")
         for body, state, radius in zip(bodies, states, radii, strict=True):

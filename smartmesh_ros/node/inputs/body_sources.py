@@ -19,36 +19,36 @@ class BodySource(NamedTuple):
 
 
 def body_sources(entries: Mapping[str, Sequence[str]]) -> dict[str, tuple[BodySource, ...]]:
-    """Return the sources of each parameter ``bodies.<kind>``.
+    """Return the sources that the entries of each parameter name.
 
     An entry is ``name=source``, or a source alone, which names the body, with ``.`` for ``/``. Raises `InputError` if a
     name is empty, contains ``/`` or repeats.
     """
     seen: set[str] = set()
     found: dict[str, tuple[BodySource, ...]] = {}
-    for kind, texts in entries.items():
-        sources = [_source(kind, text) for text in texts]
+    for parameter, texts in entries.items():
+        sources = [_source(parameter, text) for text in texts]
         for name, _ in sources:
             if name in seen:
                 raise InputError(
-                    "parameter", f"bodies.{kind} names body {name!r} again; use name=source to give it another name"
+                    "parameter", f"{parameter} names body {name!r} again; use name=source to give it another name"
                 )
             seen.add(name)
-        found[kind] = tuple(sources)
+        found[parameter] = tuple(sources)
     return found
 
 
-def _source(kind: str, text: str) -> BodySource:
+def _source(parameter: str, text: str) -> BodySource:
     name, equals, source = text.partition("=")
     if not equals:
         name, source = text.strip("~/").replace("/", "."), text
     if not name or not source or "/" in name:
         raise InputError(
-            "parameter", f"bodies.{kind} has entry {text!r}; it must be name=source, with no '/' in the name"
+            "parameter", f"{parameter} has entry {text!r}; it must be name=source, with no '/' in the name"
         )
-    if kind != "frames":
+    if parameter != "bodies.frames":
         try:
             validate_topic_name(source)
         except InvalidTopicNameException as error:
-            raise InputError("parameter", f"bodies.{kind} has entry {text!r}: {error}") from None
+            raise InputError("parameter", f"{parameter} has entry {text!r}: {error}") from None
     return BodySource(name, source)

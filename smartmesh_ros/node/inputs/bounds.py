@@ -10,16 +10,14 @@ import pybullet_data
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.urdf import UrdfRules
-from smartmesh_ros.node.parameters.settings import Settings
+from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings
 from smartmesh_ros.terrain.terrain import Terrain
 
 
-def require_name(name: str, settings: Settings) -> None:
+def require_name(name: str) -> None:
     """Raises `InputError` if the name of a body, tile or frame is too long."""
-    if len(name) > settings.longest_name:
-        raise InputError(
-            "size", f"a name of {len(name)} characters; bodies.longest_name allows {settings.longest_name}"
-        )
+    if len(name) > LONGEST_NAME:
+        raise InputError("size", f"a name of {len(name)} characters; at most {LONGEST_NAME} are possible")
 
 
 def require_room(names: Iterable[str], known: Iterable[str], settings: Settings) -> None:

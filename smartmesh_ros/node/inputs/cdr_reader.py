@@ -21,33 +21,29 @@ class Stamped(NamedTuple):
 
 
 class CdrReader:
-    """Reads fields in the order of the message definition. Raises `InputError` if the bytes end too soon."""
+    """Reads fields in the order of the message definition. Raises `InputError` if the bytes end too soon.
+
+    ``at``: number of bytes read after the 4-byte header.
+    """
 
     def __init__(self, data: bytes) -> None:
         if len(data) < 4 or data[0] != 0 or data[1] not in (0, 1):
             raise InputError("malformed", f"{len(data)} bytes that do not start as plain CDR")
         self._order = "<" if data[1] else ">"
         self._data = memoryview(data)[4:]
-        self._at = 0
-
-    @property
-    def at(self) -> int:
-        """Number of bytes read after the 4-byte header."""
-        return self._at
+        self.at = 0
 
     def number(self, code: str) -> Any:
         """Read one number, given its `struct` code."""
-        size = struct.calcsize(code)
-        return struct.unpack(self._order + code, self._take(size, size))[0]
+        return self.numbers(code, 1)[0]
 
     def numbers(self, code: str, count: int) -> tuple[Any, ...]:
         """Read ``count`` consecutive numbers, given their `struct` code."""
-        size = struct.calcsize(code)
-        return struct.unpack(f"{self._order}{count}{code}", self._take(size, count * size))
+        return struct.unpack(f"{self._order}{count}{code}", self.skip(struct.calcsize(code), count))
 
     def text(self) -> str:
         """Read a string."""
-        data = bytes(self._take(1, self.number("I"))).rstrip(b"\0")
+        data = bytes(self.skip(1, self.number("I"))).rstrip(b"\0")
         if b"\0" in data:  # C code would read a shorter name than this one
             raise InputError("malformed", f"a string of {len(data)} bytes has a zero byte in it")
         try:
@@ -58,33 +54,27 @@ class CdrReader:
     def count(self, size: int) -> int:
         """Read the length of a sequence; the bytes left must hold so many elements of at least ``size`` bytes each."""
         count = int(self.number("I"))
-        if count * size > len(self._data) - self._at:
-            raise InputError(
-                "malformed", f"a sequence of {count} elements starts at byte {self._at} of {len(self._data)}"
-            )
+        if count * size > len(self._data) - self.at:
+            raise InputError("malformed", f"{count} elements from byte {self.at} of {len(self._data)} on")
         return count
-
-    def skip(self, size: int, count: int = 1) -> None:
-        """Skip ``count`` numbers of ``size`` bytes each."""
-        if count:
-            self._take(size, count * size)
 
     def sequence(self, dtype: str, width: int = 1) -> NDArray[Any]:
         """Read a sequence of numbers, or of ``width`` numbers each, as a view (n,) or (n, width) of the bytes."""
-        count = self.number("I")
         kind = np.dtype(self._order + dtype)
-        data = self._take(kind.itemsize, count * width * kind.itemsize) if count else b""
-        array = np.frombuffer(data, kind)
+        array = np.frombuffer(self.skip(kind.itemsize, self.number("I") * width), kind)
         return array if width == 1 else array.reshape(-1, width)
 
     def stamped(self) -> Stamped:
         """Read header and tile."""
         return Stamped(self.number("i"), self.number("I"), self.text(), self.text())
 
-    def _take(self, alignment: int, size: int) -> memoryview:
-        start = -(-self._at // alignment) * alignment
-        end = start + size
+    def skip(self, size: int, count: int = 1) -> memoryview:
+        """Skip ``count`` numbers of ``size`` bytes each, and return their bytes."""
+        if not count:  # no alignment either
+            return self._data[:0]
+        start = -(-self.at // size) * size
+        end = start + size * count
         if end > len(self._data):
             raise InputError("malformed", f"the message ends after {len(self._data)} bytes; a field needs {end}")
-        self._at = end
+        self.at = end
         return self._data[start:end]

@@ -30,12 +30,14 @@ class Quaternion(NamedTuple):
 
 
 class MapInput(NamedTuple):
-    """A whole map: geometry (None = remove the tile), heights (rows, columns) [m], and velocities [m/s] or None."""
+    """A whole map: geometry (None = remove the tile), heights (rows, columns) [m], velocities [m/s] or None, and
+    coefficients of friction: one, those of the samples, or None."""
 
     start: Stamped
     geometry: GridGeometry | None
     heights: FloatGrid
     velocities: FloatGrid | None
+    friction: float | FloatGrid | None = None
 
 
 class RegionInput(NamedTuple):
@@ -93,13 +95,15 @@ def map_from(data: bytes, max_samples: int) -> MapInput:
     resolution, columns, rows = reader.number("f"), reader.number("I"), reader.number("I")
     x, y, z = (reader.number("d") for _ in range(3))
     orientation = Quaternion(*(reader.number("d") for _ in range(4)))
-    heights, velocities = reader.sequence("f4"), reader.sequence("f4")
+    heights, velocities, friction = (reader.sequence("f4") for _ in range(3))
     if not rows and not columns and not len(heights):
         return MapInput(start, None, heights, None)
     _require_count(columns, rows, len(heights), len(velocities), max_samples)
     geometry = GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=(x, y, z),
                             yaw=yaw_from(orientation))  # fmt: skip
-    return MapInput(start, geometry, *_grids(heights, velocities, (rows, columns)))
+    return MapInput(
+        start, geometry, *_grids(heights, velocities, (rows, columns)), _friction(friction, (rows, columns))
+    )
 
 
 def region_from(data: bytes, max_samples: int) -> RegionInput:
@@ -202,6 +206,17 @@ def shape_from(primitive: Any) -> Shape:
 def _grids(heights: Any, velocities: Any, shape: tuple[int, int]) -> tuple[FloatGrid, FloatGrid | None]:
     """Return flat arrays as views (rows, columns)."""
     return heights.reshape(shape), velocities.reshape(shape) if len(velocities) else None
+
+
+def _friction(values: Any, shape: tuple[int, int]) -> float | FloatGrid | None:
+    """Return flat coefficients as one number, a view (rows, columns), or None if there are none."""
+    if len(values) == 1:
+        return 1.0 if math.isnan(values[0]) else float(values[0])
+    count = shape[0] * shape[1]
+    if len(values) not in (0, count):
+        what = f"{len(values)} coefficients of friction for {count} heights"
+        raise InputError("length", f"{what}; there must be as many, or one, or none")
+    return np.asarray(values.reshape(shape)) if len(values) else None
 
 
 def _require_count(width: int, height: int, heights: int, velocities: int, max_samples: int) -> None:

@@ -11,18 +11,14 @@ from importlib import import_module
 from typing import Any
 
 from rclpy.serialization import deserialize_message
-from rosidl_parser.definition import AbstractSequence, AbstractString, Array, BasicType, NamespacedType
+from rosidl_parser.definition import AbstractNestedType, AbstractString, Array, BasicType, NamespacedType
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
+from smartmesh_ros.node.outputs.cdr import DTYPES
 
 # Default of the most elements in a sequence of messages or strings.
 MOST_ITEMS = 100_000
-
-_SIZES = {
-    "boolean": 1, "octet": 1, "char": 1, "uint8": 1, "int8": 1, "uint16": 2, "int16": 2, "uint32": 4, "int32": 4,
-    "uint64": 8, "int64": 8, "float": 4, "double": 8,
-}  # fmt: skip
 
 
 def message_from(data: bytes, kind: Any, most: int = MOST_ITEMS) -> Any:
@@ -31,89 +27,54 @@ def message_from(data: bytes, kind: Any, most: int = MOST_ITEMS) -> Any:
     Raises `InputError` if the bytes are no such message, or if a sequence of messages or strings has more than ``most``
     elements, which is checked before anything is allocated.
     """
-    reader = CdrReader(data)
-    _check_message(reader, kind, most)
+    _check(CdrReader(data), _fields_to_check(kind), most, last=True)
     try:
         return deserialize_message(data, kind)
     except Exception as error:  # noqa: BLE001  # the decoder's errors have no common base
         raise InputError("malformed", f"{len(data)} bytes are no {kind.__name__}: {error}") from None
 
 
-def _check_message(reader: CdrReader, kind: Any, most: int) -> None:
-    """Check every sequence of messages or strings in a message, reading up to the last one."""
-    types = kind.SLOT_TYPES
-    last = max((index for index, slot in enumerate(types) if _has_object_sequence(slot)), default=-1)
-    for index, slot in enumerate(types[: last + 1]):
-        _check(reader, slot, most, to_end=index < last)
+def _check(reader: CdrReader, fields: list[Any], most: int, *, last: bool) -> None:
+    """Skip fields, checking the sequences in them. ``last``: no check follows, so the last one need not be skipped."""
+    for index, field in enumerate(fields):
+        _check_field(reader, field, most, last=last and index == len(fields) - 1)
 
 
-def _check(reader: CdrReader, slot: Any, most: int, *, to_end: bool) -> None:
-    """Check the sequences in a field. ``to_end``: read to the field's end, because a later field needs a check."""
-    if isinstance(slot, NamespacedType):
-        if to_end:
-            _skip_field(reader, slot, most)
-        else:
-            _check_message(reader, _class_of(tuple(slot.namespaces), slot.name), most)
-    elif isinstance(slot, AbstractSequence) and not isinstance(slot.value_type, BasicType):
-        count = reader.count(_smallest(slot.value_type))
-        if count > most:
-            raise InputError("size", f"{count} elements in one sequence are more than the {most} allowed")
-        if to_end or _has_object_sequence(slot.value_type):
-            for _ in range(count):
-                _skip_field(reader, slot.value_type, most)
-    elif to_end:
-        _skip_field(reader, slot, most)
-
-
-def _skip_field(reader: CdrReader, slot: Any, most: int) -> None:
-    """Skip a field, checking the sequences in it."""
-    if isinstance(slot, BasicType):
-        reader.skip(_SIZES[slot.typename])
-    elif isinstance(slot, AbstractString):
+def _check_field(reader: CdrReader, field: Any, most: int, *, last: bool) -> None:
+    if isinstance(field, BasicType):
+        reader.skip(DTYPES[field.typename].itemsize)
+    elif isinstance(field, AbstractString):
         reader.skip(1, reader.count(1))
-    elif isinstance(slot, NamespacedType):
-        for inner in _class_of(tuple(slot.namespaces), slot.name).SLOT_TYPES:
-            _skip_field(reader, inner, most)
-    elif isinstance(slot, Array):
-        for _ in range(slot.size):
-            _skip_field(reader, slot.value_type, most)
-    elif isinstance(slot.value_type, BasicType):
-        size = _SIZES[slot.value_type.typename]
-        reader.skip(size, reader.count(size))
+    elif isinstance(field, NamespacedType):
+        kind = _class_of(*field.namespaced_name())
+        _check(reader, _fields_to_check(kind) if last else kind.SLOT_TYPES, most, last=last)
     else:
-        _check(reader, slot, most, to_end=True)
+        items = field.value_type
+        count = field.size if isinstance(field, Array) else reader.count(1)
+        if isinstance(items, BasicType):
+            reader.skip(DTYPES[items.typename].itemsize, count)
+        elif count > most:
+            raise InputError("size", f"{count} elements in one sequence are more than the {most} allowed")
+        elif not last or _needs_check(items):
+            _check(reader, [items] * count, most, last=False)
 
 
-def _has_object_sequence(slot: Any) -> bool:
-    """Return True if a field contains a sequence of messages or strings."""
-    if isinstance(slot, NamespacedType):
-        return _message_has_object_sequence(_class_of(tuple(slot.namespaces), slot.name))
-    if isinstance(slot, AbstractSequence):
-        return not isinstance(slot.value_type, BasicType)
-    return isinstance(slot, Array) and _has_object_sequence(slot.value_type)
-
-
-@cache
-def _message_has_object_sequence(kind: Any) -> bool:
-    return any(_has_object_sequence(slot) for slot in kind.SLOT_TYPES)
-
-
-def _smallest(slot: Any) -> int:
-    """Return the smallest size of a field, without alignment [bytes]."""
-    if isinstance(slot, BasicType):
-        return _SIZES[slot.typename]
-    if isinstance(slot, NamespacedType):
-        return _smallest_message(_class_of(tuple(slot.namespaces), slot.name))
-    if isinstance(slot, Array):
-        return int(slot.size) * _smallest(slot.value_type)
-    return 4  # the count of a string or sequence
+def _needs_check(field: Any) -> bool:
+    """Return True if a field is or contains a sequence of messages or strings."""
+    if isinstance(field, NamespacedType):
+        return bool(_fields_to_check(_class_of(*field.namespaced_name())))
+    return isinstance(field, AbstractNestedType) and not isinstance(field.value_type, BasicType)
 
 
 @cache
-def _smallest_message(kind: Any) -> int:
-    return max(1, sum(_smallest(slot) for slot in kind.SLOT_TYPES))
+def _fields_to_check(kind: Any) -> list[Any]:
+    """Return the types of a message's fields up to the last one that needs a check."""
+    fields = list(kind.SLOT_TYPES)
+    while fields and not _needs_check(fields[-1]):
+        fields.pop()
+    return fields
 
 
 @cache
-def _class_of(namespaces: tuple[str, ...], name: str) -> Any:
-    return getattr(import_module(".".join(namespaces)), name)
+def _class_of(*name: str) -> Any:
+    return getattr(import_module(".".join(name[:-1])), name[-1])

@@ -1,4 +1,4 @@
-"""Joint commands from sensor_msgs/JointState."""
+"""Commands to joints and driven surfaces from sensor_msgs/JointState."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ def joint_commands_from(message: Any, world: World, prefixes: Mapping[str, str])
     A joint is named ``<robot>/<joint>``, or ``<joint>`` if its robot is the only one or, by ``prefixes``, has names
     without prefix. ``position``, ``velocity`` and ``effort`` each have one number per name, or none; NaN is no number
     for this joint, as ros2_control's topic bridges send for interfaces that they do not command. `JointCommand` defines
-    the combinations. A joint that has nothing but NaN keeps its command.
+    the combinations. A joint that has nothing but NaN keeps its command. A driven surface of a robot, such as a track,
+    is named as a joint and takes a velocity alone [m/s].
     """
     names, count = list(message.name), len(message.name)
     if count == 0:
@@ -39,19 +40,21 @@ def joint_commands_from(message: Any, world: World, prefixes: Mapping[str, str])
         sent = {field: values[index] for field, values in fields.items() if values}
         given = {field: value for field, value in sent.items() if not math.isnan(value)}
         if given or not sent:
-            commands.append(CommandedJoint(robot, joint, JointCommand(**given)))
+            command = JointCommand(**given)
+            world.require_command(robot, joint, command)
+            commands.append(CommandedJoint(robot, joint, command))
     return commands
 
 
 def _joints(names: list[str], world: World, prefixes: Mapping[str, str]) -> list[tuple[str, str]]:
-    robots = {robot: world.bodies[robot].joints for robot in prefixes}
+    robots = {robot: (*world.bodies[robot].joints, *world.bodies[robot].surfaces) for robot in prefixes}
     alone = next((robot for robot, prefix in prefixes.items() if not prefix or len(robots) == 1), "")
     found, unknown = [], []
     for name in names:
         robot, _, joint = name.partition("/")
-        if joint in robots.get(robot, {}):
+        if joint in robots.get(robot, ()):
             found.append((robot, joint))
-        elif name in robots.get(alone, {}):
+        elif name in robots.get(alone, ()):
             found.append((alone, name))
         else:
             unknown.append(name)

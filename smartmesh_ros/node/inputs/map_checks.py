@@ -10,6 +10,7 @@ from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck
 
 # The log repeats a warning only after this long without one [s]; the diagnostics show it as long as it holds.
 LOG_PAUSE = 600.0
+ADVICE = "but are treated as moving ground: set terrain.changes: correction, or terrain.noise if the ground does move"
 
 
 class MapChecks:
@@ -43,16 +44,10 @@ class MapChecks:
     def _update_warning(self) -> None:
         """Updates ``warning``, and logs a new one."""
         seen = {tile: str(check.findings) for tile, check in self._checks.items() if check.findings != NO_FINDINGS}
-        now, before, self.warning = monotonic(), self.warning, ""
-        if before:
-            self._warned = now
-        if not seen:
-            return
         what = "; ".join(f"tile {tile!r}: {words}" if tile else words for tile, words in seen.items())
-        self.warning = (
-            f"maps look like those of a sensor or mapper ({what}) but are treated as moving ground: set "
-            "terrain.changes: correction, or terrain.noise if the ground does move"
-        )
-        if not before and now - self._warned >= LOG_PAUSE:
+        now, before = monotonic(), self.warning
+        self.warning = f"maps look like those of a sensor or mapper ({what}) {ADVICE}" if what else ""
+        if self.warning and not before and now - self._warned >= LOG_PAUSE:
             self._logger.warning(self.warning)
-        self._warned = now
+        if self.warning or before:
+            self._warned = now

@@ -16,15 +16,18 @@ def take_map(
     """Puts a map of ``time`` [s] into the terrain.
 
     A map on the same grid replaces the heights of the last one. If the grid moved, samples that both grids share keep
-    their velocities. On `InputError` the terrain is unchanged.
+    their velocities. The ground keeps its friction, unless the raster has another. On `InputError` the terrain is
+    unchanged.
     """
-    geometry, heights, variances = raster
+    geometry, heights, variances, friction = raster
     known = terrain.tiles.get(tile)
     if isinstance(known, HeightMap) and known.geometry == geometry:
-        known.replace(heights, time=time, velocities=velocities, variance=variances)
+        known.replace(heights, time=time, velocities=velocities, variance=variances, friction=friction)
         return
     require_tile_fits(tile, geometry.size, terrain, settings)
-    motion = settings.motion
-    new = HeightMap(heights, geometry=geometry, time=time, velocities=velocities, variance=variances, motion=motion)
-    require_usable(settings.world.patch, new)
+    new = HeightMap(
+        heights, geometry=geometry, time=time, velocities=velocities, variance=variances, friction=friction,
+        motion=settings.motion,
+    )  # fmt: skip
+    require_usable(settings.world.patch, new, exact=False)
     terrain.put(tile, new)

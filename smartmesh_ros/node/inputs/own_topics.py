@@ -16,34 +16,23 @@ class OwnTopics:
         self.taken: dict[str, str] = {}
         self.published: dict[str, str] = {}
         self._resolve = resolve
-        self._tracked = {source: ("poses", name) for name, source in settings.poses}
-        self._tracked |= {source: ("odometry", name) for name, source in settings.odometry}
+        self._bodies = {source: name for name, source in (*settings.poses, *settings.odometry)}
 
     def take(self, given: str) -> None:
         """Registers an input before its subscription; raises `InputError` if the node publishes there."""
-        topic = self._resolve(given)
-        if topic in self.published:
-            raise self._conflict(topic, given, self.published[topic])
-        self.taken[topic] = given
+        self._register(given, self.taken)
 
     def publish(self, given: str) -> None:
         """Registers an output before its publisher; raises `InputError` if the node subscribes there."""
-        topic = self._resolve(given)
-        if topic in self.taken:
-            raise self._conflict(topic, self.taken[topic], given)
-        self.published[topic] = given
+        self._register(given, self.published)
 
-    def _conflict(self, topic: str, taken: str, published: str) -> InputError:
-        if taken not in self._tracked:
-            return InputError(
-                "own_topic",
-                f"the input {taken} is the topic {topic} that this node publishes as {published}; remap one of them "
-                "elsewhere",
-            )
-        kind, body = self._tracked[taken]
-        return InputError(
-            "own_topic",
-            f"bodies.{kind}: body {body!r} is tracked at {taken!r}, which is the topic {topic} that this node "
-            f"publishes as {published}; give the body a topic of its own, such as ~/tracked_{kind} remapped to that of "
-            "the real robot, and remap no output there",
-        )
+    def _register(self, given: str, names: dict[str, str]) -> None:
+        topic = self._resolve(given)
+        names[topic] = given
+        if topic in self.taken and topic in self.published:
+            taken, advice = self.taken[topic], "remap one of them elsewhere"
+            if taken in self._bodies:
+                taken = f"{taken!r} of body {self._bodies[taken]!r}"
+                advice = "give the body a topic of its own, such as ~/tracked_odometry remapped to the real robot's"
+            words = f"the input {taken} is {topic}, which this node publishes as {self.published[topic]}; {advice}"
+            raise InputError("own_topic", words)

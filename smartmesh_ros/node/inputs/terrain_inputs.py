@@ -18,10 +18,9 @@ from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_grid
 from smartmesh_ros.node.inputs.bounds import require_name, require_tile_fits
 from smartmesh_ros.node.inputs.conversions import FloatGrid
-from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.map_taking import take_map
 from smartmesh_ros.node.inputs.optional_messages import find_message, require_message
-from smartmesh_ros.node.inputs.rivals import Rivals, publisher_names
+from smartmesh_ros.node.inputs.rivals import Rivals
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import Placed, StampClock
 from smartmesh_ros.patches.config import ANYWHERE
@@ -45,7 +44,6 @@ class TerrainInputs:
         self._clocks: dict[str, StampClock] = {}
         self._rivals: dict[str, Rivals] = {}  # by tile
         self._rivals_logged = False
-        self._map_checks = MapChecks(session.node.get_logger())
         settings = session.settings
         durability = DurabilityPolicy[settings.durability.upper()]
         reliability = ReliabilityPolicy[settings.reliability.upper()]
@@ -69,8 +67,7 @@ class TerrainInputs:
     def forget_stamps(self) -> None:
         """Accepts any stamps from now on, after a reset."""
         self._clocks.clear()
-        self._map_checks.forget()
-        self._session.map_warning = ""
+        self._session.map_checks.forget()
 
     def _on_map(self, data: bytes) -> None:
         new = conversions.map_from(data, self._session.settings.max_samples)
@@ -80,10 +77,10 @@ class TerrainInputs:
         with self._ingesting(start.tile, conversions.stamp_seconds(start), start.frame_id) as placed:
             if new.geometry is None:
                 self._terrain.remove(start.tile)
-                self._map_checks.forget(start.tile)
-                self._session.map_warning = self._map_checks.warning
+                self._session.map_checks.forget(start.tile)
             else:
-                self._take_map(start.tile, new.geometry, new.heights, new.velocities, placed)
+                raster = Raster(new.geometry, new.heights, friction=new.friction)
+                self._take_map(start.tile, raster, new.velocities, placed)
 
     def _on_raster(self, convert: Callable[..., Any], message: Any) -> None:
         settings = self._session.settings
@@ -92,25 +89,15 @@ class TerrainInputs:
             return
         with self._ingesting("", stamp, message.header.frame_id) as placed:
             raster = convert(message, settings.raster, settings.max_samples)
-            self._take_map("", raster.geometry, raster.heights, None, placed, raster.variances)
+            self._take_map("", raster, None, placed)
 
-    def _take_map(
-        self,
-        tile: str,
-        geometry: GridGeometry,
-        heights: FloatGrid,
-        velocities: FloatGrid | None,
-        placed: Placed,
-        variances: FloatGrid | None = None,
-    ) -> None:
+    def _take_map(self, tile: str, raster: Raster, velocities: FloatGrid | None, placed: Placed) -> None:
         """Checks a whole map and puts it into the terrain."""
-        self._look_for_rivals(tile, geometry, heights)
-        raster = Raster(geometry, heights, variances)
+        self._look_for_rivals(tile, raster.geometry, raster.heights)
         take_map(self._terrain, self._session.settings, tile, raster, velocities, placed.time)
         taken = self._terrain.tiles[tile]
         if isinstance(taken, HeightMap):
-            self._map_checks.take(tile, taken, placed.source_time, given=velocities is not None)
-            self._session.map_warning = self._map_checks.warning
+            self._session.map_checks.take(tile, taken, placed.source_time, given=velocities is not None)
 
     def _look_for_rivals(self, tile: str, geometry: GridGeometry, heights: FloatGrid) -> None:
         """Records publishers whose maps disagree, and logs them once."""
@@ -125,7 +112,7 @@ class TerrainInputs:
         if not any(of_tile.found for of_tile in self._rivals.values()):
             session.rival_maps = []
         elif not session.rival_maps:
-            session.rival_maps = publisher_names(session.node, topics, session.names)
+            session.rival_maps = session.names.of_publishers(session.node, [topic.topic_name for topic in topics]) or []
             if session.rival_maps and not self._rivals_logged:
                 self._rivals_logged = True
                 session.node.get_logger().warning(
@@ -168,7 +155,7 @@ class TerrainInputs:
         settings = self._session.settings
         raster = files.load(path, settings.raster, settings.max_samples)
         with self._ingesting("", None, settings.frame_id) as placed:
-            self._take_map("", raster.geometry, raster.heights, None, placed)
+            self._take_map("", raster, None, placed)
 
     def _on_mesh(self, data: bytes) -> None:
         settings = self._session.settings
@@ -223,7 +210,7 @@ class TerrainInputs:
             if update:
                 self._terrain.tile(tile)
             session.require_frame(frame_id)
-            require_name(tile, session.settings)
+            require_name(tile)
             clock = self._clocks.get(tile) or StampClock()
             longest = self._session.settings.motion.max_interval
             placed = clock.place(stamp, session.clock_now(), session.time_at, longest if update else 0.0, longest)

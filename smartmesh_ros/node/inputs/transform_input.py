@@ -81,7 +81,7 @@ class TransformInput:
 
     def to_terrain(self, frame_id: str, stamp: float | None) -> Transform | None:
         """Return the transform from ``frame_id`` to the terrain's frame, None if equal. Raises `InputError`."""
-        require_name(frame_id, self._session.settings)
+        require_name(frame_id)
         terrain = self._session.frame_id
         if not terrain or not frame_id or frame_id == terrain:
             return None
@@ -97,7 +97,7 @@ class TransformInput:
         own, now = hash(data) in self._sent, math.inf if static else monotonic()
         for stamp, parent, child, transform in transforms_from(data):
             try:
-                require_name(child, self._session.settings)
+                require_name(child)
                 time = None if static else self._time_of(stamp, child)
                 back = self.buffer.add(parent.strip("/"), child.strip("/"), transform, time)
                 if own:

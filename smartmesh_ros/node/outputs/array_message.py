@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterator
 from typing import Any
 
@@ -18,62 +17,34 @@ class ArrayMessage:
 
     def __init__(self) -> None:
         self._layouts: dict[Hashable, Elements] = {}
-        self._buffer = np.zeros(4096, np.uint8)
-        self._buffer[:4] = np.frombuffer(HEADER, np.uint8)
-        self._end = 0
-        self._count = 0
-        self._count_at = 0
-        # Keys of the groups in this message and in the last one. Constant bytes are reused up to the first difference.
-        self._added: list[Hashable] = []
-        self._before: list[Hashable] = []
+        self._buffer = np.zeros(4096, np.uint8)  # without the CDR header
+        self._end = self._start = self._count = 0  # what is written; of the sequence: where it starts, its length
 
-    def start(
-        self,
-        key: Hashable,
-        empty: Callable[[], Any],
-        header: Header | None = None,
-        fields: dict[str, Any] | None = None,
-    ) -> None:
-        """Starts a message: writes the fields before the sequence, with the ``header``'s stamp and other ``fields``.
+    def start(self, key: Hashable, empty: Callable[[], Any], fields: dict[str, Any] | None = None) -> None:
+        """Starts a message: writes what is before the sequence, with these values of ``fields``.
 
         ``empty``: returns the message with an empty sequence; called once per ``key``, or always if that is None.
         """
-        layout = self._layouts.get(("empty", key)) or Elements(empty())
-        if key is not None:
-            self._layouts["empty", key] = layout
-        self._make_room(0, layout.size_bound(1))
-        self._end = layout.put(
-            self._buffer[4:], 0, 1, {**({} if header is None else stamp_fields(header)), **(fields or {})}
-        )
-        self._before, self._added = self._added, [self._end]
-        self._count_at = self._end - 4  # the sequence's length comes last
-        self._count = 0
+        if key is None:
+            self._layouts.pop(("empty", None), None)
+        self._end = 0
+        self.add(("empty", key), empty, 1, fields or {})
+        self._start, self._count = self._end, 0
 
     def add(self, key: Hashable, template: Callable[[], Any], count: int, fields: dict[str, Any]) -> None:
         """Adds ``count`` elements. ``template``: returns the template element; called once per ``key``."""
-        layout = self._layouts.get(key)
-        if layout is None:
-            layout = self._layouts[key] = Elements(template())
-        self._make_room(self._end, layout.size_bound(count))
-        self._added.append((key, count, *fields))
-        same = self._added == self._before[: len(self._added)]
-        self._end = layout.put(self._buffer[4:], self._end, count, fields, same=same)
+        if key not in self._layouts:
+            self._layouts[key] = Elements(template())
+        layout = self._layouts[key]
+        if (need := self._end + layout.size_bound(count)) > len(self._buffer):
+            self._buffer = np.append(self._buffer[: self._end], np.zeros(2 * need, np.uint8))
+        self._end = layout.put(self._buffer, self._end, count, fields)
         self._count += count
 
     def finish(self) -> bytes:
         """Return the message's bytes."""
-        at = 4 + self._count_at
-        self._buffer[at : at + 4] = np.frombuffer(np.uint32(self._count).astype("<u4").tobytes(), np.uint8)
-        return self._buffer[: 4 + self._end].tobytes()
-
-    def _make_room(self, used: int, more: int) -> None:
-        """Grows the buffer, if necessary, to hold ``more`` bytes after the ``used`` ones."""
-        need = 4 + used + more
-        if need > len(self._buffer):
-            grown = np.zeros(2 * need, np.uint8)
-            grown[: 4 + used] = self._buffer[: 4 + used]
-            self._buffer = grown
-            self._before = []
+        self._buffer[: self._start][-4:] = np.array([self._count], "<u4").view(np.uint8)  # the sequence's length
+        return b"".join([HEADER, self._buffer[: self._end].data])
 
 
 def stamp_fields(header: Header) -> dict[str, Any]:
@@ -83,8 +54,8 @@ def stamp_fields(header: Header) -> dict[str, Any]:
 
 def by_length(texts: list[str]) -> Iterator[tuple[NDArray[np.int64], list[str]]]:
     """Yield the texts grouped by length in bytes, with their indices."""
-    groups: dict[int, list[int]] = defaultdict(list)
+    groups: dict[int, list[int]] = {}
     for index, text in enumerate(texts):
-        groups[len(text.encode())].append(index)
+        groups.setdefault(len(text.encode()), []).append(index)
     for indices in groups.values():
         yield np.array(indices), [texts[index] for index in indices]

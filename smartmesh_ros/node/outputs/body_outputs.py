@@ -9,7 +9,7 @@ from smartmesh_msgs.msg import Contact, ContactArray, TrackedBody, TrackedBodyAr
 from std_msgs.msg import Header
 
 from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.node.outputs.array_message import ArrayMessage, by_length
+from smartmesh_ros.node.outputs.array_message import ArrayMessage, by_length, stamp_fields
 from smartmesh_ros.node.outputs.cdr import text_rows
 from smartmesh_ros.world.contacts import GroundContact
 from smartmesh_ros.world.state_table import StateTable
@@ -27,8 +27,7 @@ class BodyStates:
         message.start(
             (header.frame_id, physics.rate, physics.gravity),
             lambda: TrackedBodyArray(header=header, rate=physics.rate, gravity=np.array(physics.gravity, np.float32)),
-            header,
-            {"ahead": ahead},
+            {**stamp_fields(header), "ahead": ahead},
         )
         # Bodies stay in order of spawning; consecutive ones with names of equal length form a group.
         lengths = np.array([len(name.encode()) for name in states.names], np.int64)
@@ -59,7 +58,7 @@ class Contacts:
     def write(self, header: Header, contacts: list[GroundContact]) -> bytes:
         """Return the ContactArray."""
         message = self._message
-        message.start(header.frame_id, lambda: ContactArray(header=header), header)
+        message.start(header.frame_id, lambda: ContactArray(header=header), stamp_fields(header))
         for part, texts in by_length([contact.body for contact in contacts]):
             group = [contacts[index] for index in part.tolist()]
             numbers = np.array([(*c.position, *c.normal, c.depth, c.normal_force) for c in group])

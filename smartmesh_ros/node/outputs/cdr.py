@@ -10,38 +10,22 @@ of a number from the end of the 4-byte header is a multiple of the number's size
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rosidl_parser.definition import (
-    AbstractSequence,
-    AbstractString,
-    Array,
-    BasicType,
-    NamespacedType,
-)
+from rosidl_parser.definition import AbstractSequence, AbstractString, BasicType, NamespacedType
 
-# Encapsulation: little-endian CDR, no options.
-HEADER = b"\x00\x01\x00\x00"
+HEADER = b"\x00\x01\x00\x00"  # encapsulation: little-endian CDR, no options
 MAX_ALIGNMENT = 8  # the largest alignment of any type [bytes]
-
-_FORMATS = {
-    "boolean": "<u1",
-    "octet": "<u1",
-    "char": "<u1",
-    "uint8": "<u1",
-    "int8": "<i1",
-    "uint16": "<u2",
-    "int16": "<i2",
-    "uint32": "<u4",
-    "int32": "<i4",
-    "uint64": "<u8",
-    "int64": "<i8",
-    "float": "<f4",
-    "double": "<f8",
-}
+DTYPES = {
+    name: np.dtype(f"<{code}")
+    for code, names in {
+        "u1": ("boolean", "octet", "char", "uint8"), "i1": ("int8",), "u2": ("uint16",), "i2": ("int16",),
+        "u4": ("uint32",), "i4": ("int32",), "u8": ("uint64",), "i8": ("int64",), "f4": ("float",), "f8": ("double",),
+    }.items()
+    for name in names
+}  # fmt: skip
 
 
 class Leaf(NamedTuple):
@@ -49,9 +33,7 @@ class Leaf(NamedTuple):
 
     path: str
     offset: int
-    dtype: np.dtype[Any]
-    shape: tuple[int, ...]
-    value: Any
+    value: NDArray[Any]
 
 
 def _aligned(offset: int, size: int) -> int:
@@ -71,73 +53,39 @@ class _Walk:
 
     def field(self, value: Any, kind: Any, path: str) -> None:
         if isinstance(kind, BasicType):
-            self.numbers(path, np.dtype(_FORMATS[kind.typename]), (), value)
+            self.numbers(path, kind.typename, value)
         elif isinstance(kind, AbstractString):
-            data = np.frombuffer(value.encode() + b"\0", np.uint8)
-            self.numbers(f"{path}.size", np.dtype("<u4"), (), len(data))
-            self.numbers(path, np.dtype("<u1"), data.shape, data)
+            data = text_rows([value])[0]
+            self.numbers(f"{path}.size", "uint32", len(data))
+            self.numbers(path, "uint8", data)
         elif isinstance(kind, NamespacedType):
             self.message(value, path)
-        elif isinstance(kind, AbstractSequence):
-            self.numbers(f"{path}.size", np.dtype("<u4"), (), len(value))
-            self.items(value, kind.value_type, path)
-        elif isinstance(kind, Array):
-            self.items(value, kind.value_type, path)
         else:
-            raise TypeError(f"{path}: {kind} has no fixed layout")
+            if isinstance(kind, AbstractSequence):
+                self.numbers(f"{path}.size", "uint32", len(value))
+            if len(value):
+                self.items(value, kind.value_type, path)
 
     def items(self, values: Any, kind: Any, path: str) -> None:
-        if len(values) == 0:
-            return
         if isinstance(kind, BasicType):
-            array = np.asarray(values)
-            self.numbers(path, np.dtype(_FORMATS[kind.typename]), array.shape, array)
+            self.numbers(path, kind.typename, values)
             return
-        # Items whose numbers all have one type (points, triangles) become one array; others are walked one by one.
-        dtype = _dtype_throughout(values[0], kind)
-        if dtype is not None:
-            known: dict[int, NDArray[Any]] = {}
-            for value in values:
-                if id(value) not in known:  # templates repeat the same object
-                    known[id(value)] = _flat(value, kind)
-            flat = np.stack([known[id(value)] for value in values])
-            self.numbers(path, dtype, flat.shape, flat)
-            return
+        if all(value is values[0] for value in values):  # as in templates
+            one = _Walk(0)
+            one.field(values[0], kind, "")
+            if len({leaf.value.dtype for leaf in one.leaves}) == 1:  # points, triangles: one array, with a row for each
+                row = np.concatenate([leaf.value.ravel() for leaf in one.leaves])
+                self.array(path, np.tile(row, (len(values), 1)))
+                return
         for index, value in enumerate(values):
             self.field(value, kind, f"{path}[{index}]")
 
-    def numbers(self, path: str, dtype: np.dtype[Any], shape: tuple[int, ...], value: Any) -> None:
-        self.offset = _aligned(self.offset, dtype.itemsize)
-        self.leaves.append(Leaf(path, self.offset, dtype, shape, value))
-        self.offset += dtype.itemsize * math.prod(shape)
+    def numbers(self, path: str, typename: str, value: Any) -> None:
+        self.array(path, np.asarray(value, DTYPES[typename]))
 
-
-def _dtype_throughout(value: Any, kind: Any) -> np.dtype[Any] | None:
-    """Return the common type of all numbers in a value; None if they differ, or if it has strings or sequences."""
-    if isinstance(kind, BasicType):
-        return np.dtype(_FORMATS[kind.typename])
-    if isinstance(kind, Array):
-        return _dtype_throughout(value[0], kind.value_type)
-    if not isinstance(kind, NamespacedType):
-        return None
-    fields = zip(value.get_fields_and_field_types(), value.SLOT_TYPES, strict=True)
-    dtypes = {_dtype_throughout(getattr(value, name), inner) for name, inner in fields}
-    return dtypes.pop() if len(dtypes) == 1 else None
-
-
-def _flat(value: Any, kind: Any) -> NDArray[Any]:
-    """Return the numbers of a value in a flat array; `_dtype_throughout` must have found a common type."""
-    walk = _Walk(0)
-    walk.field(value, kind, "")
-    return np.concatenate([np.ravel(leaf.value) for leaf in walk.leaves])
-
-
-class _Row(NamedTuple):
-    """An element that starts at a given phase: bytes, record of its fields, and phase of its end."""
-
-    template: NDArray[np.uint8]
-    record: np.dtype[Any]
-    end: int
+    def array(self, path: str, value: NDArray[Any]) -> None:
+        self.leaves.append(Leaf(path, _aligned(self.offset, value.itemsize), value))
+        self.offset = self.leaves[-1].offset + value.nbytes
 
 
 class Elements:
@@ -145,84 +93,56 @@ class Elements:
 
     def __init__(self, template: Any) -> None:
         self._template = template
-        self._rows: dict[int, _Row] = {}
-        self._alignment: int = self._row(0).record[0].base.itemsize
+        self._rows: dict[int, NDArray[Any]] = {}
+        self._alignment: int = self._row(0)[0][0].itemsize
 
-    def _row(self, phase: int) -> _Row:
-        """Return the template for a start ``phase`` bytes after a multiple of `MAX_ALIGNMENT`."""
+    def _row(self, phase: int) -> NDArray[Any]:
+        """Return the template as a record (1,), for a start ``phase`` bytes after a multiple of `MAX_ALIGNMENT`."""
         if phase not in self._rows:
             walk = _Walk(phase)
             walk.message(self._template, "")
-            data = np.zeros(walk.offset - phase, np.uint8)
-            record = np.dtype(
-                {
-                    "names": [leaf.path for leaf in walk.leaves],
-                    "formats": [(leaf.dtype, leaf.shape) for leaf in walk.leaves],
-                    "offsets": [leaf.offset - phase for leaf in walk.leaves],
-                    "itemsize": len(data),
-                }
-            )
-            view = data.view(record)
+            record = {
+                "names": [leaf.path for leaf in walk.leaves],
+                "formats": [(leaf.value.dtype, leaf.value.shape) for leaf in walk.leaves],
+                "offsets": [leaf.offset - phase for leaf in walk.leaves],
+                "itemsize": walk.offset - phase,
+            }
+            row: Any = np.zeros(1, np.dtype(record))  # type: ignore[call-overload]
+            self._rows[phase] = row
             for leaf in walk.leaves:
-                view[leaf.path] = leaf.value
-            self._rows[phase] = _Row(data, record, walk.offset)
+                row[leaf.path] = leaf.value
         return self._rows[phase]
 
-    def put(
-        self, buffer: NDArray[np.uint8], offset: int, count: int, fields: dict[str, Any], *, same: bool = False
-    ) -> int:
+    def put(self, buffer: NDArray[np.uint8], offset: int, count: int, fields: dict[str, Any]) -> int:
         """Writes ``count`` elements at ``offset`` of ``buffer`` and returns the offset of the next byte.
 
         ``fields``: path -> values that replace the template's, one row per element, or one number for all elements.
-        Strings are (count, bytes) arrays without terminating zero, see `text_rows`. ``same``: promises that the last
-        call for this place had the same ``count`` and the same paths in ``fields``; only their values are then written.
+        Strings are arrays of bytes, see `text_rows`.
         """
-        if count == 0:
-            return offset
         # The size of an element may be no multiple of the alignment, but the layout repeats after a few elements.
-        starts = [_aligned(offset, self._alignment)]
-        phases = [starts[0] % MAX_ALIGNMENT]
-        while (start := self._next_start(starts[-1])) % MAX_ALIGNMENT not in phases:
-            starts.append(start)
-            phases.append(start % MAX_ALIGNMENT)
-        lead = phases.index(start % MAX_ALIGNMENT)  # elements before the repeating ones
-        cycle = len(starts) - lead
-        period = start - starts[lead]
+        start, starts = _aligned(offset, self._alignment), dict[int, int]()  # by phase
+        while (phase := start % MAX_ALIGNMENT) not in starts:
+            starts[phase] = start
+            start = _aligned(start + self._row(phase).itemsize, self._alignment)
+        lead = list(starts).index(phase)  # elements before the repeating ones
+        period = start - starts[phase]
         end = offset
-        for index, first in enumerate(starts[:count]):
-            step = cycle if index >= lead else count
-            end = max(end, self._put_rows(buffer, first, period, fields, slice(index, count, step), same))
+        for index, (phase, start) in enumerate(list(starts.items())[:count]):
+            chosen = slice(index, count if index >= lead else index + 1, len(starts) - lead)
+            row, n = self._row(phase), len(range(count)[chosen])
+            np.ndarray((n, row.itemsize), np.uint8, buffer, start, (period, 1))[...] = row.view(np.uint8)
+            view: Any = np.ndarray((n,), row.dtype, buffer, start, (period,))
+            for path, value in fields.items():
+                view[path] = value[chosen] if np.ndim(value) else value
+            end = max(end, start + (n - 1) * period + row.itemsize)
         return end
-
-    def _put_rows(
-        self, buffer: NDArray[np.uint8], first: int, period: int, fields: dict[str, Any], chosen: slice, same: bool
-    ) -> int:
-        """Writes the ``chosen`` elements, which share a layout, from ``first`` on at intervals of ``period`` bytes."""
-        row = self._row(first % MAX_ALIGNMENT)
-        count = len(range(chosen.start, chosen.stop, chosen.step))
-        size = len(row.template)
-        if not same:
-            block = np.ndarray((count, size), np.uint8, buffer, first, (period, 1))
-            block[...] = row.template
-        view: Any = np.ndarray((count,), row.record, buffer, first, (period,))
-        for path, value in fields.items():
-            part = value[chosen] if np.ndim(value) else value
-            target = view[path]
-            if f"{path}.size" in (row.record.names or ()) and target.dtype == np.uint8:
-                target = target[:, : np.shape(value)[1]]  # all but a string's terminating zero
-            target[...] = part
-        return first + (count - 1) * period + size
 
     def size_bound(self, count: int) -> int:
         """Return an upper bound of the size of ``count`` elements [bytes]."""
-        return count * (len(self._row(0).template) + 2 * MAX_ALIGNMENT)
-
-    def _next_start(self, start: int) -> int:
-        """Return the start of the element after the one at ``start``, aligned for its first field."""
-        return _aligned(start - start % MAX_ALIGNMENT + self._row(start % MAX_ALIGNMENT).end, self._alignment)
+        return count * (self._row(0).itemsize + 2 * MAX_ALIGNMENT)
 
 
 def text_rows(texts: list[str]) -> NDArray[np.uint8]:
-    """Return texts of equal length in bytes as an array (n, bytes) for `Elements.put`."""
-    data = [text.encode() for text in texts]
+    """Return texts of equal length in bytes as an array (n, bytes), each with its terminating zero."""
+    data = [text.encode() + b"\0" for text in texts]
     return np.frombuffer(b"".join(data), np.uint8).reshape(len(data), -1)

@@ -45,19 +45,15 @@ class ClockPublishing:
 
     def _note_rivals(self) -> None:
         node = self._session.node
-        own = (node.get_name(), node.get_namespace())
-        peers = node.get_publishers_info_by_topic(self._publisher.topic_name)
-        others = [peer for peer in peers if (peer.node_name, peer.node_namespace) != own]
-        names = self._session.names.of_all(others)
-        if names is None:
-            self.rivals = ["another node"]
-            return
-        self.rivals = names or ["another node of this name"]
-        node.get_logger().error(
-            f"{TOPIC} is published by {', '.join(self.rivals)} already, so this node is silent there; set "
-            "publish.clock to 0 and use_sim_time to true to follow that clock",
-            throttle_duration_sec=LOG_PERIOD,
-        )
+        names = self._session.names.of_publishers(node, [self._publisher.topic_name])
+        others = [name for name in names or [] if name != node.get_fully_qualified_name()]
+        self.rivals = others or ["another node"]
+        if names is not None:
+            node.get_logger().error(
+                f"{TOPIC} is published by {', '.join(self.rivals)} already, so this node is silent there; set "
+                "publish.clock to 0 and use_sim_time to true to follow that clock",
+                throttle_duration_sec=LOG_PERIOD,
+            )
 
     def _close(self) -> None:
         if self._publisher is not None:

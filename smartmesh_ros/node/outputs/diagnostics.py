@@ -57,11 +57,11 @@ def statuses(node_name: str, world: World, health: Health) -> list[DiagnosticSta
     """Return one status per task of the node with a fully qualified name: terrain, bodies, physics, inputs,
     connections."""
     return [
-        _status(node_name, "terrain", *_terrain(world, health)),
-        _status(node_name, "bodies", *_bodies(world, health)),
-        _status(node_name, "physics", *_physics(health)),
-        _status(node_name, "inputs", *_inputs(health)),
-        _status(node_name, "connections", *_connections(health)),
+        task_status(node_name, "terrain", *_terrain(world, health)),
+        task_status(node_name, "bodies", *_bodies(world, health)),
+        task_status(node_name, "physics", *_physics(health)),
+        task_status(node_name, "inputs", *_inputs(health)),
+        task_status(node_name, "connections", *_connections(health)),
     ]
 
 
@@ -108,8 +108,8 @@ def _bodies(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
         "put back onto the ground": world.rescues,
         **{f"jumps on {topic}": count for topic, count in sorted(health.jumps.items())},
         **{f"patches, {kind}": count for kind, count in sorted(kinds.items())},
-        "colliders replaced": world.ground.replacements,
-        "colliders leaked": world.ground.leaked,
+        "colliders replaced": world.ground.contacts.replacements,
+        "colliders leaked": world.ground.contacts.leaked,
     }
     if health.peers:
         values["guests"] = remote
@@ -162,7 +162,8 @@ def task_name(node_name: str, task: str) -> str:
     return f"{node_name.strip('/')}: {task}"
 
 
-def _status(node_name: str, task: str, level: bytes, text: str, values: dict[str, Any]) -> DiagnosticStatus:
+def task_status(node_name: str, task: str, level: bytes, text: str, values: dict[str, Any]) -> DiagnosticStatus:
+    """Return a status of a node with its values by key."""
     pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
     name = task_name(node_name, task)
     return DiagnosticStatus(level=level, name=name, message=text, hardware_id=node_name, values=pairs)

@@ -153,7 +153,7 @@ class ColliderPatches:
         self._message.start(
             None if gone else (header.frame_id, only_changed),
             lambda: ColliderPatchArray(header=header, incremental=only_changed, removed=gone),
-            header,
+            stamp_fields(header),
         )
         for group in groups:
             self._add(group, carry_velocity, only_changed)

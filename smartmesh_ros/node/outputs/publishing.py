@@ -29,7 +29,8 @@ from smartmesh_ros.node.outputs import body_outputs, diagnostics, patch_outputs,
 from smartmesh_ros.node.outputs.body_descriptions import BodyDescriptions
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.clock_watch import ClockWatch
-from smartmesh_ros.node.outputs.connections import incompatible_peers, publishers_of
+from smartmesh_ros.node.outputs.connections import Namesakes, incompatible_peers, publishers_of
+from smartmesh_ros.node.outputs.height_scans import HeightScans
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.world.states import SimulatedStates
@@ -122,9 +123,10 @@ class Publishing:
         self._clock = ClockPublishing(session)
         self._transforms = TransformOutputs(session, transforms)
         self._clock_watch = ClockWatch(session)
+        self._namesakes = Namesakes(session.node)
         self._descriptions = BodyDescriptions(session)
         self._qos = QoSProfile(
-            depth=session.settings.output_depth, durability=DurabilityPolicy[session.settings.output_durability.upper()]
+            depth=RELIABLE.depth, durability=DurabilityPolicy[session.settings.output_durability.upper()]
         )
         self._outputs = {
             "patches": self._output(MarkerArray, "~/patches", self._make_patches),
@@ -136,9 +138,8 @@ class Publishing:
             "odometry": self._output(Odometry, "~/odometry", self._make_odometry),
             "contact_wrenches": self._output(ContactWrenchArray, "~/contact_wrenches", self._make_contact_wrenches),
         }
-        self._diagnostics = _Output(
-            self._node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE), self._make_diagnostics
-        )
+        self._diagnostics = self._node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
+        self._scans = HeightScans(session, self._qos)
         # Staggered, so that no step publishes all outputs.
         start = monotonic()
         self._due = {
@@ -157,12 +158,14 @@ class Publishing:
         """Publishes every output that has subscribers and is due; ``now``: due or not."""
         time = monotonic()
         self._publish(self._outputs, time, now=now)
+        self._scans.publish(now=now)
         self._clock.publish(time)
         self._transforms.publish(time, at_once=now)
         self._descriptions.publish()
         if time >= self._diagnostics_due or (time >= self._connections_due and self._connections_changed()):
             self._diagnostics_due = time + DIAGNOSTICS_PERIOD
-            self._diagnostics.publisher.publish(self._diagnostics.make())
+            self._diagnostics.publish(self._make_diagnostics())
+            self._namesakes.check()
 
     def close(self) -> None:
         """Deletes the patches from the displays of subscribers, which keep them else."""
@@ -186,8 +189,8 @@ class Publishing:
             output, rate = self._outputs[name], getattr(rates, name)
             new = self._shown.get(name) != self._world.refreshes
             if rate > 0.0 and (now or (new and time >= self._due[name])):
-                # Keeps the phase, unless a message was missed.
-                self._due[name] = max(self._due[name] + 1.0 / rate, time)
+                # Keeps the phase, unless a message was missed or came before it was due.
+                self._due[name] = max(min(self._due[name], time) + 1.0 / rate, time)
                 if output.publisher.get_subscription_count():
                     if name in self._shown:
                         self._shown[name] = self._world.refreshes
@@ -263,6 +266,7 @@ class Publishing:
         _, factor, _ = self._diagnostics_window.read()
         session = self._session
         refused = session.refusals.counts.total()
+        publishers = [output.publisher for output in self._outputs.values()]
         health = diagnostics.Health(
             map_age=None if session.last_map_time is None else monotonic() - session.last_map_time,
             maps=session.maps,
@@ -278,11 +282,11 @@ class Publishing:
             publishers=publishers_of(session.subscriptions),
             rival_clocks=self._clock.rivals,
             rival_maps=session.rival_maps,
-            map_warning=session.map_warning,
+            map_warning=session.map_checks.warning,
             incompatible=incompatible_peers(
                 self._node,
                 session.subscriptions,
-                [self._descriptions.publisher, *(output.publisher for output in self._outputs.values())],
+                [self._descriptions.publisher, *self._scans.publishers, *publishers],
                 session.names,
             ),
             new_refusals=refused - self._refused_before,

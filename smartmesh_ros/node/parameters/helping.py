@@ -37,17 +37,10 @@ def answer(name: str, about: str | None, specs: Sequence[Spec], args: list[str] 
 
 def help_text(name: str, about: str | None, specs: Sequence[Spec]) -> str:
     """Return the help of an executable: its purpose, options and parameters."""
-    lines = [
-        f"usage: ros2 run smartmesh_ros {name} [options] [--ros-args ...]",
-        "",
-        (about or "").strip(),
-        "",
-        "options:",
-    ]
-    lines += [f"  {option:22}{text}" for option, text in OPTIONS.items()]
-    lines += ["", "parameters:"]
+    lines = [f"usage: ros2 run smartmesh_ros {name} [options] [--ros-args ...]", "", (about or "").strip()]
+    lines += ["", "options:", *(f"  {option:22}{text}" for option, text in OPTIONS.items()), "", "parameters:"]
     for spec in specs:
-        lines.append(f"  {spec.name} = {_text(spec.default)}{_limits(spec)}")
+        lines.append(f"  {spec.name} = {typed(spec.default)}{_limits(spec)}")
         lines += textwrap.wrap(spec.description, WIDTH, initial_indent="      ", subsequent_indent="      ")
     return "\n".join(lines)
 
@@ -59,54 +52,17 @@ def parameter_file(name: str, specs: Sequence[Spec]) -> str:
         comment = spec.description + _limits(spec)
         lines += textwrap.wrap(comment, WIDTH, initial_indent="    # ", subsequent_indent="    # ")
         # rcl cannot read an empty list, so parameters whose default is one are commented out.
-        lines.append(f"    {'# ' if spec.default == [] else ''}{spec.name}: {_text(spec.default)}")
+        lines.append(f"    {'# ' if spec.default == [] else ''}{spec.name}: {typed(spec.default)}")
     return "\n".join(lines)
 
 
-def grouped(specs: Sequence[Spec]) -> list[Spec]:
-    """Return the parameters sorted by group (first part of the name), otherwise in their given order."""
-    groups = list(dict.fromkeys(_group(spec) for spec in specs))
-    return sorted(specs, key=lambda spec: groups.index(_group(spec)))
-
-
-def _group(spec: Spec) -> str:
-    first, dot, _ = spec.name.partition(".")
-    return first if dot else "others"
-
-
-def parameter_page(name: str, specs: Sequence[Spec]) -> str:
-    """Return a Markdown page with one table of parameters per group (first part of the name)."""
-    lines = [
-        f"# Parameters of `{name}`",
-        "",
-        "Written by `scripts/write_parameters.py` from the node's declarations. Defaults are written as in a file",
-        "or after `-p`. *fixed* parameters need a restart; `ros2 param set` changes all others while the node runs.",
-    ]
-    heading = None
-    for spec in grouped(specs):
-        if (group := _group(spec)) != heading:
-            heading = group
-            lines += ["", f"## {group}", "", "| name | default | values | change | meaning |", "|---|---|---|---|---|"]
-        choices = ", ".join(f"`{choice}`" for choice in spec.choices)
-        values = choices or (f"{spec.low:g} to {spec.high:g}" if spec.low is not None else "")
-        change = "fixed" if spec.read_only else "any time"
-        cells = (f"`{spec.name}`", f"`{_text(spec.default)}`", values, change, spec.description.replace("|", "\\|"))
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
-
-
-def _text(value: Any) -> str:
+def typed(value: Any) -> str:
+    """Return a value as it is typed in a file or after ``-p``."""
     text = json.dumps(value)
     # YAML reads 1e-07 as a string, 1.0e-07 as a number.
     return text.replace("e", ".0e") if isinstance(value, float) and "e" in text and "." not in text else text
 
 
 def _limits(spec: Spec) -> str:
-    parts = []
-    if spec.low is not None and spec.high is not None:
-        parts.append(f"{spec.low:g} to {spec.high:g}")
-    if spec.choices:
-        parts.append(" | ".join(spec.choices))
-    if spec.read_only:
-        parts.append("fixed after the start")
+    parts = [part for part in (spec.values, "fixed after the start" if spec.read_only else "") if part]
     return f"  [{'; '.join(parts)}]" if parts else ""

@@ -10,13 +10,12 @@ from typing import Any
 
 import yaml
 
-OPTION = "--params-file"
 PARAMETERS = "ros__parameters"
 
 
 def files_of(arguments: Sequence[str]) -> list[Path]:
     """Return the parameter files that a command line names, in order."""
-    return [Path(value) for option, value in pairwise(arguments) if option == OPTION]
+    return [Path(value) for option, value in pairwise(arguments) if option == "--params-file"]
 
 
 def mismatch(file: Path, node: str) -> str | None:

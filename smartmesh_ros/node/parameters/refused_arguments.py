@@ -35,9 +35,8 @@ def refused_arguments() -> Iterator[None]:
         raise InputError("arguments", f"unknown arguments of ROS: {error}; try --help") from None
     except rclpy_implementation.RCLInvalidROSArgsError as error:
         # Without the places in rcl's sources.
-        text = re.sub(r"(\. Error: error not set)?(, at \S+:\d+)+", "", str(error))
-        hint = next(hint for words, hint in _HINTS.items() if words in text)
-        raise InputError("arguments", f"{text.removeprefix('Failed to parse ROS arguments: ')}; {hint}") from None
+        text = re.sub(r"^Failed to parse ROS arguments: |(\. Error: error not set)?(, at \S+:\d+)+", "", str(error))
+        raise InputError("arguments", f"{text}; {next(_HINTS[words] for words in _HINTS if words in text)}") from None
     except ParameterException as error:
         raise InputError("parameter", str(error)) from None
 

@@ -9,11 +9,14 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.io.urdf import UrdfRules
 from smartmesh_ros.node.inputs.body_sources import BodySource
+from smartmesh_ros.node.outputs.scan_entries import ScanEntry
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.world import WorldConfig
 
+# Longest name of a body, tile or frame [characters].
+LONGEST_NAME = 256
 Durability = Literal["volatile", "transient_local"]
 Reliability = Literal["reliable", "best_effort"]
 # Meaning of a change of height between maps; *auto*: a correction if sensors or mappers provide the terrain.
@@ -72,7 +75,6 @@ class Settings:
     file: str = ""
     most_tiles: int = 1000
     most_bodies: int = 10_000
-    longest_name: int = 256
     longest_urdf: int = UrdfRules.longest
     urdf_folders: tuple[str, ...] = ()
     raster: RasterConfig = field(default_factory=RasterConfig)
@@ -82,10 +84,10 @@ class Settings:
     odometry: tuple[BodySource, ...] = ()
     frames: tuple[BodySource, ...] = ()
     peers: tuple[str, ...] = ()
+    height_scans: tuple[ScanEntry, ...] = ()
     map_depth: int = 2
     update_depth: int = 100
     output_durability: Durability = "volatile"
-    output_depth: int = 10
     incremental: bool = False
     marker_namespace: str = "patches"
     robot_prefix: bool = False

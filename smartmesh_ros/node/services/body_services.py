@@ -43,7 +43,7 @@ class BodyServices:
         """Return the action that adds a body, and that raises `InputError` and adds nothing if the world refuses the
         body. A robot is prepared before. Raises `InputError`."""
         session, world = self._session, self._session.world
-        bounds.require_name(body.id, session.settings)
+        bounds.require_name(body.id)
         bounds.require_room([body.id], world.bodies, session.settings)
         state = conversions.state_from(body.pose, body.twist)
         if not body.urdf:

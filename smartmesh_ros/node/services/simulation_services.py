@@ -7,7 +7,9 @@ Only URDF robots can be spawned.
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from itertools import chain, count
+from types import MappingProxyType
 from typing import Any, Protocol
 
 from geometry_msgs.msg import Vector3
@@ -26,22 +28,11 @@ from smartmesh_ros.world.bodies import Body
 
 PACKAGE = "simulation_interfaces"
 FEATURES = (
-    "SPAWNING",
-    "SPAWNING_RESOURCE_STRING",
-    "DELETING",
-    "ENTITY_BOUNDS_BOX",
-    "ENTITY_STATE_GETTING",
-    "ENTITY_STATE_SETTING",
-    "SIMULATION_RESET",
-    "SIMULATION_RESET_TIME",
-    "SIMULATION_RESET_STATE",
-    "SIMULATION_RESET_SPAWNED",
-    "SIMULATION_STATE_GETTING",
-    "SIMULATION_STATE_SETTING",
-    "SIMULATION_STATE_PAUSE",
-    "STEP_SIMULATION_SINGLE",
-    "STEP_SIMULATION_MULTIPLE",
-)
+    "SPAWNING", "SPAWNING_RESOURCE_STRING", "DELETING", "ENTITY_BOUNDS_BOX", "ENTITY_STATE_GETTING",
+    "ENTITY_STATE_SETTING", "SIMULATION_RESET", "SIMULATION_RESET_TIME", "SIMULATION_RESET_STATE",
+    "SIMULATION_RESET_SPAWNED", "SIMULATION_STATE_GETTING", "SIMULATION_STATE_SETTING", "SIMULATION_STATE_PAUSE",
+    "STEP_SIMULATION_SINGLE", "STEP_SIMULATION_MULTIPLE",
+)  # fmt: skip
 # Features of services that came with later definitions, by the service; reported if the installed package has it.
 LATER_FEATURES = {
     "SpawnEntities": "SPAWNING_ENTITIES",
@@ -61,6 +52,7 @@ _SPAWN_REASONS = {
     "non_finite": "INVALID_POSE",
     "quaternion": "INVALID_POSE",
 }
+_TRANSITION_REASONS = {"in_state": "ALREADY_IN_TARGET_STATE", "state": "STATE_TRANSITION_ERROR"}
 _STATE_REASONS = dict.fromkeys(("frame", "non_finite", "quaternion"), "INVALID_POSE")
 
 
@@ -104,33 +96,28 @@ class SimulationServices:
         self._messages, self._services = messages, services
         self._stopped = False
         serve = self._serve
-        serve(services.GetSimulatorFeatures, "get_simulator_features", self._get_features, {})
-        serve(services.GetSimulationState, "get_simulation_state", self._get_state, {})
-        serve(
-            services.SetSimulationState,
-            "set_simulation_state",
-            self._set_state,
-            {"in_state": "ALREADY_IN_TARGET_STATE", "state": "STATE_TRANSITION_ERROR"},
-        )
-        serve(services.StepSimulation, "step_simulation", self._step, {})
-        serve(services.ResetSimulation, "reset_simulation", self._reset, {})
-        serve(services.SpawnEntity, "spawn_entity", self._spawn, _SPAWN_REASONS)
-        serve(services.DeleteEntity, "delete_entity", self._delete, {})
-        serve(services.GetEntities, "get_entities", self._get_entities, {})
-        serve(services.GetEntityState, "get_entity_state", self._get_entity_state, {})
-        serve(services.SetEntityState, "set_entity_state", self._set_entity_state, _STATE_REASONS)
-        for name, service, act, reasons in (
-            ("SpawnEntities", "spawn_entities", self._spawn_all, {"entities": "ENTITIES_SPAWN_FAILED"}),
-            ("GetEntitiesStates", "get_entities_states", self._get_entities_states, {}),
-            ("GetEntityBounds", "get_entity_bounds", self._get_bounds, {}),
-            ("GetEntityInfo", "get_entity_info", self._get_info, {}),
-        ):
-            if hasattr(services, name):
-                serve(getattr(services, name), service, act, reasons)
+        serve("GetSimulatorFeatures", "get_simulator_features", self._get_features)
+        serve("GetSimulationState", "get_simulation_state", self._get_state)
+        serve("SetSimulationState", "set_simulation_state", self._set_state, _TRANSITION_REASONS)
+        serve("StepSimulation", "step_simulation", self._step)
+        serve("ResetSimulation", "reset_simulation", self._reset)
+        serve("SpawnEntity", "spawn_entity", self._spawn, _SPAWN_REASONS)
+        serve("SpawnEntities", "spawn_entities", self._spawn_all, {"entities": "ENTITIES_SPAWN_FAILED"})
+        serve("DeleteEntity", "delete_entity", self._delete)
+        serve("GetEntities", "get_entities", self._get_entities)
+        serve("GetEntitiesStates", "get_entities_states", self._get_entities_states)
+        serve("GetEntityBounds", "get_entity_bounds", self._get_bounds)
+        serve("GetEntityInfo", "get_entity_info", self._get_info)
+        serve("GetEntityState", "get_entity_state", self._get_entity_state)
+        serve("SetEntityState", "set_entity_state", self._set_entity_state, _STATE_REASONS)
 
-    def _serve(self, kind: Any, service: str, act: Callable[[Any, Any], Any], reasons: dict[str, str]) -> None:
-        """Serve ``~/service`` by ``act``, which may return an awaitable. ``reasons``: result code by reason of
-        an `InputError` of ``act``."""
+    def _serve(
+        self, name: str, service: str, act: Callable[[Any, Any], Any], reasons: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
+        """Serve ``~/service`` by ``act``, which may return an awaitable, if the installed package has a service of this
+        ``name``. ``reasons``: result code by reason of an `InputError` of ``act``."""
+        if (kind := getattr(self._services, name, None)) is None:
+            return
         session, results = self._session, self._results
 
         async def handle(request: Any, response: Any) -> Any:
@@ -149,7 +136,7 @@ class SimulationServices:
 
         session.serve_eagerly(kind, service, handle)
 
-    def _code(self, error: InputError, reasons: dict[str, str], codes: Any) -> int:
+    def _code(self, error: InputError, reasons: Mapping[str, str], codes: Any) -> int:
         """Return the result code of an error: one of ``codes`` by its reason, or else a general one."""
         if (own := reasons.get(error.reason)) is not None:
             return int(getattr(codes, own))
@@ -237,7 +224,7 @@ class SimulationServices:
         with session.lock:
             if request.allow_renaming:
                 name = self._free_name(name)
-            bounds.require_name(name, session.settings)
+            bounds.require_name(name)
             bounds.require_room([name], session.world.bodies, session.settings)
             session.world.spawn_robot(name, robot, state)
             body = session.world.bodies[name]
@@ -247,11 +234,8 @@ class SimulationServices:
 
     def _free_name(self, wanted: str) -> str:
         wanted = wanted.replace("/", "_") or "entity"
-        name, number = wanted, 0
-        while name in self._session.world.bodies:
-            number += 1
-            name = f"{wanted}_{number}"
-        return name
+        names = chain([wanted], (f"{wanted}_{number}" for number in count(1)))
+        return next(name for name in names if name not in self._session.world.bodies)
 
     def _delete(self, request: Any, _: Any) -> None:
         self._controls.remove(request.entity)

@@ -7,6 +7,8 @@ from collections.abc import Callable, Coroutine, Generator, Iterator
 from contextlib import AbstractContextManager
 from typing import Any, NamedTuple, TypeVar
 
+from rclpy.service import Service
+
 Found = TypeVar("Found")
 
 
@@ -57,6 +59,22 @@ class Turns:
     def add(self, work: Work, send: Callable[[Any], None]) -> None:
         """Add work; ``send`` is called with its response."""
         self._waiting.append((work.steps, send))
+
+    def answer_later(self, service: Service) -> None:
+        """Let a service's callback return the `Work` that makes the response in turns, in place of the response.
+
+        The public way to answer later is a coroutine as callback, which the events executor does not await. All
+        executors pass what the callback returned to the service's ``send_response``, so this takes that place.
+        """
+        send = service.send_response
+
+        def respond(found: Any, header: Any) -> None:
+            if isinstance(found, Work):
+                self.add(found, lambda response: send(response, header))
+            else:
+                send(found, header)
+
+        service.send_response = respond
 
     def advance(self) -> bool:
         """Do one turn of the work that waits longest. Return False if there is none, or all waits for other threads."""

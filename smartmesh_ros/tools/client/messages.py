@@ -9,18 +9,10 @@ from smartmesh_msgs.msg import ColliderPatch
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
+from smartmesh_ros.node.outputs import patch_outputs
 from smartmesh_ros.tools.client.patch import Patch
 
-KINDS = {
-    ColliderPatch.HEIGHTFIELD: "heightfield",
-    ColliderPatch.PLANE: "plane",
-    ColliderPatch.TRIMESH: "trimesh",
-    ColliderPatch.HULL: "hull",
-    ColliderPatch.PRISMS: "prisms",
-    ColliderPatch.WHOLE: "whole",
-}
-# Minimum size of a patch [bytes]: two names, five numbers, a twist and two lengths.
-_MIN_PATCH_BYTES = 84
+KINDS = {ColliderPatch.PLANE: "plane", **{number: kind for kind, number in patch_outputs.KINDS.items()}}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,12 +30,11 @@ def read_patches(data: bytes) -> PatchesMessage:
     """Return the message encoded in CDR bytes. Raises `InputError` if the bytes are malformed."""
     reader = CdrReader(data)
     sec, nanosec, frame_id = reader.number("i"), reader.number("I"), reader.text()
-    incremental = bool(reader.number("B"))
-    removed = [reader.text() for _ in range(reader.count(4))]
-    patches = [_patch(reader) for _ in range(reader.count(_MIN_PATCH_BYTES))]
     return PatchesMessage(
-        stamp=sec + 1e-9 * nanosec, frame_id=frame_id, incremental=incremental, removed=removed, patches=patches
-    )
+        stamp=sec + 1e-9 * nanosec, frame_id=frame_id, incremental=bool(reader.number("B")),
+        removed=[reader.text() for _ in range(reader.count(4))],
+        patches=[_patch(reader) for _ in range(reader.count(1))],
+    )  # fmt: skip
 
 
 def _patch(reader: CdrReader) -> Patch:
@@ -51,8 +42,7 @@ def _patch(reader: CdrReader) -> Patch:
     row, column, stride = reader.numbers("I", 3)
     deviation = reader.number("f")
     twist = np.array(reader.numbers("d", 6))
-    triangles = reader.sequence("u4", 3).reshape(-1, 3)
-    vertices = reader.sequence("f8", 3).reshape(-1, 3)
+    triangles, vertices = reader.sequence("u4", 3), reader.sequence("f8", 3)
     if triangles.size and int(triangles.max()) >= len(vertices):
         raise InputError("malformed", f"a triangle of the patch of {name!r} has a corner that is no vertex")
     return Patch(

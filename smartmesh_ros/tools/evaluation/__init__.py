@@ -1,1 +1,1 @@
-"""Measurement of accuracy: scenes, reference runs and measures. Shared by the tuner and the studies."""
+"""Measurement of accuracy: scenes and measures. Shared by the tuner and the studies."""

@@ -79,11 +79,6 @@ class Scene:
         return GridGeometry(rows=size, columns=size, resolution=resolution)
 
     @property
-    def side(self) -> float:
-        """Side length of the map [m]."""
-        return (self.grid[0] - 1) * self.grid[1]
-
-    @property
     def moves(self) -> bool:
         """True if the ground moves."""
         return self.map_rate > 0.0
@@ -91,11 +86,6 @@ class Scene:
     def make_ground(self) -> MovingGround:
         """Return new ground, because some ground keeps its deformation."""
         return make_ground(self.geometry, **self.ground)
-
-    @property
-    def slides(self) -> bool:
-        """True if the map moves along x and y."""
-        return self.slide != (0.0, 0.0)
 
     def surface(self, heights: Any, time: float = 0.0) -> Surface:
         """Return the main mesh of a map of heights at its position at ``time`` [s]."""
@@ -108,10 +98,11 @@ class Scene:
         apart = 2.0 * bodies.make_shape().bounding_radius
         rng = np.random.default_rng(bodies.seed)
         places: list[FloatArray] = []
+        middle = 0.5 * (self.grid[0] - 1) * self.grid[1]
         for _ in range(100_000):
             if len(places) == bodies.count:
                 break
-            place = 0.5 * self.side + rng.uniform(-1.0, 1.0, 2) * bodies.spread
+            place = middle + rng.uniform(-1.0, 1.0, 2) * bodies.spread
             if all(np.hypot(*(place - other)) >= apart for other in places):
                 places.append(place)
         if len(places) < bodies.count:

@@ -24,9 +24,11 @@ def heightmap_message(
     frame_id: str = "map",
     tile: str = "",
     velocities: ArrayLike | None = None,
+    friction: ArrayLike | None = None,
     stamp: Any = None,
 ) -> Heightmap:
-    """Return a Heightmap message from heights (rows, columns) [m]."""
+    """Return a Heightmap message from heights (rows, columns) [m]; ``friction``: one coefficient, or those of the
+    samples."""
     grid = np.asarray(heights, np.float32)
     message = Heightmap(tile=tile, heights=floats(grid))
     message.header.frame_id = frame_id
@@ -38,6 +40,8 @@ def heightmap_message(
     message.info.origin.orientation.z, message.info.origin.orientation.w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
     if velocities is not None:
         message.velocities = floats(np.asarray(velocities, np.float32))
+    if friction is not None:
+        message.friction = floats(np.asarray(friction, np.float32))
     return message
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import bisect
 import hashlib
-from collections.abc import Mapping, Sequence
+import heapq
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -12,18 +13,14 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.ground.shapes import Sphere
-from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.node.parameters.settings import RobotConfig, Settings
 from smartmesh_ros.node.services.robot_files import with_package_paths
 from smartmesh_ros.node.services.spawning import Entry, entry_from_text, spawn
-from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.tune.bag import Bag
-from smartmesh_ros.tools.tune.case import SLACK, Case, Ground, MapTopic, Span
-from smartmesh_ros.tools.tune.events import BodiesCame, Event, MapCame, Start
-from smartmesh_ros.tools.tune.recording import HEIGHTMAP_UPDATE, Reader, Recording
-from smartmesh_ros.tools.tune.reference import finest_positions
-from smartmesh_ros.tools.tune.start import settings_of
-from smartmesh_ros.tools.tune.truth import Truth
+from smartmesh_ros.tools.tune.case import BodiesCame, Case, Event, MapCame, Span, Start, Truth
+from smartmesh_ros.tools.tune.recording import HEIGHTMAP_UPDATE, Recording, read_recording
+from smartmesh_ros.tools.tune.start import NODE, settings_of
+from smartmesh_ros.tools.tune.truth import RecordedGround
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,14 +28,12 @@ class BagLimits:
     """How much of a bag is replayed.
 
     ``search`` [s]: maximum length of a searching run, which is also at most half of the bag. ``longer``: length of the
-    confirming run, in searching runs. ``memory`` [bytes]: maximum size of all stored messages. ``balls``: maximum
-    number of test balls beside tracked bodies. ``truth_rate`` [Hz]: rate of the reference's maps. ``shortest`` [s]:
-    minimum length of a bag.
+    confirming run, in searching runs. ``balls``: maximum number of test balls beside tracked bodies. ``truth_rate``
+    [Hz]: rate of the reference's maps. ``shortest`` [s]: minimum length of a bag.
     """
 
     search: float = 3.0
     longer: float = 2.0
-    memory: float = 4e9
     balls: int = 8
     truth_rate: float = 240.0
     shortest: float = 0.1
@@ -55,106 +50,47 @@ class BagCase(Case):
     ) -> None:
         self.name, self.title = bag.path.resolve().name, f"the bag {bag.path.resolve().name}"
         self.start = dict(start)
-        settings = settings_of(start)
+        self._settings = settings = settings_of(start)
         longest = LIMITS.search if seconds is None else seconds
-        reader = Reader(bag, settings, terrain_topic, LIMITS.memory)
-        self._recording = reader.read(bag.records(), LIMITS.longer * longest)
-        _require_enough(bag, self._recording, settings)
-        length = self._recording.length
-        search = min(longest, 0.5 * length)
-        self.span = Span(search=search, confirm=min(length, LIMITS.longer * search), settle=min(0.5, 0.25 * search))
-        self._settings = settings
-        self._arrivals = [event.arrives for event in self._recording.events]
+        self._recording = recording = read_recording(bag, settings, terrain_topic, LIMITS.longer * longest)
+        _require_enough(bag, recording)
+        search = min(longest, 0.5 * recording.length)
+        confirm = min(recording.length, LIMITS.longer * search)
+        self.span = Span(search=search, confirm=confirm, settle=min(0.5, 0.25 * search))
         self._bodies = _entries(settings)
-        balls = [] if self._bodies else _test_balls(self._recording, settings)
+        balls = [] if self._bodies else _test_balls(recording, settings)
         self._bodies += balls
         if not self._bodies:
             raise bag.refusal(
                 "bodies", "there are no bodies: neither tracked ones in the bag, nor bodies.spawn or robot.description "
                 "in the parameter file; see config/bodies.yaml"
             )  # fmt: skip
-        self.notes = _notes(self._recording, balls)
-        self.map_topics = _map_topics(bag, self._recording, settings)
-        self.identity = self._digest()
-        self.fresh()
-
-    def fresh(self) -> None:
-        self._truth = Truth(self._recording.maps, self._settings)
+        self.notes = _notes(recording, balls)
+        self.sources = _sources(bag, recording, settings)
+        known = f"{sorted(self.start.items())} {self.span} {terrain_topic} {bag.metadata}"
+        self.identity = hashlib.sha256(known.encode()).hexdigest()[:12]
 
     def bodies(self) -> Sequence[Start]:
-        return [partial(_start, entry) for entry in self._bodies]
+        return [partial(spawn, entry=entry) for entry in self._bodies]
 
-    def events(self, after: float, until: float) -> Sequence[Event]:
-        first, last = (bisect.bisect_right(self._arrivals, time + SLACK) for time in (after, until))
-        return self._recording.events[first:last]
+    def events(self) -> Iterator[Event]:
+        return iter(self._recording.events)
 
-    def truth(self, time: float) -> Sequence[Ground]:
-        return self._truth.at(time)
+    def finest_events(self) -> Iterator[Event] | None:
+        if self._settings.motion.corrects:
+            return self.events()
+        changes = set(self._recording.changes)
+        others = (event for event in self._recording.events if event not in changes)
+        return heapq.merge(self._finest_maps(), others, key=lambda event: event.arrives)
 
-    def forget(self, before: float) -> None:
-        """Do nothing: all events stay in memory."""
+    def truth(self) -> Truth:
+        return RecordedGround(self._recording.changes, self._settings).at
 
-    def reference(self) -> dict[str, Vector] | None:
-        finest: Case = self if self._settings.motion.corrects else _Finest(self)
-        found = finest_positions(finest, self.start, self.span.horizon)
-        self.fresh()
-        return found
-
-    def true_maps(self) -> tuple[Truth, list[Event]]:
-        """Return the true ground, and all events that are no maps."""
-        others = [event for event in self._recording.events if event not in set(self._recording.maps)]
-        return Truth(self._recording.maps, self._settings), others
-
-    def _digest(self) -> str:
-        digest = hashlib.sha256(repr((sorted(self.start.items()), self.span, self._arrivals, self._bodies)).encode())
-        for event in self._recording.maps:
-            heights = event.heights if not isinstance(event, MapCame) else event.raster and event.raster.heights
-            digest.update(b"" if heights is None else np.ascontiguousarray(heights).tobytes())
-        return digest.hexdigest()[:12]
-
-
-class _Finest(Case):
-    """A bag whose maps are replaced by the true ground at `BagLimits.truth_rate`."""
-
-    def __init__(self, bag: BagCase) -> None:
-        self.name, self.title, self.identity = bag.name, bag.title, bag.identity
-        self.start, self.span = bag.start, bag.span
-        self._bag = bag
-        self.fresh()
-
-    def fresh(self) -> None:
-        self._truth, self._others = self._bag.true_maps()
-        self._arrivals = [event.arrives for event in self._others]
-        self._next = 0
-
-    def bodies(self) -> Sequence[Start]:
-        return self._bag.bodies()
-
-    def events(self, after: float, until: float) -> Sequence[Event]:
-        found: list[Event] = []
-        while self._next / LIMITS.truth_rate <= until + SLACK:
-            time = self._next / LIMITS.truth_rate
-            self._next += 1
-            found += [MapCame(arrives=time, at=time, tile=tile, raster=raster) for tile, raster in self.rasters(time)]
-        first, last = (bisect.bisect_right(self._arrivals, time + SLACK) for time in (after, until))
-        return found + self._others[first:last]
-
-    def rasters(self, time: float) -> Sequence[tuple[str, Any]]:
-        """Return the tiles of the true ground at a time [s]."""
-        return list(self._truth.rasters(time))
-
-    def truth(self, time: float) -> Sequence[Ground]:
-        return self._truth.at(time)
-
-    def forget(self, before: float) -> None:
-        """Do nothing."""
-
-    def reference(self) -> dict[str, Vector] | None:
-        return None
-
-
-def _start(entry: Entry, world: Any) -> bool:
-    return spawn(world, entry)
+    def _finest_maps(self) -> Iterator[Event]:
+        ground = RecordedGround(self._recording.changes, self._settings)
+        for time in (number / LIMITS.truth_rate for number in itertools.count()):
+            for tile, raster in ground.rasters(time):
+                yield MapCame(arrives=time, at=time, tile=tile, raster=raster)
 
 
 def _entries(settings: Settings) -> list[Entry]:
@@ -162,69 +98,59 @@ def _entries(settings: Settings) -> list[Entry]:
     entries = [entry_from_text(text) for text in settings.spawn]
     robot: RobotConfig = settings.robot
     if robot.description:
-        urdf = with_package_paths(robot.description)
-        entries.append(Entry(robot.name, urdf=urdf, xy=robot.xy, above=robot.above, yaw=robot.yaw))
+        entries.append(Entry(robot.name, urdf=robot.description, xy=robot.xy, above=robot.above, yaw=robot.yaw))
     return [replace(entry, urdf=with_package_paths(entry.urdf)) if entry.urdf else entry for entry in entries]
 
 
 def _test_balls(recording: Recording, settings: Settings) -> list[Entry]:
-    """Return balls of the tracked bodies' size beside their paths, because a dictated pose does not depend on a
-    patch."""
-    ways: dict[str, list[tuple[float, float]]] = {}
+    """Return balls of the tracked bodies' size on both sides of their paths, apart from all paths and each other: a
+    dictated pose does not depend on a patch."""
+    paths: dict[str, list[tuple[float, float]]] = {}
     radii: dict[str, float] = {}
     for event in recording.events:
         for body in event.bodies if isinstance(event, BodiesCame) else ():
-            ways.setdefault(body.name, []).append(body.state.position[:2])
+            paths.setdefault(body.name, []).append(body.state.position[:2])
             radii[body.name] = body.radius or settings.default_radius
-    taken = np.array([place for way in ways.values() for place in way])
-    widest = max(radii.values(), default=0.0)
+    taken = [place for path in paths.values() for place in path]
     entries: list[Entry] = []
-    for name, radius in list(radii.items())[: LIMITS.balls]:
-        entries += _beside(name, radius, np.array(ways[name]), taken, 1.2 * (radius + widest))
-    return entries[: LIMITS.balls]
+    for name, radius in radii.items():
+        apart = 1.2 * (radius + max(radii.values()))
+        for x, y in paths[name][:: max(1, len(paths[name]) // LIMITS.balls)]:
+            for dx, dy in ((0.0, 1.1), (0.0, -1.1), (1.1, 0.0), (-1.1, 0.0)):
+                place = (x + dx * apart, y + dy * apart)
+                if len(entries) < LIMITS.balls and np.hypot(*(np.array(taken) - place).T).min() >= apart:
+                    taken.append(place)
+                    ball = f"test_ball_{len(entries)}"
+                    entries.append(Entry(ball, Sphere(radius), 1.0, xy=place, above=1.2 * radius))
+    return entries
 
 
-def _beside(name: str, radius: float, way: FloatArray, taken: FloatArray, apart: float) -> list[Entry]:
-    """Return balls on both sides of a path ``way`` (N, 2) [m], at least ``apart`` [m] from all positions ``taken``
-    (M, 2) [m] and from each other."""
-    found: list[Entry] = []
-    for x, y in way[:: max(1, len(way) // LIMITS.balls)].tolist():
-        for dx, dy in ((0.0, 1.1), (0.0, -1.1), (1.1, 0.0), (-1.1, 0.0)):
-            place = (x + dx * apart, y + dy * apart)
-            others = np.array([*taken.tolist(), *(entry.xy for entry in found)])
-            if np.hypot(*(others - place).T).min() >= apart and len(found) < LIMITS.balls:
-                number = len(found)
-                found.append(Entry(f"test_ball_{name}_{number}", Sphere(radius), 1.0, xy=place, above=1.2 * radius))
-    return found
-
-
-def _map_topics(bag: Bag, recording: Recording, settings: Settings) -> list[MapTopic]:
-    """Return the topics of the replayed maps, and the node's input topic for each."""
+def _sources(bag: Bag, recording: Recording, settings: Settings) -> list[str]:
+    """Return a sentence on each topic of the replayed maps, and on the node's input topic for it."""
     found = []
-    for topic in bag.topics:
-        if topic.name in recording.map_topics:
-            is_update = topic.type_name == HEIGHTMAP_UPDATE
-            found.append(MapTopic(topic.name, topic.type_name, "heightmap_update" if is_update else settings.input))
+    for name in sorted(recording.map_topics):
+        kind, _ = bag.topics[name]
+        own = "~/heightmap_update" if kind == HEIGHTMAP_UPDATE else f"~/{settings.input}"
+        remap = "" if name == own.replace("~", NODE) else f": start it with -r {own}:={name}"
+        found.append(f"Maps: {name} ({kind}), which the node takes on {own}{remap}.")
     return found
 
 
 def _notes(recording: Recording, balls: Sequence[Entry]) -> list[str]:
-    notes = []
+    notes = [f"Refused {count} times, as the node would: {words}" for words, count in recording.refused.most_common(5)]
     if balls:
         notes.append(
             f"The parameters name no simulated body: {len(balls)} test balls of the tracked bodies' size stand beside "
             "their paths. The cost includes these balls."
         )
-    for words, count in recording.refused.most_common(5):
-        notes.append(f"Refused {count} times, as the node would: {words}")
     return notes
 
 
-def _require_enough(bag: Bag, recording: Recording, settings: Settings) -> None:
+def _require_enough(bag: Bag, recording: Recording) -> None:
     """Raise `InputError` if the bag lacks maps, transforms or length."""
     refused = "; ".join(words for words, _ in recording.refused.most_common(3))
     frames = ", ".join(recording.frames) or "none"
-    if not recording.maps:
+    if not recording.changes:
         raise bag.refusal("maps", f"no map of the bag can be taken: {refused or 'it has none'}; frames: {frames}")
     refused_bodies = [words for words in recording.refused if "no transform" in words or "was asked for" in words]
     tracked = any(isinstance(event, BodiesCame) for event in recording.events)

@@ -9,13 +9,14 @@ no more penetration than the defaults. After Ctrl-C the same command resumes the
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from smartmesh_ros.errors import InputError
-
-INTERRUPTED = 130
+from smartmesh_ros.startup.quiet import silence_pybullet
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -34,8 +35,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"tune: {error}", file=sys.stderr)
     except KeyboardInterrupt:
         print("\ninterrupted; the results are stored, and the same command resumes the search", file=sys.stderr)
-        return INTERRUPTED
+        return 130
     return 2
+
+
+def take_part(options: argparse.Namespace, index: int) -> None:
+    """Measure trials of a prepared search, as process number ``index`` of it. PyBullet is silenced before measuring
+    imports it. SIGTERM acts like Ctrl-C, which marks the open trial as failed."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    silence_pybullet()
+    with suppress(KeyboardInterrupt):
+        from smartmesh_ros.tools.tune.session import open_search
+
+        open_search(options, index).run(options.trials)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -61,7 +73,7 @@ def parser() -> argparse.ArgumentParser:
     how = found.add_argument_group("search")
     how.add_argument("--trials", type=int, default=96, help="total number of settings to try (96)")
     how.add_argument("--jobs", type=int, default=1, help="processes on this machine (1)")
-    how.add_argument("--storage", default="", help="journal file or sqlite:///FILE that processes share")
+    how.add_argument("--storage", default="", help="journal file or sqlite:///FILE (tune.journal in --out)")
     how.add_argument("--seed", type=int, help="seed of the sampler, for repeatable runs")
     how.add_argument("--out", type=Path, default=Path("out/tune"), help="folder for results (out/tune)")
     return found

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from smartmesh_ros.errors import InputError
@@ -20,8 +21,7 @@ class Figures:
     real time. ``longest``: processor time of the longest step with the inputs before it [s]. ``penetration`` and
     ``hover``: 99th percentiles [m], defined as in the accuracy study. ``deviation``: median distance from the reference
     [m], NaN = unknown. ``lost``: number of bodies whose centre was below the ground or that left the world.
-    ``rescued``: how often bodies were lifted back onto the ground. ``ran`` [s]: simulated time. ``note``: reason why
-    the run was stopped or could not be measured.
+    ``rescued``: how often bodies were lifted back onto the ground.
     """
 
     cost: float = math.nan
@@ -31,24 +31,22 @@ class Figures:
     deviation: float = math.nan
     lost: int = 0
     rescued: int = 0
-    bodies: int = 0
-    ran: float = 0.0
-    note: str = ""
+
+    @property
+    def failed(self) -> int:
+        """Number of lost bodies and rescues."""
+        return self.lost + self.rescued
 
     @property
     def error(self) -> float:
         """Penetration for the chart [m], at least `FLOOR`; infinite if it was not measured."""
-        return math.inf if math.isnan(self.penetration) or self.note else max(self.penetration, FLOOR)
+        return math.inf if math.isnan(self.penetration) else max(self.penetration, FLOOR)
 
-    def as_json(self) -> dict[str, Any]:
-        """Return the figures as a JSON object without NaN values."""
-        return {name: value for name, value in asdict(self).items() if value == value}
 
-    @classmethod
-    def from_json(cls, values: dict[str, Any]) -> Figures:
-        """Return the figures of a JSON object from `as_json`."""
-        known = {field.name for field in fields(cls)}
-        return cls(**{name: value for name, value in values.items() if name in known})
+def require_positive(option: str, value: float | None) -> None:
+    """Raise `InputError` if the value of an option is given, and is no number greater than zero."""
+    if value is not None and not 0.0 < value < math.inf:
+        raise InputError("parameter", f"--{option} is {value:g}; it must be a number greater than zero")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,19 +65,7 @@ class Asked:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = getattr(self, field.name)
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise InputError("budget", f"--{field.name} is {value:g}; it must be a number greater than zero")
-
-    @property
-    def words(self) -> str:
-        """The limits as a text."""
-        said = {
-            "budget": "{:g} of a core", "penetration": "{:g} m of penetration", "deadline": "{:g} s for a step",
-            "hover": "{:g} m of hover", "deviation": "{:g} m of deviation",
-        }  # fmt: skip
-        given = [text.format(value) for name, text in said.items() if (value := getattr(self, name)) is not None]
-        return ", ".join(f"at most {text}" for text in given) or "no more penetration than the defaults have"
+            require_positive(field.name, getattr(self, field.name))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,20 +95,14 @@ class Limits:
     @classmethod
     def of(cls, asked: Asked, defaults: Figures) -> Limits:
         """Return the user's limits, and limits derived from the defaults' figures where the user gives none."""
-
-        def allowed(wanted: float | None, known: float, least: float) -> float:
-            if wanted is not None:
-                return wanted
-            return math.inf if math.isnan(known) else max(ALLOWANCE.factor * known, least)
-
         free = asked.budget is None and asked.penetration is None and asked.deadline is None
         return cls(
             cost=asked.budget or math.inf,
             penetration=asked.penetration or (defaults.error if free else math.inf),
             longest=asked.deadline or math.inf,
-            hover=allowed(asked.hover, defaults.hover, ALLOWANCE.hover),
-            deviation=allowed(asked.deviation, defaults.deviation, ALLOWANCE.deviation),
-            failed=defaults.lost + defaults.rescued,
+            hover=asked.hover or max(ALLOWANCE.hover, ALLOWANCE.factor * defaults.hover),
+            deviation=asked.deviation or max(ALLOWANCE.deviation, ALLOWANCE.factor * defaults.deviation),
+            failed=defaults.failed,
         )
 
     def tightened(self, share: float) -> Limits:
@@ -134,13 +114,22 @@ class Limits:
         )  # fmt: skip
 
     def excess(self, figures: Figures) -> dict[str, float]:
-        """Return the relative excess (figure / limit - 1) over each exceeded limit, by name."""
+        """Return the relative excess (figure / limit - 1) over each exceeded limit, by name; those that the axes of the
+        chart do not show come first."""
         found = {
-            "cost": figures.cost / self.cost,
-            "penetration": figures.error / self.penetration if math.isfinite(self.penetration) else figures.error / 1e9,
-            "longest": figures.longest / self.longest,
+            "failed": (1.0 + figures.failed) / (1.0 + self.failed),
             "hover": figures.hover / self.hover,
             "deviation": 0.0 if math.isnan(figures.deviation) else figures.deviation / self.deviation,
-            "failed": (1.0 + figures.lost + figures.rescued) / (1.0 + self.failed),
+            "longest": figures.longest / self.longest,
+            "penetration": figures.error / self.penetration,  # not a number if neither is finite
+            "cost": figures.cost / self.cost,
         }
         return {name: ratio - 1.0 if ratio > 1.0 else math.inf for name, ratio in found.items() if not ratio <= 1.0}
+
+
+@dataclass(frozen=True)
+class Point:
+    """Values of the searched parameters, and their figures."""
+
+    values: Mapping[str, Any]
+    figures: Figures

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import gc
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from time import process_time
 from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import product
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.state import Vector
@@ -25,18 +24,15 @@ from smartmesh_ros.tools.tune.figures import Figures
 from smartmesh_ros.tools.tune.parts import Part, Pose, parts_of, pose_of
 from smartmesh_ros.tools.tune.replay import Replay
 
-# Type of Part.key.
-Key = tuple[str, int, Vector]
+# For each part at an instant: clearance [m], centre below the ground, body supported.
+Measurements = dict[Part, tuple[float, bool, bool]]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Measuring:
-    """How runs are measured.
-
-    ``samples`` [Hz]: rate of measurements; the searched rates are multiples of it. ``pieces``: number of turns within a
-    run. ``cost_factor``: a setting is stopped if it costs this many times as much as the first of its run, after at
-    least ``grace`` [s] of processor time.
-    """
+    """``samples`` [Hz]: rate of measurements; the searched rates are multiples of it. ``pieces``: number of turns
+    within a run. ``cost_factor``: a setting is stopped if it costs this many times as much as the first of its run,
+    after at least ``grace`` [s] of processor time."""
 
     samples: float = 30.0
     pieces: int = 10
@@ -45,10 +41,6 @@ class Measuring:
 
 
 MEASURING = Measuring()
-
-
-class Measurements(dict[Key, tuple[float, bool, bool]]):
-    """For each part at an instant: clearance [m], centre below the ground (bool), body supported (bool)."""
 
 
 @dataclass
@@ -62,188 +54,135 @@ class Snapshot:
 
 
 class Runner:
-    """One setting in a case: steps its world, times the steps and records snapshots for measurements."""
+    """One setting in a case: steps its world, times the steps [s] and records snapshots."""
 
     def __init__(self, case: Case, settings: Settings) -> None:
-        self.note = ""
-        self.used = 0.0
-        self.steps: list[float] = []  # processor time of each step [s]
+        self.stopped = False
+        self.steps: list[float] = []
         self.snapshots: list[Snapshot] = []
-        self.measured: list[Measurements] = []
-        self._case = case
-        self._rate = settings.world.physics.rate
+        self.replay = Replay(settings, case.bodies(), case.events())
+        self.rate = settings.world.physics.rate
         self._gravity = settings.world.physics.gravity
-        self._fed = -math.inf
-        self.replay = Replay(settings, case.bodies())
 
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return len(self.steps) / self._rate
+        return len(self.steps) / self.rate
+
+    @property
+    def cost(self) -> float:
+        """Processor time per simulated second [s]."""
+        return sum(self.steps) / self.time if self.steps else math.nan
 
     def advance(self, until: float) -> None:
         """Step to ``until`` [s] and take a snapshot."""
-        world, last = self.replay.world, round(until * self._rate)
-        before: dict[str, Vector] = {}
+        last, before = round(until * self.rate), dict[str, Vector]()
         while len(self.steps) < last:
-            events = self._case.events(self._fed, world.time)
-            self._fed = world.time
+            events = self.replay.due()
             if len(self.steps) == last - 1:
                 before = self._velocities()
             start = process_time()
             self.replay.step(events)
             self.steps.append(process_time() - start)
-            self.used += self.steps[-1]
         self._take_snapshot(before)
 
     def _velocities(self) -> dict[str, Vector]:
-        world = self.replay.world
-        return {
-            name: world.client.getBaseVelocity(body.uid)[0] for name, body in world.bodies.items() if not body.tracked
-        }
+        bodies = [body for body in self.replay.world.bodies.values() if not body.tracked]
+        return {body.name: self.replay.world.client.getBaseVelocity(body.uid)[0] for body in bodies}
 
     def _take_snapshot(self, before: Mapping[str, Vector]) -> None:
         world = self.replay.world
         poses = [(part, pose_of(world.client, part)) for part in parts_of(world)]
-        weight = HELD_UP * math.hypot(*self._gravity)
+        after = self._velocities()
         held = set()
-        for name, after in self._velocities().items():
-            if name in before:
-                felt = [(b - a) * self._rate - g for a, b, g in zip(before[name], after, self._gravity, strict=True)]
-                held |= {name} if math.hypot(*felt) > weight else set()
-        positions = {name: world.state(name).position for name, body in world.bodies.items() if not body.tracked}
-        self.snapshots.append(Snapshot(self.time, poses, held, positions))
-
-    def measure(self, grounds: Mapping[float, Sequence[Ground]]) -> None:
-        """Measure the snapshots since the last call against the true ground by time [s]."""
-        for snapshot in self.snapshots[len(self.measured) :]:
-            self.measured.append(_measure_parts(snapshot, grounds[snapshot.time]))
-
-    def figures(self, reference: Mapping[str, Vector] | None, steps: Sequence[float] | None = None) -> Figures:
-        """Return all figures; ``steps``: times of the steps [s] instead of the runner's own."""
-        times = self.steps if steps is None else steps
-        world, case = self.replay.world, self._case
-        keys = list(dict.fromkeys(key for seen in self.measured for key in seen))
-        cost, ran = (sum(times) / self.time if times else math.nan), self.time
-        skip = sum(snapshot.time < case.span.settle for snapshot in self.snapshots)
-        if not keys or len(self.measured) <= skip:
-            return Figures(cost=cost, ran=ran, note=self.note or "no body was ever over the ground")
-        nothing = (math.nan, False, False)
-        table = np.array([[seen.get(key, nothing) for key in keys] for seen in self.measured])
-        below = np.logical_or.accumulate(table[..., 1] > 0.0, axis=0)
-        found = penetration(table[skip:, :, 0], below[skip:], table[skip:, :, 2] > 0.0)
-        settled = times[round(case.span.settle * self._rate) :]
-        return Figures(
-            cost=cost,
-            longest=max(settled, default=math.nan),
-            penetration=found.p99,
-            hover=found.hover,
-            deviation=self._deviation(reference),
-            lost=len({keys[index][0] for index in np.flatnonzero(below[-1])} | set(world.lost)),
-            rescued=world.rescues,
-            bodies=len({key[0] for key in keys}),
-            ran=ran,
-            note=self.note,
-        )
-
-    def _deviation(self, reference: Mapping[str, Vector] | None) -> float:
-        horizon = self._case.span.horizon
-        snapshot = next((snapshot for snapshot in self.snapshots if snapshot.time >= horizon - 0.5 / self._rate), None)
-        if reference is None or snapshot is None:
-            return math.nan
-        apart = [
-            math.dist(snapshot.positions[name], reference[name]) for name in reference if name in snapshot.positions
-        ]
-        return float(np.median(apart)) if apart else math.nan
+        for name in before.keys() & after.keys():
+            felt = (np.array(after[name]) - before[name]) * self.rate - self._gravity
+            held |= {name} if np.linalg.norm(felt) > HELD_UP * math.hypot(*self._gravity) else set()
+        self.snapshots.append(Snapshot(self.time, poses, held, {name: world.state(name).position for name in after}))
 
 
-def run(
-    case: Case,
-    settings: Sequence[Settings],
-    duration: float,
-    reference: Mapping[str, Vector] | None,
-    *,
-    repeats: int = 1,
-    say: Callable[[str], None] = lambda _: None,
-) -> list[Figures]:
-    """Run the settings for ``duration`` [s] of simulated time in turns, and return their figures.
-
-    A setting that costs `Measuring.cost_factor` times as much as the first one is stopped. The time of every step is
-    the median over ``repeats``, so that other load on the machine has little influence.
-    """
-    times: list[list[list[float]]] = [[] for _ in settings]
-    found: list[Runner] = []
-    for repeat in range(repeats):
-        runners = _once(case, settings, duration, measured=repeat == 0, say=say)
-        for index, runner in enumerate(runners):
-            times[index].append(runner.steps)
-        found = found or runners
-        for runner in runners:
-            runner.replay.close()
-    return [runner.figures(reference, _middle(steps)) for runner, steps in zip(found, times, strict=True)]
+def run(case: Case, settings: Sequence[Settings], duration: float, repeats: int = 1) -> list[Runner]:
+    """Run the settings for ``duration`` [s] of simulated time in turns, those that cost too much for less. The time of
+    every step is the median over ``repeats``, so that other load on the machine has little influence."""
+    rounds = [_once(case, settings, duration) for _ in range(repeats)]
+    for index, runner in enumerate(rounds[0]):
+        count = min(len(runners[index].steps) for runners in rounds)
+        runner.steps = np.median([runners[index].steps[:count] for runners in rounds], axis=0).tolist()
+    return rounds[0]
 
 
-def _middle(repeats: Sequence[Sequence[float]]) -> list[float]:
-    """Return the median time of each step."""
-    count = min(map(len, repeats))
-    middle: list[float] = np.median(np.array([steps[:count] for steps in repeats]), axis=0).tolist()
-    return middle
-
-
-def _once(
-    case: Case, settings: Sequence[Settings], duration: float, *, measured: bool, say: Callable[[str], None]
-) -> list[Runner]:
-    case.fresh()
+def _once(case: Case, settings: Sequence[Settings], duration: float) -> list[Runner]:
     runners = [Runner(case, chosen) for chosen in settings]
     instants = np.arange(1, math.floor(duration * MEASURING.samples + 1e-6) + 1) / MEASURING.samples
-    pieces = np.array_split(instants, min(MEASURING.pieces, max(len(instants), 1)))
-    for part, piece in enumerate(pieces):
+    for part, piece in enumerate(np.array_split(instants, MEASURING.pieces)):
         turn = part % len(runners)
-        for index, runner in enumerate(runners[turn:] + runners[:turn]):
-            say(f"{part + 1}/{len(pieces)} {index + 1}/{len(runners)}")
-            if runner.note:
-                continue
-            with _without_collector():
-                for instant in piece.tolist():
+        for runner in runners[turn:] + runners[:turn]:
+            gc.disable()  # its pauses are not caused by the step in which they occur
+            for instant in piece.tolist():
+                if not runner.stopped:
                     runner.advance(instant)
-            _stop_if_too_slow(runner, runners[0])
-        if measured:
-            fresh = {snapshot.time for runner in runners for snapshot in runner.snapshots[len(runner.measured) :]}
-            grounds = {time: case.truth(time) for time in sorted(fresh)}
-            for runner in runners:
-                runner.measure(grounds)
-        case.forget(float(piece[-1]) if len(piece) else 0.0)
+                    too_slow = runner.cost > MEASURING.cost_factor * runners[0].cost
+                    runner.stopped = too_slow and sum(runner.steps) > MEASURING.grace
+            gc.enable()
+    for runner in runners:
+        runner.replay.world.close()
     return runners
 
 
-def _stop_if_too_slow(runner: Runner, first: Runner) -> None:
-    """Stop a setting that costs far more than the first one."""
-    if runner is first or runner.used < MEASURING.grace or not first.steps:
-        return
-    if runner.used / runner.time > MEASURING.cost_factor * first.used / first.time:
-        runner.note = f"stopped after {runner.time:.2f} s: it costs too much"
+def measure(case: Case, runners: Sequence[Runner], reference: Mapping[str, Vector] | None) -> list[Figures]:
+    """Return the figures of runs; ``reference``: positions of bodies at the span's horizon [m], None = unknown."""
+    truth = case.truth()
+    measured: list[list[Measurements]] = [[] for _ in runners]
+    snapshots = [(taken.time, index, taken) for index, runner in enumerate(runners) for taken in runner.snapshots]
+    for time, group in groupby(sorted(snapshots, key=lambda entry: entry[:2]), key=lambda entry: entry[0]):
+        grounds = truth(time)
+        for _, index, snapshot in group:
+            measured[index].append(_measure_parts(snapshot, grounds))
+    return [_figures(case, *pair, reference) for pair in zip(runners, measured, strict=True)]
 
 
-@contextmanager
-def _without_collector() -> Iterator[None]:
-    """Disable Python's garbage collector, because its pauses are not caused by the step in which they occur."""
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
+def _figures(
+    case: Case, runner: Runner, measured: Sequence[Measurements], reference: Mapping[str, Vector] | None
+) -> Figures:
+    """Return the figures of a run from the measurements at its snapshots; of a stopped one the cost alone."""
+    parts = list(dict.fromkeys(part for seen in measured for part in seen))
+    skip = sum(snapshot.time < case.span.settle for snapshot in runner.snapshots)
+    if runner.stopped or not parts or len(measured) <= skip:
+        return Figures(cost=runner.cost)
+    nothing = (math.nan, False, False)
+    table = np.array([[seen.get(part, nothing) for part in parts] for seen in measured])
+    below = np.logical_or.accumulate(table[..., 1] > 0.0, axis=0)
+    found = penetration(table[skip:, :, 0], below[skip:], table[skip:, :, 2] > 0.0)
+    world = runner.replay.world
+    return Figures(
+        cost=runner.cost,
+        longest=max(runner.steps[round(case.span.settle * runner.rate) :], default=math.nan),
+        penetration=found.p99,
+        hover=found.hover,
+        deviation=_deviation(runner, case.span.horizon, reference or {}),
+        lost=len({parts[index].body for index in np.flatnonzero(below[-1])} | set(world.lost)),
+        rescued=world.rescues,
+    )
+
+
+def _deviation(runner: Runner, horizon: float, reference: Mapping[str, Vector]) -> float:
+    """Return the median distance of the bodies from the reference at ``horizon`` [s]; NaN = unknown [m]."""
+    reached = (snapshot for snapshot in runner.snapshots if snapshot.time >= horizon - 0.5 / runner.rate)
+    positions = next((snapshot.positions for snapshot in reached), {})
+    apart = [math.dist(positions[name], place) for name, place in reference.items() if name in positions]
+    return float(np.median(apart)) if apart else math.nan
 
 
 def _measure_parts(snapshot: Snapshot, grounds: Sequence[Ground]) -> Measurements:
     """Measure all parts of a snapshot."""
-    found = Measurements()
+    found: Measurements = {}
     shapes: dict[Shape, list[tuple[Part, Pose]]] = {}
     for part, pose in snapshot.poses:
         shapes.setdefault(part.shape, []).append((part, pose))
     for shape, members in shapes.items():
         clearance, below = _over(grounds, shape, [pose for _, pose in members])
         for (part, _), gap, under in zip(members, clearance.tolist(), below.tolist(), strict=True):
-            found[part.key] = (gap, under, part.free and part.body in snapshot.held)
+            found[part] = (gap, under, part.free and part.body in snapshot.held)
     return found
 
 
@@ -274,13 +213,3 @@ def _in_tile_frame(pose: Pose, ground: Ground) -> Pose:
     x, y, z = pose.position[0] - x0, pose.position[1] - y0, pose.position[2]
     half = (0.0, 0.0, math.sin(-0.5 * ground.yaw), math.cos(0.5 * ground.yaw))
     return Pose((x0 + x * cos + y * sin, y0 - x * sin + y * cos, z), product(half, pose.orientation))
-
-
-def require_measurable(figures: Figures) -> None:
-    """Raise `InputError` if the figures cannot be used to compare settings."""
-    if figures.note or math.isnan(figures.penetration):
-        raise InputError(
-            "bodies",
-            f"nothing can be measured here: {figures.note or 'no body was ever over the ground'}; the parameter "
-            "file's bodies.spawn or robot.description must put bodies over the maps",
-        )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +15,14 @@ from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import Quaternion, Vector
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.world import World
+
+# Shapes from PyBullet's sizes. The surface of a mesh is not measured.
+_SHAPES: Mapping[int, Callable[[Sequence[float]], Shape]] = {
+    pb.GEOM_SPHERE: lambda size: Sphere(size[0]),
+    pb.GEOM_BOX: lambda size: Box(*size),
+    pb.GEOM_CYLINDER: lambda size: Cylinder(size[1], size[0]),
+    pb.GEOM_CAPSULE: lambda size: Capsule(size[1], size[0]),
+}
 
 
 class Part(NamedTuple):
@@ -27,11 +37,6 @@ class Part(NamedTuple):
     turn: Quaternion = (0.0, 0.0, 0.0, 1.0)
     free: bool = True
 
-    @property
-    def key(self) -> tuple[str, int, Vector]:
-        """Key that identifies the part in every run."""
-        return self.body, self.link, self.offset
-
 
 class Pose(NamedTuple):
     """Position [m] and orientation of a part."""
@@ -43,13 +48,11 @@ class Pose(NamedTuple):
 def parts_of(world: World) -> list[Part]:
     """Return all parts of simulated bodies that are spheres, boxes, cylinders or capsules."""
     found: list[Part] = []
-    for body in world.bodies.values():
-        if body.tracked:
-            continue
-        if body.shape is not None:
-            found.append(Part(body.name, body.uid, -1, body.shape))
-        else:
+    for body in (body for body in world.bodies.values() if not body.tracked):
+        if body.shape is None:
             found += _links(world.client, body)
+        else:
+            found.append(Part(body.name, body.uid, -1, body.shape))
     return found
 
 
@@ -63,27 +66,9 @@ def pose_of(client: Any, part: Part) -> Pose:
     return Pose((x, y, z), product(orientation, part.turn))
 
 
-def _links(client: Any, body: Body) -> list[Part]:
-    found = []
+def _links(client: Any, body: Body) -> Iterator[Part]:
     for link in body.links:
         for _, _, kind, size, _, offset, turn in client.getCollisionShapeData(body.uid, link):
-            try:
-                shape = _shape(kind, size)
-            except InputError:  # outside the range of sizes that is measured
-                continue
-            if shape is not None:
-                found.append(Part(body.name, body.uid, link, shape, tuple(offset), tuple(turn), free=False))
-    return found
-
-
-def _shape(kind: int, size: Any) -> Shape | None:
-    """Return the shape of PyBullet's collision data; None for a mesh, whose surface is not measured."""
-    if kind == pb.GEOM_SPHERE:
-        return Sphere(size[0])
-    if kind == pb.GEOM_BOX:
-        return Box(*size)
-    if kind == pb.GEOM_CYLINDER:
-        return Cylinder(size[1], size[0])
-    if kind == pb.GEOM_CAPSULE:
-        return Capsule(size[1], size[0])
-    return None
+            if kind in _SHAPES:
+                with suppress(InputError):  # outside the range of sizes that is measured
+                    yield Part(body.name, body.uid, link, _SHAPES[kind](size), tuple(offset), tuple(turn), free=False)

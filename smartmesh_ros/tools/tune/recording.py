@@ -29,33 +29,35 @@ from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.timing.pacing import StampClock
 from smartmesh_ros.tools.testing.bags import Record
 from smartmesh_ros.tools.tune.bag import Bag
-from smartmesh_ros.tools.tune.events import BodiesCame, Event, JointsCame, MapCame, RegionCame
+from smartmesh_ros.tools.tune.case import BodiesCame, Change, Event, JointsCame, MapCame, RegionCame
 
 HEIGHTMAP, HEIGHTMAP_UPDATE = "smartmesh_msgs/msg/Heightmap", "smartmesh_msgs/msg/HeightmapUpdate"
 TRACKED, POSES = "smartmesh_msgs/msg/TrackedBodyArray", "geometry_msgs/msg/PoseArray"
 POSE, ODOMETRY = "geometry_msgs/msg/PoseStamped", "nav_msgs/msg/Odometry"
 JOINTS, TRANSFORMS = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
-# Outputs of the node that a recording of all topics contains too.
-OUTPUTS = ("/body_states",)
+
+# Converts a record, given its arrival after the start [s].
+Take = Callable[[Record, float], Iterator[Event]]
 
 
 @dataclass
 class Recording:
     """Events of a bag in order of arrival; time zero is the first record that gives an event.
 
-    ``frame``: the terrain's frame. ``refused``: counts of refused records, by the node's message.
+    ``frame``: the terrain's frame. ``refused``: counts of refused records, by the node's message. ``frames``: counts of
+    records, by "what in frame". ``map_topics``: topics that changed the terrain.
     """
 
+    frame: str
     events: list[Event] = field(default_factory=list)
-    frame: str = ""
     refused: Counter[str] = field(default_factory=Counter)
-    frames: Counter[str] = field(default_factory=Counter)  # of maps and bodies: counts by "what in frame"
-    map_topics: set[str] = field(default_factory=set)  # topics that changed the terrain
+    frames: Counter[str] = field(default_factory=Counter)
+    map_topics: set[str] = field(default_factory=set)
 
     @property
-    def maps(self) -> list[MapCame | RegionCame]:
+    def changes(self) -> list[Change]:
         """Events that change the terrain."""
-        return [event for event in self.events if isinstance(event, MapCame | RegionCame)]
+        return [event for event in self.events if isinstance(event, Change)]
 
     @property
     def length(self) -> float:
@@ -63,108 +65,86 @@ class Recording:
         return max((event.arrives for event in self.events), default=0.0)
 
 
+def read_recording(bag: Bag, settings: Settings, terrain_topic: str, seconds: float) -> Recording:
+    """Return the first ``seconds`` [s] of a bag; raise `InputError` if it is damaged or lacks a topic."""
+    reader = Reader(settings)
+    takes = {**_body_takes(reader, bag, settings), **_terrain_takes(reader, bag, settings, terrain_topic)}
+    found, start = reader.recording, None
+    for record in bag.records():
+        take = takes.get(record.topic)
+        if take is None:
+            continue
+        begun = record.time if start is None else start
+        if record.time - begun > seconds:
+            break
+        try:
+            events = list(take(record, record.time - begun))
+        except InputError as error:
+            found.refused[f"{record.topic}: {error}"] += 1
+            continue
+        if events:
+            start = begun
+            found.events += events
+            if isinstance(events[0], Change):
+                found.map_topics.add(record.topic)
+    return found
+
+
 class Reader:
     """Converts records to events, with the same state between records as in the node."""
 
-    def __init__(self, bag: Bag, settings: Settings, terrain_topic: str, memory: float) -> None:
-        self._bag, self._memory = bag, memory
-        self.recording = Recording(frame=settings.frame_id.strip("/"))
+    def __init__(self, settings: Settings) -> None:
+        self.recording = Recording(settings.frame_id.strip("/"))
         self._settings = settings
         self._clocks: dict[str, StampClock] = {}
         self._frames = FrameBuffer()
         self._of_poses: set[str] = set()
-        self._start: float | None = None
-        self._takes = _takers(self, bag, settings, terrain_topic)
-
-    def read(self, records: Iterator[Record], seconds: float | None) -> Recording:
-        """Return the recording of the first ``seconds`` [s], None = all; raise `InputError` if it is too large."""
-        taken = 0
-        for record in records:
-            take = self._takes.get(record.topic)
-            if take is None:
-                continue
-            begun = record.time if self._start is None else self._start
-            if seconds is not None and record.time - begun > seconds:
-                break
-            try:
-                events = list(take(record, record.time - begun))
-            except InputError as error:
-                self.recording.refused[f"{record.topic}: {error}"] += 1
-                continue
-            if events:
-                self._start = begun
-                taken += len(record.data)
-                if taken > self._memory:
-                    raise self._bag.refusal(
-                        "size", f"its first {record.time - begun:.2f} s take more than {self._memory / 1e9:g} GB; "
-                        "replay less of it with --seconds"
-                    )  # fmt: skip
-                self.recording.events += events
-                if isinstance(events[0], MapCame | RegionCame):
-                    self.recording.map_topics.add(record.topic)
-        return self.recording
 
     def take_map(self, record: Record, now: float) -> Iterator[Event]:
         """Convert a Heightmap."""
         new = conversions.map_from(record.data, self._settings.max_samples)
-        start = new.start
-        stamp = conversions.stamp_seconds(start)
-        at = self._place(start.tile, stamp, now, record.time, horizon=self._settings.motion.max_interval)
-        self._require_frame(start.frame_id)
-        raster = None if new.geometry is None else Raster(new.geometry, new.heights)
-        yield MapCame(
-            arrives=now, at=at, stamped=stamp is not None, tile=start.tile, raster=raster, velocities=new.velocities,
-            delay=self._clocks[start.tile].delay,
-        )  # fmt: skip
+        raster = None if new.geometry is None else Raster(new.geometry, new.heights, friction=new.friction)
+        placed = self._placed(new.start.tile, new.start, new.start.frame_id, record, now)
+        yield MapCame(**placed, tile=new.start.tile, raster=raster, velocities=new.velocities)
 
     def take_region(self, record: Record, now: float) -> Iterator[Event]:
         """Convert a HeightmapUpdate."""
         new = conversions.region_from(record.data, self._settings.max_samples)
-        start = new.start
         late = self._settings.motion.max_interval
-        stamp = conversions.stamp_seconds(start)
-        at = self._place(start.tile, stamp, now, record.time, late, late)
-        self._require_frame(start.frame_id)
+        placed = self._placed(new.start.tile, new.start, new.start.frame_id, record, now, late)
         yield RegionCame(
-            arrives=now, at=at, stamped=stamp is not None, tile=start.tile, row=new.row, column=new.column,
-            heights=new.heights, velocities=new.velocities, delay=self._clocks[start.tile].delay,
+            **placed, tile=new.start.tile, row=new.row, column=new.column, heights=new.heights,
+            velocities=new.velocities,
         )  # fmt: skip
 
     def take_raster(self, kind: Any, convert: Callable[..., Raster], record: Record, now: float) -> Iterator[Event]:
         """Convert a message that an adapter reads as heights."""
         message = message_from(record.data, kind)
-        stamp = conversions.stamp_seconds(message.header.stamp)
-        at = self._place("", stamp, now, record.time, horizon=self._settings.motion.max_interval)
-        self._require_frame(message.header.frame_id)
+        placed = self._placed("", message.header.stamp, message.header.frame_id, record, now)
         raster = convert(message, self._settings.raster, self._settings.max_samples)
-        delay = self._clocks[""].delay
-        yield MapCame(arrives=now, at=at, stamped=stamp is not None, tile="", raster=raster, delay=delay)
+        yield MapCame(**placed, tile="", raster=raster)
 
-    def take_tracked(self, record: Record, now: float) -> Iterator[Event]:
-        """Convert a TrackedBodyArray."""
-        message = message_from(record.data, TrackedBodyArray, self._settings.most_bodies)
-        yield self._bodies(record, now, message.header, conversions.bodies_from(message))
-
-    def take_poses(self, record: Record, now: float) -> Iterator[Event]:
-        """Convert a PoseArray. Bodies of the previous message that are missing now are gone."""
-        message = message_from(record.data, PoseArray, self._settings.most_bodies)
-        bodies = conversions.poses_from(message)
-        names = {body.name for body in bodies}
-        gone, self._of_poses = self._of_poses - names, names
-        yield self._bodies(record, now, message.header, bodies, tuple(sorted(gone)))
-
-    def take_pose(self, name: str, record: Record, now: float) -> Iterator[Event]:
-        """Convert a PoseStamped."""
-        message = message_from(record.data, PoseStamped)
-        body = BodyInput(name, conversions.state_from(message.pose), 0.0)
-        yield self._bodies(record, now, message.header, [body])
-
-    def take_odometry(self, name: str, record: Record, now: float) -> Iterator[Event]:
-        """Convert an Odometry."""
-        message = message_from(record.data, Odometry)
-        yield self._bodies(
-            record, now, message.header, [BodyInput(name, conversions.odometry_from(message), 0.0, stated=True)]
-        )
+    def take_bodies(
+        self, kind: Any, convert: Callable[[Any], list[BodyInput]], record: Record, now: float
+    ) -> Iterator[Event]:
+        """Convert dictated poses to the terrain's frame. Bodies of the previous PoseArray that are missing are gone."""
+        message = message_from(record.data, kind, self._settings.most_bodies)
+        bodies, gone = convert(message), set[str]()
+        if kind is PoseArray:
+            names = {body.name for body in bodies}
+            gone, self._of_poses = self._of_poses - names, names
+        stamp, frame = conversions.stamp_seconds(message.header.stamp), message.header.frame_id
+        self.recording.frames[f"bodies on {record.topic} in frame {frame!r}"] += 1
+        terrain = self.recording.frame
+        if terrain and frame and frame != terrain:
+            transform = self._frames.lookup(terrain, frame, stamp)[0]
+            bodies = [body._replace(state=transform.apply(body.state)) for body in bodies]
+        for body in bodies:
+            require_possible(body.name, body.state)
+        at = self._place(record.topic, stamp, now, record.time)
+        yield BodiesCame(
+            arrives=now, at=at, stamped=stamp is not None, bodies=tuple(bodies), gone=tuple(sorted(gone))
+        )  # fmt: skip
 
     def take_joints(self, record: Record, now: float) -> Iterator[Event]:
         """Convert a command to robots' joints."""
@@ -175,39 +155,27 @@ class Reader:
         for stamp, parent, child, transform in transforms_from(record.data):
             time = None if static else conversions.stamp_seconds(stamp) or record.time
             self._frames.add(parent.strip("/"), child.strip("/"), transform, time)
-        if self.recording.frame:
-            for name, frame in self._settings.frames:
-                yield from self._follow(name, frame, record, now)
+        for name, frame in self._settings.frames if self.recording.frame else ():
+            try:
+                pose, known = self._frames.lookup(self.recording.frame, frame)
+                at = self._place(f"frame {name}", known, now, record.time)
+            except InputError as error:  # a transform between the frames is still missing
+                self.recording.refused[f"bodies.frames: {error}"] += 1
+                continue
+            yield BodiesCame(arrives=now, at=at, bodies=(BodyInput(name, BodyState(*pose), 0.0),))
 
-    def _follow(self, name: str, frame: str, record: Record, now: float) -> Iterator[Event]:
-        try:
-            pose, stamp = self._frames.lookup(self.recording.frame, frame)
-            at = self._place(f"frame {name}", stamp, now, record.time)
-        except InputError as error:  # a transform between the frames is still missing
-            self.recording.refused[f"bodies.frames: {error}"] += 1
-            return
-        yield BodiesCame(arrives=now, at=at, bodies=(BodyInput(name, BodyState(*pose), 0.0),))
-
-    def _bodies(
-        self, record: Record, now: float, header: Any, bodies: list[BodyInput], gone: tuple[str, ...] = ()
-    ) -> BodiesCame:
-        stamp, frame = conversions.stamp_seconds(header.stamp), header.frame_id
-        self.recording.frames[f"bodies on {record.topic} in frame {frame!r}"] += 1
-        terrain = self.recording.frame
-        if terrain and frame and frame != terrain:
-            transform = self._frames.lookup(terrain, frame, stamp)[0]
-            bodies = [body._replace(state=transform.apply(body.state)) for body in bodies]
-        for body in bodies:
-            require_possible(body.name, body.state)
-        at = self._place(record.topic, stamp, now, record.time)
-        return BodiesCame(arrives=now, at=at, stamped=stamp is not None, bodies=tuple(bodies), gone=gone)
-
-    def _require_frame(self, frame: str) -> None:
+    def _placed(
+        self, tile: str, stamp: Any, frame: str, record: Record, now: float, late: float = 0.0
+    ) -> dict[str, Any]:
+        """Return when a map arrives and is valid; raise `InputError` if it is in another frame than those before."""
+        seconds = conversions.stamp_seconds(stamp)
+        at = self._place(tile, seconds, now, record.time, late, self._settings.motion.max_interval)
         known = self.recording.frame
         self.recording.frames[f"maps in frame {frame!r}"] += 1
         if known and frame and frame != known:
             raise InputError("frame", f"frame {frame!r} is not the terrain's frame {known!r}")
         self.recording.frame = known or frame
+        return {"arrives": now, "at": at, "stamped": seconds is not None, "delay": self._clocks[tile].delay}
 
     def _place(
         self, source: str, stamp: float | None, now: float, clock: float, late: float = 0.0, horizon: float = math.inf
@@ -219,51 +187,52 @@ class Reader:
         return placed.time
 
 
-# Converts a record, given its arrival after the start [s].
-Take = Callable[[Record, float], Iterator[Event]]
-
-
-def _takers(reader: Reader, bag: Bag, settings: Settings, terrain_topic: str) -> dict[str, Take]:
-    """Return the converter of each topic's records."""
+def _body_takes(reader: Reader, bag: Bag, settings: Settings) -> dict[str, Take]:
+    """Return the converter of each topic of bodies, joints and transforms."""
     takes: dict[str, Take] = {}
     for topic in bag.of_type(TRACKED):
-        if not topic.endswith(OUTPUTS):
-            takes[topic] = reader.take_tracked
-    for topic in bag.of_type(POSES):
-        if topic.endswith("/body_poses"):
-            takes[topic] = reader.take_poses
-    for topic in bag.of_type(JOINTS):
-        if topic.endswith("/joint_commands"):
-            takes[topic] = reader.take_joints
-    for name, source in settings.poses:
-        takes[bag.require(source, POSE, f"bodies.poses names {name!r}")] = partial(reader.take_pose, name)
-    for name, source in settings.odometry:
-        takes[bag.require(source, ODOMETRY, f"bodies.odometry names {name!r}")] = partial(reader.take_odometry, name)
+        if not topic.endswith("/body_states"):  # an output of the node, which a recording of all topics contains too
+            takes[topic] = partial(reader.take_bodies, TrackedBodyArray, conversions.bodies_from)
+    for topic in bag.of_type(POSES, "/body_poses"):
+        takes[topic] = partial(reader.take_bodies, PoseArray, conversions.poses_from)
+    for name, topic in settings.poses:
+        bag.require(topic, POSE, f"bodies.poses names {name!r}")
+        takes[topic] = partial(reader.take_bodies, PoseStamped, partial(_from_pose, name))
+    for name, topic in settings.odometry:
+        bag.require(topic, ODOMETRY, f"bodies.odometry names {name!r}")
+        takes[topic] = partial(reader.take_bodies, Odometry, partial(_from_odometry, name))
+    for topic in bag.of_type(JOINTS, "/joint_commands"):
+        takes[topic] = reader.take_joints
     for topic in bag.of_type(TRANSFORMS):
         takes[topic] = partial(reader.take_transforms, topic.endswith("static"))
-    return {**takes, **_terrain_takers(reader, bag, settings, terrain_topic)}
+    return takes
 
 
-def _terrain_takers(reader: Reader, bag: Bag, settings: Settings, chosen: str) -> dict[str, Take]:
+def _from_pose(name: str, message: PoseStamped) -> list[BodyInput]:
+    return [BodyInput(name, conversions.state_from(message.pose), 0.0)]
+
+
+def _from_odometry(name: str, message: Odometry) -> list[BodyInput]:
+    return [BodyInput(name, conversions.odometry_from(message), 0.0, stated=True)]
+
+
+def _terrain_takes(reader: Reader, bag: Bag, settings: Settings, chosen: str) -> dict[str, Take]:
+    """Return the converter of each topic of maps; raise `InputError` if there is none, or a choice among several."""
+    kinds = {"heightmap": HEIGHTMAP, **{name: f"{a.package}/msg/{a.message}" for name, a in ADAPTERS.items()}}
+    kind = kinds[settings.input]
+    topics = [chosen] if chosen else bag.of_type(kind)
+    if chosen:
+        bag.require(chosen, kind, "--terrain")
+    elif not topics:
+        other = [name for name, type_name in kinds.items() if bag.of_type(type_name)]
+        hint = f"; it has maps for terrain.input {' or '.join(other)}: give --set terrain.input=" if other else ""
+        message = f"no maps: terrain.input {settings.input!r} needs {kind}{hint}{''.join(other[:1])}"
+        raise bag.refusal("maps", message)
     if settings.input == "heightmap":
-        topics = [bag.require(chosen, HEIGHTMAP, "--terrain")] if chosen else bag.of_type(HEIGHTMAP)
-        if not topics:
-            raise _without_maps(bag, settings, HEIGHTMAP)
         updates = bag.of_type(HEIGHTMAP_UPDATE)
         return {**dict.fromkeys(topics, reader.take_map), **dict.fromkeys(updates, reader.take_region)}
-    adapter = ADAPTERS[settings.input]
-    type_name = f"{adapter.package}/msg/{adapter.message}"
-    topics = [bag.require(chosen, type_name, "--terrain")] if chosen else bag.of_type(type_name)
-    if not topics:
-        raise _without_maps(bag, settings, type_name)
     if len(topics) > 1:
-        raise bag.refusal("topic", f"the bag has {type_name} on {', '.join(topics)}; choose one with --terrain TOPIC")
-    kind = require_message(adapter.package, adapter.message, f"terrain.input {settings.input!r}")
-    return {topics[0]: partial(reader.take_raster, kind, adapter.convert)}
-
-
-def _without_maps(bag: Bag, settings: Settings, type_name: str) -> InputError:
-    kinds = {"heightmap": HEIGHTMAP, **{name: f"{a.package}/msg/{a.message}" for name, a in ADAPTERS.items()}}
-    other = [name for name, kind in kinds.items() if bag.of_type(kind)]
-    hint = f"; it has maps for terrain.input {' or '.join(other)}: give --set terrain.input={other[0]}" if other else ""
-    return bag.refusal("maps", f"no maps: terrain.input {settings.input!r} needs {type_name}{hint}")
+        raise bag.refusal("topic", f"the bag has {kind} on {', '.join(topics)}; choose one with --terrain TOPIC")
+    adapter = ADAPTERS[settings.input]
+    made = require_message(adapter.package, adapter.message, f"terrain.input {settings.input!r}")
+    return {topics[0]: partial(reader.take_raster, made, adapter.convert)}

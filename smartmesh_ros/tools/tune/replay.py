@@ -3,32 +3,50 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import SIZES, require_between
+from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.node.inputs.joint_commands import joint_commands_from
 from smartmesh_ros.node.inputs.map_taking import take_map
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.robot_names import RobotNames
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.tools.tune.events import BodiesCame, Event, JointsCame, MapCame, RegionCame, Start
+from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.tools.tune.case import BodiesCame, Case, Change, Event, JointsCame, MapCame, RegionCame, Start
+from smartmesh_ros.tools.tune.start import settings_of
 from smartmesh_ros.world.world import World
+
+# Tolerance of comparisons between times [s], because sums of steps have rounding errors.
+SLACK = 1e-6
+# Rate of the reference run [Hz]: eight times the default.
+FINE_RATE = 8 * 240.0
+FINEST: Mapping[str, Any] = {
+    "physics.rate": FINE_RATE,
+    "patch.kind": "auto",
+    "patch.rate": 0.0,
+    "terrain.motion": "extrapolate",
+    "terrain.min_interval": 0.0,  # maps come with every step, and each gives a velocity of its own
+}
 
 
 class Replay:
     """One world with its bodies and inputs. Close it, or use it as a context manager.
 
-    ``refused``: counts of refused events by reason. A refused event does not change the world.
+    ``events``: in order of arrival. ``refused``: counts of refused events by reason. A refused event does not change
+    the world.
     """
 
-    def __init__(self, settings: Settings, bodies: Sequence[Start]) -> None:
+    def __init__(self, settings: Settings, bodies: Sequence[Start], events: Iterator[Event]) -> None:
         self.settings = settings
         self.world = World(config=settings.world)
         self.tracking = Tracking(self.world, settings.body_timeout, settings.max_velocity)
-        self._names = RobotNames(self.world, always=settings.robot_prefix)
         self.refused: Counter[str] = Counter()
+        self._names = RobotNames(self.world, always=settings.robot_prefix)
+        self._events, self._next = events, next(events, None)
         self._waiting = list(bodies)
         self._spawn()
 
@@ -36,11 +54,15 @@ class Replay:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close the world."""
         self.world.close()
+
+    def due(self) -> list[Event]:
+        """Return the events that have arrived since the last call."""
+        found = []
+        while self._next is not None and self._next.arrives <= self.world.time + SLACK:
+            found.append(self._next)
+            self._next = next(self._events, None)
+        return found
 
     def step(self, events: Iterable[Event]) -> None:
         """Apply the events, then run one step."""
@@ -53,27 +75,8 @@ class Replay:
         self.world.step()
 
     def _take(self, event: Event) -> None:
-        time = event.time(self.world.time)
-        if isinstance(event, MapCame):
-            if event.raster is None:
-                self.world.terrain.remove(event.tile)
-            else:
-                take_map(
-                    self.world.terrain,
-                    self.settings,
-                    event.tile,
-                    event.raster,
-                    event.velocities,
-                    event.time(self.world.time),
-                )
-                self.world.terrain.tiles[event.tile].delay = event.delay
-            self._spawn()
-        elif isinstance(event, RegionCame):
-            tile = self.world.terrain.tile(event.tile)
-            if not isinstance(tile, HeightMap):
-                raise InputError("unknown_tile", f"tile {event.tile!r} is a general mesh")
-            tile.update_region(event.row, event.column, event.heights, time=time, velocities=event.velocities)
-            tile.delay = event.delay
+        if isinstance(event, Change):
+            change_terrain(self.world.terrain, self.settings, event, self.world.time)
             self._spawn()
         elif isinstance(event, BodiesCame):
             self._track(event)
@@ -98,3 +101,32 @@ class Replay:
         """Spawn the waiting bodies that have ground below them."""
         waiting, self._waiting = self._waiting, []
         self._waiting = [start for start in waiting if not start(self.world)]
+
+
+def change_terrain(terrain: Terrain, settings: Settings, change: Change, now: float) -> None:
+    """Apply a change at ``now`` [s]; raise `InputError` if the node would refuse it."""
+    time = change.time(now)
+    if isinstance(change, RegionCame):
+        tile = terrain.tile(change.tile)
+        if not isinstance(tile, HeightMap):
+            raise InputError("unknown_tile", f"tile {change.tile!r} is a general mesh")
+        tile.update_region(change.row, change.column, change.heights, time=time, velocities=change.velocities)
+        tile.delay = change.delay
+    elif isinstance(change, MapCame) and change.raster is not None:
+        take_map(terrain, settings, change.tile, change.raster, change.velocities, time)
+        terrain.tiles[change.tile].delay = change.delay
+    else:
+        terrain.remove(change.tile)
+
+
+def reference(case: Case) -> dict[str, Vector] | None:
+    """Return positions by simulated body [m] at the span's horizon, from a run at an eighth of the step with patches
+    that are refreshed in every step; None = unknown."""
+    events = case.finest_events()
+    if events is None:
+        return None
+    with Replay(settings_of({**case.start, **FINEST}), case.bodies(), events) as replay:
+        for _ in range(round(case.span.horizon * FINE_RATE)):
+            replay.step(replay.due())
+        world = replay.world
+        return {name: world.state(name).position for name, body in world.bodies.items() if not body.tracked}

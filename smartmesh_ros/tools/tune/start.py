@@ -9,16 +9,15 @@ from typing import Any
 
 import yaml
 
+import smartmesh_ros
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.parameter_files import PARAMETERS, mismatch
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.parameters.specifications import NAMES, SPECS, settings_from
-from smartmesh_ros.tools.evaluation.presets import folder
 
+PRESETS = ("accurate", "fast", "fleet", "quadruped", "rover")
 NODE = "/terrain_collider"
 DEFAULTS: Mapping[str, Any] = {spec.name: spec.default for spec in SPECS}
-# Parameters of every ROS node, which do not affect measurements.
-OF_EVERY_NODE = frozenset({"use_sim_time"})
 
 
 def settings_of(values: Mapping[str, Any]) -> Settings:
@@ -29,18 +28,16 @@ def settings_of(values: Mapping[str, Any]) -> Settings:
 def read_start(file: Path | None, preset: str, single: Sequence[str]) -> dict[str, Any]:
     """Return the parameters of a preset, a file and entries ``name=value``; later ones override earlier ones. Raise
     `InputError` for unknown names and invalid values."""
-    values: dict[str, Any] = {}
-    if preset:
-        values.update(read_parameters(preset_file(preset)))
+    values = preset_values(preset) if preset else {}
     if file is not None:
-        values.update(read_parameters(file))
+        values.update(_read(file))
     for entry in single:
         name, equals, text = entry.partition("=")
         if not equals:
             raise InputError("parameter", f"--set {entry!r} must be name=value, as in --set physics.rate=120.0")
         values[name] = yaml.safe_load(text)
     for name in values:
-        if name not in NAMES | OF_EVERY_NODE:
+        if name not in NAMES | {"use_sim_time"}:  # the latter is one of every ROS node
             near = difflib.get_close_matches(name, NAMES, n=1)
             raise InputError(
                 "parameter", f"parameter {name!r} is unknown{f'; did you mean {near[0]!r}?' if near else ''}"
@@ -49,17 +46,26 @@ def read_start(file: Path | None, preset: str, single: Sequence[str]) -> dict[st
     return values
 
 
-def preset_file(name: str) -> Path:
-    """Return the parameter file of a preset; raise `InputError` with the known presets if it does not exist."""
-    found = folder()
+def preset_folder() -> Path | None:
+    """Return the folder of the presets in the source tree or in the installed share folder, None if not found."""
+    for above in Path(smartmesh_ros.__file__).parents[1:]:
+        for candidate in (above / "share" / "smartmesh_ros" / "config", above / "config"):
+            if (candidate / "fast.yaml").is_file():
+                return candidate
+    return None
+
+
+def preset_values(name: str) -> dict[str, Any]:
+    """Return the parameters of a preset; raise `InputError` with the known presets if it does not exist."""
+    found = preset_folder()
     path = (found or Path()) / f"{name}.yaml"
     if found is None or not path.is_file():
         known = sorted(file.stem for file in found.glob("*.yaml")) if found else []
         raise InputError("preset", f"there is no preset {name!r}; choose {', '.join(known) or 'a parameter file'}")
-    return path
+    return _read(path)
 
 
-def read_parameters(path: Path) -> dict[str, Any]:
+def _read(path: Path) -> dict[str, Any]:
     """Return a parameter file's values for the node; raise `InputError` if the file is invalid or for another node."""
     try:
         content = yaml.safe_load(path.read_text())
@@ -68,25 +74,18 @@ def read_parameters(path: Path) -> dict[str, Any]:
     wrong = mismatch(path, NODE)
     if wrong:
         raise InputError("file", wrong)
-    found: dict[str, Any] = {}
-    for section in _sections(content):
-        found.update(_flat(section))
+    found = dict(_entries(content))
     if not found:
         raise InputError("file", f"{path} has no {PARAMETERS}; it must read '/**: {{{PARAMETERS}: {{name: value}}}}'")
     return found
 
 
-def _sections(content: Any) -> Iterator[Mapping[str, Any]]:
+def _entries(content: Any, group: str | None = None) -> Iterator[tuple[str, Any]]:
+    """Yield names and values of parameters; ``group``: their common prefix, None = outside of ``ros__parameters``."""
     for key, value in content.items() if isinstance(content, dict) else ():
-        if key == PARAMETERS and isinstance(value, dict):
-            yield value
+        if group is None:
+            yield from _entries(value, "" if key == PARAMETERS else None)
+        elif isinstance(value, dict):
+            yield from _entries(value, f"{group}{key}.")
         else:
-            yield from _sections(value)
-
-
-def _flat(section: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key, value in section.items():
-        name = f"{prefix}{key}"
-        found.update(_flat(value, f"{name}.") if isinstance(value, dict) else {name: value})
-    return found
+            yield f"{group}{key}", value

@@ -7,120 +7,98 @@ changes are corrections, the true ground is the node's main mesh, which applies 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
-from smartmesh_ros.io.rasters import FloatGrid, Raster
-from smartmesh_ros.node.inputs.map_taking import take_map
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.tools.evaluation.distance import Surface
-from smartmesh_ros.tools.tune.case import Ground
-from smartmesh_ros.tools.tune.events import MapCame, RegionCame
+from smartmesh_ros.tools.tune.case import Change, Ground, MapCame, RegionCame
+from smartmesh_ros.tools.tune.replay import change_terrain
 
-Change = MapCame | RegionCame
-
-
-@dataclass(frozen=True)
-class _Known:
-    """A tile at ``time`` [s]; no raster = the tile was removed."""
-
-    time: float
-    raster: Raster | None
+# A time [s], and a tile from then on; None = the tile was removed.
+State = tuple[float, Raster | None]
 
 
-class Truth:
+class RecordedGround:
     """The ground of a recording at times that never decrease."""
 
     def __init__(self, changes: Sequence[Change], settings: Settings) -> None:
-        self._corrected = _Corrected(changes, settings) if settings.motion.corrects else None
-        tiles = dict.fromkeys(change.tile for change in changes)
-        self._moving = {tile: _Moving([change for change in changes if change.tile == tile]) for tile in tiles}
+        if settings.motion.corrects:
+            self._tiles: Sequence[_Moving | _Corrected] = [_Corrected(changes, settings)]
+        else:
+            tiles = dict.fromkeys(change.tile for change in changes)
+            self._tiles = [_Moving(tile, [change for change in changes if change.tile == tile]) for tile in tiles]
 
-    def rasters(self, time: float) -> Iterator[tuple[str, Raster]]:
-        """Yield name and heights of each tile at a time [s]."""
-        if self._corrected is not None:
-            yield from self._corrected.at(time)
-            return
-        for tile, moving in self._moving.items():
-            raster = moving.at(time)
-            if raster is not None:
-                yield tile, raster
+    def rasters(self, time: float) -> list[tuple[str, Raster]]:
+        """Return name and heights of each tile at a time [s]."""
+        return [found for tile in self._tiles for found in tile.at(time)]
 
     def at(self, time: float) -> list[Ground]:
         """Return the ground at a time [s]."""
-        return [ground_of(raster.geometry, raster.heights) for _, raster in self.rasters(time)]
-
-
-def ground_of(geometry: GridGeometry, heights: FloatGrid) -> Ground:
-    """Return a tile as a surface without yaw, and its yaw."""
-    return Ground(Surface(replace(geometry, yaw=0.0), heights.astype(np.float64)), geometry.yaw)
+        return [
+            Ground(Surface(replace(geometry, yaw=0.0), heights.astype(np.float64)), geometry.yaw)
+            for _, (geometry, heights, *_) in self.rasters(time)
+        ]
 
 
 class _Moving:
     """One tile, interpolated between the map before and the map after an instant."""
 
-    def __init__(self, changes: Sequence[Change]) -> None:
-        self._changes = sorted(changes, key=lambda change: change.at)
-        self._next = 0
-        self._before: _Known | None = None
-        self._after: _Known | None = self._following(None)
+    def __init__(self, tile: str, changes: Sequence[Change]) -> None:
+        self._tile = tile
+        self._states = _states(sorted(changes, key=lambda change: change.at))
+        self._before: State | None = None
+        self._after: State | None = next(self._states)
 
-    def at(self, time: float) -> Raster | None:
-        while self._after is not None and self._after.time <= time:
-            self._before, self._after = self._after, self._following(self._after)
-        before, after = self._before, self._after
-        if before is None or before.raster is None:
-            return None
-        if after is None or after.raster is None or after.raster.geometry != before.raster.geometry:
-            return before.raster
-        share = np.float32((time - before.time) / (after.time - before.time))
-        heights = before.raster.heights + share * (after.raster.heights - before.raster.heights)
-        return Raster(before.raster.geometry, heights)
+    def at(self, time: float) -> Iterator[tuple[str, Raster]]:
+        while self._after is not None and self._after[0] <= time:
+            self._before, self._after = self._after, next(self._states, None)
+        begin, before = self._before or (0.0, None)
+        end, after = self._after or (0.0, None)
+        if before is None:
+            return
+        geometry, heights, *_ = before
+        if after is not None and after.geometry == geometry:
+            heights = heights + np.float32((time - begin) / (end - begin)) * (after.heights - heights)
+        yield self._tile, Raster(geometry, heights)
 
-    def _following(self, known: _Known | None) -> _Known | None:
-        """Return the tile after the next change; None = no further change."""
-        if self._next == len(self._changes):
-            return None
-        change = self._changes[self._next]
-        self._next += 1
+
+def _states(changes: Sequence[Change]) -> Iterator[State]:
+    """Yield a tile after each of its changes."""
+    raster: Raster | None = None
+    for change in changes:
         if isinstance(change, MapCame):
-            return _Known(change.at, change.raster)
-        if known is None or known.raster is None:
-            return _Known(change.at, None)
-        heights = known.raster.heights.copy()
-        rows, columns = change.heights.shape
-        part = heights[change.row : change.row + rows, change.column : change.column + columns]
-        if part.shape == change.heights.shape:  # else the node refuses it
-            part[...] = change.heights
-        return _Known(change.at, Raster(known.raster.geometry, heights))
+            raster = change.raster
+        elif isinstance(change, RegionCame) and raster is not None:
+            heights = raster.heights.copy()
+            rows, columns = change.heights.shape
+            part = heights[change.row : change.row + rows, change.column : change.column + columns]
+            if part.shape == change.heights.shape:  # else the node refuses it
+                part[...] = change.heights
+            raster = raster._replace(heights=heights)
+        yield change.at, raster
 
 
 class _Corrected:
     """Ground at rest, as the node estimates it."""
 
     def __init__(self, changes: Sequence[Change], settings: Settings) -> None:
-        self._changes = sorted(changes, key=lambda change: change.arrives)
+        self._changes = sorted(changes, key=lambda change: change.arrives, reverse=True)
         self._settings = settings
         self._terrain = Terrain()
-        self._next = 0
 
     def at(self, time: float) -> Iterator[tuple[str, Raster]]:
-        while self._next < len(self._changes) and self._changes[self._next].arrives <= time:
-            change = self._changes[self._next]
-            self._next += 1
+        while self._changes and self._changes[-1].arrives <= time:
+            change = self._changes.pop()
             self._show(change.arrives)
-            if isinstance(change, RegionCame):
-                tile = self._terrain.tile(change.tile)
-                if isinstance(tile, HeightMap):
-                    tile.update_region(change.row, change.column, change.heights, time=change.at)
-            elif change.raster is None:
-                self._terrain.remove(change.tile)
-            else:
-                take_map(self._terrain, self._settings, change.tile, change.raster, change.velocities, change.at)
+            with suppress(InputError):  # what the node refuses leaves its ground as it was
+                change_terrain(self._terrain, self._settings, change, change.arrives)
         self._show(time)
         for name, mesh in self._terrain.tiles.items():
             if isinstance(mesh, HeightMap):

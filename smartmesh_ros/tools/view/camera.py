@@ -1,18 +1,16 @@
-"""Camera poses that show all bodies."""
+"""The cameras of the open pages: each is placed once so that it shows all bodies, and then left to its user."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.view.ground import Ground
-from smartmesh_ros.tools.view.sight import Vector
-
-FloatArray = NDArray[np.float64]
+from smartmesh_ros.tools.view.sight import Sight
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,23 +18,28 @@ class CameraConfig:
     """Settings of the camera placement.
 
     ``bearing`` [rad]: direction from the bodies to the camera, from the x axis. ``elevations`` [rad]: angles above the
-    horizon, tried in this order until the ground hides no body. ``spare``: margin at each edge, as a fraction of the
-    picture's width and height. ``nearest`` [m]: minimum distance, so that a small body is shown with some ground
-    around. ``far``: bodies further than this many median distances from the median position are ignored, because one
-    body that fell off the terrain would make all others too small to see. ``samples``: points along a line of sight
-    that are compared with the ground. ``halvings``: bisection steps in the search for the middle of the picture.
+    horizon, of which the first is taken at which the ground hides the fewest bodies. ``spare``: margin at each edge, as
+    a fraction of the picture's width and height. ``nearest`` [m]: minimum distance, so that a small body is shown with
+    some ground around. ``far``: bodies further than this many median distances from the median position are ignored,
+    because a few that rolled away would make all others too small to see.
+    ``halvings``: bisection steps in the search for the middle of the picture.
     """
 
     bearing: float = math.radians(-130.0)
-    elevations: tuple[float, ...] = tuple(math.radians(angle) for angle in (32.0, 45.0, 60.0, 80.0))
+    elevations: tuple[float, ...] = tuple(math.radians(angle) for angle in (40.0, 50.0, 65.0, 80.0))
     spare: float = 0.06
     nearest: float = 4.0
-    far: float = 6.0
-    samples: int = 64
+    far: float = 1.5
     halvings: int = 30
 
 
 CONFIG = CameraConfig()
+# Near clipping distance [m]. Lower values reduce the depth resolution of distant objects.
+NEAREST = 0.05
+# Width of the panel and its margins [pixels].
+PANEL = 340
+# Positions closer together count as equal [m], because the page rounds to single precision.
+SAME_POSITION = 1e-2
 
 
 class Lens(NamedTuple):
@@ -51,96 +54,110 @@ class Lens(NamedTuple):
 class Camera(NamedTuple):
     """Position of a camera and the point that it looks at [m]."""
 
-    position: Vector
-    target: Vector
+    position: FloatArray
+    target: FloatArray
+
+
+# Camera of pages that open before any body is known [m].
+START = Camera(np.array([-6.3, -7.1, 6.9]), np.zeros(3))
 
 
 def camera_on(positions: FloatArray, radii: FloatArray, lens: Lens, ground: Ground) -> Camera:
-    """Return the nearest camera that shows bodies at (B, 3) [m] of ``radii`` (B,) [m].
-
-    The elevation is the lowest at which the ground hides no body. If the ground hides bodies at every elevation, the
-    elevation is the one with the fewest hidden bodies.
-    """
-    positions, radii = _without_outliers(positions, radii)
-    best, hidden = None, len(positions) + 1
-    for elevation in CONFIG.elevations:
-        found = _fitted(positions, radii, lens, elevation)
-        count = _hidden(found, positions, radii, ground)
-        if count < hidden:
-            best, hidden = found, count
-        if not hidden:
-            break
-    assert best is not None
-    return best
-
-
-def _without_outliers(positions: FloatArray, radii: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return positions and radii without bodies that are far from all others."""
+    """Return the nearest camera that shows bodies at (B, 3) [m] of ``radii`` (B,) [m]."""
     away = np.linalg.norm(positions - np.median(positions, axis=0), axis=1)
     near = away <= CONFIG.far * max(float(np.median(away)), CONFIG.nearest)
-    return (positions[near], radii[near]) if near.any() else (positions, radii)
+    positions, radii = positions[near], radii[near]
+    found = [_fitted(positions, radii, lens, elevation) for elevation in CONFIG.elevations]
+    return found[int(np.argmin([_hidden(camera, positions, radii, ground) for camera in found]))]
 
 
 def _fitted(positions: FloatArray, radii: FloatArray, lens: Lens, elevation: float) -> Camera:
-    """Return the nearest camera at an ``elevation`` [rad] that shows all bodies."""
-    level = math.cos(elevation)
-    forward = -np.array([level * math.cos(CONFIG.bearing), level * math.sin(CONFIG.bearing), math.sin(elevation)])
-    right, up, forward = _axes(forward)
-    middle = positions.mean(axis=0)
-    away = positions - middle
-    across, above, along = away @ right, away @ up, away @ forward
-    half = math.tan(0.5 * lens.field_of_view)
-    edges = CONFIG.spare - 1.0, 1.0 - CONFIG.spare
-    wide = (lens.aspect * half * edges[0], lens.aspect * half * (edges[1] - 2.0 * lens.covered))
-    tall = (half * edges[0], half * edges[1])
-    distance = max(_distance(across, along, radii, wide), _distance(above, along, radii, tall), CONFIG.nearest)
-    shift = _shift(across, along, radii, wide, distance) * right + _shift(above, along, radii, tall, distance) * up
-    position = middle + shift - distance * forward
-    x, y, z = position.tolist()
-    u, v, w = (position + distance * forward).tolist()
-    return Camera((x, y, z), (u, v, w))
+    """Return the nearest camera at an ``elevation`` [rad] that shows all bodies.
 
-
-def _distance(across: FloatArray, along: FloatArray, radii: FloatArray, edges: tuple[float, float]) -> float:
-    """Return the minimum distance d [m] of a camera from the middle of the bodies at which the bodies fit between two
-    ``edges`` of the picture (tangents).
-
-    A body ``along`` [m] behind the middle and ``across`` x [m] beside it fits for a camera shifted by s [m] if
-    low (d + along) <= x - s - r and x - s + r <= high (d + along). At the minimum distance the bounds on s are equal.
+    Seen by the camera a body is ``across`` x [m] beside the middle of the bodies and ``along`` y [m] behind it. From a
+    distance d and with a shift s of the camera it fits between the edges of the picture, tangents low and high, if
+    low (d + y) <= x - s - r and x - s + r <= high (d + y). At the least d the bounds on s are equal.
     """
-    low, high = edges
-    needed = float((across + radii - high * along).max() - (across - radii - low * along).min())
-    return max(needed / (high - low), float((radii - along).max()))
-
-
-def _shift(
-    across: FloatArray, along: FloatArray, radii: FloatArray, edges: tuple[float, float], distance: float
-) -> float:
-    """Return the shift [m] of a camera at a ``distance`` [m] with equal margins at both edges, by bisection between the
-    bounds of `_distance`."""
-    low, high = edges
-    depth = np.maximum(distance + along, 1e-6)
-    least = float((across + radii - high * depth).max())
-    most = float((across - radii - low * depth).min())
-    for _ in range(CONFIG.halvings):
-        middle = 0.5 * (least + most)
-        room = float(((across + radii - middle) / depth).max() + ((across - radii - middle) / depth).min())
-        least, most = (middle, most) if room > low + high else (least, middle)
-    return 0.5 * (least + most)
+    b, e = CONFIG.bearing, elevation
+    forward = -np.array([math.cos(e) * math.cos(b), math.cos(e) * math.sin(b), math.sin(e)])
+    right = np.array([-math.sin(b), math.cos(b), 0.0])
+    up = np.cross(right, forward)
+    middle = positions.mean(axis=0)
+    along = (positions - middle) @ forward
+    tall, edge = math.tan(0.5 * lens.field_of_view), 1.0 - CONFIG.spare
+    wide = lens.aspect * tall
+    sides = [
+        (right, (positions - middle) @ right, -edge * wide, (edge - 2.0 * lens.covered) * wide),
+        (up, (positions - middle) @ up, -edge * tall, edge * tall),
+    ]
+    distance = max(CONFIG.nearest, float((radii - along).max()))
+    for _, across, low, high in sides:
+        least, most = (across + radii - high * along).max(), (across - radii - low * along).min()
+        distance = max(distance, float(least - most) / (high - low))
+    position, depth = middle - distance * forward, np.maximum(distance + along, 1e-6)
+    for axis, across, low, high in sides:
+        least, most = float((across + radii - high * depth).max()), float((across - radii - low * depth).min())
+        for _ in range(CONFIG.halvings):  # until the margins at both edges are equal
+            shift = 0.5 * (least + most)
+            room = float(((across + radii - shift) / depth).max() + ((across - radii - shift) / depth).min())
+            least, most = (shift, most) if room > low + high else (least, shift)
+        position = position + 0.5 * (least + most) * axis
+    return Camera(position, position + distance * forward)
 
 
 def _hidden(camera: Camera, positions: FloatArray, radii: FloatArray, ground: Ground) -> int:
     """Return the number of bodies whose tops the ground hides."""
     tops = positions + radii[:, None] * (0.0, 0.0, 1.0)
-    share = np.linspace(0.0, 1.0, CONFIG.samples, endpoint=False)
-    lines = np.asarray(camera.position) + share[None, :, None] * (tops - np.asarray(camera.position))[:, None, :]
-    heights = ground.heights(lines[..., :2].reshape(-1, 2)).reshape(lines.shape[:2])
-    return int((lines[..., 2] < heights).any(axis=1).sum())
+    towards = camera.position - tops
+    lengths = np.linalg.norm(towards, axis=1)
+    return int((ground.distances(tops, towards, float(lengths.max())) < lengths).sum())
 
 
-def _axes(towards: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return unit vectors right, up and forward of an upright camera that looks ``towards`` a direction (3,)."""
-    forward = towards / np.linalg.norm(towards)
-    right = np.cross(forward, (0.0, 0.0, 1.0))
-    right = right / np.linalg.norm(right)
-    return right, np.cross(right, forward), forward
+class Cameras:
+    """The cameras of a viser server's pages. `update` skips a page whose address contains a camera, or whose user has
+    moved the camera."""
+
+    def __init__(self, server: Any) -> None:
+        self._server = server
+        self._given: list[Camera] = []  # all initial cameras of pages
+        self._done: set[int] = set()  # pages that were turned to the bodies
+        self._start_with(START)
+
+    def update(self, ground: Ground, sight: Sight) -> None:
+        """Turn the cameras of new pages to the bodies once the poses of all simulated bodies are known."""
+        described = {name for name, known in sight.appearances.items() if not known.tracked}
+        if not sight.poses or not described <= sight.poses.keys():
+            return
+        for number, client in self._server.get_clients().items():
+            # A page may report the browser's default camera before it applies its initial one. So a camera that seems
+            # moved is checked again in the next update.
+            moved = min(math.dist(client.camera.position, given.position) for given in self._given) > SAME_POSITION
+            if number not in self._done and not moved:
+                self._done.add(number)
+                self._turn(client, ground, sight)
+
+    def look(self, ground: Ground, sight: Sight) -> None:
+        """Turn the cameras of all pages to the bodies."""
+        for client in self._server.get_clients().values() if sight.poses else ():
+            self._turn(client, ground, sight)
+
+    def turn(self, found: Camera) -> None:
+        """Set the cameras of all pages."""
+        for client in self._server.get_clients().values():
+            self._place(client, found)
+
+    def _turn(self, client: Any, ground: Ground, sight: Sight) -> None:
+        width, height = max(client.camera.image_width, 1), max(client.camera.image_height, 1)
+        lens = Lens(client.camera.fov, width / height, PANEL / width if width > 2 * PANEL else 0.0)
+        self._place(client, camera_on(*sight.bodies, lens, ground))
+
+    def _place(self, client: Any, found: Camera) -> None:
+        camera = client.camera
+        camera.near, camera.position, camera.look_at = NEAREST, found.position, found.target
+        self._start_with(found)
+
+    def _start_with(self, found: Camera) -> None:
+        """Make a camera the initial one of later pages, and of "reset view" on all pages."""
+        self._given.append(found)
+        start = self._server.initial_camera
+        start.near, start.position, start.look_at = NEAREST, found.position, found.target

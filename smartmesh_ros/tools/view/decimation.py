@@ -10,10 +10,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -35,19 +33,8 @@ class Surface(NamedTuple):
     triangles: IntArray
 
 
-class _Cells(NamedTuple):
-    """Cells (n,) of ``size`` samples, by their first row and column."""
-
-    size: int
-    rows: IntArray
-    columns: IntArray
-
-
 def decimate(
-    shape: tuple[int, int],
-    centres: NDArray[np.float64],
-    near: NDArray[np.float64],
-    config: DecimationConfig = DecimationConfig(),
+    shape: tuple[int, int], centres: FloatArray, near: FloatArray, config: DecimationConfig = DecimationConfig()
 ) -> Surface:
     """Return the surface of a map of ``shape`` (rows, columns), each >= 2.
 
@@ -55,86 +42,69 @@ def decimate(
     sample within this distance of the body along rows and columns is a vertex. ``near`` is halved until the surface has
     at most ``config.most_cells`` cells.
     """
-    level = coarsest_level(shape, config.far_cells)
+    coarsest = 0
+    while np.prod(_counts(shape, 1 << coarsest)) > config.far_cells:
+        coarsest += 1
     while True:
-        leaves = _leaves(shape, level, centres, near)
-        if sum(len(cells.rows) for cells in leaves) <= config.most_cells or not near.size or near.max() < 1.0:
-            return _triangulate(shape, leaves)
+        cells = _cells(shape, coarsest, centres, near)
+        if sum(map(len, cells)) <= config.most_cells or not near.size or near.max() < 1.0:
+            return _triangulate(shape, cells)
         near = 0.5 * near
 
 
-def coarsest_level(shape: tuple[int, int], far_cells: int) -> int:
-    """Return the smallest k for which the map has at most ``far_cells`` cells of 2^k samples; 0 = no decimation."""
-    level = 0
-    while np.prod([-(-(count - 1) // (1 << level)) for count in shape]) > far_cells:
-        level += 1
-    return level
+def _counts(shape: tuple[int, int], size: int) -> tuple[int, ...]:
+    """Return the numbers of cells of ``size`` samples along rows and columns."""
+    return tuple(-(-(count - 1) // size) for count in shape)
 
 
-def _leaves(
-    shape: tuple[int, int], coarsest: int, centres: NDArray[np.float64], near: NDArray[np.float64]
-) -> list[_Cells]:
-    """Return cells that cover the map; neighbours have half, the same or twice the size."""
-    leaves = []
-    split = np.ones(tuple(-(-(count - 1) // (2 << coarsest)) for count in shape), np.bool_)
+def _cells(shape: tuple[int, int], coarsest: int, centres: FloatArray, near: FloatArray) -> list[IntArray]:
+    """Return the first row and column (n, 2) of cells that cover the map, by level k, for cells of 2^k samples.
+    Neighbours have half, the same or twice the size."""
+    found: list[IntArray] = []
+    split = np.ones(_counts(shape, 2 << coarsest), np.bool_)
     for level in range(coarsest, -1, -1):
         size = 1 << level
-        cells = tuple(-(-(count - 1) // size) for count in shape)
-        there = np.repeat(np.repeat(split, 2, axis=0), 2, axis=1)[: cells[0], : cells[1]]
+        counts = _counts(shape, size)
+        there = split.repeat(2, axis=0).repeat(2, axis=1)[: counts[0], : counts[1]]
         # Cells of twice the size are split at twice the distance, so that neighbours differ by at most one split.
-        split = _within(cells, size, centres, near + size) if level else np.zeros(cells, np.bool_)
-        rows, columns = np.nonzero(there & ~split)
-        leaves.append(_Cells(size, rows * size, columns * size))
-    return leaves
-
-
-def _within(
-    cells: tuple[int, ...], size: int, centres: NDArray[np.float64], distance: NDArray[np.float64]
-) -> BoolArray:
-    """Return a mask of the cells that are within a body's ``distance`` (B,) along rows and columns."""
-    found = np.zeros(cells, np.bool_)
-    reach = distance[:, None]
-    first = np.maximum(np.floor((centres - reach) / size), 0).astype(np.int64)
-    last = np.maximum(np.ceil((centres + reach) / size), 0).astype(np.int64)
-    for (row, column), (row_end, column_end) in zip(first.tolist(), last.tolist(), strict=True):
-        found[row:row_end, column:column_end] = True
+        reach = (near + size)[:, None]
+        first = np.maximum(np.floor((centres - reach) / size), 0).astype(np.int64)
+        last = np.maximum(np.ceil((centres + reach) / size), 0).astype(np.int64)
+        split = np.zeros(counts, np.bool_)
+        for (row, column), (row_end, column_end) in zip(first.tolist(), last.tolist() if level else (), strict=False):
+            split[row:row_end, column:column_end] = True
+        found.insert(0, np.argwhere(there & ~split) * size)
     return found
 
 
-def _triangulate(shape: tuple[int, int], leaves: list[_Cells]) -> Surface:
+def _triangulate(shape: tuple[int, int], cells: list[IntArray]) -> Surface:
     """Return triangles between the corners of the cells, clipped at the last row and column."""
-    width = shape[1] + 2 * max(cells.size for cells in leaves) + 1
-    corners = [_corners(cells, width) for cells in leaves]
-    known = np.unique(np.concatenate([of_cells.ravel() for of_cells in corners]))
+    width = shape[1] + (2 << len(cells))
+    corners = []  # of each cell counter-clockwise, each as row * width + column
+    for level, firsts in enumerate(cells):
+        around = (1 << level) * np.array([0, 1, width + 1, width])
+        corners.append((firsts @ (width, 1))[:, None] + around)
+    known = np.unique(np.concatenate([of_level.ravel() for of_level in corners]))
     triangles = np.concatenate(
-        [_cut(cells, of_cells, width, known) for cells, of_cells in zip(leaves, corners, strict=True)]
+        [_cut(of_level, known) if level else _halves(of_level) for level, of_level in enumerate(corners)]
     )
     rows, columns = np.divmod(triangles, width)
     rows, columns = np.minimum(rows, shape[0] - 1), np.minimum(columns, shape[1] - 1)
     (r0, r1, r2), (c0, c1, c2) = rows.T, columns.T
     has_area = (c1 - c0) * (r2 - r0) != (c2 - c0) * (r1 - r0)
     samples, triangles = np.unique((rows * shape[1] + columns)[has_area], return_inverse=True)
-    rows, columns = np.divmod(samples, shape[1])
-    return Surface(rows, columns, triangles.reshape(-1, 3))
+    return Surface(*np.divmod(samples, shape[1]), triangles.reshape(-1, 3))
 
 
-def _corners(cells: _Cells, width: int) -> IntArray:
-    """Return the corners (n, 4) of cells, counter-clockwise, each as row * width + column."""
-    first = cells.rows * width + cells.columns
-    return np.asarray(first[:, None] + np.array([0, cells.size, cells.size * (width + 1), cells.size * width]))
-
-
-def _cut(cells: _Cells, corners: IntArray, width: int, known: IntArray) -> IntArray:
-    """Return triangles (m, 3) of cells: two each, or a fan around the centre if an edge has a vertex in its middle."""
-    if cells.size == 1:
-        return _halves(corners)
+def _cut(corners: IntArray, known: IntArray) -> IntArray:
+    """Return triangles (m, 3) of cells with ``corners`` (n, 4): two each, or a fan around the centre if an edge has one
+    of the ``known`` vertices in its middle."""
     ends = np.roll(corners, -1, axis=1)
     middles = (corners + ends) // 2
-    place = np.minimum(np.searchsorted(known, middles), len(known) - 1)
-    broken = known[place] == middles
+    broken = np.isin(middles, known, kind="sort")
     fans = broken.any(axis=1)
-    centres = np.repeat((corners[fans, 0] + cells.size // 2 * (width + 1))[:, None], 4, axis=1)
     starts, ends, middles, broken = corners[fans], ends[fans], middles[fans], broken[fans]
+    centres = np.repeat(((starts[:, 0] + starts[:, 2]) // 2)[:, None], 4, axis=1)
     return np.concatenate(
         [
             _halves(corners[~fans]),

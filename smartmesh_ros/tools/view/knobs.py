@@ -1,17 +1,17 @@
-"""The kind and bounds of the page's widget for each parameter, from the node's descriptions."""
+"""The tab of parameters: each widget shows a parameter's value and sets it."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from enum import Enum
-from typing import Any
+from collections import defaultdict
+from typing import Any, NamedTuple
 
 import yaml
 from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.tools.view.remote import Remote
 
 # Prefix of a description's constraints that list choices.
 CHOICES = "one of "
@@ -20,51 +20,46 @@ MAX_RELATIVE_RANGE = 100.0
 SLIDER_STEPS = 200
 
 
-class Kind(Enum):
-    """Kind of widget of a parameter."""
-
-    SWITCH = "switch"
-    CHOICE = "choice"
-    SLIDER = "slider"
-    NUMBER = "number"
-    TEXT = "text"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Knob:
-    """A parameter that may change: ``name``, description (``hint``), present ``value``, and its range ``low`` to
-    ``high`` in steps of ``step``, or its ``choices``. Lists are YAML texts."""
+class Knob(NamedTuple):
+    """A parameter that may change: its ``name``, the ``kind`` of its widget, as viser calls it (checkbox, dropdown,
+    slider, number or text), the parameter's ``value`` as the widget shows it, and further ``options`` of the widget."""
 
     name: str
-    kind: Kind
-    hint: str
+    kind: str
     value: Any
-    low: float | int | None = None
-    high: float | int | None = None
-    step: float | int | None = None
-    choices: tuple[str, ...] = ()
+    options: dict[str, Any]
+
+    def add_to(self, gui: Any) -> Any:
+        """Add the widget to the page; return its handle."""
+        label = self.name.partition(".")[2] or self.name
+        return getattr(gui, f"add_{self.kind}")(label, initial_value=self.value, **self.options)
 
 
 def knob_of(descriptor: ParameterDescriptor, value: Any) -> Knob | None:
     """Return the knob of a parameter; None if the parameter is read-only, unset, or has no description."""
     if descriptor.read_only or not descriptor.description or value is None:
         return None
-    name, hint = descriptor.name, descriptor.description
+    words, kind, options = descriptor.additional_constraints, "text", {"hint": descriptor.description}
     if isinstance(value, bool):
-        return Knob(name=name, kind=Kind.SWITCH, hint=hint, value=value)
-    if isinstance(value, str):
-        choices = _choices(descriptor)
-        kind = Kind.CHOICE if value in choices else Kind.TEXT
-        return Knob(name=name, kind=kind, hint=hint, value=value, choices=choices if kind is Kind.CHOICE else ())
-    if isinstance(value, int | float):
-        return _number(descriptor, value)
-    limits = f" ({descriptor.additional_constraints})" if descriptor.additional_constraints else ""
-    return Knob(name=name, kind=Kind.TEXT, hint=hint + limits, value=text_of(list(value)))
+        kind = "checkbox"
+    elif isinstance(value, int | float):
+        kind = "number"
+        for bounds in (*descriptor.integer_range, *descriptor.floating_point_range):
+            low, high, whole = bounds.from_value, bounds.to_value, isinstance(value, int)
+            options["hint"] += f" {low:g} to {high:g}."
+            options |= {"min": low, "max": high, "step": 1 if whole else nice_step(value, low, high)}
+            if high - low <= (SLIDER_STEPS if whole and not value else MAX_RELATIVE_RANGE * abs(value)):
+                kind = "slider"
+    elif not isinstance(value, str):
+        options["hint"] += f" ({words})" if words else ""
+    elif words.startswith(CHOICES) and value in (choices := words.removeprefix(CHOICES).split(", ")):
+        kind, options["options"] = "dropdown", choices
+    return Knob(descriptor.name, kind, shown_value(value), options)
 
 
 def parameter_of(knob: Knob, given: Any) -> Parameter:
     """Return the parameter with the value that the page's user gave. Raise `InputError` if a list's text is no list."""
-    if knob.kind is Kind.TEXT and knob.value.startswith("["):
+    if knob.kind == "text" and knob.value.startswith("["):
         try:
             given = yaml.safe_load(given)
         except yaml.YAMLError:
@@ -76,31 +71,10 @@ def parameter_of(knob: Knob, given: Any) -> Parameter:
 
 
 def shown_value(value: Any) -> Any:
-    """Return a parameter's value as its widget shows it: lists as texts."""
-    return value if isinstance(value, bool | int | float | str) else text_of(list(value))
-
-
-def text_of(values: list[Any]) -> str:
-    """Return a list as YAML, in one line."""
-    return str(yaml.safe_dump(values, default_flow_style=True, width=math.inf)).strip()
-
-
-def _choices(descriptor: ParameterDescriptor) -> tuple[str, ...]:
-    words = descriptor.additional_constraints
-    return tuple(words.removeprefix(CHOICES).split(", ")) if words.startswith(CHOICES) else ()
-
-
-def _number(descriptor: ParameterDescriptor, value: float) -> Knob:
-    whole = isinstance(value, int)
-    ranges = descriptor.integer_range if whole else descriptor.floating_point_range
-    if not ranges:
-        return Knob(name=descriptor.name, kind=Kind.NUMBER, hint=descriptor.description, value=value)
-    low, high = ranges[0].from_value, ranges[0].to_value
-    hint = f"{descriptor.description} {low:g} to {high:g}."
-    step: float | int = 1 if whole else nice_step(value, low, high)
-    fits = high - low <= (SLIDER_STEPS if whole and not value else MAX_RELATIVE_RANGE * abs(value))
-    kind = Kind.SLIDER if fits else Kind.NUMBER
-    return Knob(name=descriptor.name, kind=kind, hint=hint, value=value, low=low, high=high, step=step)
+    """Return a parameter's value as its widget shows it: lists as YAML, in one line."""
+    if isinstance(value, bool | int | float | str):
+        return value
+    return str(yaml.safe_dump(list(value), default_flow_style=True, width=math.inf)).strip()
 
 
 def nice_step(value: float, low: float, high: float) -> float:
@@ -109,3 +83,82 @@ def nice_step(value: float, low: float, high: float) -> float:
     while abs(value / step - round(value / step)) > 1e-6 and step > 1e-9:
         step *= 0.1
     return float(f"{step:.0e}")
+
+
+class KnobPanel:
+    """Reads a node's parameters once, and keeps the widgets equal to them."""
+
+    def __init__(self, server: Any, remote: Remote, tab: Any) -> None:
+        self._server, self._remote, self._tab = server, remote, tab
+        self._knobs: dict[str, tuple[Knob, Any]] = {}  # with their handles
+        self._values: dict[str, Any] = {}  # the node's values, as shown
+        self._pending: dict[str, Any] = {}  # the newest values that are not sent yet, by the page's threads
+        self._busy: set[str] = set()  # parameters whose answer is outstanding
+        self._asked = False
+        with tab:
+            self._state = server.gui.add_markdown("waiting for the node's parameters ...")
+
+    def update(self) -> None:
+        """Send the user's changes to the node, and show the node's changes."""
+        if not self._asked and self._remote.parameters.services_are_ready():
+            self._asked = True
+            self._remote.parameters.list_parameters().add_done_callback(self._on_names)
+        for name in self._pending.keys() - self._busy:
+            value = self._pending.pop(name)
+            if value != self._values[name]:
+                self._set(name, value)
+        changed, self._remote.changed_parameters = self._remote.changed_parameters, {}
+        for name in changed.keys() & self._knobs.keys():
+            self._values[name] = shown_value(changed[name])
+            if name not in self._pending and name not in self._busy:
+                self._knobs[name][1].value = self._values[name]
+
+    def _on_names(self, answer: Any) -> None:
+        names = sorted(answer.result().result.names)
+        self._remote.parameters.describe_parameters(names).add_done_callback(self._on_descriptors)
+
+    def _on_descriptors(self, answer: Any) -> None:
+        found = answer.result().descriptors
+        self._remote.parameters.get_parameters([descriptor.name for descriptor in found]).add_done_callback(
+            lambda values: self._build(found, values.result().values)
+        )
+
+    def _build(self, descriptors: Any, values: Any) -> None:
+        groups: dict[str, list[Knob]] = defaultdict(list)
+        for descriptor, value in zip(descriptors, values, strict=True):
+            knob = knob_of(descriptor, parameter_value_to_python(value))
+            if knob is not None:
+                groups[knob.name.partition(".")[0] if "." in knob.name else "other"].append(knob)
+        with self._tab:
+            self._state.content = "Values that may change while the node runs. Fixed ones need a restart."
+            for group, members in groups.items():
+                with self._server.gui.add_folder(group, expand_by_default=group in ("physics", "patch")):
+                    for knob in members:
+                        self._add(knob)
+
+    def _add(self, knob: Knob) -> None:
+        handle = knob.add_to(self._server.gui)
+        self._knobs[knob.name], self._values[knob.name] = (knob, handle), knob.value
+        handle.on_update(lambda event: self._pending.update({knob.name: event.target.value}))
+
+    def _set(self, name: str, value: Any) -> None:
+        def answered(answer: Any) -> None:
+            self._busy.discard(name)
+            result = answer.result().results[0]
+            if result.successful:
+                self._values[name] = value
+            else:
+                self._refuse(name, result.reason)
+
+        try:
+            parameter = parameter_of(self._knobs[name][0], value)
+            self._busy.add(name)
+            self._remote.parameters.set_parameters([parameter]).add_done_callback(answered)
+        except InputError as error:
+            self._refuse(name, str(error))
+
+    def _refuse(self, name: str, reason: str) -> None:
+        """Show the reason, and restore the node's value."""
+        self._knobs[name][1].value = self._values[name]
+        for client in self._server.get_clients().values():
+            client.add_notification(f"{name} is refused:", reason, color="red")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
@@ -10,6 +11,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from smartmesh_msgs.msg import BodyDescription
+
+from smartmesh_ros.terrain.grid import FloatArray
 
 Colour = tuple[int, int, int]
 
@@ -31,33 +34,29 @@ GREYNESS = 0.65
 SECTIONS = 24
 
 
-class PatchLook(Enum):
-    """Entries of the patches' legend: words and colour."""
+@dataclass(frozen=True)
+class Entry:
+    """Entry of a legend: its ``words``, its ``colour``, and the ``least`` value that it stands for."""
 
-    FIELD_1 = ("heightfield, every sample", (240, 120, 20))
-    FIELD_2 = ("heightfield, every 2nd", (245, 175, 40))
-    FIELD_4 = ("heightfield, every 3rd or 4th", (250, 215, 90))
-    FIELD_MORE = ("heightfield, coarser", (180, 205, 70))
-    MESH = ("mesh", (222, 110, 180))
-
-    @property
-    def words(self) -> str:
-        """Text in the legend."""
-        return self.value[0]
-
-    @property
-    def colour(self) -> Colour:
-        """Red, green and blue, 0 to 255."""
-        return self.value[1]
+    words: str
+    colour: Colour
+    least: float = 0.0
 
 
-def patch_look(kind: str, stride: int) -> PatchLook:
+class PatchLook(Entry, Enum):
+    """Entries of the patches' legend, heightfields by their least stride [samples]."""
+
+    FIELD_1 = "heightfield, every sample", (240, 120, 20), 1
+    FIELD_2 = "heightfield, every 2nd", (245, 175, 40), 2
+    FIELD_4 = "heightfield, every 3rd or 4th", (250, 215, 90), 3
+    FIELD_MORE = "heightfield, coarser", (180, 205, 70), 5
+    MESH = "mesh", (222, 110, 180), math.inf
+
+
+def patch_look(kind: str, stride: float) -> PatchLook:
     """Return the look of a patch of a ``kind`` (as in `smartmesh_ros.tools.client.Patch`) at a ``stride`` [samples]."""
-    if kind != "heightfield":
-        return PatchLook.MESH
-    if stride <= 2:
-        return PatchLook.FIELD_1 if stride <= 1 else PatchLook.FIELD_2
-    return PatchLook.FIELD_4 if stride <= 4 else PatchLook.FIELD_MORE
+    stride = stride if kind == "heightfield" else math.inf
+    return [look for look in PatchLook if look.least <= max(stride, 1)][-1]
 
 
 def shape_mesh(kind: int, dimensions: tuple[float, ...]) -> Any:
@@ -72,10 +71,11 @@ def shape_mesh(kind: int, dimensions: tuple[float, ...]) -> Any:
     return make.uv_sphere(dimensions[0], count=(SECTIONS // 2, SECTIONS))
 
 
-def greyed(colour: Colour) -> Colour:
-    """Return the colour of a sleeping body."""
-    r, g, b = (round((1.0 - GREYNESS) * own + GREYNESS * grey) for own, grey in zip(colour, ASLEEP, strict=True))
-    return r, g, b
+def body_colours(kind: int, tracked: bool, asleep: list[bool]) -> NDArray[np.uint8]:
+    """Return the colours (n, 3) of bodies of one kind; sleeping ones are greyed."""
+    own = np.array(TRACKED if tracked else BODY_COLOURS.get(kind, TRACKED))
+    grey = (1.0 - GREYNESS) * own + GREYNESS * np.array(ASLEEP)
+    return np.rint(np.where(np.array(asleep)[:, None], grey, own)).astype(np.uint8)
 
 
 def with_edges(mesh: Any) -> Any:
@@ -83,29 +83,12 @@ def with_edges(mesh: Any) -> Any:
     return trimesh.graph.smooth_shade(mesh, angle=math.radians(40.0))
 
 
-def radius_of(kind: int, dimensions: tuple[float, ...]) -> float:
-    """Return the radius [m] of a shape's bounding sphere around its centre."""
-    if kind == BodyDescription.BOX:
-        return float(0.5 * np.linalg.norm(dimensions))
-    if kind == BodyDescription.CYLINDER:
-        return float(np.hypot(dimensions[0], 0.5 * dimensions[1]))
-    return dimensions[0] + (0.5 * dimensions[1] if kind == BodyDescription.CAPSULE else 0.0)
+def arrows(contacts: FloatArray, length: float) -> FloatArray:
+    """Return arrows (n, 2, 3) [m] from ``contacts`` (m, 7), their positions [m], normals and forces [N].
 
-
-def arrows(
-    positions: NDArray[np.float64], normals: NDArray[np.float64], forces: NDArray[np.float64], length: float
-) -> NDArray[np.float64]:
-    """Return arrows (n, 2, 3) from contacts at ``positions`` (n, 3) [m] along ``normals`` (n, 3).
-
-    The arrow of the largest of ``forces`` (n,) [N] is ``length`` [m] long. Lengths grow with the root of the force, so
-    that small forces are visible too. Contacts without force have no arrow.
+    The arrow of the largest force is ``length`` [m] long. Lengths grow with the root of the force, so that small forces
+    are visible too. Contacts without force have no arrow.
     """
-    pressing = np.nan_to_num(forces) > 0.0
-    positions, normals, forces = positions[pressing], normals[pressing], forces[pressing]
-    longest = forces.max(initial=1e-9)
-    return np.stack([positions, positions + (length * np.sqrt(forces / longest))[:, None] * normals], axis=1)
-
-
-def ring() -> Any:
-    """Return a ring of radius 1 around z, the mark of the selected body."""
-    return trimesh.creation.torus(1.0, 0.05, major_sections=2 * SECTIONS, minor_sections=8)
+    pressing = contacts[np.nan_to_num(contacts[:, 6]) > 0.0]
+    starts, normals, forces = pressing[:, :3], pressing[:, 3:6], pressing[:, 6:]
+    return np.stack([starts, starts + length * np.sqrt(forces / forces.max(initial=1e-9)) * normals], axis=1)

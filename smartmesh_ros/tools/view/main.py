@@ -6,7 +6,6 @@ The view uses only the node's topics and services, so the node may run on anothe
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
@@ -17,14 +16,11 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from smartmesh_ros.node.parameters.refused_arguments import own_arguments
+from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.domains import isolated_unless_chosen
 from smartmesh_ros.tools.demo.demo import COLLIDER, SOURCE, Demo, node_process
 from smartmesh_ros.tools.view.remote import Remote
-
-# Updates of the page [Hz]. More is smoother and costs more processor time.
-RATE = 12.0
-PORT = 8080
 
 
 def main(args: list[str] | None = None) -> None:
@@ -33,8 +29,8 @@ def main(args: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser("view", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--node", default="/terrain_collider", help="full name of the node (%(default)s)")
     parser.add_argument("--host", default="localhost", help="address to listen on; 0.0.0.0 = all (%(default)s)")
-    parser.add_argument("--port", type=int, default=PORT, help="port, or the next free one (%(default)s)")
-    parser.add_argument("--rate", type=float, default=RATE, help="updates of the page a second (%(default)s)")
+    parser.add_argument("--port", type=int, default=8080, help="port, or the next free one (%(default)s)")
+    parser.add_argument("--rate", type=float, default=12.0, help="updates of the page a second (%(default)s)")
     parser.add_argument("--demo", action="store_true", help="start the demo's nodes and show them")
     options = parser.parse_args(own_arguments(given))
     try:
@@ -44,16 +40,15 @@ def main(args: list[str] | None = None) -> None:
     use_large_message_profile()
     with isolated_unless_chosen() if options.demo else nullcontext():
         rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
-        stop: list[int] = []
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda received, _: stop.append(received))
+        stop = Stop()
+        stop.starting = False  # what has begun to start is ended in order
         with demo_running() if options.demo else nullcontext(None) as demo:
             remote = Remote("/" + options.node.strip("/"))
             page = Page(remote, options.host, options.port)
             print(f"{remote.name} is shown at {page.url}", flush=True)
             try:
                 due = monotonic()
-                while not stop:
+                while not stop.asked:
                     remote.spin(max(due - monotonic(), 0.0))
                     due = max(due + 1.0 / options.rate, monotonic())
                     page.refresh()

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import io
+import logging
 from asyncio import run_coroutine_threadsafe
+from contextlib import redirect_stdout
 from typing import Any
 
-from smartmesh_ros.tools.view.cameras import Cameras
-from smartmesh_ros.tools.view.knob_panel import KnobPanel
+import viser
+
+from smartmesh_ros.tools.view.camera import Cameras
+from smartmesh_ros.tools.view.knobs import KnobPanel
 from smartmesh_ros.tools.view.panel import Panel
 from smartmesh_ros.tools.view.remote import OUTPUTS, ROBOT_OUTPUTS, Remote
 from smartmesh_ros.tools.view.scene import Scene
-from smartmesh_ros.tools.view.server import start_server, stop_server
 
 
 class Page:
@@ -21,8 +25,8 @@ class Page:
         self._server: Any = start_server(host, port, remote.name)
         self._server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
         self.scene = Scene(self._server)
-        tabs = self._server.gui.add_tab_group()
         self.cameras = Cameras(self._server)
+        tabs = self._server.gui.add_tab_group()
         self._panel = Panel(self._server, remote, self.scene, self.cameras, tabs.add_tab("Node"))
         self._knobs = KnobPanel(self._server, remote, tabs.add_tab("Parameters"))
         self.url = f"http://{'localhost' if host == '0.0.0.0' else host}:{self._server.get_port()}"
@@ -42,18 +46,24 @@ class Page:
             remote.watch(set())
             remote.sight.poses.clear()  # a page that opens later waits for new poses
             return
-        remote.watch(self._wanted())
+        hidden = set() if self.scene.show_contacts else {"contacts"}
+        remote.watch(OUTPUTS.keys() - hidden - (set() if remote.sight.robots else ROBOT_OUTPUTS))
         remote.apply_waiting()
         self.scene.show(remote.ground, remote.sight)
         self._panel.update()
         self._knobs.update()
         self.cameras.update(remote.ground, remote.sight)
 
-    def _wanted(self) -> set[str]:
-        """Return the outputs that the page shows."""
-        topics = set(OUTPUTS)
-        if not self.scene.show_contacts:
-            topics.discard("contacts")
-        if not any(known.urdf for known in self._remote.sight.appearances.values()):
-            topics -= ROBOT_OUTPUTS
-        return topics
+
+def start_server(host: str, port: int, label: str | None = None) -> Any:
+    """Start a viser server at a ``port``, 0 = any free port, without viser's own output."""
+    # Browsers open connections without using them, which websockets reports as errors.
+    logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
+    with redirect_stdout(io.StringIO()):
+        return viser.ViserServer(host=host, port=port, label=label, verbose=False)
+
+
+def stop_server(server: Any) -> None:
+    """Stop a server, without viser's own output."""
+    with redirect_stdout(io.StringIO()):
+        server.stop()

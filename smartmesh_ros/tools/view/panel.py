@@ -10,88 +10,87 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.srv import SpawnBody, StepPhysics
-from std_srvs.srv import SetBool, Trigger
-from viser import uplot
 
-from smartmesh_ros.tools.view import picking
-from smartmesh_ros.tools.view.cameras import Cameras
-from smartmesh_ros.tools.view.looks import PatchLook
+from smartmesh_ros.tools.view.camera import Cameras
+from smartmesh_ros.tools.view.chart import Chart
+from smartmesh_ros.tools.view.looks import Entry, PatchLook
 from smartmesh_ros.tools.view.remote import Remote
-from smartmesh_ros.tools.view.scene import Scene, radius_of
-from smartmesh_ros.tools.view.sunk import Depth
+from smartmesh_ros.tools.view.scene import Scene
+from smartmesh_ros.tools.view.terrain_scene import Depth, Grip
 
-# Time span of the plot and period of its refreshes [s].
-MINUTE, PLOT_PERIOD = 60.0, 1.0
-# Stages of a step in the plot, and their colours.
-STAGES = {
-    "total": "#222222", "step": "#1f77b4", "search": "#2ca02c", "collider": "#ff7f0e", "publish": "#9467bd",
-    "bodies": "#8c564b",
-}  # fmt: skip
+# Time over which missed deadlines are counted [s].
+WINDOW = 10.0
 SELECT = "shows what it is"
+# What a click spawns: kind, dimensions in sizes, and volume in cubes of the size.
 SPAWNS = {
-    "spawns a ball": (SolidPrimitive.SPHERE, [0.5]),
-    "spawns a box": (SolidPrimitive.BOX, [1.2, 0.8, 0.6]),
-    "spawns a cylinder": (SolidPrimitive.CYLINDER, [0.8, 0.5]),
+    "spawns a ball": (SolidPrimitive.SPHERE, [0.5], 0.52),
+    "spawns a box": (SolidPrimitive.BOX, [1.2, 0.8, 0.6], 0.58),
+    "spawns a cylinder": (SolidPrimitive.CYLINDER, [0.8, 0.5], 0.63),
 }
 # Height of a spawned body above the ground, in sizes, and its density [kg/m^3], that of wood.
 ABOVE, DENSITY = 1.5, 600.0
+# A line that the browser itself shows if WebGL draws on the processor; viser's server does not know.
+SLOW_BROWSER = """<div hidden style="margin:6px 12px;font-size:12px">This browser draws on the processor: while the page
+is open, drawing takes cores from the node.</div><img hidden src="data:," onerror="
+const gl = document.createElement('canvas').getContext('webgl2');
+const info = gl && gl.getExtension('WEBGL_debug_renderer_info');
+const name = info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : '';
+this.previousElementSibling.hidden = !/swiftshader|llvmpipe|softpipe|software/i.test(name)">"""
 
 
 class Panel:
     """The controls of a viser server."""
 
     def __init__(self, server: Any, remote: Remote, scene: Scene, cameras: Cameras, tab: Any) -> None:
-        self._server, self._remote, self._scene, self._cameras = server, remote, scene, cameras
+        self._remote, self._scene = remote, scene
         self._actions: SimpleQueue[Callable[[], None]] = SimpleQueue()  # from the page's threads
-        self._plot_due = 0.0
         self._selected: str | None = None
         self._spawned = 0
-        self._shown: dict[int, str] = {}
         gui = server.gui
         with tab:
             self._status = gui.add_markdown("looking for the node ...")
+            gui.add_html(SLOW_BROWSER)
             self._pause = gui.add_button("Pause", color="blue")
-            self._look = gui.add_button("Look at the bodies", color="gray")
+            look = gui.add_button("Look at the bodies", color="gray")
             with gui.add_folder("Patches"):
                 gui.add_html(_legend(PatchLook))
-                self._contacts = gui.add_checkbox("contacts", True, hint="Arrows: the larger the force, the longer.")
-                self._shadows = gui.add_checkbox("shadows", False, hint="Slow without a graphics card.")
-            with gui.add_folder("Sunk ground", expand_by_default=False):
-                self._sunk = gui.add_checkbox("colour it", False, hint="It lies below its first map, such as ruts.")
+                contacts = gui.add_checkbox("contacts", True, hint="Arrows: the larger the force, the longer.")
+                shadows = gui.add_checkbox("shadows", False, hint="Slow without a graphics card.")
+            with gui.add_folder("Ground", expand_by_default=False):
+                gui.add_html(_legend(Grip))
+                sunk = gui.add_checkbox("sunk ground", False, hint="It lies below its first map, such as ruts.")
                 gui.add_html(_legend(Depth))
             with gui.add_folder("Step and reset", expand_by_default=False):
                 self._steps = gui.add_number("steps", 1, min=1, max=100_000, step=1)
-                self._step = gui.add_button("Step")
-                self._reset = gui.add_button("Reset", color="gray")
+                step = gui.add_button("Step")
+                reset = gui.add_button("Reset", color="gray")
             with gui.add_folder("A click"):
                 self._click = gui.add_dropdown("a click", (SELECT, *SPAWNS), initial_value=SELECT)
                 self._size = gui.add_slider("size [m]", 0.1, 3.0, 0.05, 0.5)
                 self._about = gui.add_markdown("Click on a body to see its name and its patch.")
             with gui.add_folder("Median time of a stage [ms]"):
-                self._plot = self._make_plot()
+                self._chart = Chart(gui)
             with gui.add_folder("Warnings and refusals"):
                 self._warnings = gui.add_markdown("none")
-        self._connect()
+        self._on(self._pause.on_click, lambda: self._call("pause", data=not remote.paused))
+        self._on(step.on_click, lambda: self._call("step", steps=int(self._steps.value)))
+        self._on(reset.on_click, lambda: self._call("reset"))
+        self._on(look.on_click, lambda: cameras.look(remote.ground, remote.sight))
+        self._on(shadows.on_update, lambda: scene.light(shadows=shadows.value))
+        self._on(contacts.on_update, lambda: setattr(scene, "show_contacts", contacts.value))
+        self._on(sunk.on_update, lambda: setattr(scene, "show_sunk", sunk.value))
+        server.scene.on_click()(lambda event: self._actions.put(lambda: self._clicked(event)))
 
     def update(self) -> None:
         """Run the user's actions, and show the node's state."""
         while not self._actions.empty():
             self._actions.get()()
         remote = self._remote
-        self._write(self._status, self._status_words())
+        self._status.content = self._status_words()
         self._pause.label = "Continue" if remote.paused else "Pause"
-        lines = [*remote.warnings, *remote.log]
-        self._write(self._warnings, "\n".join(f"- {line}" for line in lines) or "none")
+        self._warnings.content = "\n".join(f"- {line}" for line in [*remote.warnings, *remote.log]) or "none"
         self._show_selected()
-        if (now := monotonic()) >= self._plot_due:
-            self._plot_due = now + PLOT_PERIOD
-            self._plot.data = plot_data(list(remote.timings), now)
-
-    def _write(self, handle: Any, words: str) -> None:
-        if self._shown.get(id(handle)) != words:
-            self._shown[id(handle)] = words
-            handle.content = words
+        self._chart.update(remote.timings)
 
     def _status_words(self) -> str:
         remote, sight = self._remote, self._remote.sight
@@ -100,116 +99,70 @@ class Panel:
         head = "**paused**" if remote.paused else "**running**"
         if not remote.timings:
             return head
-        timing = remote.timings[-1][1]
-        missed = sum(message.deadline_misses for came, message in remote.timings if came > monotonic() - MINUTE)
-        bodies, patches = len(sight.appearances), len(sight.patches)
+        factor = remote.timings[-1][1].real_time_factor
+        missed = sum(message.deadline_misses for came, message in remote.timings if came > monotonic() - WINDOW)
         ground = "" if remote.ground.tiles else "\n\nno map has come yet; the next one is shown"
         return (
-            f"{head} `{remote.name}`\n\nreal-time factor **{timing.real_time_factor:.2f}**, "
-            f"deadlines missed in the last minute **{missed}**\n\n{bodies} bodies, {patches} patches{ground}"
+            f"{head} `{remote.name}`\n\nreal-time factor **{factor:.2f}**, deadlines missed in the last {WINDOW:g} s: "
+            f"**{missed}**\n\n{len(sight.appearances)} bodies, {len(sight.patches)} patches{ground}"
         )
 
-    def _make_plot(self) -> Any:
-        series = ({"label": "s"}, *({"label": stage, "stroke": colour, "width": 2} for stage, colour in STAGES.items()))
-        return self._server.gui.add_uplot(
-            data=plot_data([], 0.0),
-            series=series,
-            scales={"x": {"time": False, "range": [-MINUTE, 0.0]}},
-            aspect=1.3,
-            legend=uplot.Legend(live=False),  # live values would be those under the mouse only
-        )
+    def _on(self, listen: Callable[[Any], Any], act: Callable[[], None]) -> None:
+        """Let the loop, not the page's thread, do the act."""
+        listen(lambda _: self._actions.put(act))
 
-    def _connect(self) -> None:
-        remote = self._remote
-        self._on(self._pause, lambda: self._call("pause", SetBool, data=not remote.paused))
-        self._on(self._step, lambda: self._call("step", StepPhysics, steps=int(self._steps.value)))
-        self._on(self._reset, lambda: self._call("reset", Trigger))
-        self._on(self._look, lambda: self._cameras.look(remote.ground, remote.sight))
-        self._shadows.on_update(lambda _: self._actions.put(lambda: self._scene.light(shadows=self._shadows.value)))
-        self._contacts.on_update(lambda _: setattr(self._scene, "show_contacts", self._contacts.value))
-        self._sunk.on_update(lambda _: setattr(self._scene, "show_sunk", self._sunk.value))
-
-        self._server.scene.on_click()(self._on_click)
-
-    def _on(self, button: Any, act: Callable[[], None]) -> None:
-        button.on_click(lambda _: self._actions.put(act))
-
-    def _call(self, service: str, kind: Any, **fields: Any) -> None:
+    def _call(self, service: str, **fields: Any) -> None:
         def done(refused: str) -> None:
             if refused:
                 self._remote.log.append(f"{service}: {refused}")
             elif service == "pause":
                 self._remote.paused = fields["data"]
 
-        self._remote.call(service, kind, done, **fields)
+        self._remote.call(service, done, **fields)
 
-    def _on_click(self, event: Any) -> None:
-        """Let the loop answer a click on the ground."""
+    def _clicked(self, event: Any) -> None:
         origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
-        self._actions.put(lambda: self._clicked(origin, direction / np.linalg.norm(direction)))
-
-    def _clicked(self, origin: Any, direction: Any) -> None:
+        direction /= np.linalg.norm(direction)
         if self._click.value == SELECT:
-            self._selected = picking.body_hit(origin, direction, self._remote.sight)
-            return
-        place = picking.ground_hit(origin, direction, self._remote.ground)
-        if place is None:
-            self._write(self._about, "There is no ground where you clicked.")
-            return
-        self._spawn(place)
+            self._selected = self._remote.sight.hit(origin, direction)
+        elif np.isfinite(distance := self._remote.ground.distances(origin[None], direction[None])[0]):
+            self._spawn(*(origin + distance * direction).tolist())
+        else:
+            self._about.content = "There is no ground where you clicked."
 
-    def _spawn(self, place: Any) -> None:
-        kind, proportions = SPAWNS[self._click.value]
-        size = float(self._size.value)
-        dimensions = [size * proportion for proportion in proportions]
+    def _spawn(self, x: float, y: float, z: float) -> None:
+        (kind, proportions, volume), size = SPAWNS[self._click.value], float(self._size.value)
+        shape = SolidPrimitive(type=kind, dimensions=[size * proportion for proportion in proportions])
         self._spawned += 1
-        names = self._remote.sight.appearances
-        while (name := f"{self._click.value.rpartition(' ')[2]}_{self._spawned}") in names:
+        while (name := f"{self._click.value.rpartition(' ')[2]}_{self._spawned}") in self._remote.sight.appearances:
             self._spawned += 1
-        position = Point(x=float(place[0]), y=float(place[1]), z=float(place[2]) + ABOVE * size)
         self._call(
-            "spawn_body", SpawnBody, id=name, shape=SolidPrimitive(type=kind, dimensions=dimensions),
-            mass=DENSITY * float(np.prod(dimensions)) if kind == SolidPrimitive.BOX else DENSITY * 0.5 * size**3,
-            pose=Pose(position=position, orientation=Quaternion(w=1.0)),
+            "spawn_body", id=name, shape=shape, mass=DENSITY * volume * size**3,
+            pose=Pose(position=Point(x=x, y=y, z=z + ABOVE * size), orientation=Quaternion(w=1.0)),
         )  # fmt: skip
 
     def _show_selected(self) -> None:
+        """Mark the selected body, and tell its position and the kind, stride and deviation of its patches."""
         name, sight = self._selected, self._remote.sight
-        pose = sight.poses.get(name) if name else None
-        if name is None or pose is None:
+        if name is None or name not in sight.poses:
             self._scene.mark(None)
             return
-        self._scene.mark(pose.position, radius_of(sight, name))
-        self._write(self._about, selected_words(name, sight))
+        x, y, z = sight.poses[name].position
+        self._scene.mark((x, y, z), sight.radius_of(name))
+        lines = []
+        for patch in sight.patches:
+            if patch.name == name or patch.name.startswith(f"{name}/"):
+                known = "unknown" if np.isnan(patch.deviation) else f"{1000 * patch.deviation:.3f} mm"
+                part = patch.name.removeprefix(name).strip("/") or "patch"
+                lines.append(f"{part}: {patch.kind}, stride {patch.stride}, deviation {known}")
+        lines = lines or ["no patch: no ground within reach"]
+        self._about.content = "\n\n".join([f"**{name}** at {x:.2f}, {y:.2f}, {z:.2f} m", *lines])
 
 
-def selected_words(name: str, sight: Any) -> str:
-    """Return the page's text on a body: name, position, and kind, stride and deviation of its patches."""
-    x, y, z = sight.poses[name].position
-    lines = [f"**{name}** at {x:.2f}, {y:.2f}, {z:.2f} m"]
-    for patch in sight.patches:
-        if patch.name == name or patch.name.startswith(f"{name}/"):
-            known = "unknown" if np.isnan(patch.deviation) else f"{1000 * patch.deviation:.3f} mm"
-            part = patch.name.removeprefix(name).strip("/")
-            lines.append(f"{part or 'patch'}: {patch.kind}, stride {patch.stride}, deviation {known}")
-    if len(lines) == 1:
-        lines.append("no patch: no ground within reach")
-    return "\n\n".join(lines)
-
-
-def plot_data(timings: list[tuple[float, Any]], now: float) -> tuple[Any, ...]:
-    """Return times relative to ``now`` [s] and the median of each of `STAGES` [ms], from messages of ~/timing with
-    their times [s]."""
-    recent = [(came, message) for came, message in timings if came > now - MINUTE]
-    times = np.array([came - now for came, _ in recent])
-    medians = [{stage.stage: 1e-3 * stage.p50_us for stage in message.stages} for _, message in recent]
-    return (times, *(np.array([of_stages.get(stage, np.nan) for of_stages in medians]) for stage in STAGES))
-
-
-def _legend(looks: type[PatchLook] | type[Depth]) -> str:
+def _legend(entries: type[Entry]) -> str:
     rows = "".join(
         f'<div style="margin:1px 12px"><span style="display:inline-block;width:12px;height:12px;margin-right:8px;'
-        f'background:rgb{look.colour}"></span>{look.words}</div>'
-        for look in looks
+        f'background:rgb{entry.colour}"></span>{entry.words}</div>'
+        for entry in entries  # type: ignore[attr-defined]
     )
     return f'<div style="font-size:12px;line-height:1.3">{rows}</div>'

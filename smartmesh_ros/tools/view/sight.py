@@ -1,59 +1,112 @@
-"""The shown state of bodies, patches and contacts, as plain values."""
+"""The shown state of bodies, patches and contacts, as plain values, and its topics."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from nav_msgs.msg import Odometry
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, ContactArray, TrackedBodyArray
 
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client.patch import Patch
 
 Vector = tuple[float, float, float]
-# (w, x, y, z), the order of viser.
-Quaternion = tuple[float, float, float, float]
+# Radii of bodies of unknown shape, and of robots [m].
+DEFAULT_RADIUS, ROBOT_RADIUS = 0.25, 0.5
+# Distance beside a body at which a click still hits it [m]. Higher values make small bodies easier to hit.
+CLICK_MARGIN = 0.05
+# Types of the node's topics that `Sight.take` reads. ~/odometry has a message for each robot.
+KINDS = {
+    "body_descriptions": BodyDescriptionArray,
+    "body_states": TrackedBodyArray,
+    "tracked_bodies": TrackedBodyArray,
+    "joint_states": JointState,
+    "odometry": Odometry,
+    "contacts": ContactArray,
+}
 
 
 class Pose(NamedTuple):
-    """Position [m] and orientation (w, x, y, z) in the terrain's frame."""
+    """Position [m] and orientation (w, x, y, z), the order of viser, in the terrain's frame."""
 
     position: Vector
-    wxyz: Quaternion
-
-
-@dataclass(frozen=True)
-class Appearance:
-    """Shape of a body: the ``kind`` and ``dimensions`` [m] of BodyDescription, or a URDF and its file."""
-
-    kind: int
-    dimensions: tuple[float, ...] = ()
-    tracked: bool = False
-    urdf: str = ""
-    urdf_file: str = ""
-
-
-class Contacts(NamedTuple):
-    """Contacts (n): ``positions`` and ``normals`` (n, 3) [m], ``forces`` (n,) [N]."""
-
-    positions: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    forces: NDArray[np.float64]
-
-
-NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+    wxyz: tuple[float, float, float, float]
 
 
 @dataclass
 class Sight:
     """The newest state of everything but the terrain. ``poses`` and ``appearances`` by body; ``asleep``: simulated
     bodies without any velocity; ``bases``: poses of robots' base links by frame as in ~/odometry; ``joints``: positions
-    [rad, m] by name as in ~/joint_states."""
+    [rad, m] by name as in ~/joint_states; ``contacts`` (n, 7): position [m], normal and force [N] of each."""
 
     poses: dict[str, Pose] = field(default_factory=dict)
-    appearances: dict[str, Appearance] = field(default_factory=dict)
+    appearances: dict[str, BodyDescription] = field(default_factory=dict)
     asleep: frozenset[str] = frozenset()
     bases: dict[str, Pose] = field(default_factory=dict)
     joints: dict[str, float] = field(default_factory=dict)
     patches: list[Patch] = field(default_factory=list)
-    contacts: Contacts = NO_CONTACTS
+    contacts: FloatArray = field(default_factory=lambda: np.zeros((0, 7)))
+
+    @property
+    def bodies(self) -> tuple[FloatArray, FloatArray]:
+        """Positions (B, 3) and radii (B,) [m] of all bodies, in the order of ``poses``."""
+        positions = np.array([pose.position for pose in self.poses.values()]).reshape(-1, 3)
+        return positions, np.array([self.radius_of(name) for name in self.poses])
+
+    @property
+    def robots(self) -> dict[str, BodyDescription]:
+        """Appearances of the bodies that have a URDF."""
+        return {name: known for name, known in self.appearances.items() if known.urdf}
+
+    def radius_of(self, name: str) -> float:
+        """Return the radius [m] of a body's bounding sphere around its centre."""
+        known = self.appearances.get(name)
+        if known is None or known.urdf or not known.dimensions:
+            return DEFAULT_RADIUS if known is None else ROBOT_RADIUS
+        sizes = known.dimensions
+        if known.shape == BodyDescription.BOX:
+            return 0.5 * math.hypot(*sizes)
+        if known.shape == BodyDescription.CYLINDER:
+            return math.hypot(sizes[0], 0.5 * sizes[1])
+        return float(sizes[0] + (0.5 * sizes[1] if known.shape == BodyDescription.CAPSULE else 0.0))
+
+    def hit(self, origin: FloatArray, direction: FloatArray) -> str | None:
+        """Return the nearest body whose bounding sphere a ray (unit ``direction``) hits, or None."""
+        positions, radii = self.bodies
+        along = (positions - origin) @ direction
+        beside = np.linalg.norm(positions - origin - along[:, None] * direction, axis=1)
+        hit = np.flatnonzero((along > 0.0) & (beside <= radii + CLICK_MARGIN))
+        return list(self.poses)[hit[along[hit].argmin()]] if hit.size else None
+
+    def take(self, topic: str, data: bytes) -> None:
+        """Update with a message of a topic of `KINDS`."""
+        message = deserialize_message(data, KINDS[topic])
+        if topic == "body_descriptions":
+            self.appearances = {body.id: body for body in message.bodies}
+            self.poses = {name: pose for name, pose in self.poses.items() if name in self.appearances}
+        elif topic == "joint_states":
+            self.joints = dict(zip(message.name, message.position, strict=False))
+        elif topic == "odometry":
+            self.bases[message.child_frame_id] = _pose(message.pose.pose)
+        elif topic == "contacts":
+            rows = [(*_xyz(c.position), *_xyz(c.normal), c.normal_force) for c in message.contacts]
+            self.contacts = np.array(rows).reshape(-1, 7)
+        else:
+            self.poses.update((body.id, _pose(body.pose)) for body in message.bodies)
+        if topic == "body_states":  # only the velocities of sleeping bodies are exactly zero
+            moving = (body.id for body in message.bodies if any(_xyz(body.twist.linear) + _xyz(body.twist.angular)))
+            self.asleep = frozenset(body.id for body in message.bodies) - frozenset(moving)
+
+
+def _xyz(message: Any) -> Vector:
+    return message.x, message.y, message.z
+
+
+def _pose(message: Any) -> Pose:
+    turn = message.orientation
+    return Pose(_xyz(message.position), (turn.w, turn.x, turn.y, turn.z))

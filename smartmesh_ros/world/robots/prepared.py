@@ -22,6 +22,7 @@ from smartmesh_ros.world.robots.description import Description, read_description
 from smartmesh_ros.world.robots.files import named_file
 from smartmesh_ros.world.robots.meaning import Mimic, mimics_of, with_massive_root
 from smartmesh_ros.world.robots.quantities import check_quantities, scale_of
+from smartmesh_ros.world.robots.surface_drives import SurfaceDrive, surface_drives_of
 from smartmesh_ros.world.robots.workshop import WORKSHOP, Made
 
 # Children of links and joints that PyBullet reads; <contact> is its own.
@@ -49,7 +50,7 @@ class PreparedRobot:
     """A robot for `BodyFactory`. ``given``: the URDF text or path as given. ``text``: what PyBullet loads, with
     ``meshes`` (one for each use) beside it, and once they are made ``files`` by name. ``collisions``: number of
     collision elements by link. ``mimics``: joints that follow others. ``notes``: what is taken otherwise than PyBullet
-    would. ``shapes``: by index of the link in PyBullet, -1 = root."""
+    would. ``surfaces``: driven ones by name. ``shapes``: by index of the link in PyBullet, -1 = root."""
 
     given: str
     text: str
@@ -57,6 +58,7 @@ class PreparedRobot:
     collisions: Mapping[str, int]
     mimics: tuple[Mimic, ...]
     notes: tuple[str, ...]
+    surfaces: Mapping[str, SurfaceDrive] = field(default_factory=dict)
     files: Mapping[str, bytes] = field(default_factory=dict)
     shapes: Mapping[int, BodyShape] = field(default_factory=dict)
 
@@ -106,6 +108,7 @@ def _rewritten(urdf: str, robot: Description) -> PreparedRobot:
     return PreparedRobot(
         given=urdf, text=ElementTree.tostring(made, encoding="unicode"), meshes=tuple(meshes),
         collisions={name: len(robot.collisions(name)) for name in robot.links}, mimics=mimics, notes=tuple(notes),
+        surfaces=surface_drives_of(robot),
     )  # fmt: skip
 
 

@@ -17,15 +17,15 @@ from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.testing import bags, heightmap_message
-from smartmesh_ros.tools.tune import space
+from smartmesh_ros.tools.tune import measuring, space
 from smartmesh_ros.tools.tune.bag import Bag
 from smartmesh_ros.tools.tune.bag_case import BagCase
 from smartmesh_ros.tools.tune.confirm import Verdict
-from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits
-from smartmesh_ros.tools.tune.front import Point
-from smartmesh_ros.tools.tune.measuring import run
-from smartmesh_ros.tools.tune.parameter_file import parameter_file
-from smartmesh_ros.tools.tune.replay import Replay
+from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits, Point
+from smartmesh_ros.tools.tune.measuring import Measuring, measure, run
+from smartmesh_ros.tools.tune.replay import Replay, reference
+from smartmesh_ros.tools.tune.report import parameter_file
+from smartmesh_ros.tools.tune.search import Search, open_study
 from smartmesh_ros.tools.tune.start import settings_of
 
 RATE, STEPS = 240.0, 96
@@ -83,15 +83,13 @@ def test_a_replayed_bag_is_what_the_node_makes_of_it(node: TerrainCollider, tmp_
     case = BagCase(Bag(tmp_path / "bag"), START)
     settings = settings_of(START)
     takes = {sub.topic_name: sub.callback for sub in node.subscriptions}
-    with Replay(settings, case.bodies()) as replay:
-        fed = -math.inf
+    with Replay(settings, case.bodies(), case.events()) as replay:
         for step in range(STEPS):
             for topic, time, message in recorded:
                 if round(time * RATE) == step:
                     takes[topic](serialize_message(message))
             node.step(1)
-            events, fed = case.events(fed, replay.world.time), replay.world.time
-            replay.step(events)
+            replay.step(replay.due())
         world = node.session.world
         assert set(world.bodies) == set(replay.world.bodies) == {"ball", "crate", "rover"}
         for name in world.bodies:
@@ -110,8 +108,8 @@ def test_a_map_that_is_turned_is_measured_as_one_that_is_not(tmp_path: Path) -> 
         x, y = 0.1 * math.cos(yaw) - 0.2 * math.sin(yaw), 0.1 * math.sin(yaw) + 0.2 * math.cos(yaw)
         ball = f"{{id: ball, shape: sphere, size: [0.2], mass: 1.0, xy: [{x}, {y}], above: 0.25}}"
         case = BagCase(Bag(tmp_path / f"{yaw}"), {"bodies.spawn": [ball]})
-        found += run(case, [settings_of(case.start)], case.span.confirm, None)
-    assert found[0].bodies == found[1].bodies == 1 and not found[0].note
+        found += measure(case, run(case, [settings_of(case.start)], case.span.confirm), None)
+    assert all(math.isfinite(one.penetration) and not one.failed for one in found)
     assert found[0].penetration == pytest.approx(found[1].penetration, abs=2e-5)
     assert found[0].hover == pytest.approx(found[1].hover, abs=2e-5)
 
@@ -121,19 +119,29 @@ def test_ground_that_is_not_followed_is_measured_as_penetration(tmp_path: Path) 
     bags.write(tmp_path / "bag", messages())
     case = BagCase(Bag(tmp_path / "bag"), START)
     hold = {**START, "terrain.motion": "hold", "patch.carry_velocity": False}
-    kept, lagging = run(case, [settings_of(START), settings_of(hold)], case.span.confirm, case.reference())
+    runners = run(case, [settings_of(START), settings_of(hold)], case.span.confirm)
+    kept, lagging = measure(case, runners, reference(case))
     assert kept.penetration < 0.5 * lagging.penetration
     assert kept.hover < 0.5 * lagging.hover
     assert kept.cost > 0.0 and kept.longest > 0.0
 
 
+def test_a_setting_that_costs_too_much_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(measuring, "MEASURING", Measuring(cost_factor=1.5, grace=0.0))
+    bags.write(tmp_path / "bag", messages())
+    case = BagCase(Bag(tmp_path / "bag"), START)
+    slow = {**START, "physics.rate": 960.0, "patch.rate": 0.0}
+    runners = run(case, [settings_of({**START, "physics.rate": 60.0}), settings_of(slow)], case.span.confirm)
+    whole, stopped = measure(case, runners, None)
+    assert runners[1].time < runners[0].time and stopped.cost > 1.5 * whole.cost
+    assert math.isfinite(whole.error) and math.isinf(stopped.error)
+
+
 def test_the_file_says_which_topic_its_maps_were_on(tmp_path: Path) -> None:
     """And how the node gets them from there, unless they are on its own topic."""
     chosen = Point(space.defaults(), Figures())
-    limits = Limits()
     verdict = Verdict(
-        chosen=chosen, keeps=True, on_front=False, defaults=Figures(), others={}, limits=limits, searched=limits,
-        short=Figures(),
+        chosen=chosen, keeps=True, limits=Limits(), short=Figures(), others={}, confirmed=(chosen,),
     )  # fmt: skip
     for topic, words in (
         ("/mapper/heights", "which the node takes on ~/heightmap: start it with -r ~/heightmap:=/mapper/heights"),
@@ -144,6 +152,7 @@ def test_the_file_says_which_topic_its_maps_were_on(tmp_path: Path) -> None:
         renamed = [(topic if "height" in name else name, time, message) for name, time, message in messages()]
         bags.write(bag, sorted([*renamed, *others], key=lambda record: record[1]))
         case = BagCase(Bag(bag), START, topic)
-        text = parameter_file(case, Asked(), verdict).replace("\n# ", " ")
+        search = Search(case, Asked(), open_study(str(tmp_path / "journal"), case.name, None))
+        text = parameter_file(search, verdict).replace("\n# ", " ")
         assert f"Maps: {topic} (smartmesh_msgs/msg/Heightmap), {words}" in text
         assert "/elsewhere" not in text

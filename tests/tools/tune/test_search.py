@@ -1,5 +1,6 @@
 """A search from its beginning to its file: it goes on where it was ended, and the node loads what it writes."""
 
+import itertools
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,12 +13,8 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 
 from smartmesh_ros.tools.testing import Probe
-from smartmesh_ros.tools.tune import cli, idle_changes, space
-from smartmesh_ros.tools.tune.figures import Asked, Figures
-from smartmesh_ros.tools.tune.front import Point
-from smartmesh_ros.tools.tune.idle_changes import without_idle_changes
-from smartmesh_ros.tools.tune.search import Search, prepare, work
-from smartmesh_ros.tools.tune.session import Request
+from smartmesh_ros.tools.tune import cli, search, space
+from smartmesh_ros.tools.tune.session import open_search
 
 SCENE = {
     "title": "Three balls on a small wave",
@@ -45,11 +42,11 @@ def test_the_node_loads_what_is_written(probe: Probe, scene: Path, tmp_path: Pat
     words = [str(scene), "--params-file", str(start), "--trials", "14", "--seed", "1", "--out", str(out)]
     assert cli.main(words) == 0
     said = capsys.readouterr().out
-    assert "X chosen" in said and "preset fleet" in said and (out / "small.png").stat().st_size > 10_000
+    assert "this file" in said and "preset fleet" in said and (out / "small.png").stat().st_size > 10_000
     text = (out / "small_tuned.yaml").read_text()
     assert "# defaults" in text and "# preset accurate" in text and "Measured over 0.4 s" in text
     values = yaml.safe_load(text)["/**"]["ros__parameters"]
-    assert set(space.SEARCHED) < set(values)
+    assert set(space.LADDERS) < set(values)
     assert values["bodies.spawn"] == given["bodies"]["spawn"] and values["bodies.default_radius"] == 0.3
     with probe.running(arguments=["--ros-args", "--params-file", str(out / "small_tuned.yaml")]) as process:
         names = list(values)
@@ -60,9 +57,8 @@ def test_the_node_loads_what_is_written(probe: Probe, scene: Path, tmp_path: Pat
     assert cli.main([*words, "--budget", "1e-6"]) == 1
     said = capsys.readouterr().out
     assert " settings tried" in said
-    assert "Not possible here: at most 1e-06 of a core" in said and "nearest that was found has cost" in said
-    assert "(at most 1e-06 of a core, as asked)" in said and "What binds is the limit of cost" in said
-    assert ", break what is asked" in said and "in the search" in said
+    assert "Not possible here: cost at most 1e-06 of a core" in said and "nearest that was found has cost" in said
+    assert "(at most 1e-06 of a core, as asked)" in said and "What binds in the search is the limit of cost" in said
     assert "NOT POSSIBLE" in (out / "small_nearest.yaml").read_text()
 
 
@@ -74,28 +70,31 @@ def obeyed() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
-def test_an_interrupted_search_goes_on(scene: Path, tmp_path: Path, obeyed: None) -> None:
-    request = Request(source=str(scene), storage=str(tmp_path / "journal"), seed=3)
-    case = request.open_case()
-    plan = Search(trials=18, batch=3, repeats=1)
-    store = request.open_store(case, 1)
-    prepare(store, case, Asked(), plan, lambda _: None)
-    said: list[str] = []
+@pytest.mark.parametrize("within", ["run", "measure"])
+def test_an_interrupted_search_goes_on(
+    scene: Path, tmp_path: Path, obeyed: None, monkeypatch: pytest.MonkeyPatch, within: str
+) -> None:
+    options = cli.parser().parse_args([str(scene), "--seed", "3", "--out", str(tmp_path)])
+    first = open_search(options)
+    first.prepare()
+    calls, usual = itertools.count(), getattr(search, within)
 
-    def interrupt(text: str) -> None:
-        said.append(text)
-        if len(said) == 20:  # within a batch, wherever it is
+    def interrupted(*arguments: Any) -> Any:
+        if next(calls) == 5:
             signal.raise_signal(signal.SIGINT)
+        return usual(*arguments)
 
-    with pytest.raises(KeyboardInterrupt):
-        work(store, case, Asked(), plan, interrupt)
-    again = request.open_store(case, 2)
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(search, within, interrupted)
+        first.run(18)
+    again = open_search(options)
     kept = again.points()
-    assert 0 < len(kept) < plan.trials
+    assert len(kept) == 5
     assert not again.study.get_trials(states=(TrialState.RUNNING,))
-    assert again.base == store.base and again.reference == store.reference
-    work(again, case, Asked(), plan, lambda _: None)
-    assert len(again.points()) == plan.trials
+    assert again.base == first.base and again.reference == first.reference
+    again.prepare()
+    again.run(18)
+    assert len(again.points()) == 18
     assert again.points()[: len(kept)] == kept
 
 
@@ -104,17 +103,5 @@ def test_processes_share_one_search(scene: Path, tmp_path: Path, capfd: Any) -> 
     assert cli.main([*words, "--storage", f"sqlite:///{tmp_path}/tune.db"]) == 0
     said = "".join(capfd.readouterr()).lower()
     assert not any(word in said for word in ("pybullet", "optuna", "trial", "warning"))
-    request = Request(source=str(scene), storage=f"sqlite:///{tmp_path}/tune.db")
-    assert len(request.open_store(request.open_case(), 0).points()) >= 18
-
-
-def test_changes_that_do_nothing_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On ground that is given once nothing moves between maps; how often bodies are stepped matters all the same."""
-    monkeypatch.setattr(idle_changes, "SAME_COST", 100.0)  # costs are those of a busy machine
-    path = tmp_path / "still.yaml"
-    path.write_text(yaml.safe_dump({**SCENE, "ground": {"kind": "sinusoid", "amplitude": 0.05}, "map_rate": 0}))
-    case = Request(source=str(path)).open_case()
-    values = {**space.defaults(), "terrain.motion": "hold", "physics.rate": 60.0, "physics.contact_erp": 0.8}
-    [point] = without_idle_changes(case, [Point(values, Figures())], None)
-    assert point.values["terrain.motion"] == space.defaults()["terrain.motion"]
-    assert point.values["physics.rate"] == 60.0
+    again = open_search(cli.parser().parse_args([*words, "--storage", f"sqlite:///{tmp_path}/tune.db"]))
+    assert len(again.points()) >= 18

@@ -1,90 +1,104 @@
-"""What a search says at its end: which limit binds, what was measured when, and which dots break a limit."""
+"""What a search says at its end: which limit binds, what was measured when, and which dots exceed a limit."""
 
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 import pytest
+from optuna.distributions import IntDistribution
+from optuna.trial import create_trial
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.tune import chart, space
+from smartmesh_ros.tools.tune.cli import parser
 from smartmesh_ros.tools.tune.confirm import Verdict
-from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits
-from smartmesh_ros.tools.tune.front import Point
-from smartmesh_ros.tools.tune.store import Store, open_storage
-from smartmesh_ros.tools.tune.words import binding, closing_lines
+from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits, Point
+from smartmesh_ros.tools.tune.report import binding, closing_lines
+from smartmesh_ros.tools.tune.search import BASE, FIGURES, VALUES, Search, open_study
+from smartmesh_ros.tools.tune.session import open_case
 
-BASE = Figures(cost=0.2, longest=2e-3, penetration=1e-3, hover=1e-3, deviation=1e-2, bodies=3, ran=1.5)
+BASE_FIGURES = Figures(cost=0.2, longest=2e-3, penetration=1e-3, hover=1e-3, deviation=1e-2)
+VALUES_TRIED = {**space.defaults(), "physics.rate": 120.0}
 
 
 def figures(**changes: Any) -> Figures:
-    return Figures(**{**BASE.as_json(), **changes})
+    return replace(BASE_FIGURES, **changes)
 
 
 def verdict(asked: Asked, found: Figures, short: Figures) -> Verdict:
     """One setting that was confirmed, beside defaults that were the same in both runs."""
-    limits = Limits.of(asked, BASE)
-    values = {**space.defaults(), "physics.rate": 120.0}
+    limits, chosen = Limits.of(asked, BASE_FIGURES), Point(VALUES_TRIED, found)
+    defaults = Point(space.defaults(), BASE_FIGURES)
     return Verdict(
-        chosen=Point(values, found), keeps=not limits.excess(found), on_front=False, defaults=BASE, others={},
-        limits=limits, searched=limits, short=short, confirmed=(Point(values, found),),
+        chosen=chosen, keeps=not limits.excess(found), limits=limits, short=short, others={},
+        confirmed=(chosen, defaults),
     )  # fmt: skip
 
 
-def said(asked: Asked, found: Figures, short: Figures, tried: list[Figures]) -> str:
-    points = [Point({}, one) for one in tried]
-    return "\n".join(closing_lines("The case", asked, verdict(asked, found, short), points, "file.yaml"))
+def a_search(folder: Path, asked: Asked, tried: list[Figures]) -> Search:
+    study = open_study(str(folder / "tune.journal"), "case", None)
+    study.set_user_attr(BASE, asdict(BASE_FIGURES))
+    for one in tried:
+        attributes = {VALUES: VALUES_TRIED, FIGURES: asdict(one)}
+        study.add_trial(
+            create_trial(
+                values=[one.cost, one.error], user_attrs=attributes, params={"a": 0},
+                distributions={"a": IntDistribution(0, 1)},
+            )
+        )  # fmt: skip
+    return Search(open_case(parser().parse_args(["flat"])), asked, study)
 
 
-def test_a_limit_that_nobody_asked_for_is_named_with_its_value() -> None:
+def said(folder: Path, asked: Asked, found: Figures, short: Figures, tried: list[Figures]) -> str:
+    return "\n".join(closing_lines(a_search(folder, asked, tried), verdict(asked, found, short)))
+
+
+def test_a_limit_that_nobody_asked_for_is_named_with_its_value(tmp_path: Path) -> None:
     asked = Asked(budget=0.1)
-    found = figures(cost=0.09, hover=5e-3, ran=3.0)
-    words = said(asked, found, figures(cost=0.08, hover=4e-3), [figures(cost=0.08, hover=4e-3), figures(cost=0.5)])
-    assert "Not possible here: at most 0.1 of a core" in words
+    tried = [figures(cost=0.08, hover=4e-3), figures(cost=0.5)]
+    words = said(tmp_path, asked, figures(cost=0.09, hover=5e-3), figures(cost=0.08, hover=4e-3), tried)
+    assert "Not possible here: cost at most 0.1 of a core" in words
     assert "hover 5 mm (at most 2 mm: twice the defaults', as --hover is not given)" in words
-    assert "What binds is the limit of hover: without it 1 of 2 settings would do" in words
+    assert "What binds in the search is the limit of hover: without it the others could be met" in words
 
 
 def test_limits_that_bind_only_together_are_all_named() -> None:
-    asked = Asked(budget=0.1)
-    limits = Limits.of(asked, BASE)
-    both = figures(cost=0.05, hover=5e-3, deviation=0.5)
-    assert binding([both, figures(cost=0.5, hover=9e-3, lost=2)], limits) == ("hover", "deviation")
-    assert binding([both, figures(cost=0.05, deviation=0.03)], limits) == ("deviation",)
+    limits = Limits.of(Asked(budget=0.1), BASE_FIGURES)
+    both = Point({}, figures(cost=0.05, hover=5e-3, deviation=0.5))
+    assert binding([both, Point({}, figures(cost=0.5, hover=9e-3, lost=2))], limits) == ("hover", "deviation")
+    assert binding([both, Point({}, figures(cost=0.05, deviation=0.03))], limits) == ("deviation",)
     assert binding([], limits) == ()
 
 
-def test_what_held_in_the_search_only_is_said() -> None:
-    asked = Asked(penetration=2e-3)
+def test_what_held_in_the_search_only_is_said(tmp_path: Path) -> None:
     short = figures(penetration=1.9e-3)
-    words = said(asked, figures(penetration=2.2e-3, ran=3.0), short, [short])
+    words = said(tmp_path, Asked(penetration=2e-3), figures(penetration=2.2e-3), short, [short])
     assert "penetration 2.2 mm (at most 2 mm, as asked)" in words
-    assert "1 of 1 settings kept it over the 1.5 s of the search, none of the 1 confirmed ones over 3 s" in words
+    assert "1 of 1 settings kept it in the search, none of the best ones for longer" in words
 
 
-def test_the_figures_of_the_search_stand_beside_the_confirmed_ones() -> None:
-    words = said(Asked(), figures(cost=0.12, penetration=9e-4, ran=3.0), figures(cost=0.1, penetration=5e-4), [])
-    assert "Chosen: 0.120 of a core (0.100 in the search), 0.9 mm of penetration (0.5 mm in the search)" in words
+def test_the_figures_of_the_search_stand_beside_the_confirmed_ones(tmp_path: Path) -> None:
+    found, short = figures(cost=0.12, penetration=9e-4), figures(cost=0.1, penetration=5e-4)
+    words = said(tmp_path, Asked(), found, short, [])
+    [mine, searched] = [line.split() for line in words.split("\n")[1:3]]
+    assert mine[:6] == ["this", "file", "0.12", "of", "a", "core"] and "0.9" in mine
+    assert searched[:7] == ["in", "the", "search", "0.1", "of", "a", "core"] and "0.5" in searched
 
 
-def test_better_dots_are_explained() -> None:
-    tried = [figures(cost=0.1, hover=9e-3), figures(cost=0.1, hover=9e-3, deviation=9.0), figures(cost=0.1, lost=1)]
-    words = said(Asked(), figures(cost=0.15, ran=3.0), figures(cost=0.15), tried)
-    assert "3 dots are cheaper than the chosen settings without more penetration; 2 break the limit of hover" in words
-    assert "1 loses bodies" in words
-
-
-def test_dots_that_break_a_limit_have_marks_of_their_own() -> None:
+def test_dots_that_exceed_a_limit_have_colours_of_their_own(tmp_path: Path) -> None:
     asked = Asked(budget=0.3)
     tried = [
         figures(cost=0.1), figures(cost=0.12, penetration=5e-3, hover=9e-3),
         figures(cost=0.14, penetration=5e-3, deviation=9.0), figures(cost=0.16, penetration=5e-3, lost=2),
         figures(cost=1.0, penetration=4e-3),
     ]  # fmt: skip
-    picture = chart.in_terminal([Point({}, one) for one in tried], verdict(asked, BASE, BASE))
-    body, legend = picture.split("cost [share of a core]")
-    for mark in ("h", "d", "l", ","):
-        assert mark in body.split("penetration 99 % [mm]")[1], mark
-    assert "h breaks the limit of hover" in legend and "l loses bodies" in legend and "d breaks" in legend
-    assert "t breaks" not in legend, "no mark that is not there"
+    search = a_search(tmp_path, asked, tried)
+    axes = chart.draw(tmp_path / "chart.png", search, verdict(asked, BASE_FIGURES, BASE_FIGURES))
+    dots = {line.get_label(): len(line.get_xdata()) for line in axes.get_lines()}
+    assert dots["tried"] == 2
+    assert dots["exceeds the limit of hover"] == dots["exceeds the limit of deviation"] == 1
+    assert dots["exceeds the limit of bodies lost or put back"] == 1
+    assert "exceeds the limit of the longest step" not in dots, "no mark that is not there"
 
 
 @pytest.mark.parametrize("content", [b"{\n{\n", bytes(range(256)), b'{"op": 99}\n'])
@@ -92,12 +106,12 @@ def test_a_storage_that_is_none_is_refused_in_our_words(tmp_path: Any, content: 
     path = tmp_path / "tune.journal"
     path.write_bytes(content)
     with pytest.raises(InputError, match="no journal of a search, or it is damaged") as refused:
-        Store(open_storage(str(path)), "name")
+        open_study(str(path), "name", None)
     assert "codec" not in str(refused.value) and "JSON" not in str(refused.value)
 
 
 @pytest.mark.parametrize("where", ["nosuchsql://x", "sqlite:////no/such/folder/x.db", "mysql://host/x"])
 def test_a_database_that_does_not_open_is_refused_in_our_words(where: str) -> None:
     with pytest.raises(InputError, match="does not open") as refused:
-        Store(open_storage(where), "name")
+        open_study(where, "name", None)
     assert not any(word in str(refused.value).lower() for word in ("sqlalche", "plugin", "module", "errno"))

@@ -18,7 +18,7 @@ SIDE = 12.0
 @pytest.fixture(scope="module")
 def shown(domain: int) -> Iterator[tuple[Probe, Process]]:
     """A probe, and a node that has a map and is shown by a view."""
-    with Probe() as probe, probe.running("terrain_collider", {"publish.depth": 10, "physics.sleep": False}):
+    with Probe() as probe, probe.running("terrain_collider", {"physics.sleep": False}):
         x = np.linspace(-SIDE / 2, SIDE / 2, round(SIDE / CELL) + 1)
         waves = np.where(x > 0.5, 0.05 * np.sin(8.0 * x), 0.0)
         heights = np.tile(waves, (len(x), 1))

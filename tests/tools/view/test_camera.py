@@ -6,23 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rclpy.serialization import serialize_message
 
-from smartmesh_ros.tools.testing.messages import heightmap_message
 from smartmesh_ros.tools.view.camera import CONFIG, Camera, Lens, camera_on
 from smartmesh_ros.tools.view.ground import Ground
 from tests.examples import examples
+from tests.tools.view.test_logic import ground_of
 
 PLACES = st.tuples(st.floats(-30, 30), st.floats(-30, 30), st.floats(-3, 3))
 BODIES = st.lists(st.tuples(PLACES, st.floats(0.05, 2.0)), min_size=1, max_size=12)
 LENSES = st.builds(Lens, st.floats(0.5, 1.4), st.floats(0.5, 3.0), st.floats(0.0, 0.4))
-
-
-def ground_of(heights: np.ndarray, **options: object) -> Ground:
-    ground = Ground()
-    ground.take_map(serialize_message(heightmap_message(heights, **options)))
-    ground.apply_waiting()
-    return ground
 
 
 def places_in(camera: Camera, points: np.ndarray, lens: Lens) -> np.ndarray:

@@ -4,14 +4,16 @@ import asyncio
 import colorsys
 import itertools
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import ArrayLike
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.serialization import serialize_message
-from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate
+from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate, StageTiming, Timing
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters import declaring
@@ -22,16 +24,18 @@ from tests.examples import examples
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
 
-from smartmesh_ros.tools.view import looks, picking
+import trimesh
+
+from smartmesh_ros.tools.view import looks
+from smartmesh_ros.tools.view.chart import CUT, chart_data
 from smartmesh_ros.tools.view.ground import Ground
-from smartmesh_ros.tools.view.knobs import Kind, knob_of, nice_step, parameter_of, shown_value
+from smartmesh_ros.tools.view.knobs import knob_of, nice_step, parameter_of, shown_value
 from smartmesh_ros.tools.view.looks import PatchLook, patch_look
-from smartmesh_ros.tools.view.page import Page
+from smartmesh_ros.tools.view.page import Page, start_server, stop_server
+from smartmesh_ros.tools.view.robots import GAP, Robot
 from smartmesh_ros.tools.view.scene import Scene
-from smartmesh_ros.tools.view.server import start_server, stop_server
-from smartmesh_ros.tools.view.sight import Appearance, Pose, Sight
-from smartmesh_ros.tools.view.sunk import Depth, triangles_by_depth
-from smartmesh_ros.tools.view.terrain_scene import TerrainConfig, TerrainScene
+from smartmesh_ros.tools.view.sight import Pose, Sight
+from smartmesh_ros.tools.view.terrain_scene import Depth, Grip, TerrainConfig, TerrainScene, triangles_by_band
 
 
 def knobs() -> dict:
@@ -55,23 +59,26 @@ def test_knobs_hold_to_the_bounds_and_choices_of_the_node() -> None:
         knob = knobs().get(spec.name)
         if knob is None:
             continue
-        assert spec.description in knob.hint
-        assert knob.choices == spec.choices
+        assert spec.description in knob.options["hint"]
+        assert tuple(knob.options.get("options", ())) == spec.choices
         if isinstance(spec.default, int | float) and not isinstance(spec.default, bool):
-            assert (knob.low, knob.high) == (spec.low, spec.high)
-            assert knob.low <= knob.value <= knob.high
-            assert type(knob.step) is type(spec.default)
+            low, high = knob.options["min"], knob.options["max"]
+            assert (low, high) == (spec.low, spec.high)
+            assert low <= knob.value <= high
+            assert type(knob.options["step"]) is type(spec.default)
         sent = parameter_of(knob, knob.value).value
-        assert declaring._checked(spec, declaring.plain_value(parameter_of(knob, knob.value))) == spec.default, sent
+        assert declaring.checked_value(spec, declaring.plain_value(parameter_of(knob, knob.value))) == spec.default, (
+            sent
+        )
 
 
 def test_kinds_of_knobs() -> None:
     found = knobs()
-    assert found["physics.friction"].kind is Kind.SLIDER
-    assert found["patch.kind"].kind is Kind.CHOICE
-    assert found["physics.guard"].kind is Kind.SWITCH
-    assert found["physics.gravity"].kind is Kind.TEXT
-    assert found["physics.solver_residual"].kind is Kind.NUMBER, "no slider can be set to 1e-7 of 1"
+    assert found["physics.friction"].kind == "slider"
+    assert found["patch.kind"].kind == "dropdown"
+    assert found["physics.guard"].kind == "checkbox"
+    assert found["physics.gravity"].kind == "text"
+    assert found["physics.solver_residual"].kind == "number", "no slider can be set to 1e-7 of 1"
 
 
 @given(low=st.floats(0, 1), length=st.floats(0.1, 1e4), share=st.floats(0, 1))
@@ -92,6 +99,32 @@ def test_a_text_that_is_no_list_is_refused_with_an_example() -> None:
     assert shown_value([0.0, 1.0]) == "[0.0, 1.0]"
 
 
+def timings_of(totals: list[float]) -> list[tuple[float, Timing]]:
+    """Messages of ~/timing a second apart, with the medians of a step [ms]."""
+    stages = (
+        [StageTiming(stage="total", p50_us=1e3 * total), StageTiming(stage="step", p50_us=1.0)] for total in totals
+    )
+    return [(float(at), Timing(stages=of_message)) for at, of_message in enumerate(stages)]
+
+
+@given(totals=st.lists(st.floats(1.0, 1.9), min_size=2, max_size=50), data=st.data())
+@examples(50)
+def test_a_stall_is_cut_and_marked_and_the_rest_is_shown_as_it_is(totals: list[float], data: st.DataObject) -> None:
+    stalled = data.draw(st.integers(0, len(totals) - 1))
+    totals[stalled] = 1000.0
+    (_, shown, *_), words = chart_data(timings_of(totals), len(totals))
+    assert shown.max() <= CUT * max(total for total in totals if total < 1000.0) + 1e-6
+    assert words == f"1 x cut, at most 1000 ms, the last {len(totals) - stalled} s ago"
+    assert np.allclose(np.delete(shown, stalled), np.delete(totals, stalled), rtol=1e-5)
+
+
+def test_a_longer_load_is_not_cut() -> None:
+    totals = [1.0] * 40 + [20.0] * 10
+    (_, shown, *_), words = chart_data(timings_of(totals), 50.0)
+    assert np.allclose(shown, totals, rtol=1e-5)
+    assert words is None
+
+
 def test_every_kind_of_patch_has_a_colour_that_is_told_apart() -> None:
     seen = {patch_look(kind, stride) for kind in KINDS.values() for stride in (1, 2, 3, 4, 5, 100)}
     assert seen == set(PatchLook)
@@ -102,40 +135,46 @@ def test_every_kind_of_patch_has_a_colour_that_is_told_apart() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "dimensions"),
+    ("kind", "dimensions", "radius"),
     [
-        (BodyDescription.SPHERE, (0.5,)),
-        (BodyDescription.BOX, (0.2, 0.4, 0.6)),
-        (BodyDescription.CYLINDER, (0.3, 0.8)),
-        (BodyDescription.CAPSULE, (0.3, 0.8)),
+        (BodyDescription.SPHERE, (0.5,), 0.5),
+        (BodyDescription.BOX, (0.2, 0.4, 0.6), 0.14**0.5),
+        (BodyDescription.CYLINDER, (0.3, 0.8), 0.5),
+        (BodyDescription.CAPSULE, (0.3, 0.8), 0.7),
     ],
 )
-def test_shapes_are_closed_and_reach_as_far_as_their_radius(kind: int, dimensions: tuple[float, ...]) -> None:
+def test_shapes_are_closed_and_reach_as_far_as_their_radius(
+    kind: int, dimensions: tuple[float, ...], radius: float
+) -> None:
     mesh = looks.shape_mesh(kind, dimensions)
     assert mesh.is_watertight
     assert np.allclose(mesh.centroid, 0.0, atol=1e-6)
-    assert np.linalg.norm(mesh.vertices, axis=1).max() == pytest.approx(looks.radius_of(kind, dimensions), rel=1e-3)
+    assert np.linalg.norm(mesh.vertices, axis=1).max() == pytest.approx(radius, rel=1e-3)
+    described = BodyDescription(shape=kind, dimensions=dimensions)
+    assert Sight(appearances={"body": described}).radius_of("body") == pytest.approx(radius, rel=1e-9)
+
+
+def contacts_of(forces: list[float]) -> np.ndarray:
+    """Contacts of upright forces at the origin."""
+    return np.column_stack([np.zeros((len(forces), 5)), np.ones(len(forces)), forces])
 
 
 @given(forces=st.lists(st.floats(0.1, 1e4), min_size=1, max_size=20))
 @examples(50)
 def test_arrows_are_longer_for_larger_forces_and_never_too_long(forces: list[float]) -> None:
-    count = len(forces)
-    normals = np.tile([0.0, 0.0, 1.0], (count, 1))
-    points = looks.arrows(np.zeros((count, 3)), normals, np.array(forces), 0.7)
+    points = looks.arrows(contacts_of(forces), 0.7)
     lengths = points[:, 1, 2] - points[:, 0, 2]
     assert lengths.max() == pytest.approx(0.7)
     assert (np.diff(lengths[np.argsort(forces)]) >= -1e-12).all()
 
 
 def test_contacts_without_force_have_no_arrow() -> None:
-    normals = np.tile([0.0, 0.0, 1.0], (3, 1))
-    assert len(looks.arrows(np.zeros((3, 3)), normals, np.array([math.nan, 0.0, 5.0]), 1.0)) == 1
+    assert len(looks.arrows(contacts_of([math.nan, 0.0, 5.0]), 1.0)) == 1
 
 
 def ground_of(heights: np.ndarray, **options: object) -> Ground:
     ground = Ground()
-    ground.take_map(serialize_message(heightmap_message(heights, **options)))
+    ground.take("heightmap", serialize_message(heightmap_message(heights, **options)))
     ground.apply_waiting()
     return ground
 
@@ -150,43 +189,42 @@ def test_a_click_meets_the_ground_that_is_seen_there(yaw: float, x: float, y: fl
     ground = ground_of(np.tile(slope * across, (101, 1)), resolution=0.2, yaw=yaw, origin=origin)
     target = np.array([x, y, ground.heights(np.array([[x, y]]))[0]])
     eye = np.array([1.0, -30.0, 60.0])
-    hit = picking.ground_hit(eye, (target - eye) / np.linalg.norm(target - eye), ground)
-    assert hit is not None
-    assert np.allclose(hit, target, atol=1e-3)
+    [distance] = ground.distances(eye[None], (target - eye)[None])
+    assert distance == pytest.approx(np.linalg.norm(target - eye), abs=1e-3)
 
 
 def test_a_click_beside_the_ground_meets_none() -> None:
     ground = ground_of(np.zeros((11, 11)))
-    assert picking.ground_hit(np.array([50.0, 50.0, 9.0]), np.array([0.0, 0.0, -1.0]), ground) is None
-    assert picking.ground_hit(np.array([0.5, 0.5, 9.0]), np.array([0.0, 0.0, 1.0]), ground) is None
+    origins, directions = np.array([[50.0, 50.0, 9.0], [0.5, 0.5, 9.0]]), np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+    assert np.isinf(ground.distances(origins, directions)).all()
 
 
 def test_a_click_meets_the_nearest_body_on_its_way() -> None:
-    ball = Appearance(BodyDescription.SPHERE, (0.5,))
+    ball = BodyDescription(shape=BodyDescription.SPHERE, dimensions=[0.5])
     sight = Sight(
         poses={name: Pose((x, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)) for name, x in (("far", 8.0), ("near", 4.0))},
         appearances={"far": ball, "near": ball},
     )
-    assert picking.body_hit(np.zeros(3), np.array([1.0, 0.0, 0.0]), sight) == "near"
-    assert picking.body_hit(np.zeros(3), np.array([-1.0, 0.0, 0.0]), sight) is None
-    assert picking.body_hit(np.array([0.0, 2.0, 0.0]), np.array([1.0, 0.0, 0.0]), sight) is None
+    assert sight.hit(np.zeros(3), np.array([1.0, 0.0, 0.0])) == "near"
+    assert sight.hit(np.zeros(3), np.array([-1.0, 0.0, 0.0])) is None
+    assert sight.hit(np.array([0.0, 2.0, 0.0]), np.array([1.0, 0.0, 0.0])) is None
 
 
 def test_regions_are_written_into_the_map_and_a_new_map_replaces_them() -> None:
     ground = ground_of(np.zeros((6, 8)))
     region = HeightmapUpdate(x=2, y=1, width=3, height=2, heights=floats(np.ones((2, 3), np.float32)))
-    ground.take_region(serialize_message(region))
+    ground.take("heightmap_update", serialize_message(region))
     ground.apply_waiting()
     expected = np.zeros((6, 8))
     expected[1:3, 2:5] = 1.0
     assert np.array_equal(ground.tiles[""].heights, expected)
-    ground.take_region(serialize_message(region))
-    ground.take_map(serialize_message(heightmap_message(np.full((6, 8), 2.0))))
+    ground.take("heightmap_update", serialize_message(region))
+    ground.take("heightmap", serialize_message(heightmap_message(np.full((6, 8), 2.0))))
     ground.apply_waiting()
     assert (ground.tiles[""].heights == 2.0).all()
     for spoilt in (b"", b"\0\1\0\0" + bytes(40), serialize_message(region)[:-4]):
-        ground.take_region(spoilt)
-        ground.take_map(spoilt)
+        ground.take("heightmap_update", spoilt)
+        ground.take("heightmap", spoilt)
         ground.apply_waiting()
     assert (ground.tiles[""].heights == 2.0).all(), "what makes no sense changes nothing"
 
@@ -194,7 +232,7 @@ def test_regions_are_written_into_the_map_and_a_new_map_replaces_them() -> None:
 def test_every_triangle_that_sank_has_the_colour_of_its_deepest_corner() -> None:
     sunk = np.array([0.0, 0.0009, 0.001, 0.004, 0.005, 0.02, 0.3, -1.0, np.nan])
     triangles = np.array([*([0, 0, corner] for corner in range(len(sunk))), [6, 6, 8]])  # the last is beside a hole
-    found = {depth: chosen[:, 2].tolist() for depth, chosen in triangles_by_depth(sunk, triangles).items()}
+    found = {depth: chosen[:, 2].tolist() for depth, chosen in triangles_by_band(sunk, triangles, Depth)}
     assert found == {Depth.SLIGHT: [2, 3], Depth.SHALLOW: [4], Depth.DEEP: [5], Depth.DEEPEST: [6]}
 
 
@@ -210,16 +248,48 @@ def test_ruts_are_coloured_while_that_is_asked_for() -> None:
 
         assert colours(sunk=True) == set()
         rut = HeightmapUpdate(x=5, y=10, width=20, height=3, heights=floats(np.full(60, 2.98)))
-        ground.take_region(serialize_message(rut))
+        ground.take("heightmap_update", serialize_message(rut))
         ground.apply_waiting()
         assert colours(sunk=True) == {"DEEP"}
         mesh = drawn["/sunk/terrain/map/DEEP"]
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
         assert np.allclose([low[:2], high[:2]], [[0.4, 0.9], [2.5, 1.3]], atol=1e-5), "to the first samples beside it"
         assert colours(sunk=False) == set()
-        ground.take_map(serialize_message(heightmap_message(np.full((40, 40), 3.0), resolution=0.1)))
+        ground.take("heightmap", serialize_message(heightmap_message(np.full((40, 40), 3.0), resolution=0.1)))
         ground.apply_waiting()
         assert colours(sunk=True) == set()
+    finally:
+        stop_server(server)
+
+
+def test_ground_with_another_friction_than_1_is_coloured_where_it_lies() -> None:
+    """The ground of a map that scrolls keeps it; new ground has 1."""
+    ground = ground_of(np.zeros((40, 40)), resolution=0.1)
+    server = start_server("127.0.0.1", 0)
+    try:
+        drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, TerrainConfig(period=0.0))
+
+        def coloured(x: float = 0.0, **friction: ArrayLike) -> dict[str, tuple[float, float]]:
+            """Names of the colours, and from where to where along x [m]."""
+            message = heightmap_message(np.zeros((40, 40)), resolution=0.1, origin=(x, 0.0, 0.0), **friction)
+            ground.take("heightmap", serialize_message(message))
+            ground.apply_waiting()
+            scene.show(ground, np.zeros((0, 3)), np.zeros(0))
+            names = {band.name: drawn.get(f"/grip/terrain/map/{band.name}") for band in Grip}
+            along = {name: mesh.vertices[:, 0] for name, mesh in names.items() if mesh is not None}
+            return {
+                name: (pytest.approx(x.min(), abs=1e-5), pytest.approx(x.max(), abs=1e-5)) for name, x in along.items()
+            }
+
+        friction = np.ones((40, 40))
+        friction[:, :10], friction[:, 20:] = 0.1, 1.5
+        assert coloured() == {}
+        assert coloured(friction=1.0) == {}
+        assert coloured(friction=friction) == {"ICE": (0.0, 1.0), "ROUGH": (1.9, 3.9)}
+        assert coloured() == {"ICE": (0.0, 1.0), "ROUGH": (1.9, 3.9)}
+        assert coloured(x=0.5) == {"ICE": (0.5, 1.0), "ROUGH": (1.9, 4.0)}
+        assert coloured(x=0.5, friction=0.5) == {"SLIPPERY": (0.5, 4.4)}
+        assert coloured(x=0.5, friction=np.nan) == {}
     finally:
         stop_server(server)
 
@@ -231,7 +301,7 @@ def test_a_robot_has_its_name_above_it() -> None:
         try:
             sight = Sight(
                 poses={"rover": Pose((3.0, 4.0, 1.0), (1.0, 0.0, 0.0, 0.0))},
-                appearances={"rover": Appearance(BodyDescription.ROBOT, urdf=text)},
+                appearances={"rover": BodyDescription(shape=BodyDescription.ROBOT, urdf=text)},
                 bases={"b": Pose((3.0, 4.0, 1.0), (1.0, 0.0, 0.0, 0.0))},
             )
             scene = Scene(server)
@@ -245,6 +315,24 @@ def test_a_robot_has_its_name_above_it() -> None:
             stop_server(server)
 
 
+@pytest.mark.parametrize("mesh", ["box.stl", "missing.stl", "package://nowhere/missing.stl"])
+def test_a_robot_is_drawn_by_its_meshes_and_else_by_its_collision_shapes(tmp_path: Path, mesh: str) -> None:
+    trimesh.creation.box((1.0, 1.0, 0.8)).export(tmp_path / "box.stl")
+    urdf = (
+        f'<robot name="r"><link name="b"><visual><geometry><mesh filename="{mesh}"/></geometry></visual>'
+        '<collision><geometry><box size="1 1 0.4"/></geometry></collision></link></robot>'
+    )
+    server = start_server("127.0.0.1", 0)
+    try:
+        robot = Robot(server, "rover", BodyDescription(urdf=urdf, urdf_file=str(tmp_path / "robot.urdf")))
+        robot.show(Sight(bases={"b": Pose((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))}))
+        assert robot.readable
+        height = 0.4 if mesh == "box.stl" else 0.2
+        assert server.scene._handle_from_node_name["/labels/rover"].position[2] == pytest.approx(1.0 + height + GAP)
+    finally:
+        stop_server(server)
+
+
 def test_each_of_two_robots_is_where_its_own_frame_is() -> None:
     """The first has short names, the other prefixed ones."""
     urdf = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'
@@ -252,7 +340,7 @@ def test_each_of_two_robots_is_where_its_own_frame_is() -> None:
     server = start_server("127.0.0.1", 0)
     try:
         poses = {name: Pose((*place, 1.0), (1.0, 0.0, 0.0, 0.0)) for name, place in places.items()}
-        appearances = {name: Appearance(BodyDescription.ROBOT, urdf=urdf) for name in places}
+        appearances = {name: BodyDescription(shape=BodyDescription.ROBOT, urdf=urdf) for name in places}
         sight = Sight(poses=poses, appearances=appearances, bases={"b": poses["one"], "two/b": poses["two"]})
         Scene(server).show(Ground(), sight)
         for name, place in places.items():

@@ -201,3 +201,7 @@ def test_the_legend_of_the_plot_has_no_dashes(shown: tuple[Probe, Process], page
     legend.wait_for()
     assert "total" in legend.inner_text()
     assert "--" not in legend.inner_text()
+
+
+def test_a_browser_without_a_graphics_card_is_told_what_drawing_costs(page: Any) -> None:
+    page.get_by_text("This browser draws on the processor").wait_for()

@@ -16,32 +16,36 @@ OFF_GRID = 0.01
 
 
 def raster_from(message: Any, config: RasterConfig, max_samples: int) -> Raster:
-    """Convert the layer ``config.layer`` and, unless empty, ``config.variance_layer``.
+    """Convert the layer ``config.layer`` and, unless empty, ``config.variance_layer`` and ``config.friction_layer``.
 
     The map's orientation and z are ignored, as grid_map itself does.
     """
     info = message.info
     layers = list(message.layers)
-    for name, parameter in ((config.layer, "layer"), (config.variance_layer, "variance_layer")):
-        if name not in layers and (name or parameter == "layer"):
-            raise InputError(
-                "layer", f"there is no layer {name!r}; raster.{parameter} may be one of {', '.join(layers)}"
-            )
+    for name, parameter in (
+        (config.layer, "raster.layer"), (config.variance_layer, "raster.variance_layer"),
+        (config.friction_layer, "terrain.friction_layer"),
+    ):  # fmt: skip
+        if name not in layers and (name or parameter == "raster.layer"):
+            raise InputError("layer", f"there is no layer {name!r}; {parameter} may be one of {', '.join(layers)}")
     require_length("the list of layers' data", len(message.data), len(message.layers))
     if not (np.isfinite(info.resolution) and info.resolution > 0.0):
         raise InputError("geometry", f"resolution is {info.resolution} m; it must be finite and greater than zero")
     along_x = _cells(info.length_x, info.resolution)
     along_y = _cells(info.length_y, info.resolution)
     require_cells(along_x * along_y, max_samples)
+    variances, friction = (
+        _layer(message.data[layers.index(name)], along_x, along_y) if name else None
+        for name in (config.variance_layer, config.friction_layer)
+    )
     return from_grid_map(
         _layer(message.data[layers.index(config.layer)], along_x, along_y),
         start=(message.outer_start_index, message.inner_start_index),
         centre=(info.pose.position.x, info.pose.position.y),
         resolution=info.resolution,
         config=config,
-        variances=_layer(message.data[layers.index(config.variance_layer)], along_x, along_y)
-        if config.variance_layer
-        else None,
+        variances=variances,
+        friction=friction,
     )
 
 

@@ -1,1 +1,0 @@
-"""The physics engines of the reference runs."""

@@ -1,0 +1,128 @@
+"""Commands to the joints of a world's robots and to their driven surfaces."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.belt import Belt
+from smartmesh_ros.ground.ground import Ground
+from smartmesh_ros.ground.quaternions import conjugate, rotate
+from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.world.bodies import Body
+from smartmesh_ros.world.joints import JointCommand, JointReading, Motors, read_joints
+
+
+class SurfaceReading(NamedTuple):
+    """A driven surface of a robot: its name, the link, the present and the largest speed [m/s]."""
+
+    name: str
+    link: str
+    speed: float
+    limit: float
+
+
+class Driving:
+    """What drives the bodies of a world, by name."""
+
+    bodies: dict[str, Body]
+    client: Any
+    ground: Ground
+    _motors: Motors
+
+    def drive(self, name: str, joint: str, velocity: float, force: float | None = None) -> None:
+        """Drive a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N], None = the joint's
+        limit; or one of its driven surfaces at ``velocity`` [m/s]."""
+        self.command(name, joint, JointCommand(velocity=velocity, effort=force))
+
+    def command(self, name: str, joint: str, command: JointCommand) -> None:
+        """Drive a robot's joint by a command from now on, or one of its driven surfaces by a velocity, which is limited
+        to that of the URDF. Raises `InputError` as `require_command` does."""
+        self.require_command(name, joint, command)
+        body = self.bodies[name]
+        if surface := body.surfaces.get(joint):
+            self.drive_surface(name, surface.link, surface.within(command.velocity or 0.0), surface.axis)
+            return
+        if body.commands.get(joint) != command:  # a robot may sleep while it holds a position
+            self.ground.wake(body.uid)
+        body.commands[joint] = command
+        self._motors.command(body.uid, body.joints[joint], command)
+
+    def require_command(self, name: str, joint: str, command: JointCommand) -> None:
+        """Raise `InputError` if there is no robot of that name with this joint or driven surface, or if the command is
+        not one for a surface."""
+        body = self._body(name)
+        if joint in body.surfaces:
+            if command.velocity is None or command.position is not None or command.effort is not None:
+                raise InputError(
+                    "joint_command", f"{joint!r} of {name!r} is a surface; it takes a velocity alone [m/s]"
+                )
+            self.ground.require_belts()
+        elif joint not in body.joints:
+            there = ", ".join((*body.joints, *body.surfaces)) or "none"
+            raise InputError("unknown_joint", f"{name!r} has no joint {joint!r}; it has {there}")
+
+    def drive_surface(self, name: str, link: str, speed: float, axis: Vector = (0.0, 1.0, 0.0)) -> None:
+        """Move the surface of a robot's ``link``, or of another body (``link`` = ""), from now on, as that of a track;
+        a speed of zero stops it.
+
+        A positive ``speed`` [m/s] drives the body as a wheel that turns about ``axis``, a vector in the frame of the
+        link, forward for the default if x points forward and y to the left. Raises `InputError`, as for a link that
+        cannot touch the ground.
+        """
+        body = self._body(name)
+        if not body.simulated:
+            raise InputError("tracked", f"{name!r} is not simulated here; only the surface of a simulated body moves")
+        index = next((index for index, found in links_of(body).items() if found == link), None)
+        if index is None:
+            there = ", ".join(map(repr, links_of(body).values()))
+            raise InputError("unknown_body", f"{name!r} has no link {link!r} with a collision shape; it has {there}")
+        turn = self.client.getDynamicsInfo(body.uid, index)[4] if body.is_robot else (0.0, 0.0, 0.0, 1.0)
+        belt = Belt(axis, speed)
+        self.ground.drive(body.uid, index, rotate(conjugate(turn), belt.axis), belt.speed)
+
+    def joints(self, name: str) -> list[JointReading]:
+        """Return the current readings of a robot's joints."""
+        body = self._body(name)
+        return read_joints(self.client, body.uid, body.joints, body.commands)
+
+    def surfaces(self, name: str) -> list[SurfaceReading]:
+        """Return the driven surfaces of a robot, as its URDF names them."""
+        body = self._body(name)
+        indices = {link: index for index, link in body.links.items()}
+        found = []
+        for surface, drive in body.surfaces.items():
+            follower = self.ground.followers.at(body.uid, indices[drive.link])
+            speed = 0.0 if follower is None else follower.belt.speed
+            found.append(SurfaceReading(surface, drive.link, speed, drive.limit))
+        return found
+
+    def _belts(self, body: Body) -> dict[str, Belt]:
+        """Return the moving surfaces of a body by link."""
+        found = {link: self.ground.followers.at(body.uid, index) for index, link in links_of(body).items()}
+        return {link: follower.belt for link, follower in found.items() if follower and follower.belt.speed}
+
+    def _move_belts(self, body: Body, belts: dict[str, Belt]) -> None:
+        """Move surfaces as `_belts` returned them."""
+        indices = {link: index for index, link in links_of(body).items()}
+        for link, belt in belts.items():
+            self.ground.drive(body.uid, indices[link], belt.axis, belt.speed)
+
+    def _may_sleep(self, uid: int) -> bool:
+        """Return True if no joint of a PyBullet body is driven to move. Efforts are applied in each step, and PyBullet
+        sums those that a sleeping robot does not heed."""
+        slot = self.ground.followers.of(uid)[0]
+        body = self.bodies[self.ground.followers[slot].name.partition("/")[0]]
+        commands = body.commands.values()
+        return not any(command.velocity or (command.is_effort and command.effort) for command in commands)
+
+    def _body(self, name: str) -> Body:
+        try:
+            return self.bodies[name]
+        except KeyError:
+            raise InputError("unknown_body", f"there is no body {name!r}") from None
+
+
+def links_of(body: Body) -> dict[int, str]:
+    """Return the names of the links that touch the ground by PyBullet's index; of a body that is no robot, "" alone."""
+    return body.links or {-1: ""}

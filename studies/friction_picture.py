@@ -1,0 +1,107 @@
+"""``make friction``: boxes slide on ice beside gravel; docs/images/friction.png shows how far."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from smartmesh_ros import BodyState, Box, HeightMap, World
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.world.world import WorldConfig
+from studies.tiny_renderer import Camera, Stage
+
+OUT = Path("docs/images/friction.png")
+CAMERA = Camera((4.0, -8.2, 9.5), (4.0, -0.15, 0.0), 23.5, 1100, 500)
+SPACING, LENGTH, WIDTH = 0.1, 101, 41  # of the map; samples along x and along y
+GRAVITY, BODY = 9.81, 0.5  # and the coefficient of the boxes
+GROUND = {"ice": 0.2, "gravel": 1.4}  # coefficients of the ground, by which that of the boxes is multiplied
+COLOURS = {"ice": (0.70, 0.84, 0.96), "gravel": (0.80, 0.66, 0.50)}
+LINES = {"ice": "#1f6fb4", "gravel": "#5a3210"}
+BOX, PLUM = Box(0.36, 0.36, 0.12), (0.75, 0.30, 0.50)
+SPEEDS = (1.0, 2.0, 3.0, 4.0)  # at the start [m/s]
+LANES = {"ice": (0.3, 0.76, 1.22, 1.68), "gravel": (-0.3, -0.76, -1.22, -1.68)}  # y of the boxes [m]
+STEPS = 1200
+
+
+def terrain() -> HeightMap:
+    """Return level ground, ice where y > 0 and gravel elsewhere."""
+    y = SPACING * (np.arange(WIDTH) - WIDTH // 2)
+    friction = np.where(y > 0.0, GROUND["ice"], GROUND["gravel"])[:, None] * np.ones(LENGTH)
+    return HeightMap(np.zeros(friction.shape), resolution=SPACING, origin=(-1.0, float(y[0])), friction=friction)
+
+
+def ways() -> dict[tuple[str, float], FloatArray]:
+    """Return the place of each box (steps, 3) [m], by its ground and its speed at the start."""
+    with World(terrain(), WorldConfig(physics=PhysicsConfig(friction=BODY))) as world:
+        for kind, lanes in LANES.items():
+            for speed, y in zip(SPEEDS, lanes, strict=True):
+                start = BodyState((0.0, y, 0.5 * BOX.z), linear=(speed, 0.0, 0.0))
+                world.spawn(f"{kind} {speed:g}", BOX, 1.0, start)
+        names = {(kind, speed): f"{kind} {speed:g}" for kind in LANES for speed in SPEEDS}
+        found: dict[tuple[str, float], list[Any]] = {key: [] for key in names}
+        for _ in range(STEPS):
+            for key, name in names.items():
+                found[key].append(world.state(name).position)
+            world.step()
+    return {key: np.array(places) for key, places in found.items()}
+
+
+def shot(found: dict[tuple[str, float], FloatArray]) -> Any:
+    """Return the picture (H, W, 3) of the boxes where they stopped."""
+    stage = Stage()
+    x = np.linspace(-1.0, 9.0, 41)
+    surfaces = []
+    for kind, side in (("gravel", (-2.0, 0.0)), ("ice", (0.0, 2.0))):
+        across, along = np.meshgrid(np.linspace(*side, 9), x, indexing="ij")
+        surfaces.append((np.stack([along, across, np.zeros_like(along)], axis=-1), COLOURS[kind]))
+    stage.replace_ground(*surfaces)
+    for places in found.values():
+        uid = stage.add(pb.GEOM_BOX, PLUM, halfExtents=[0.5 * BOX.x, 0.5 * BOX.y, 0.5 * BOX.z])
+        stage.client.resetBasePositionAndOrientation(uid, places[-1], (0.0, 0.0, 0.0, 1.0))
+    colours = stage.shoot(CAMERA).colours
+    stage.close()
+    return colours
+
+
+def main() -> None:
+    """Run the boxes, and write the picture."""
+    found = ways()
+    figure = Figure(figsize=(11.0, 3.7), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2, width_ratios=[1.75, 1.0])
+    left.imshow(shot(found))
+    left.set_axis_off()
+    left.set_title("ice (0.2) beside gravel (1.4), and the ways of boxes with friction 0.5", fontsize=11)
+    for (kind, speed), places in found.items():
+        behind = places[places[:, 0] < places[-1, 0] - 0.5 * BOX.x]  # the box hides the rest
+        pixels = CAMERA.pixels(np.concatenate([places[:1], behind]) * (1.0, 1.0, 0.0))
+        left.plot(*pixels.T, color=LINES[kind], linewidth=2.0)
+        left.annotate(f"{speed:g} m/s", pixels[0], xytext=(-9, 0), textcoords="offset points", ha="right", va="center",
+                      fontsize=9)  # fmt: skip
+    left.set_xlim(0, CAMERA.width)
+    left.set_ylim(CAMERA.height, 0)
+    v = np.linspace(0.0, 4.3, 100)
+    for kind, ground in GROUND.items():
+        mu = ground * BODY
+        right.plot(v, v**2 / (2.0 * mu * GRAVITY), color=LINES[kind], linewidth=1.2)
+        stopped = [found[kind, speed][-1, 0] for speed in SPEEDS]
+        right.plot(SPEEDS, stopped, "o", color=LINES[kind], label=f"{kind}: {ground:g} x {BODY:g} = {mu:.2g}")
+        for speed, way in zip(SPEEDS, stopped, strict=True):
+            expected = speed**2 / (2.0 * mu * GRAVITY)
+            print(f"{kind}, {speed:g} m/s: {way:.3f} m, v^2 / (2 mu g) = {expected:.3f} m, {way / expected - 1:+.2%}")
+    right.set(xlabel="speed at the start [m/s]", ylabel="way until the box stops [m]", xlim=(0, 4.3), ylim=(0, 9.5))
+    right.set_title("points: simulated; lines: v² / (2 µ g)", fontsize=11)
+    right.legend(frameon=False, loc="upper left")
+    right.spines[["top", "right"]].set_visible(False)
+    figure.savefig(OUT)
+    print(f"wrote {OUT}, {OUT.stat().st_size / 1e3:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()

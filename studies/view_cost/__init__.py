@@ -1,1 +1,0 @@
-"""What the view costs the node that it shows, and itself."""

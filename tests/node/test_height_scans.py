@@ -1,0 +1,180 @@
+"""Height scans over real DDS: of robots, simulated and tracked bodies, at their rate in simulated time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.srv import SpawnBody, StepPhysics
+from std_msgs.msg import Float32MultiArray
+from std_srvs.srv import SetBool
+
+from smartmesh_ros import BodyState, HeightMap, HeightScan, Sphere, Terrain
+from smartmesh_ros.node.terrain_collider import TerrainCollider
+from smartmesh_ros.terrain.height_scan import yaws_of
+from smartmesh_ros.tools.testing import Probe, pose_message
+from smartmesh_ros.world.height_scanner import HeightScanner
+from tests.node.shared import made_with, refusal_at_start, wait_until
+
+SIDE, RESOLUTION, LOW = 81, 0.25, -10.0
+x = LOW + RESOLUTION * np.arange(SIDE)
+HILLS = (0.4 * np.sin(0.6 * x[None]) * np.cos(0.5 * x[:, None])).astype(np.float32)
+ROBOT = """<robot name="r"><link name="base">
+  <inertial><origin xyz="0.1 0.05 0"/><mass value="5"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry><box size="0.5 0.3 0.2"/></geometry></collision>
+</link></robot>"""
+SHARED = {
+    "frame_id": "map",
+    "height_scans": [
+        "{body: robot, layout: isaac_lab, rate: 100}",
+        "{body: 2 boxes-1, layout: legged_gym}",
+        "{body: seen, layout: unitree_rl_mjlab, size: [0.8, 0.4], spacing: 0.05, order: yx, values: height, scale: 1}",
+        "{body: nobody}",
+    ],
+}
+
+
+def listen(probe: Probe, name: str) -> list[Any]:
+    return probe.listen(f"height_scan/{name}", Float32MultiArray)
+
+
+def wanted(scan: HeightScan, position: Any, orientation: Any) -> np.ndarray:
+    ground = Terrain(HeightMap(HILLS, resolution=RESOLUTION, origin=(LOW, LOW)))
+    yaw = float(yaws_of([orientation])[0])
+    return scan.read(ground, np.array([[*position, yaw]]), 0.0)[0]
+
+
+def values(message: Float32MultiArray) -> np.ndarray:
+    return np.array(message.data, np.float32)
+
+
+def layout(message: Float32MultiArray) -> list[tuple[str, int, int]]:
+    return [(axis.label, axis.size, axis.stride) for axis in message.layout.dim]
+
+
+def vector(message: Any) -> tuple[float, ...]:
+    return tuple(getattr(message, axis) for axis in ("x", "y", "z", "w") if hasattr(message, axis))
+
+
+def test_scans_of_all_kinds_of_bodies_are_the_ground_around_them(shared: Probe) -> None:
+    shared.publish_map(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
+    shared.wait_for(lambda: shared.diagnostics("terrain")["samples"] != "0")
+    assert shared.call("spawn_body", SpawnBody, id="robot", urdf=ROBOT, pose=pose_message((2.0, 1.0, 1.0))).success
+    box = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.4, 0.2, 0.2])
+    assert shared.call(
+        "spawn_body", SpawnBody, id="2 boxes-1", shape=box, mass=1.0, pose=pose_message((-1.0, 2.0, 1.2))
+    ).success
+    shared.publish_bodies({"seen": (-3.0, -2.0, 0.7)})
+    scans = {name: listen(shared, name) for name in ("robot", "_2_boxes_1", "seen", "nobody")}
+    odometry = shared.listen("odometry", Odometry)
+    shared.wait_for(lambda: scans["seen"] and scans["robot"] and scans["_2_boxes_1"])
+    seen = scans["seen"][-1]
+    assert layout(seen) == [("x", 17, 17 * 9), ("y", 9, 9)]
+    there = HeightScan.of(
+        "unitree_rl_mjlab", size=(0.8, 0.4), spacing=0.05, order="yx", values="height", scale=1.0
+    )  # fmt: skip
+    np.testing.assert_allclose(values(seen), wanted(there, (-3.0, -2.0, 0.7), (0, 0, 0, 1)), atol=1e-6)
+    assert shared.call("pause", SetBool, data=True).success
+    states = shared.received[shared.topic("body_states")]
+    for _ in range(3):  # what was published before the pause is on its way
+        for received in (states, odometry, scans["robot"], scans["_2_boxes_1"]):
+            shared.spin()
+            received.clear()
+        assert shared.call("step", StepPhysics, steps=1).success
+        shared.wait_for(lambda: states and odometry and scans["robot"] and scans["_2_boxes_1"])
+    pose = odometry[-1].pose.pose
+    message = scans["robot"][-1]
+    assert layout(message) == [("y", 11, 187), ("x", 17, 17)]
+    robot = wanted(HeightScan.of("isaac_lab"), vector(pose.position), vector(pose.orientation))
+    np.testing.assert_allclose(values(message), robot, atol=1e-5)
+    [pose] = [body.pose for body in states[-1].bodies if body.id == "2 boxes-1"]
+    message = scans["_2_boxes_1"][-1]
+    assert layout(message) == [("x", 17, 187), ("y", 11, 11)]
+    box_values = wanted(HeightScan.of("legged_gym"), vector(pose.position), vector(pose.orientation))
+    np.testing.assert_allclose(values(message), box_values, atol=1e-5)
+    assert not scans["nobody"]
+
+
+def test_scans_come_at_their_rate_in_simulated_time_and_only_to_subscribers(monkeypatch: pytest.MonkeyPatch) -> None:
+    measured: list[float] = []
+    measure = HeightScanner.measure
+
+    def note(scanner: HeightScanner) -> None:
+        measured.append(scanner._world.time)
+        measure(scanner)
+
+    monkeypatch.setattr(HeightScanner, "measure", note)
+    with made_with(TerrainCollider, {"height_scans": ["{body: ball, rate: 50, delay: 0.03, values: height}"]}) as node:
+        world = node.session.world
+        world.terrain.put("", HeightMap(HILLS, resolution=RESOLUTION, origin=(LOW, LOW)))
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 5.0), linear=(1.0, 0.5, 0.0)))
+        for _ in range(20):
+            node.tick()
+        assert not measured
+        watcher = Node("watcher", context=node.context)
+        watcher.create_subscription(Float32MultiArray, f"/{node.get_name()}/height_scan/ball", lambda _: None, 10)
+        [output] = node._outputs._scans._outputs
+        wait_until(output.publisher.get_subscription_count)
+        published: list[tuple[float, np.ndarray]] = []
+        monkeypatch.setattr(output, "publisher", Recorder(lambda m: published.append((world.time, values(m)))))
+        seen = {}
+        for _ in range(96):
+            node.tick()
+            seen[world.time] = world.height_scan("ball", HeightScan.of("isaac_lab", values="height"))[0]
+        assert len(measured) in (20, 21)
+        np.testing.assert_allclose(np.diff(measured[1:]), 0.02, atol=world.dt)
+        assert len(published) in (len(measured) - 2, len(measured) - 1)
+        for (known, found), instant in zip(published, measured, strict=False):
+            assert 0.03 - 1e-6 <= known - instant < 0.03 + world.dt
+            np.testing.assert_allclose(found, seen[instant], atol=1e-6)
+        world.reset_time()
+        count = len(measured)
+        for _ in range(24):
+            node.tick()
+        assert len(measured) - count in (5, 6)
+        watcher.destroy_node()
+
+
+class Recorder:
+    """A publisher with a subscriber, whose messages are recorded."""
+
+    def __init__(self, publish: Any) -> None:
+        self.publish = publish
+
+    def get_subscription_count(self) -> int:
+        return 1
+
+
+@pytest.mark.parametrize(
+    ("entries", "words"),
+    [
+        (["robot"], "must be a mapping with body"),
+        (["{layout: isaac_lab}"], "must be a mapping with body"),
+        (["{body: robot, height: 2}"], "must be a mapping with body and any of"),
+        (["{body: robot"], "is no YAML"),
+        (["{body: ''}"], "not empty"),
+        (["{body: robot/base}"], "has no '/'"),
+        (["{body: robot, layout: isaac_gym}"], "choose one of ['isaac_lab'"),
+        (["{body: robot, rate: 0}"], "rate must be 0.01 to 1000 Hz"),
+        (["{body: robot, rate: fast}"], "rate must be"),
+        (["{body: robot, rate: .nan}"], "rate must be"),
+        (["{body: robot, noise: -1}"], "noise of a height scan is -1.0; it must be 0 to 1000 m"),
+        (["{body: robot, size: 1.0}"], "size of a height scan is 1.0; it must be 2 numbers"),
+        (["{body: robot, spacing: 1e-9}"], "spacing of a height scan is '1e-9'; it must be a number"),
+        (["{body: robot, order: [x]}"], "order of a height scan"),
+        (["{body: a b}", "{body: a_b}"], "two entries for ~/height_scan/a_b"),
+    ],
+)
+def test_entries_that_cannot_be_are_refused_at_the_start(entries: list[str], words: str) -> None:
+    refusal = refusal_at_start({"height_scans": entries})
+    assert "height_scans has" in refusal
+    assert words in refusal
+
+
+def test_a_removed_parameter_names_what_replaces_it() -> None:
+    assert "at most 256 characters" in refusal_at_start({"bodies.longest_name": 20})

@@ -1,0 +1,53 @@
+"""Tracked machines on level and sloping ground."""
+
+import math
+
+import numpy as np
+
+from smartmesh_ros import BodyState, HeightMap, PhysicsConfig, World, WorldConfig
+from smartmesh_ros.scenes.tracks import robot_file
+from smartmesh_ros.terrain.grid import GridGeometry
+
+NAME = "machine"
+LEVEL = GridGeometry(rows=201, columns=201, resolution=0.1, origin=(-10.0, -10.0, 0.0))
+UNDERCARRIAGE = robot_file().read_text()
+# A chassis of 60 kg and two boxes of 20 kg as tracks, all of whose corners carry the load.
+BOXES = """<robot name="boxes"><link name="base"><inertial><mass value="60"/>
+<inertia ixx="3" iyy="5" izz="7" ixy="0" ixz="0" iyz="0"/></inertial></link>
+{}{}</robot>"""
+SIDE = """<link name="{name}"><inertial><mass value="20"/>
+<inertia ixx="0.2" iyy="1.2" izz="1.2" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><box size="1.2 0.2 0.3"/></geometry></collision></link>
+<joint name="{name}_joint" type="fixed"><parent link="base"/><child link="{name}"/><origin xyz="0 {y} -0.1"/></joint>
+<surface_drive name="{name}_track" link="{name}"><axis xyz="0 1 0"/><limit velocity="2"/></surface_drive>"""
+FLAT_TRACKS = BOXES.format(SIDE.format(name="left", y=0.4), SIDE.format(name="right", y=-0.4))
+STANDING = 120  # steps until a machine stands
+
+
+def slope(degrees: float = 0.0, friction: float = 1.0) -> HeightMap:
+    """Ground that rises along x."""
+    x = 0.1 * np.arange(201) - 10.0
+    return HeightMap(np.tile(math.tan(math.radians(degrees)) * x, (201, 1)), geometry=LEVEL, friction=friction)
+
+
+def standing(ground: HeightMap, urdf: str = UNDERCARRIAGE, *, sleep: bool = False, friction: float = 1.0) -> World:
+    world = World(ground, WorldConfig(physics=PhysicsConfig(friction=friction, sleep=sleep)))
+    world.spawn_robot(NAME, urdf, BodyState((0.0, 0.0, 0.0)), on_ground=True, align=True)
+    world.step(STANDING)
+    return world
+
+
+def drive(world: World, left: float, right: float) -> None:
+    world.drive(NAME, "left_track", left)
+    world.drive(NAME, "right_track", right)
+
+
+def speed(world: World) -> float:
+    """Velocity along x and uphill [m/s]."""
+    x, _, z = world.state(NAME).linear
+    return math.copysign(math.hypot(x, z), x)
+
+
+def yaw(world: World) -> float:
+    x, y, z, w = world.state(NAME).orientation
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

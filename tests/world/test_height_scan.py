@@ -1,0 +1,311 @@
+"""Height scans are the ground at the points of their grid, in the layouts that policies were trained with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import (
+    BodyState,
+    Box,
+    HeightMap,
+    HeightScan,
+    HeightScanner,
+    InputError,
+    MotionConfig,
+    Sphere,
+    Terrain,
+    World,
+)
+from smartmesh_ros.terrain.height_scan import LAYOUTS, yaws_of
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+
+SIDE, RESOLUTION, LOW = 161, 0.05, -4.0
+# The rover's base link has its centre of mass beside its origin.
+LOPSIDED = """
+<robot name="lopsided"><link name="base">
+  <inertial><origin xyz="0.1 0.05 -0.02"/><mass value="2"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry><box size="0.4 0.3 0.1"/></geometry></collision>
+</link></robot>
+"""
+
+
+def wave(time: float, side: int = SIDE) -> np.ndarray:
+    x = LOW + RESOLUTION * np.arange(side)
+    return 0.2 * np.sin(1.7 * x[None] + 3.0 * time) * np.cos(1.1 * x[:, None] - time)
+
+
+def moving(motion: MotionConfig | None = None, yaw: float = 0.0) -> HeightMap:
+    made = HeightMap(wave(0.0), resolution=RESOLUTION, origin=(LOW, LOW), yaw=yaw, motion=motion)
+    for k in range(1, 5):
+        made.replace(wave(0.05 * k), time=0.05 * k)
+    return made
+
+
+def sliding() -> Terrain:
+    """A map that moves and turns as a whole."""
+    made = Terrain()
+    for k in range(4):
+        origin = (LOW + 0.03 * k, LOW - 0.02 * k)
+        made.put("", HeightMap(wave(0.0), resolution=RESOLUTION, origin=origin, yaw=0.01 * k, time=0.05 * k))
+    return made
+
+
+def holed() -> HeightMap:
+    heights = wave(0.0)
+    heights[60:75, 70:95] = np.nan
+    return HeightMap(heights, resolution=RESOLUTION, origin=(LOW, LOW))
+
+
+def tiles() -> Terrain:
+    """A fine map, a coarse one that lies beside and under it, and one turned, with a gap of less than a cell."""
+    made = Terrain()
+    made.put("fine", HeightMap(wave(0.0, 81), resolution=RESOLUTION, origin=(-2.0, -2.0)))
+    made.put("coarse", HeightMap(1.0 + wave(0.3, 41), resolution=0.1, origin=(-4.0, 0.5)))
+    made.put("turned", HeightMap(2.0 + wave(0.3, 41), resolution=0.1, origin=(2.06, -2.0), yaw=0.1))
+    return made
+
+
+def mesh() -> TriangleMesh:
+    x, y = np.meshgrid(np.linspace(-4.0, 4.0, 21), np.linspace(-4.0, 4.0, 21))
+    vertices = np.stack([x.ravel(), y.ravel(), (0.1 * np.sin(x * y)).ravel()], axis=-1)
+    at = np.arange(20)[:, None] * 21 + np.arange(20)
+    lower = np.stack([at, at + 1, at + 22], axis=-1).reshape(-1, 3)
+    upper = np.stack([at, at + 22, at + 21], axis=-1).reshape(-1, 3)
+    return TriangleMesh(vertices, np.concatenate([lower, upper]))
+
+
+GROUNDS = {
+    "still": lambda: HeightMap(wave(0.0), resolution=RESOLUTION, origin=(LOW, LOW)),
+    "moving": moving,
+    "moving and turned": lambda: moving(yaw=0.3),
+    "moving with noise": lambda: moving(MotionConfig(noise=0.01)),
+    "sliding": sliding,
+    "corrected": lambda: moving(MotionConfig(changes="correction")),
+    "with holes": holed,
+    "tiles": tiles,
+    "mesh": mesh,
+}
+
+
+def turned(x: float, y: float, z: float, yaw: float, tilt: float = 0.0) -> BodyState:
+    """A state turned by ``yaw`` after a ``tilt`` about y, which leaves the yaw as it is."""
+    c, s, a, b = math.cos(0.5 * yaw), math.sin(0.5 * yaw), math.cos(0.5 * tilt), math.sin(0.5 * tilt)
+    return BodyState((x, y, z), (-s * b, c * b, s * a, c * a))
+
+
+@pytest.fixture
+def flat() -> Iterator[World]:
+    with World(HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))) as made:
+        yield made
+
+
+@pytest.mark.parametrize("ground", GROUNDS)
+@pytest.mark.parametrize("order", ["xy", "yx"])
+def test_a_scan_is_the_ground_at_its_points(ground: str, order: str) -> None:
+    """Of bodies anywhere, also at and beyond the edge of the ground."""
+    random = np.random.default_rng(3)
+    scan = HeightScan(size=(1.1, 0.7), spacing=0.09, offset=(0.2, -0.1, 0.0), order=order)
+    with World(GROUNDS[ground]()) as world:
+        world.time = 0.22
+        poses = np.column_stack(
+            [random.uniform(-4.5, 4.5, (60, 2)), random.uniform(0, 2, 60), random.uniform(-4, 4, 60)]
+        )
+        names = [f"body_{k}" for k in range(len(poses))]
+        for name, pose in zip(names, poses.tolist(), strict=True):
+            world.spawn(name, Sphere(0.1), 1.0, turned(*pose, tilt=random.uniform(-0.6, 0.6)))
+        found = world.height_scan(names, scan)
+        cos, sin = np.cos(poses[:, 3:]), np.sin(poses[:, 3:])
+        x, y = scan.points_b.T
+        points = np.stack([poses[:, :1] + x * cos - y * sin, poses[:, 1:2] + x * sin + y * cos], axis=-1)
+        wanted = world.ground_at(points.reshape(-1, 2)).z.reshape(found.shape)
+        np.testing.assert_allclose(found, wanted, atol=1e-9)
+        assert 0 < np.isnan(found).sum() < found.size
+        one = world.height_scan(names[7], scan)
+        np.testing.assert_array_equal(one, found[7:8])
+
+
+def test_a_turned_body_sees_a_turned_ground() -> None:
+    """Turning body and ground about the same point changes nothing."""
+    scan, yaw = HeightScan(), 0.7
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    still = HeightMap(wave(0.0), resolution=RESOLUTION, origin=(LOW, LOW))
+    around = HeightMap(wave(0.0), resolution=RESOLUTION, origin=(LOW * (cos - sin), LOW * (cos + sin)), yaw=yaw)
+    with World(still) as one, World(around) as other:
+        one.spawn("robot", Box(0.6, 0.3, 0.2), 10.0, turned(0.4, -0.3, 1.0, 0.2))
+        other.spawn(
+            "robot", Box(0.6, 0.3, 0.2), 10.0, turned(0.4 * cos + 0.3 * sin, 0.4 * sin - 0.3 * cos, 1.0, 0.2 + yaw)
+        )
+        np.testing.assert_allclose(one.height_scan("robot", scan), other.height_scan("robot", scan), atol=1e-9)
+
+
+def test_a_tracked_body_and_a_robot_are_scanned_around_their_frames(flat: World) -> None:
+    flat.terrain.tiles[""].replace(wave(0.0, 101), time=0.0)
+    flat.spawn_robot("robot", LOPSIDED, turned(0.5, 0.3, 1.0, 0.9))
+    flat.track("tracked", 0.2, turned(0.5, 0.3, 1.0, 0.9))
+    base = flat.base_state("robot")
+    yaw = float(yaws_of([base.orientation])[0])
+    assert yaw == pytest.approx(0.9, abs=1e-6)
+    assert math.dist(base.position, flat.state("robot").position) > 0.1
+    scan = HeightScan(values="clearance")
+    centre = scan.layout[0][1] * scan.layout[1][1] // 2
+    robot, tracked = flat.height_scan(["robot", "tracked"], scan)
+    for values, state in ((robot, base), (tracked, flat.state("tracked"))):
+        ground = flat.ground_at([state.position[:2]]).z[0]
+        assert values[centre] == pytest.approx(state.position[2] - ground, abs=1e-9)
+
+
+def test_a_body_that_physics_threw_to_no_place_sees_no_ground(flat: World) -> None:
+    flat.spawn_robot("robot", LOPSIDED, turned(0.0, 0.0, 1.0, 0.0))
+    flat.spawn("ball", Sphere(0.2), 1.0, turned(1.0, 0.0, 1.0, 0.0))
+    for body in flat.bodies.values():
+        flat.client.resetBaseVelocity(body.uid, [1e308] * 3)
+    flat.client.stepSimulation()
+    assert np.isnan(flat.height_scan(["robot", "ball"], HeightScan())).all()
+
+
+def isaac_lab_points(size: tuple[float, float], resolution: float, ordering: str) -> np.ndarray:
+    """``grid_pattern`` of isaaclab/sensors/ray_caster/patterns/patterns.py, whose torch.meshgrid takes the same
+    indexing as NumPy's."""
+    indexing = ordering if ordering == "xy" else "ij"
+    x = np.arange(-size[0] / 2, size[0] / 2 + 1.0e-9, resolution)
+    y = np.arange(-size[1] / 2, size[1] / 2 + 1.0e-9, resolution)
+    grid_x, grid_y = np.meshgrid(x, y, indexing=indexing)
+    return np.stack([grid_x.flatten(), grid_y.flatten()], axis=-1)
+
+
+def legged_gym_points() -> np.ndarray:
+    """``_init_height_points`` of legged_gym/envs/base/legged_robot.py; torch.meshgrid's indexing is "ij" there."""
+    measured_points_x = [
+        -0.8, -0.7, -0.6, -0.5, -0.4, -0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8,
+    ]  # fmt: skip
+    measured_points_y = [-0.5, -0.4, -0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5]
+    grid_x, grid_y = np.meshgrid(measured_points_x, measured_points_y, indexing="ij")
+    return np.stack([grid_x.flatten(), grid_y.flatten()], axis=-1)
+
+
+def isaac_lab_values(base_z: float, hits_z: np.ndarray) -> np.ndarray:
+    """``mdp.height_scan`` with clip=(-1.0, 1.0); a ray that hits nothing has an infinite hit."""
+    return np.clip(base_z - np.where(np.isnan(hits_z), np.inf, hits_z) - 0.5, -1.0, 1.0)
+
+
+def legged_gym_values(base_z: float, measured_heights: np.ndarray) -> np.ndarray:
+    """``compute_observations`` with obs_scales.height_measurements = 5."""
+    return np.asarray(np.clip(base_z - 0.5 - measured_heights, -1, 1.0) * 5.0)
+
+
+@pytest.mark.parametrize(
+    ("layout", "points", "values"),
+    [
+        ("isaac_lab", isaac_lab_points((1.6, 1.0), 0.1, "xy"), isaac_lab_values),
+        (
+            "unitree_rl_lab",
+            isaac_lab_points((1.6, 1.0), 0.1, "xy"),
+            lambda z, hits: np.clip(z - np.where(np.isnan(hits), np.inf, hits) - 0.5, -1.0, 5.0),
+        ),
+        (
+            "unitree_rl_mjlab",
+            isaac_lab_points((1.6, 1.0), 0.1, "xy"),
+            lambda z, hits: np.where(np.isnan(hits), 5.0, z - hits) / 5.0,
+        ),
+        ("legged_gym", legged_gym_points(), legged_gym_values),
+        ("unitree_rl_gym", legged_gym_points(), legged_gym_values),
+    ],
+)
+@pytest.mark.parametrize("z", [0.4, 0.7, 2.0])
+def test_layouts_are_those_of_the_training(layout: str, points: np.ndarray, values: Any, z: float) -> None:
+    scan = HeightScan.of(layout)
+    assert len(points) == 187
+    np.testing.assert_allclose(scan.points_b, points, atol=1e-12)
+    with World(holed()) as world:
+        for name, (x, y) in (("inside", (2.0, 1.5)), ("at the hole", (0.0, -0.6))):
+            world.spawn(name, Box(0.6, 0.3, 0.2), 10.0, turned(x, y, z, 0.0))
+            hits = world.ground_at(points + [x, y]).z
+            assert np.isnan(hits).any() == (name == "at the hole")
+            np.testing.assert_allclose(world.height_scan(name, scan)[0], values(z, hits), atol=1e-9)
+
+
+def test_both_orders_hold_the_same_values() -> None:
+    """The layout says how: (slow, fast)."""
+    with World(HeightMap(wave(0.0), resolution=RESOLUTION, origin=(LOW, LOW))) as world:
+        world.spawn("robot", Sphere(0.1), 1.0, turned(0.3, 0.2, 1.0, 0.5))
+        found = {}
+        for order in ("xy", "yx"):
+            scan = HeightScan(size=(0.8, 0.4), spacing=0.1, order=order)
+            (slow, rows), (fast, columns) = scan.layout
+            assert {slow: rows, fast: columns} == {"x": 9, "y": 5}
+            found[order] = world.height_scan("robot", scan).reshape(rows, columns)
+        np.testing.assert_array_equal(found["xy"], found["yx"].T)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize(("distribution", "deviation"), [("uniform", 0.02 / math.sqrt(3.0)), ("normal", 0.02)])
+def test_noise_has_its_deviation_and_is_added_before_the_scale(
+    layout: str, distribution: str, deviation: float
+) -> None:
+    plain = HeightScan.of(layout)
+    noisy = HeightScan.of(layout, noise=0.02, distribution=distribution)
+    with World(HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))) as world:
+        names = [f"body_{k}" for k in range(50)]
+        for name in names:
+            world.spawn(name, Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.6)))
+        true, first = world.height_scan(names, plain), world.height_scan(names, noisy)
+        errors = (first - true) / noisy.scale
+        assert errors.std() == pytest.approx(deviation, rel=0.03)
+        assert abs(errors.mean()) < 0.001
+        if distribution == "uniform":
+            assert np.abs(errors).max() <= 0.02 + 1e-12
+        # The same at the same instant, and new at another instant or with another seed.
+        np.testing.assert_array_equal(world.height_scan(names, noisy), first)
+        other = world.height_scan(names, HeightScan.of(layout, noise=0.02, distribution=distribution, seed=1))
+        world.skip(1)
+        later = world.height_scan(names, noisy)
+        for values in (other, later):
+            again = (values - true) / noisy.scale
+            assert abs(np.corrcoef(again.ravel(), errors.ravel())[0, 1]) < 0.05
+
+
+def test_holes_are_filled_only_if_that_is_asked() -> None:
+    with World(holed()) as world:
+        world.spawn("robot", Sphere(0.1), 1.0, turned(0.0, -0.6, 1.0, 0.4))
+        open_ = world.height_scan("robot", HeightScan(noise=0.01))
+        filled = world.height_scan("robot", HeightScan(noise=0.01, fill=7.0, clip=(-1.0, 1.0), scale=2.0))
+    assert 0 < np.isnan(open_).sum() < open_.size
+    np.testing.assert_allclose(filled, np.where(np.isnan(open_), 7.0, 2.0 * open_))
+
+
+@pytest.mark.parametrize("steps", [0, 1, 12])
+def test_a_delayed_scan_shows_the_ground_and_the_pose_of_then(steps: int) -> None:
+    scan = HeightScan.of("isaac_lab", noise=0.01)
+    with World(moving()) as world:
+        world.time = 0.2
+        state = turned(0.0, 0.0, 0.6, 0.3)
+        world.spawn("robot", Sphere(0.1), 1.0, BodyState(state.position, state.orientation, (0.5, 0.2, 0.0)))
+        delayed = HeightScanner(world, "robot", HeightScan.of("isaac_lab", noise=0.01, delay=steps * world.dt))
+        seen = []
+        for number in range(40):
+            seen.append(world.height_scan("robot", scan))
+            np.testing.assert_array_equal(delayed.read(), seen[max(number - steps, 0)])
+            world.step()
+        world.reset_time()  # what was measured before is of another time
+        np.testing.assert_array_equal(delayed.read(), world.height_scan("robot", scan))
+
+
+def test_a_scan_without_bodies_or_ground_is_empty() -> None:
+    with World() as world:
+        assert world.height_scan([], HeightScan()).shape == (0, 187)
+        world.spawn("robot", Sphere(0.1), 1.0)
+        assert np.isnan(world.height_scan("robot", HeightScan(size=(0.0, 0.0)))).tolist() == [[True]]
+
+
+def test_what_cannot_be_scanned_is_refused(flat: World) -> None:
+    flat.spawn("robot", Sphere(0.1), 1.0)
+    with pytest.raises(InputError, match="there is no body 'rover'"):
+        flat.height_scan(["robot", "rover"], HeightScan())
+    with pytest.raises(InputError, match="HeightScanner"):
+        flat.height_scan("robot", HeightScan(delay=0.02))

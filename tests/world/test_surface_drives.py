@@ -1,0 +1,245 @@
+"""Driven surfaces of links and bodies: commands, sleep, snapshots, settings, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import pybullet as pb
+import pytest
+from pybullet_utils.bullet_client import BulletClient
+
+from smartmesh_ros import BodyState, Box, Ground, InputError, PatchConfig, Snapshot, Sphere, World, WorldConfig
+from smartmesh_ros.patches.config import PatchKind
+from smartmesh_ros.scenes.tracks import robot_file
+from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros.world.robots.prepared import prepare_robot
+from tests.tracked import NAME, UNDERCARRIAGE, drive, slope, speed, standing
+
+
+def test_a_command_beyond_the_limit_drives_at_the_limit() -> None:
+    with standing(slope()) as world:
+        drive(world, 9.0, 9.0)
+        world.step(600)
+        assert speed(world) == pytest.approx(1.5, rel=0.01)
+        assert [(s.name, s.speed, s.limit) for s in world.surfaces(NAME)] == [
+            ("left_track", 1.5, 1.5),
+            ("right_track", 1.5, 1.5),
+        ]
+
+
+def test_any_body_can_creep_on_its_surface() -> None:
+    with World(slope()) as world:
+        world.spawn("box", Box(0.4, 0.4, 0.2), 2.0, BodyState((0.0, 0.0, 0.1)))
+        world.step(24)
+        world.drive_surface("box", "", 0.3, axis=(-2.0, 0.0, 0.0))
+        world.step(480)
+        assert world.state("box").linear == pytest.approx((0.0, 0.3, 0.0), abs=3e-3)
+        assert world.surfaces("box") == []
+
+
+def test_the_axis_is_one_of_the_frame_of_the_link() -> None:
+    """Whose inertia has another frame."""
+    turned = UNDERCARRIAGE.replace('<mass value="200"/>', '<origin rpy="0.3 0.2 1.2"/><mass value="200"/>')
+    with standing(slope(), turned) as world:
+        drive(world, 0.5, 0.5)
+        world.step(240)
+        assert speed(world) == pytest.approx(0.5, rel=0.01)
+
+
+def test_it_sleeps_only_while_its_tracks_stand_still() -> None:
+    with standing(slope(), sleep=True) as world:
+        world.step(480)
+        assert world.is_asleep(NAME)
+        drive(world, 0.0, 0.0)
+        world.step()
+        assert world.is_asleep(NAME), "nothing changed"
+        drive(world, 0.5, 0.5)
+        world.step(240)
+        assert speed(world) == pytest.approx(0.5, rel=0.01)
+        drive(world, 0.0, 0.0)
+        world.step(720)
+        assert world.is_asleep(NAME)
+
+
+@pytest.fixture
+def driven() -> Iterator[World]:
+    with standing(slope()) as world:
+        drive(world, 0.3, 0.5)
+        world.step(60)
+        yield world
+
+
+def test_commands_stay_after_a_reset(driven: World) -> None:
+    driven.reset_bodies()
+    driven.step(240)
+    assert math.hypot(*driven.state(NAME).linear) == pytest.approx(0.4, rel=0.02)
+
+
+def test_a_restored_world_goes_on_as_the_saved_one_to_the_bit(driven: World) -> None:
+    driven.spawn("box", Box(0.4, 0.4, 0.2), 2.0, BodyState((3.0, 0.0, 0.1)))
+    driven.drive_surface("box", "", 0.3)
+    saved = driven.save()
+    driven.step(120)
+    with World(slope()) as other:
+        other.restore(Snapshot.from_json(saved.to_json()))
+        assert [s.speed for s in other.surfaces(NAME)] == [0.3, 0.5]
+        other.step(120)
+        assert other.snapshot().to_json() == driven.snapshot().to_json()
+
+
+def test_a_change_of_settings_keeps_the_tracks_running(driven: World) -> None:
+    """Also one to colliders of PyBullet's own and back; on these the tracks stand still."""
+    steps: list[tuple[PatchKind, float]] = [("auto", 0.4), ("heightfield", 0.0), ("auto", 0.4)]
+    for kind, expected in steps:
+        config = WorldConfig(physics=driven.config.physics, patch=PatchConfig(kind=kind))
+        driven.configure(config)
+        driven.step(600)
+        assert math.hypot(*driven.state(NAME).linear) == pytest.approx(expected, abs=0.02), kind
+
+
+def test_another_body_in_the_slot_of_a_removed_one_stands_still(driven: World) -> None:
+    driven.remove(NAME)
+    driven.spawn_robot(NAME, UNDERCARRIAGE, BodyState((0.0, 0.0, 0.0)), on_ground=True)
+    driven.step(120)
+    assert driven.state(NAME).linear == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
+
+
+def test_where_contacts_are_pybullets_own_a_command_is_refused() -> None:
+    with World(slope(), WorldConfig(patch=PatchConfig(kind="heightfield"))) as world:
+        world.spawn_robot(NAME, UNDERCARRIAGE, BodyState((0.0, 0.0, 0.0)), on_ground=True)
+        with pytest.raises(InputError, match="choose 'auto'"):
+            drive(world, 0.5, 0.5)
+        assert [s.speed for s in world.surfaces(NAME)] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (JointCommand(position=1.0), "velocity alone"),
+        (JointCommand(effort=1.0), "velocity alone"),
+        (JointCommand(velocity=1.0, effort=1.0), "velocity alone"),
+        (JointCommand(), "velocity alone"),
+    ],
+)
+def test_a_track_takes_a_velocity_alone(driven: World, command: JointCommand, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        driven.command(NAME, "left_track", command)
+    assert [s.speed for s in driven.surfaces(NAME)] == [0.3, 0.5]
+
+
+def test_what_has_no_surface_on_the_ground_is_refused(driven: World) -> None:
+    driven.track("hand", 0.2, BodyState((5.0, 0.0, 0.2)))
+    for name, link, speed_, axis, words in (
+        ("nobody", "", 1.0, (0.0, 1.0, 0.0), "no body"),
+        ("hand", "", 1.0, (0.0, 1.0, 0.0), "not simulated"),
+        (NAME, "wheel", 1.0, (0.0, 1.0, 0.0), "'left_track_link'"),
+        (NAME, "left_track_link", math.nan, (0.0, 1.0, 0.0), "finite"),
+        (NAME, "left_track_link", 1e9, (0.0, 1.0, 0.0), "finite"),
+        (NAME, "left_track_link", 1.0, (0.0, 0.0, 0.0), "zero"),
+        (NAME, "left_track_link", 1.0, (0.0, math.inf, 0.0), "zero"),
+    ):
+        with pytest.raises(InputError, match=words):
+            driven.drive_surface(name, link, speed_, axis)
+    with pytest.raises(InputError, match="left_track, right_track"):
+        driven.drive(NAME, "middle_track", 1.0)
+    driven.spawn("ball", Sphere(0.2), 1.0, BodyState((6.0, 0.0, 0.2)))
+    with pytest.raises(InputError, match="attach"):
+        driven.ground.drive(driven.bodies["ball"].uid, 3, (0.0, 1.0, 0.0), 1.0)
+
+
+DRIVE = '<surface_drive name="left_track" link="left_track_link"><axis xyz="0 1 0"/><limit velocity="1.5"/>'
+
+
+@pytest.mark.parametrize(
+    ("instead", "words"),
+    [
+        (DRIVE.replace(' name="left_track"', ""), "no name"),
+        (DRIVE.replace("left_track", "right_track", 1), "name of another"),
+        (DRIVE.replace("left_track", "slew", 1), "of a joint"),
+        (DRIVE.replace("left_track_link", "wheel"), "'wheel', which does not exist"),
+        (DRIVE.replace("left_track_link", "right_track_link"), "one surface"),
+        (DRIVE.replace("0 1 0", "0 0 0"), "axis .* zero"),
+        (DRIVE.replace("0 1 0", "0 1e-200 0"), "axis .* zero"),
+        (DRIVE.replace("0 1 0", "0 1e200 0"), "no length"),
+        (DRIVE.replace("0 1 0", "0 1"), "3 numbers"),
+        (DRIVE.replace("0 1 0", "0 1 nan"), "finite"),
+        (DRIVE.replace('<axis xyz="0 1 0"/>', ""), "0 elements <axis>"),
+        (DRIVE.replace('<limit velocity="1.5"/>', ""), "0 elements <limit>"),
+        (DRIVE.replace("1.5", "fast"), "a number"),
+        (DRIVE.replace("1.5", "0"), "above zero"),
+        (DRIVE.replace("1.5", "-1"), "above zero"),
+    ],
+)
+def test_a_description_whose_surface_cannot_be_driven_is_refused(instead: str, words: str) -> None:
+    assert DRIVE in UNDERCARRIAGE
+    with pytest.raises(InputError, match=words):
+        prepare_robot(UNDERCARRIAGE.replace(DRIVE, instead))
+
+
+def test_a_link_without_a_shape_has_no_surface() -> None:
+    bare = '<link name="bare"/><joint name="j" type="fixed"><parent link="house"/><child link="bare"/></joint></robot>'
+    moved = UNDERCARRIAGE.replace(DRIVE, DRIVE.replace("left_track_link", "bare")).replace("</robot>", bare)
+    with pytest.raises(InputError, match="touches nothing"):
+        prepare_robot(moved)
+
+
+def test_pybullet_itself_ignores_the_element() -> None:
+    with World() as world:
+        uid = world.client.loadURDF(str(robot_file()))
+        assert world.client.getNumJoints(uid) == 3
+
+
+@pytest.fixture
+def client() -> Iterator[BulletClient]:
+    """A PyBullet world of one's own, with a box of 2 kg on the ground."""
+    made = BulletClient(pb.DIRECT)
+    made.setGravity(0.0, 0.0, -9.81)
+    shape = made.createCollisionShape(pb.GEOM_BOX, halfExtents=[0.2, 0.2, 0.1])
+    made.createMultiBody(2.0, shape, basePosition=[0.0, 0.0, 0.1])
+    yield made
+    made.disconnect()
+
+
+def run(ground: Ground, client: BulletClient, steps: int) -> float:
+    """Go on, and return the velocity of the box along x [m/s]."""
+    for _ in range(steps):
+        ground.step(ground.time, 1.0 / 240.0)
+    return float(client.getBaseVelocity(0)[0][0])
+
+
+def test_in_a_pybullet_world_of_ones_own(client: BulletClient) -> None:
+    ground = Ground(client, slope())
+    ground.attach(0)
+    ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
+    assert run(ground, client, 240) == pytest.approx(0.3, rel=0.01)
+    ground.detach(0)
+    ground.attach(0)
+    assert run(ground, client, 240) == pytest.approx(0.0, abs=1e-3), "it is attached anew"
+
+
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 0.0), (0.0, math.nan, 0.0), (0.0, 1e200, 0.0), (0.0, 1.0)])
+@pytest.mark.parametrize("speed_", [1.0, math.inf])
+def test_an_axis_without_direction_is_refused(client: BulletClient, axis: tuple[float, ...], speed_: float) -> None:
+    ground = Ground(client, slope())
+    ground.attach(0)
+    with pytest.raises(InputError):
+        ground.drive(0, -1, axis, speed_)  # type: ignore[arg-type]
+    assert run(ground, client, 24) == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_command_wakes_a_body_that_sleeps_in_pybullet(client: BulletClient) -> None:
+    client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
+    ground = Ground(client, slope())
+    ground.attach(0)
+    run(ground, client, 1200)
+    ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
+    assert run(ground, client, 240) == pytest.approx(0.3, rel=0.01)
+
+
+def test_without_pybullets_correction_of_friction_a_surface_stands_still(client: BulletClient) -> None:
+    client.setPhysicsEngineParameter(frictionERP=0.0)
+    ground = Ground(client, slope())
+    ground.attach(0)
+    ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
+    assert run(ground, client, 240) == pytest.approx(0.0, abs=1e-3)

@@ -1,0 +1,228 @@
+"""A tracked machine drives, climbs, slips and turns as Coulomb's friction at its contacts says."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import BodyState, HeightMap, World
+from smartmesh_ros.scenes.tracks import ground as ramp
+from smartmesh_ros.soil.bodies import BulletBodies
+from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros.terrain.grid import GridGeometry
+from tests.tracked import FLAT_TRACKS, LEVEL, NAME, UNDERCARRIAGE, drive, slope, speed, standing, yaw
+
+GRAVITY = 9.81
+GAUGE = 1.0  # of the undercarriage [m]
+
+
+@pytest.mark.parametrize("urdf", [UNDERCARRIAGE, FLAT_TRACKS])
+@pytest.mark.parametrize("commanded", [0.5, -1.2])
+def test_it_drives_straight_at_the_speed_of_its_tracks(urdf: str, commanded: float) -> None:
+    with standing(slope(), urdf) as world:
+        drive(world, commanded, commanded)
+        world.step(120)
+        before = world.state(NAME).position
+        world.step(480)
+        after = world.state(NAME).position
+        assert after[0] - before[0] == pytest.approx(2.0 * commanded, rel=0.01)
+        assert (after[1], yaw(world)) == pytest.approx((0.0, 0.0), abs=1e-3)
+        drive(world, 0.0, 0.0)
+        world.step(480)  # it rocks on the middles of its tracks for one or two seconds
+        assert world.state(NAME).linear == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
+
+
+def test_on_ground_that_moves_back_as_fast_it_stays_in_place() -> None:
+    with standing(slope()) as world:
+        drive(world, 0.5, 0.5)
+        start = world.time
+        for step in range(720):
+            if step % 4 == 0:
+                moved = 0.5 * (world.time - start)
+                geometry = GridGeometry(rows=201, columns=201, resolution=0.1, origin=(-10.0 - moved, -10.0, 0.0))
+                world.terrain.put("", HeightMap(np.zeros((201, 201)), geometry=geometry, time=world.time))
+            world.step()
+            if step == 240:
+                before = world.state(NAME).position[0]
+        assert world.state(NAME).position[0] == pytest.approx(before, abs=0.02)
+
+
+def test_on_ground_that_rises_and_sinks_it_keeps_its_speed() -> None:
+    with standing(slope()) as world:
+        drive(world, 0.5, 0.5)
+        ground = world.terrain.tiles[""]
+        assert isinstance(ground, HeightMap)
+        for step in range(480):
+            if step % 4 == 0:
+                ground.replace(np.full((201, 201), 0.1 * math.sin(3.0 * world.time)), time=world.time)
+            world.step()
+            if step >= 120:
+                assert world.state(NAME).linear[0] == pytest.approx(0.5, rel=0.02)
+
+
+@pytest.mark.parametrize("urdf", [UNDERCARRIAGE, FLAT_TRACKS])
+def test_it_climbs_20_degrees_with_enough_friction(urdf: str) -> None:
+    with standing(slope(20.0), urdf) as world:
+        drive(world, 0.5, 0.5)
+        world.step(240)
+        before = world.state(NAME).position[2]
+        world.step(480)
+        assert speed(world) == pytest.approx(0.5, rel=0.01)
+        assert world.state(NAME).position[2] - before == pytest.approx(math.sin(math.radians(20.0)), rel=0.01)
+
+
+def test_on_soil_it_climbs_20_degrees_and_leaves_ruts() -> None:
+    with World(ramp()) as world:
+        soil = Soil(world.terrain, "lete_sand", BulletBodies(world.client, world))
+        world.spawn_robot(NAME, UNDERCARRIAGE, BodyState((5.3, 0.0, 0.0)), on_ground=True, align=True)
+        for step in range(720):
+            if step == 120:
+                drive(world, 0.5, 0.5)
+            if step == 360:
+                before = world.state(NAME).position
+            world.step()
+            soil.apply(world.contacts(), world.dt, world.time)
+        x, _, z = np.array(world.state(NAME).position) - before
+        assert 0.8 * 0.75 < math.hypot(x, z) < 0.75, "slower than its tracks"
+        assert math.degrees(math.atan2(z, x)) == pytest.approx(20.0, abs=1.0)
+        assert 0.003 < soil.sinkage().max() < 0.05
+
+
+@pytest.mark.parametrize("driven", [0.0, 0.5])
+def test_it_slides_down_where_friction_is_less_than_the_slope(driven: float) -> None:
+    """The tracks slip all the time, so that their speed does not matter."""
+    mu, angle = 0.3, math.radians(20.0)
+    with standing(slope(20.0), FLAT_TRACKS, friction=mu) as world:
+        drive(world, driven, driven)
+        before = speed(world)
+        world.step(240)
+        expected = -GRAVITY * (math.sin(angle) - mu * math.cos(angle))
+        assert speed(world) - before == pytest.approx(expected, rel=0.02)
+
+
+def test_on_ice_it_starts_as_fast_as_friction_allows() -> None:
+    with standing(slope(friction=0.05), FLAT_TRACKS) as world:
+        drive(world, 1.0, 1.0)
+        world.step(120)
+        assert speed(world) == pytest.approx(0.05 * GRAVITY * 0.5, rel=0.02)
+        drive(world, -1.0, -1.0)
+        world.step(120)
+        assert speed(world) == pytest.approx(0.0, abs=0.01)
+
+
+def composite() -> tuple[np.ndarray, np.ndarray]:
+    """Inertia of the machine of boxes about its centre of mass [kg m^2], and its contacts (8, 3) from there [m]."""
+    centre = np.array([0.0, 0.0, -0.04])
+    inertia = np.zeros((3, 3))
+    for mass, moments, at in (
+        (60.0, (3.0, 5.0, 7.0), (0.0, 0.0, 0.0)),
+        (20.0, (0.2, 1.2, 1.2), (0.0, 0.4, -0.1)),
+        (20.0, (0.2, 1.2, 1.2), (0.0, -0.4, -0.1)),
+    ):
+        lever = np.array(at) - centre
+        inertia += np.diag(moments) + mass * (lever @ lever * np.eye(3) - np.outer(lever, lever))
+    corners = [(x, y, -0.25) for y in (-0.5, -0.3, 0.3, 0.5) for x in (-0.6, 0.6)]
+    return inertia, np.array(corners) - centre
+
+
+def equilibrium(heading: float, belt: float, *, isotropic: bool) -> float:
+    """Rate [rad/s] at which the moments of friction balance, while the tracks run at -belt and +belt [m/s].
+
+    Friction of equally loaded contacts is opposed to the slip; in PyBullet's solver for multibodies to the slip times
+    the mass that each axis of the world meets at the contact.
+    """
+    cos, sin = math.cos(heading), math.sin(heading)
+    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    inertia, contacts = composite()
+    levers, inverse = contacts @ turn.T, np.linalg.inv(turn @ inertia @ turn.T)
+    along = np.where(contacts[:, 1:2] < 0.0, belt, -belt) * turn[:, 0]
+    arms = np.cross(levers[:, None], np.eye(3)[None, :2])  # (8, 2, 3)
+    masses = 1.0 / (1.0 / 100.0 + np.einsum("kai,ij,kaj->ka", arms, inverse, arms))
+
+    def moment(rate: float) -> float:
+        slip = np.cross([0.0, 0.0, rate], levers)[:, :2] - along[:, :2]
+        force = -slip * (1.0 if isotropic else masses)
+        force /= np.linalg.norm(force, axis=1, keepdims=True)
+        return float((levers[:, 0] * force[:, 1] - levers[:, 1] * force[:, 0]).sum())
+
+    low, high = 0.0, 2.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if moment(middle) > 0.0 else (low, middle)
+    return low
+
+
+@pytest.mark.parametrize(("belt", "friction"), [(0.4, 1.0), (0.2, 1.0), (0.4, 0.3)])
+def test_flat_tracks_turn_at_the_equilibrium_of_friction(belt: float, friction: float) -> None:
+    """At each heading as the solver's friction says. The equilibrium changes while the machine turns, and the rate lags
+    behind it by its inertia: by a share of v^2 / mu, 1 % at 0.4 m/s and mu 1."""
+    with standing(slope(), FLAT_TRACKS, friction=friction) as world:
+        drive(world, -belt, belt)
+        world.step(60)
+        for _ in range(24):
+            world.step(60)
+            expected = equilibrium(yaw(world), belt, isotropic=False)
+            assert world.state(NAME).angular[2] == pytest.approx(expected, rel=0.08 * belt**2 / friction)
+
+
+def test_isotropic_friction_of_four_corners_has_a_closed_form() -> None:
+    """For thin tracks of length L and gauge g the rate is 2 v / g / (1 + (L / g)^2), which the page tells."""
+    assert equilibrium(0.3, 0.4, isotropic=True) == pytest.approx(1.0 / (1.0 + 1.5**2), rel=0.02)
+
+
+def test_the_undercarriage_turns_on_the_spot_as_without_slip() -> None:
+    """Its load is on the middles of its tracks. Over all headings."""
+    with standing(slope()) as world:
+        drive(world, -0.4, 0.4)
+        world.step(120)
+        start = np.array(world.state(NAME).position)
+        for _ in range(32):
+            world.step(60)
+            assert world.state(NAME).angular[2] == pytest.approx(2.0 * 0.4 / GAUGE, rel=0.1)
+        np.testing.assert_allclose(world.state(NAME).position, start, atol=0.02)
+
+
+def test_one_faster_track_makes_a_curve() -> None:
+    with standing(slope()) as world:
+        drive(world, 0.3, 0.5)
+        world.step(360)
+        for _ in range(8):
+            world.step(60)
+            assert world.state(NAME).angular[2] == pytest.approx(0.2 / GAUGE, rel=0.1)
+            assert math.hypot(*world.state(NAME).linear[:2]) == pytest.approx(0.4, rel=0.02)
+
+
+def test_at_a_wall_it_stays_on_the_ground_and_awake() -> None:
+    """Each contact runs along its own ground: up at the wall, forward below."""
+    heights = np.zeros((201, 201))
+    heights[:, 109:] = 1.5
+    with standing(HeightMap(heights, geometry=LEVEL), FLAT_TRACKS, sleep=True, friction=0.2) as world:
+        before = world.state(NAME).position[2]
+        drive(world, 0.3, 0.3)
+        for _ in range(96):
+            world.step(10)
+            assert world.state(NAME).position[2] == pytest.approx(before, abs=5e-3)
+        assert 0.15 < world.state(NAME).position[0] < 0.3 and not world.is_asleep(NAME)
+
+
+def test_at_the_foot_of_a_slope_its_rear_stays_on_the_level() -> None:
+    heights = np.tile(np.clip(0.1 * np.arange(201) - 11.0, 0.0, None) * math.tan(math.radians(20.0)), (201, 1))
+    with standing(HeightMap(heights, geometry=LEVEL), FLAT_TRACKS) as world:
+        drive(world, 0.5, 0.5)
+        for _ in range(480):
+            world.step()
+            rear = min(contact.position[0] for contact in world.contacts())
+            assert rear - world.state(NAME).position[0] < -0.5
+        assert world.state(NAME).position[0] > 0.9
+
+
+def test_contacts_are_where_the_surface_touches_the_ground() -> None:
+    with standing(slope(), FLAT_TRACKS) as world:
+        drive(world, 1.5, 1.5)
+        world.step(120)
+        x, y, _ = world.state(NAME).position
+        places = sorted((contact.position[0] - x, contact.position[1] - y) for contact in world.contacts())
+        corners = [(end, side) for end in (-0.6, 0.6) for side in (-0.5, -0.3, 0.3, 0.5)]
+        np.testing.assert_allclose(sorted(places), corners, atol=1.5 * 2.0 / 240.0)
