@@ -34,6 +34,7 @@ from smartmesh_ros.node.services.ground_services import GroundServices
 from smartmesh_ros.node.services.initial_bodies import InitialBodies
 from smartmesh_ros.node.services.simulation_services import serve_simulation_interfaces
 from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.soil.collider_soil import require_soil, stand_on_soil
 from smartmesh_ros.startup.dds import send_without_waiting
 
 NAME = "terrain_collider"
@@ -48,12 +49,13 @@ class TerrainCollider(ParameterNode):
         self.settings = parameters.declare(self)
         self.session = session = Session(self, self.settings)
         self.pacer, self.refusals = session.pacer, session.refusals
+        require_soil(session.world, self.settings)
         self._initial = InitialBodies(session)
         self._robot = RobotDescription(session, self._initial)
         self._peers = PeerBodies(session)
         transforms = TransformInput(session)
         self._outputs = Publishing(session, self._peers, transforms)
-        self._terrain = TerrainInputs(session, self._initial.on_terrain)
+        self._terrain = TerrainInputs(session, self._on_terrain)
         self._bodies = BodyInputs(session, transforms)
         self._body_services = BodyServices(session)
         GroundServices(session, transforms)
@@ -184,9 +186,14 @@ class TerrainCollider(ParameterNode):
         self.pacer.restart()
         self._outputs.restart_measuring()
 
+    def _on_terrain(self) -> None:
+        stand_on_soil(self.session.world, self.settings)
+        self._initial.on_terrain()
+
     def _check_settings(self, settings: Settings) -> None:
         """Raises `InputError` if the settings do not fit the current terrain, or need a package that is missing."""
         require_transforms(settings.publish.tf)
+        require_soil(self.session.world, settings)
         for mesh in self.session.world.terrain.tiles.values():
             self.session.world.ground.require_usable(mesh, settings.world.patch)
 
@@ -197,9 +204,12 @@ class TerrainCollider(ParameterNode):
         session = self.session
         with session.lock:
             self.settings = session.settings = parameters.current_settings(self)
+            if not self.settings.soil:
+                stand_on_soil(session.world, self.settings)  # before its bodies get colliders that know no soil
             session.world.configure(self.settings.world)
             for mesh in session.world.terrain.tiles.values():
                 mesh.motion = self.settings.motion
+            stand_on_soil(session.world, self.settings)
             session.tracking.timeout = self.settings.body_timeout
             session.tracking.max_velocity = self.settings.max_velocity
             if names & {"physics.rate", "physics.deadline", "use_sim_time"}:

@@ -34,6 +34,7 @@ from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.tools.testing import Probe, pose_message
 from smartmesh_ros.tools.testing.process import START_TIMEOUT
 from studies.soil.trials import plate_sinkage
+from tests.node.shared import refusal_at_start, set_parameters
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 PLATE = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.2, 0.1])
@@ -83,6 +84,31 @@ def test_a_body_sinks_rests_and_sleeps_and_then_no_update_comes(probe: Probe, na
         sinkage = np.array(grid.data[1].data)
         assert sinkage.max() == pytest.approx(sunk, rel=0.5)
         assert np.count_nonzero(sinkage) < 100
+
+
+def test_bodies_of_a_collider_stand_on_soil_without_another_node(probe: Probe) -> None:
+    with probe.running("terrain_collider", {"soil.type": "lunar", "publish.body_states": 60.0}):
+        publish_flat(probe)
+        mass = 5e3 * 0.04 / 9.81
+        assert probe.call("spawn_body", SpawnBody, id="plate", shape=PLATE, mass=mass,
+                          pose=pose_message((0.003, 0.007, 0.0501))).success  # fmt: skip
+        probe.wait_for(lambda: probe.diagnostics("bodies")["asleep"] == "1")
+        sunk = 0.05 - height_of(probe, "plate")
+        assert sunk == pytest.approx(plate_sinkage(soil_named("lunar"), 0.2, 5e3), rel=0.1)
+        set_parameters(probe, {"soil.type": ""})
+        probe.wait_for(lambda: height_of(probe, "plate") == pytest.approx(0.05 - sunk, abs=2e-3))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"soil.type": "porridge"}, "there is no soil 'porridge'"),
+        ({"soil.type": "lunar", "patch.kind": "heightfield"}, "patch.kind"),
+        ({"soil.type": "lunar", "terrain.changes": "correction"}, "terrain.changes"),
+    ],
+)
+def test_a_collider_refuses_what_cannot_be_soil(parameters: dict[str, Any], words: str) -> None:
+    assert words in refusal_at_start(parameters)
 
 
 def soils_message(cells: list[list[int]], *, resolution: float, x: float, y: float) -> OccupancyGrid:

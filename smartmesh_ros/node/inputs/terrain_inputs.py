@@ -32,6 +32,8 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 # Frame of the terrain if the first map names none.
 DEFAULT_FRAME = "map"
+# Queue depths of the subscriptions to whole maps and to updates.
+MAPS, UPDATES = 2, 100
 
 
 class TerrainInputs:
@@ -47,8 +49,8 @@ class TerrainInputs:
         settings = session.settings
         durability = DurabilityPolicy[settings.durability.upper()]
         reliability = ReliabilityPolicy[settings.reliability.upper()]
-        maps = QoSProfile(depth=settings.map_depth, durability=durability, reliability=reliability)
-        updates = QoSProfile(depth=settings.update_depth, durability=durability, reliability=reliability)
+        maps = QoSProfile(depth=MAPS, durability=durability, reliability=reliability)
+        updates = QoSProfile(depth=UPDATES, durability=durability, reliability=reliability)
         before = len(session.subscriptions)
         session.listen(Heightmap, "heightmap", self._on_map, maps, raw=True)
         session.listen(HeightmapUpdate, "heightmap_update", self._on_region, updates, raw=True)

@@ -12,6 +12,7 @@ from smartmesh_ros.node.inputs.body_sources import BodySource
 from smartmesh_ros.node.outputs.scan_entries import ScanEntry
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
+from smartmesh_ros.soil.soils import soil_named
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.world import WorldConfig
 
@@ -73,6 +74,7 @@ class Settings:
     reliability: Reliability = "reliable"
     input: TerrainInput = "heightmap"
     file: str = ""
+    soil: str = ""
     most_tiles: int = 1000
     most_bodies: int = 10_000
     longest_urdf: int = UrdfRules.longest
@@ -85,8 +87,6 @@ class Settings:
     frames: tuple[BodySource, ...] = ()
     peers: tuple[str, ...] = ()
     height_scans: tuple[ScanEntry, ...] = ()
-    map_depth: int = 2
-    update_depth: int = 100
     output_durability: Durability = "volatile"
     incremental: bool = False
     marker_namespace: str = "patches"
@@ -97,3 +97,12 @@ class Settings:
     spawn: tuple[str, ...] = ()
     deadline: DeadlinePolicy = "catch_up"
     executor: ExecutorKind = "events"
+
+    def __post_init__(self) -> None:
+        if not self.soil:
+            return
+        soil_named(self.soil)
+        if self.world.patch.kind != "auto":
+            raise InputError("parameter", "soil.type needs contacts from the map: set patch.kind to auto")
+        if self.motion.corrects:
+            raise InputError("parameter", "soil.type needs maps that are exact: set terrain.changes to motion")

@@ -112,8 +112,8 @@ SPECS = (
     _param("terrain.friction_layer", "raster.friction_layer",
         "Layer of a grid map that holds the ground's coefficients of friction, by which those of bodies are multiplied "
         "(NaN = 1); empty = none."),
-    _fixed("terrain.map_depth", "map_depth", "Queue depth of the subscriptions to whole maps.", 1, 1000),
-    _fixed("terrain.update_depth", "update_depth", "Queue depth of the subscriptions to map updates.", 1, 100_000),
+    _param("soil.type", "soil",
+        "Soil that bodies stand on where the first tile is a height map, by its name in docs/soil.md; empty = none."),
     _param("raster.layer", "raster.layer", "Layer of a grid map that holds the heights."),
     _param("raster.variance_layer", "raster.variance_layer",
         "Layer of a grid map that holds the variances of the heights [m^2], which weight their fusion; empty = none, "
@@ -200,6 +200,8 @@ REMOVED = {
     "patch.edge_filter": "contacts from the map have no inner edges; leave it out",
     "patch.tolerance": "contacts from the map are exact; leave it out",
     "physics.landing": "contacts from the map stop bodies at the surface; leave it out",
+    "terrain.map_depth": "set qos_overrides.<full name of the topic>.subscription.depth",
+    "terrain.update_depth": "set qos_overrides.<full name of the topic>.subscription.depth",
     "publish.depth": "set qos_overrides.<full name of the topic>.publisher.depth",
 }
 
