@@ -19,11 +19,27 @@ constexpr double LOAD_ERROR = 1e-6;
 constexpr double STEEP = 0.05;
 // Depth from which a body that appears in the soil has been put there [m].
 constexpr double PUT_IN = 1e-3;
+// By how much soil may be higher than the mean around it, which the map shows [m].
+constexpr double HIGHER = 0.01;
 // Farthest place [m] at which a body counts; beyond it was thrown to infinity.
 constexpr double FARTHEST = 1e9;
 
 // Returns by how much slip deepens a wheel's rut: Lyasko, Slip sinkage effect in soil-vehicle mechanics, 2010.
 double slip_sinkage(double slip) { return (1.0 + slip) / (1.0 - 0.5 * slip); }
+
+// Returns how far from the middle, along columns and rows, a shape may be `below` a height above its middle [m].
+Slope reach_below(const Underside& shape, double below) {
+  const double x = reach(shape, 0), y = reach(shape, 1), radius = shape.half[0];
+  const bool is_ball = shape.kind == ShapeKind::Ball;
+  if (!is_ball && !lies(shape.solid)) return {x, y};
+  const Vec3 axis = is_ball ? Vec3{} : shape.axis(2);
+  const double deep = below + (is_ball ? 0.0 : std::abs(axis.z) * (shape.half[2] + radius));
+  const double half = deep >= 0.0 ? radius : std::sqrt(std::max(0.0, radius * radius - deep * deep));
+  if (is_ball) return {half, half};
+  const double level = std::hypot(axis.x, axis.y), end = shape.grown[2] + (shape.kind == ShapeKind::Capsule ? radius : 0.0);
+  return {std::min(x, std::abs(axis.x) * end + half * std::abs(axis.y) / level + radius * std::abs(axis.z)),
+          std::min(y, std::abs(axis.y) * end + half * std::abs(axis.x) / level + radius * std::abs(axis.z))};
+}
 
 // Returns the point of a round surface at the mean of some of its points: the speed of a rim decides which way a wheel
 // without slip is held.
@@ -68,16 +84,28 @@ SoilUnderBody::Placed SoilUnderBody::place(const SoilLattice& soil, const Moving
   return placed;
 }
 
-// Fills `under_` with the samples under a part whose rim slips.
-void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip, const SoilStep& step) {
+// Returns the samples within a distance of a part's middle along columns `x` and rows `y` [m]; none for a body that was
+// thrown to infinity.
+SampleRectangle SoilUnderBody::around(const SoilLattice& soil, const Placed& placed, double x, double y) {
+  const double wide = x / soil.spacing(), high = y / soil.spacing();
+  if (!(std::abs(placed.column) + std::abs(placed.row) + std::abs(placed.z) + wide + high < FARTHEST)) return {};
+  return {std::max(0, static_cast<int>(placed.row - high)), std::max(0, static_cast<int>(placed.column - wide)),
+          std::min(soil.rows() - 1, static_cast<int>(std::floor(placed.row + high)) + 1),
+          std::min(soil.columns() - 1, static_cast<int>(std::floor(placed.column + wide)) + 1)};
+}
+
+// Fills `under_` with the samples that a part whose rim slips reaches if it goes down by `deepest` [m].
+void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip, double deepest, const SoilStep& step) {
   under_.clear();
-  const double spacing = soil.spacing(), wide = reach(placed.shape, 0) / spacing, high = reach(placed.shape, 1) / spacing;
-  if (!(std::abs(placed.column) + std::abs(placed.row) + std::abs(placed.z) + wide + high < FARTHEST)) return;
-  const int top = std::max(0, static_cast<int>(placed.row - high));
-  const int left = std::max(0, static_cast<int>(placed.column - wide));
-  const int bottom = std::min(soil.rows() - 1, static_cast<int>(std::floor(placed.row + high)) + 1);
-  const int right = std::min(soil.columns() - 1, static_cast<int>(std::floor(placed.column + wide)) + 1);
-  if (bottom < top || right < left) return;
+  const SampleRectangle all = around(soil, placed, reach(placed.shape, 0), reach(placed.shape, 1));
+  if (all.empty()) return;
+  // Of round shapes, that part is enough which may be below the highest ground.
+  const double below = soil.highest(all.top, all.left, all.bottom, all.right) + HIGHER + deepest - placed.z;
+  const auto [x, y] = reach_below(placed.shape, below);
+  const SampleRectangle under = around(soil, placed, x, y);
+  if (under.empty()) return;
+  const double spacing = soil.spacing();
+  const auto [top, left, bottom, right] = under;
   soil.renew(top, left, bottom, right, step.number - 1);
   soils_.clear();
   for (int kind = 0; kind < soil.soil_count(); ++kind) {
@@ -94,10 +122,10 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
     for (int c = left; c <= right; ++c) {
       const int k = c - left;
       if (row_.low[k] == INFINITE) continue;
-      FineSample& sample = soil.at(r, c);
-      if (std::isnan(sample.level)) continue;
       const bool is_beside = exact_.low[k] == INFINITE;
       const double low = is_beside ? std::max(row_.low[k], placed.lowest) : exact_.low[k];
+      FineSample& sample = soil.at(r, c);
+      if (!(placed.z + low - deepest < sample.level)) continue;  // also in holes
       const PatchSoil& own = soils_[soil.kind(r, c)];
       const double loaded = sample.step == step.number - 1 ? sample.pressure : 0.0;
       under_.push_back({&sample, &own, r, c, is_beside, {row_.x[k], row_.y, low}, placed.z + low,
@@ -122,9 +150,10 @@ void SoilUnderBody::load(double down) {
 }
 
 // Returns how far down a part goes in a step [m], at which the samples then have their loads: where the force of the soil
-// and the part's inertia balance its load. Newton's method, with bisection where it leaves the bracket.
-double SoilUnderBody::settle(const Carried& carried, double speed_down, double dt) {
-  const double inertia = carried.mass / (dt * dt), free = speed_down * dt + carried.load / inertia;
+// and the part's inertia balance its load, which without soil would move it by `free` [m]. Newton's method, with
+// bisection where it leaves the bracket.
+double SoilUnderBody::settle(const Carried& carried, double free, double speed_down, double dt) {
+  const double inertia = carried.mass / (dt * dt);
   double low = free, high = free, trial = std::min(free, speed_down * dt);
   for (const Under& under : under_) low = std::min(low, under.low - under.sample->level);
   for (int round = 0; round < ROUNDS; ++round) {
@@ -195,8 +224,9 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
   then.solid.centre = then.solid.centre + Vec3{moving.linear.x, moving.linear.y, 0.0} * step.dt;
   for (Vec3& axis : then.solid.axes.row) axis = unit(axis + cross(moving.angular, axis) * step.dt);
   const Placed placed = place(soil, then, step.time);
-  gather(soil, placed, rim.slip(), step);
-  const double down = settle(carried, -moving.linear.z, step.dt);
+  const double free = -moving.linear.z * step.dt + carried.load / carried.mass * step.dt * step.dt;
+  gather(soil, placed, rim.slip(), free, step);
+  const double down = settle(carried, free, -moving.linear.z, step.dt);
   Quarter quarters[4];
   sum_quarters(placed, then.solid, rim, down, step.dt, quarters);
   const Vec3 velocity{moving.linear.x, moving.linear.y, -down / step.dt};
@@ -213,7 +243,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
 
 SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, ShearedRim& rim, const SoilStep& step) {
   const Placed placed = place(soil, moving, step.time);
-  gather(soil, placed, rim.slip(), step);
+  gather(soil, placed, rim.slip(), 0.0, step);
   load(0.0);
   SoilSums sums;
   points_ = {{}, {}, soil.spacing()};
@@ -236,7 +266,7 @@ SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, Shea
 
 void SoilUnderBody::make_room(SoilLattice& soil, const MovingSolid& moving, const SoilStep& step) {
   const Placed placed = place(soil, moving, step.time);
-  gather(soil, placed, 0.0, step);
+  gather(soil, placed, 0.0, 0.0, step);
   for (const Under& under : under_) {
     FineSample& sample = *under.sample;
     const double sinkage = sample.level - under.low;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "soil_lattice.h"
+#include "soil_layer.h"
 #include "soil_rim.h"
 #include "soil_shape.h"
 
@@ -66,9 +67,10 @@ class SoilUnderBody {
   struct Quarter;
 
   static Placed place(const SoilLattice& soil, const MovingSolid& moving, double time);
-  void gather(SoilLattice& soil, const Placed& placed, double slip, const SoilStep& step);
+  static SampleRectangle around(const SoilLattice& soil, const Placed& placed, double x, double y);
+  void gather(SoilLattice& soil, const Placed& placed, double slip, double deepest, const SoilStep& step);
   void load(double down);
-  double settle(const Carried& carried, double speed_down, double dt);
+  double settle(const Carried& carried, double free, double speed_down, double dt);
   void sum_quarters(const Placed& placed, const Solid& then, const ShearedRim& rim, double down, double dt,
                     Quarter (&quarters)[4]);
 

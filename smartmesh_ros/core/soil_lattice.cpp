@@ -33,6 +33,16 @@ double SoilLattice::level_at(int row, int column) const {
          part(v * (1.0 - u), mapped(r + 1, c)) + part(v * u, mapped(r + 1, c + 1));
 }
 
+double SoilLattice::highest(int top, int left, int bottom, int right) const {
+  const int last_row = std::min(bottom / refine_ + 1, map_.rows - 1);
+  const int last_column = std::min(right / refine_ + 1, map_.columns - 1);
+  double found = -1e300;
+  for (int r = top / refine_; r <= last_row; ++r)
+    for (int c = left / refine_; c <= last_column; ++c)
+      if (mapped(r, c) > found) found = mapped(r, c);  // not NaN
+  return found;
+}
+
 FineSample& SoilLattice::at(int row, int column) {
   auto& block = blocks_[static_cast<std::size_t>(row >> SIDE_SHIFT) * block_columns_ + (column >> SIDE_SHIFT)];
   if (block == nullptr) block = std::make_unique<Block>();

@@ -56,6 +56,8 @@ class SoilLattice {
   // Takes the ground from a row and column to others, all included, for new soil where others changed the map. What a
   // body pressed at the end of the `last` step keeps its sinkage: it moves with the ground.
   void renew(int top, int left, int bottom, int right, std::int32_t last);
+  // Returns the highest of the map's samples around these, without the map's z [m]; -1e300 = holes alone.
+  double highest(int top, int left, int bottom, int right) const;
   // Returns a fine sample; `renew` it before.
   FineSample& at(int row, int column);
   // Notes that a body pressed a sample.

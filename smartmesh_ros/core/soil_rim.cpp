@@ -69,14 +69,14 @@ void ShearedRim::slide_places(const MovingSolid& moving, const PointsInSoil& poi
     radius = std::max(radius, norm(offset - dot(offset, axis) * axis));
   }
   first -= 0.5 * points.spacing / radius, last += 0.5 * points.spacing / radius;
+  const double lowest = std::atan2(dot(solid.axes.row[1], down), dot(solid.axes.row[0], down));  // in the part's frame
   for (int k = 0; k < PLACES; ++k) {
-    const double own = (k + 0.5) / PLACES * TURN;
-    const Vec3 out = solid.axes.row[0] * std::cos(own) + solid.axes.row[1] * std::sin(own);
-    const double angle = angle_of(out);
+    const double own = (k + 0.5) / PLACES * TURN, angle = std::remainder(own - lowest, TURN);
     if (angle < first || angle > last) {
       slides_[k] = {};
       continue;
     }
+    const Vec3 out = solid.axes.row[0] * std::cos(own) + solid.axes.row[1] * std::sin(own);
     const Vec3 velocity = moving.linear + cross(moving.angular, out * radius) + moving.surface;
     slides_[k].around += dot(velocity, cross(axis, out)) * dt;
     slides_[k].along += dot(velocity, axis) * dt;
