@@ -138,7 +138,8 @@ class Soil:
 
     def note(self, contacts: Iterable[Contact]) -> None:
         """Add the contacts of a step. The next `apply` takes the mean over all steps since the one before, because
-        contact forces of single steps fluctuate, and soil keeps the sinkage of the highest load."""
+        contact forces of single steps fluctuate, and soil keeps the sinkage of the highest load. The ``dt`` of `apply`
+        is then that of all these steps together."""
         self._contacts.extend(contacts)
         self._steps += 1
 
