@@ -15,7 +15,7 @@ from smartmesh_ros.ground.colliders.field import HOLE
 from smartmesh_ros.ground.colliders.whole_mesh import MOST_INDICES, MOST_VERTICES
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from studies.engines.engine import Engine, EngineBody, Setup
+from studies.engines.engine import Contacts, Engine, EngineBody, Setup
 
 # Fraction of a penetration that the solver corrects per step. The same as the package's default, so that engines differ
 # in their colliders only.
@@ -70,6 +70,9 @@ class _Bullet(Engine):
 
     def velocities(self) -> FloatArray:
         return body_arrays(self._client, self._uids)[2]
+
+    def contacts(self) -> Contacts:
+        return bullet_contacts(self._client, self._uids)
 
     def close(self) -> None:
         if self._client.isConnected():
@@ -186,3 +189,17 @@ def body_arrays(client: Any, uids: list[int]) -> tuple[FloatArray, FloatArray, F
         np.array([pose[1] for pose in poses]).reshape(-1, 4),
         np.array([[*linear, *angular] for linear, angular in twists]).reshape(-1, 6),
     )
+
+
+def bullet_contacts(client: Any, uids: list[int]) -> Contacts:
+    """Return the contacts of PyBullet's bodies with bodies that are not in ``uids``."""
+    index, rows = {uid: number for number, uid in enumerate(uids)}, []
+    for point in client.getContactPoints():
+        first, second = index.get(point[1]), index.get(point[2])
+        if first is not None and second is not None:
+            continue
+        # Normal and forces are those on the first body.
+        own, place, sign = (first, point[5], 1.0) if first is not None else (second, point[6], -1.0)
+        friction = point[10] * np.array(point[11]) + point[12] * np.array(point[13])
+        rows.append((own, *place, *(sign * np.array(point[7])), point[8], point[9], *(sign * friction)))
+    return Contacts.of(rows)

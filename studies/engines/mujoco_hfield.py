@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
-from studies.engines.engine import Engine, EngineBody, Setup
+from studies.engines.engine import Contacts, Engine, EngineBody, Setup
 
 # Memory for the contacts of one body [bytes]: MuJoCo takes up to 50 between it and the ground.
 _ARENA = 1 << 20
@@ -112,6 +112,20 @@ class MujocoHfield(Engine):
             angular = twist[3:].copy()
             mujoco.mju_rotVecQuat(twist[3:], angular, orientation)
         return twists
+
+    def contacts(self) -> Contacts:
+        rows, force, model = [], np.zeros(6), self.model
+        first = model.nbody - len(self._setup.bodies)
+        for index, contact in enumerate(self.data.contact):
+            below, body = model.geom_bodyid[contact.geom] - first  # sorted by kind: a height field comes first
+            if below >= 0:
+                continue
+            mujoco.mj_contactForce(model, self.data, index, force)
+            normal = contact.frame[:3]
+            friction = force[1:3] @ contact.frame[3:].reshape(2, 3)
+            point = contact.pos + 0.5 * contact.dist * normal
+            rows.append((body, *point, *normal, contact.dist, force[0], *friction))
+        return Contacts.of(rows)
 
     def close(self) -> None:
         """Nothing is left open."""
