@@ -64,23 +64,27 @@ class Setup:
 class Contacts(NamedTuple):
     """The contacts of bodies with the ground in a step, as an engine tells them.
 
-    ``bodies`` (C,): their indices. ``points_w`` (C, 3) [m] and ``normals_w`` (C, 3), out of the ground, and
-    ``gaps`` (C,) [m]: before the step. ``normal_forces`` (C,) and ``frictions_w`` (C, 3) [N]: on the body in the step;
-    NaN = the engine keeps its friction to itself.
+    ``bodies`` (C,): their indices. ``points_w`` (C, 3) [m] and ``normals_w`` (C, 3), out of the ground, and ``gaps``
+    (C,) [m]: before the step. ``velocities_w`` (C, 3) [m/s]: of what was at the points, after the step.
+    ``normal_forces`` (C,) and ``frictions_w`` (C, 3) [N]: on the body in the step; NaN = the engine keeps its friction
+    to itself.
     """
 
     bodies: IntArray
     points_w: FloatArray
     normals_w: FloatArray
     gaps: FloatArray
+    velocities_w: FloatArray
     normal_forces: FloatArray
     frictions_w: FloatArray
 
     @classmethod
     def of(cls, rows: Sequence[Sequence[float]]) -> Contacts:
-        """Return contacts from rows of body, point, normal, gap, normal force and friction."""
-        table = np.array(rows, np.float64).reshape(-1, 12)
-        return cls(table[:, 0].astype(np.int64), table[:, 1:4], table[:, 4:7], table[:, 7], table[:, 8], table[:, 9:])
+        """Return contacts from rows of body, point, normal, gap, velocity, normal force and friction."""
+        bodies, points, normals, gaps, velocities, forces, frictions = np.split(
+            np.array(rows, np.float64).reshape(-1, 15), (1, 4, 7, 8, 11, 12), axis=1
+        )
+        return cls(bodies[:, 0].astype(np.int64), points, normals, gaps[:, 0], velocities, forces[:, 0], frictions)
 
 
 class Engine(ABC):

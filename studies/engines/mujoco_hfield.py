@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -114,18 +115,9 @@ class MujocoHfield(Engine):
         return twists
 
     def contacts(self) -> Contacts:
-        rows, force, model = [], np.zeros(6), self.model
-        first = model.nbody - len(self._setup.bodies)
-        for index, contact in enumerate(self.data.contact):
-            below, body = model.geom_bodyid[contact.geom] - first  # sorted by kind: a height field comes first
-            if below >= 0:
-                continue
-            mujoco.mj_contactForce(model, self.data, index, force)
-            normal = contact.frame[:3]
-            friction = force[1:3] @ contact.frame[3:].reshape(2, 3)
-            point = contact.pos + 0.5 * contact.dist * normal
-            rows.append((body, *point, *normal, contact.dist, force[0], *friction))
-        return Contacts.of(rows)
+        count = len(self._setup.bodies)
+        bodies = range(self.model.nbody - count, self.model.nbody)
+        return mujoco_contacts(self.model, self.data, dict(zip(bodies, range(count), strict=True)))
 
     def close(self) -> None:
         """Nothing is left open."""
@@ -156,6 +148,22 @@ class MujocoHfield(Engine):
         turned = np.empty(3)
         mujoco.mju_rotVecQuat(turned, np.array(state.angular), np.array([w, -x, -y, -z]))
         self.data.qvel[6 * index : 6 * index + 6] = [*state.linear, *turned]
+
+
+def mujoco_contacts(model: mujoco.MjModel, data: mujoco.MjData, parts: Mapping[int, int]) -> Contacts:
+    """Return the contacts of ``parts``, MuJoCo's bodies by their indices, with a height field, in the last step."""
+    rows, force, jacobian = [], np.zeros(6), np.zeros((3, model.nv))
+    for index, contact in enumerate(data.contact):
+        ground, body = model.geom_bodyid[contact.geom]  # sorted by kind: a height field comes first
+        if ground in parts:
+            continue
+        mujoco.mj_contactForce(model, data, index, force)
+        normal, tangents = contact.frame[:3], contact.frame[3:].reshape(2, 3)
+        point = contact.pos + 0.5 * contact.dist * normal
+        mujoco.mj_jac(model, data, jacobian, None, point, body)  # of the poses before the step
+        velocity, friction = jacobian @ data.qvel, force[1:3] @ tangents
+        rows.append((parts[body], *point, *normal, contact.dist, *velocity, force[0], *friction))
+    return Contacts.of(rows)
 
 
 def _half(body: EngineBody) -> list[float]:

@@ -97,10 +97,13 @@ class PhysxTrimesh(Engine):
             first, second = (index.get(part.entity.per_scene_id) for part in contact.bodies)
             if first is not None and second is not None:
                 continue
-            own, sign = (first, 1.0) if first is not None else (second, -1.0)
+            own, sign = (first, 1.0) if first is not None else (second or 0, -1.0)
+            body, dt = self._bodies[own], self._setup.dt
+            before = body.entity_pose.p - dt * body.linear_velocity
             for point in contact.points:
-                force = float(point.impulse @ point.normal) / self._setup.dt
-                rows.append((own, *point.position, *(sign * point.normal), point.separation, force, *[np.nan] * 3))
+                velocity = body.linear_velocity + np.cross(body.angular_velocity, point.position - before)
+                force, normal = float(point.impulse @ point.normal) / dt, sign * point.normal
+                rows.append((own, *point.position, *normal, point.separation, *velocity, force, *[np.nan] * 3))
         return Contacts.of(rows)
 
     def close(self) -> None:

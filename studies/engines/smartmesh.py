@@ -11,7 +11,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.world import World, WorldConfig
-from studies.engines.bullet import body_arrays, bullet_contacts
+from studies.engines.bullet import base_parts, body_arrays, bullet_contacts
 from studies.engines.engine import Contacts, Engine, EngineBody, Setup
 
 
@@ -79,7 +79,7 @@ class SmartMesh(Engine):
         return body_arrays(self.world.client, self._uids)[2]
 
     def contacts(self) -> Contacts:
-        return bullet_contacts(self.world.client, self._uids)
+        return bullet_contacts(self.world.client, base_parts(self._uids), self._setup.dt)
 
     def _attach(self, body: EngineBody) -> int:
         client, state = self.world.client, body.state

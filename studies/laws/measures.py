@@ -5,6 +5,7 @@ where a contact slips, friction takes as much power as the cone allows (maximum 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from studies.engines.engine import Contacts
 GRAVITY = 9.81
 # Contacts count that carry more than this share of the weight. They slip above this speed [m/s].
 PRESSED, SLIPS = 0.01, 0.03
+length = partial(np.linalg.norm, axis=-1)
 
 
 class Residuals(NamedTuple):
@@ -36,12 +38,11 @@ class Residuals(NamedTuple):
     dissipated: FloatArray
 
 
-def residuals(contacts: Contacts, velocities_w: FloatArray, weight: float, friction: float, dt: float) -> Residuals:
-    """Return the residuals of the contacts that press, of bodies of one ``weight`` [N] and coefficient of ``friction``;
-    ``velocities_w`` (C, 3) [m/s]: of the points relative to the ground after the step of ``dt`` [s]."""
+def residuals(contacts: Contacts, weight: float, friction: float, dt: float) -> Residuals:
+    """Return the residuals of the contacts that press in a step of ``dt`` [s], of bodies of one ``weight`` [N] and
+    coefficient of ``friction``; their velocities are relative to the ground."""
     pressed = contacts.normal_forces > PRESSED * weight
-    normals, gaps, forces, frictions = (np.asarray(column[pressed], np.float64) for column in contacts[2:])
-    velocities = velocities_w[pressed]
+    normals, gaps, velocities, forces, frictions = (np.asarray(column[pressed], np.float64) for column in contacts[2:])
     normal_speeds = np.sum(velocities * normals, axis=1)
     against = normal_speeds[:, None] * normals - velocities  # the direction against slip
     gaps = gaps + dt * normal_speeds
@@ -68,8 +69,3 @@ def spread(ends_w: FloatArray) -> tuple[float, float]:
     """Return the standard deviation of positions (N, 3) about their mean, and the largest distance of two of them."""
     deviation = np.sqrt(np.mean(length(ends_w - ends_w.mean(axis=0)) ** 2))
     return float(deviation), float(length(ends_w[:, None] - ends_w).max())
-
-
-def length(vectors: FloatArray) -> FloatArray:
-    """Return the lengths (...) of vectors (..., 3)."""
-    return np.asarray(np.linalg.norm(vectors, axis=-1))
