@@ -46,8 +46,8 @@ bench:  ## running times against the report's tables
 studies:  ## speed against accuracy, and the stability matrix (about 15 minutes; ARGS=--quick: two)
 	@$(RUN) studies -- $(STUDIES) accuracy $(ARGS)
 
-laws:  ## laws of contact, and how far runs drift apart, in each engine (about four minutes; ARGS=--quick: ten seconds)
-	@$(RUN) studies -- $(STUDIES) laws $(ARGS)
+laws:  ## laws of contact, and how far runs drift apart, in each engine (about four minutes)
+	@$(RUN) studies -- $(STUDIES) laws
 
 before-after:  ## the code of another checkout against this one's: BEFORE=/path/to/it, ARGS=--quick for a few scenes
 	@$(RUN) studies -- $(STUDIES) before-after --before "$(BEFORE)" $(ARGS)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -21,9 +20,10 @@ from studies.pages import ROOT, fill
 from studies.robots.configurations import configurations as robot_configurations
 
 PAGE = ROOT / "docs" / "accuracy.md"
-# Runs, of the quick study too, and how far their starts are from the middle one at most [m].
-RUNS, QUICK_RUNS, FURTHEST = 100, 2, 0.5e-6
+# Runs, and how far their starts are from the middle one at most [m].
+RUNS, FURTHEST = 100, 0.5e-6
 ATTACHED = SmartMeshOptions(attached=True, physics=PhysicsConfig(sleep=False))
+ROBOTS = {one.name: one for one in robot_configurations(quick=False)}
 HEAD = (
     "gap and force", "normal speed [mm/s]", "depth [mm]", "beyond the cone [%]", "off the slip [deg]",
     "friction / cone", "dissipated / largest",
@@ -37,12 +37,6 @@ def competitors() -> list[Configuration]:
     return [OURS[0], attached, *others]
 
 
-def robots() -> dict[str, Configuration]:
-    """Return those that simulate robots, by name."""
-    names = [one.name for one in competitors()]
-    return {one.name: one for one in robot_configurations(quick=False) if one.name in names}
-
-
 def laws(groups: Sequence[str]) -> str:
     """Return the table of residuals: a row for each group of scenes and engine, and for each engine's husky."""
     found = {
@@ -50,7 +44,8 @@ def laws(groups: Sequence[str]) -> str:
         for group in groups
         for one in competitors()
     }
-    found |= {f"husky: {name}": [residuals_of_husky(one)] for name, one in robots().items()}
+    driving = [ROBOTS[one.name] for one in competitors() if one.name in ROBOTS]
+    found |= {f"husky: {one.name}": [residuals_of_husky(one)] for one in driving}
     return table(["scenes: engine", *HEAD], [[name, *figures(parts)] for name, parts in found.items()])
 
 
@@ -76,10 +71,10 @@ def _of(values: FloatArray, statistic: Callable[[FloatArray], Any]) -> str:
 
 def drifts(runs: int) -> str:
     """Return the table of spreads [mm]: a row for each engine, a column for each scene."""
-    driving, rows = robots(), []
+    rows = []
     for one in competitors():
         cells = [_spread(partial(end_in, one, scene), runs) for scene in COURSES]
-        driven = _spread(partial(end_of_husky, driving[one.name]), runs) if one.name in driving else "-"
+        driven = _spread(partial(end_of_husky, ROBOTS[one.name]), runs) if one.name in ROBOTS else "-"
         rows.append([one.name, *cells, driven])
     return table(["engine", *(scene.name for scene in COURSES), "husky drives"], rows)
 
@@ -90,15 +85,11 @@ def _spread(run: Callable[[FloatArray], FloatArray], runs: int) -> str:
     return " / ".join(number(1e3 * value) for value in spread(np.array([run(shift) for shift in shifts])))
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Runs the study."""
-    parser = argparse.ArgumentParser(prog="python -m studies laws", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="a slope, and two runs of each scene; printed only")
-    quick = parser.parse_args(arguments).quick
-    text = f"{laws(['slope'] if quick else ['slope', 'waves', 'drop'])}\n\n{drifts(QUICK_RUNS if quick else RUNS)}"
+    text = f"{laws(['slope', 'waves', 'drop'])}\n\n{drifts(RUNS)}"
     print(text)
-    if not quick:
-        fill(PAGE, {"laws": text})
+    fill(PAGE, {"laws": text})
 
 
 if __name__ == "__main__":
