@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures renders test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks
+.PHONY: help demo view pictures renders test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks laws
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -45,6 +45,9 @@ bench:  ## running times against the report's tables
 
 studies:  ## speed against accuracy, and the stability matrix (about 15 minutes; ARGS=--quick: two)
 	@$(RUN) studies -- $(STUDIES) accuracy $(ARGS)
+
+laws:  ## laws of contact, and how far runs drift apart, in each engine (about four minutes)
+	@$(RUN) studies -- $(STUDIES) laws
 
 before-after:  ## the code of another checkout against this one's: BEFORE=/path/to/it, ARGS=--quick for a few scenes
 	@$(RUN) studies -- $(STUDIES) before-after --before "$(BEFORE)" $(ARGS)

@@ -12,6 +12,7 @@ STUDIES = {
     "bench": ("studies.bench.cli", "running times against the report's tables"),
     "fleet": ("studies.fleet.study", "several nodes on one terrain, in networks of their own"),
     "friction": ("studies.friction_picture", "a picture of boxes on ice beside gravel"),
+    "laws": ("studies.laws.study", "laws of contact, and how far runs drift apart, in each engine"),
     "lidar": ("studies.lidar_picture", "a picture of what a lidar measures"),
     "load": ("studies.load.study", "the node under load over DDS"),
     "rising": ("studies.rising_picture", "the README's moving picture: bodies sink into rising ground"),

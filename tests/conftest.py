@@ -44,6 +44,7 @@ COSTS = {
     "node/test_clock.py": 14,
     "fuzz/test_quick.py": 13,
     "studies/test_accuracy.py": 13,
+    "studies/test_laws.py": 13,
     "world/test_robots_asleep.py": 12,
     "ground/test_colliders.py": 12,
     "studies/test_bench.py": 12,

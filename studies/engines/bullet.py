@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -15,7 +16,7 @@ from smartmesh_ros.ground.colliders.field import HOLE
 from smartmesh_ros.ground.colliders.whole_mesh import MOST_INDICES, MOST_VERTICES
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from studies.engines.engine import Engine, EngineBody, Setup
+from studies.engines.engine import Contacts, Engine, EngineBody, Setup
 
 # Fraction of a penetration that the solver corrects per step. The same as the package's default, so that engines differ
 # in their colliders only.
@@ -70,6 +71,9 @@ class _Bullet(Engine):
 
     def velocities(self) -> FloatArray:
         return body_arrays(self._client, self._uids)[2]
+
+    def contacts(self) -> Contacts:
+        return bullet_contacts(self._client, base_parts(self._uids), self._setup.dt)
 
     def close(self) -> None:
         if self._client.isConnected():
@@ -186,3 +190,37 @@ def body_arrays(client: Any, uids: list[int]) -> tuple[FloatArray, FloatArray, F
         np.array([pose[1] for pose in poses]).reshape(-1, 4),
         np.array([[*linear, *angular] for linear, angular in twists]).reshape(-1, 6),
     )
+
+
+def base_parts(uids: list[int]) -> dict[tuple[int, int], int]:
+    """Return the bases of PyBullet's bodies with their indices."""
+    return {(uid, -1): index for index, uid in enumerate(uids)}
+
+
+def bullet_contacts(client: Any, parts: Mapping[tuple[int, int], int], dt: float) -> Contacts:
+    """Return the contacts of ``parts``, PyBullet's bodies and links by their indices, with others, in a step of ``dt``
+    [s]."""
+    rows = []
+    for point in client.getContactPoints():
+        first, second = (point[1], point[3]), (point[2], point[4])
+        if (first in parts) == (second in parts):
+            continue
+        # Normal and forces are those on the first body.
+        part, place, sign = (first, point[5], 1.0) if first in parts else (second, point[6], -1.0)
+        friction = point[10] * np.array(point[11]) + point[12] * np.array(point[13])
+        velocity = _velocity_at(client, part, place, dt)
+        normal = sign * np.array(point[7])
+        rows.append((parts[part], *place, *normal, point[8], *velocity, point[9], *(sign * friction)))
+    return Contacts.of(rows)
+
+
+def _velocity_at(client: Any, part: tuple[int, int], point: tuple[float, ...], dt: float) -> FloatArray:
+    """Return the velocity (3,) [m/s] after a step of what was at a ``point`` before it."""
+    body, link = part
+    if link < 0:
+        centre, (linear, angular) = client.getBasePositionAndOrientation(body)[0], client.getBaseVelocity(body)
+    else:
+        state = client.getLinkState(body, link, computeLinkVelocity=1)
+        centre, linear, angular = state[0], state[6], state[7]
+    arm = np.array(point) - (np.array(centre) - dt * np.array(linear))
+    return np.asarray(linear + np.cross(angular, arm))

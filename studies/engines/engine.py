@@ -9,11 +9,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
 
 from smartmesh_ros.ground.shapes import Box, Sphere
 from smartmesh_ros.ground.state import BodyState, Vector
-from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +61,32 @@ class Setup:
         return (columns - 1) * self.resolution, (rows - 1) * self.resolution
 
 
+class Contacts(NamedTuple):
+    """The contacts of bodies with the ground in a step, as an engine tells them.
+
+    ``bodies`` (C,): their indices. ``points_w`` (C, 3) [m] and ``normals_w`` (C, 3), out of the ground, and ``gaps``
+    (C,) [m]: before the step. ``velocities_w`` (C, 3) [m/s]: of what was at the points, after the step.
+    ``normal_forces`` (C,) and ``frictions_w`` (C, 3) [N]: on the body in the step; NaN = the engine keeps its friction
+    to itself.
+    """
+
+    bodies: IntArray
+    points_w: FloatArray
+    normals_w: FloatArray
+    gaps: FloatArray
+    velocities_w: FloatArray
+    normal_forces: FloatArray
+    frictions_w: FloatArray
+
+    @classmethod
+    def of(cls, rows: Sequence[Sequence[float]]) -> Contacts:
+        """Return contacts from rows of body, point, normal, gap, velocity, normal force and friction."""
+        bodies, points, normals, gaps, velocities, forces, frictions = np.split(
+            np.array(rows, np.float64).reshape(-1, 15), (1, 4, 7, 8, 11, 12), axis=1
+        )
+        return cls(bodies[:, 0].astype(np.int64), points, normals, gaps[:, 0], velocities, forces[:, 0], frictions)
+
+
 class Engine(ABC):
     """Simulation of bodies on moving ground in one engine. Call `close`, or use it as a context manager.
 
@@ -91,6 +119,10 @@ class Engine(ABC):
     @abstractmethod
     def velocities(self) -> FloatArray:
         """Return linear and angular velocities of the bodies in the world frame (N, 6) [m/s, rad/s]."""
+
+    def contacts(self) -> Contacts | None:
+        """Return the contacts of the last step, None if the engine does not tell their forces."""
+        return None
 
     @abstractmethod
     def close(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
-from studies.engines.engine import Engine, EngineBody, Setup
+from studies.engines.engine import Contacts, Engine, EngineBody, Setup
 
 # Memory for the contacts of one body [bytes]: MuJoCo takes up to 50 between it and the ground.
 _ARENA = 1 << 20
@@ -113,6 +114,11 @@ class MujocoHfield(Engine):
             mujoco.mju_rotVecQuat(twist[3:], angular, orientation)
         return twists
 
+    def contacts(self) -> Contacts:
+        count = len(self._setup.bodies)
+        bodies = range(self.model.nbody - count, self.model.nbody)
+        return mujoco_contacts(self.model, self.data, dict(zip(bodies, range(count), strict=True)))
+
     def close(self) -> None:
         """Nothing is left open."""
 
@@ -142,6 +148,22 @@ class MujocoHfield(Engine):
         turned = np.empty(3)
         mujoco.mju_rotVecQuat(turned, np.array(state.angular), np.array([w, -x, -y, -z]))
         self.data.qvel[6 * index : 6 * index + 6] = [*state.linear, *turned]
+
+
+def mujoco_contacts(model: mujoco.MjModel, data: mujoco.MjData, parts: Mapping[int, int]) -> Contacts:
+    """Return the contacts of ``parts``, MuJoCo's bodies by their indices, with a height field, in the last step."""
+    rows, force, jacobian = [], np.zeros(6), np.zeros((3, model.nv))
+    for index, contact in enumerate(data.contact):
+        ground, body = model.geom_bodyid[contact.geom]  # sorted by kind: a height field comes first
+        if ground in parts:
+            continue
+        mujoco.mj_contactForce(model, data, index, force)
+        normal, tangents = contact.frame[:3], contact.frame[3:].reshape(2, 3)
+        point = contact.pos + 0.5 * contact.dist * normal
+        mujoco.mj_jac(model, data, jacobian, None, point, body)  # of the poses before the step
+        velocity, friction = jacobian @ data.qvel, force[1:3] @ tangents
+        rows.append((parts[body], *point, *normal, contact.dist, *velocity, force[0], *friction))
+    return Contacts.of(rows)
 
 
 def _half(body: EngineBody) -> list[float]:

@@ -11,7 +11,7 @@ import numpy as np
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from studies.engines.engine import Engine, EngineBody, Setup
+from studies.engines.engine import Contacts, Engine, EngineBody, Setup
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # about pictures, which are not wanted here
@@ -89,6 +89,22 @@ class PhysxTrimesh(Engine):
     def velocities(self) -> FloatArray:
         twists = [[*body.linear_velocity, *body.angular_velocity] for body in self._bodies]
         return np.array(twists, np.float64).reshape(-1, 6)
+
+    def contacts(self) -> Contacts:
+        """Return the contacts of the last step; SAPIEN tells their normal forces only."""
+        rows, index = [], {body.entity.per_scene_id: number for number, body in enumerate(self._bodies)}
+        for contact in self._scene.get_contacts():
+            first, second = (index.get(part.entity.per_scene_id) for part in contact.bodies)
+            if first is not None and second is not None:
+                continue
+            own, sign = (first, 1.0) if first is not None else (second or 0, -1.0)
+            body, dt = self._bodies[own], self._setup.dt
+            before = body.entity_pose.p - dt * body.linear_velocity
+            for point in contact.points:
+                velocity = body.linear_velocity + np.cross(body.angular_velocity, point.position - before)
+                force, normal = float(point.impulse @ point.normal) / dt, sign * point.normal
+                rows.append((own, *point.position, *normal, point.separation, *velocity, force, *[np.nan] * 3))
+        return Contacts.of(rows)
 
     def close(self) -> None:
         self._bodies.clear()

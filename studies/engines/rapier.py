@@ -30,7 +30,7 @@ class RapierHeightfield(Engine):
     triangle meshes only. Bodies never sleep. Numbers are 32 bit.
 
     A ball that slides from triangle to triangle loses a tenth of its friction, because Rapier clusters contacts;
-    without clusters boxes that land tip over.
+    without clusters boxes that land tip over. Contacts do not tell their impulses, only pairs of bodies their sum.
     """
 
     name: ClassVar[str] = "rapier"

@@ -11,17 +11,19 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.world import World, WorldConfig
-from studies.engines.bullet import body_arrays
-from studies.engines.engine import Engine, Setup
+from studies.engines.bullet import base_parts, body_arrays, bullet_contacts
+from studies.engines.engine import Contacts, Engine, EngineBody, Setup
 
 
 @dataclass(frozen=True, kw_only=True)
 class SmartMeshOptions:
-    """Configurations of patches, of motion between maps, and of physics; the scene overrides step rate and gravity."""
+    """Configurations of patches, of motion between maps, and of physics; the scene overrides step rate and gravity.
+    ``attached``: the bodies are made as PyBullet makes them and attached to the ground, not spawned by `World`."""
 
     patch: PatchConfig = field(default_factory=PatchConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
+    attached: bool = False
 
 
 class SmartMesh(Engine):
@@ -34,9 +36,12 @@ class SmartMesh(Engine):
         self.heightmap = HeightMap(setup.heights, resolution=setup.resolution, motion=chosen.motion)
         physics = replace(chosen.physics, rate=1.0 / setup.dt, gravity=setup.gravity)
         self.world = World(self.heightmap, WorldConfig(physics=physics, patch=chosen.patch))
-        for index, body in enumerate(setup.bodies):
-            self.world.spawn(f"body_{index}", body.shape, body.mass, body.state)
-        self._uids = [body.uid for body in self.world.bodies.values()]
+        if chosen.attached:
+            self._uids = [self._attach(body) for body in setup.bodies]
+        else:
+            for index, body in enumerate(setup.bodies):
+                self.world.spawn(f"body_{index}", body.shape, body.mass, body.state)
+            self._uids = [body.uid for body in self.world.bodies.values()]
         for uid, body in zip(self._uids, setup.bodies, strict=True):
             self.world.client.changeDynamics(uid, -1, lateralFriction=body.friction, restitution=body.restitution)
         self._setup = setup
@@ -72,6 +77,18 @@ class SmartMesh(Engine):
 
     def velocities(self) -> FloatArray:
         return body_arrays(self.world.client, self._uids)[2]
+
+    def contacts(self) -> Contacts:
+        return bullet_contacts(self.world.client, base_parts(self._uids), self._setup.dt)
+
+    def _attach(self, body: EngineBody) -> int:
+        client, state = self.world.client, body.state
+        shape = client.createCollisionShape(**body.shape.bullet())
+        uid = client.createMultiBody(body.mass, shape, basePosition=state.position, baseOrientation=state.orientation)
+        client.changeDynamics(uid, -1, linearDamping=0.0, angularDamping=0.0)
+        client.resetBaseVelocity(uid, state.linear, state.angular)
+        self.world.ground.attach(uid)
+        return int(uid)
 
     def close(self) -> None:
         self.world.close()

@@ -17,6 +17,8 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.world import World, WorldConfig
+from studies.engines.bullet import bullet_contacts
+from studies.engines.engine import Contacts
 from studies.robots.engine import FRICTION, SERVO, Links, RobotEngine, RobotSetup
 
 
@@ -110,6 +112,10 @@ class WorldRobots(RobotEngine):
             linear = np.array([client.getBaseVelocity(uid)[0], *(state[6] for state in states)])
             found.append(self._shares @ linear)
         return np.array(found)
+
+    def contacts(self) -> Contacts:
+        parts = {(uid, link): index for index, uid in enumerate(self.uids) for link in (-1, *self._all)}
+        return bullet_contacts(self.world.client, parts, self._dt)
 
     def close(self) -> None:
         self.world.close()

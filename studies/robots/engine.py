@@ -11,6 +11,7 @@ import numpy as np
 
 from smartmesh_ros.scenes.moving import FloatGrid
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from studies.engines.engine import Contacts
 from studies.robots.robot import Robot
 
 # Time constant [s] of the servos that hold joints: the error shrinks by a tenth in a step of 1 / 240 s, which is
@@ -76,6 +77,10 @@ class RobotEngine(ABC):
     @abstractmethod
     def velocities(self) -> FloatArray:
         """Return the velocities of the robots' centres of mass (N, 3) [m/s]."""
+
+    def contacts(self) -> Contacts | None:
+        """Return the contacts of all links with the ground in the last step, None if the engine does not tell them."""
+        return None
 
     @abstractmethod
     def close(self) -> None:

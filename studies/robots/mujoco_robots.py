@@ -12,6 +12,8 @@ import numpy as np
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.scenes.moving import FloatGrid
 from smartmesh_ros.terrain.grid import FloatArray
+from studies.engines.engine import Contacts
+from studies.engines.mujoco_hfield import mujoco_contacts
 from studies.robots.engine import FRICTION, SERVO, Links, RobotEngine, RobotSetup, xyzw
 from studies.robots.urdf import root_link
 
@@ -128,6 +130,10 @@ class MujocoRobots(RobotEngine):
         mujoco.mj_comVel(self.model, self.data)
         mujoco.mj_subtreeVel(self.model, self.data)
         return np.asarray(self.data.subtree_linvel[self._roots]).copy()
+
+    def contacts(self) -> Contacts:
+        parts = {body: robot for robot, bodies in enumerate(self._bodies.tolist()) for body in bodies}
+        return mujoco_contacts(self.model, self.data, parts)
 
     def close(self) -> None:
         """Nothing is left open."""

@@ -1,0 +1,1 @@
+"""How well engines keep the laws of contact, and how far runs drift apart that start a micrometre apart."""

@@ -1,0 +1,98 @@
+"""Short scenes: what engines tell of their contacts in them, and where bodies end whose starts differ a little."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
+from studies.configurations import Configuration
+from studies.engines.engine import Contacts, Engine, EngineBody, Setup
+from studies.engines.registry import build
+from studies.laws.measures import GRAVITY, Residuals, joined, residuals
+
+# Bodies have 1 kg.
+BOX: dict[str, Any] = {"shape": "box", "size": (0.5, 0.4, 0.3)}
+SLOPE, WAVES, ROUGH = {"kind": "slope", "angle": 20}, {"kind": "waves"}, {"kind": "noise"}
+STAIRS = {"kind": "stairs", "rise": 0.3, "tread": 0.5}
+ASKEW = (0.5, 1.0, 0.0)  # a velocity [m/s] along no axis of the world, which a solver could prefer
+
+
+def scene_of(name: str, ground: dict[str, Any], seconds: float = 1.25, settle: float = 0.25, **bodies: Any) -> Scene:
+    """Return a scene of twelve bodies, or as many as ``bodies`` says, on a map of 10 m."""
+    return Scene(
+        name=name, title=name, ground=ground, grid=(41, 0.25), duration=seconds, settle=settle,
+        map_rate=240.0 if ground == WAVES else 0.0, bodies=Bodies(**{"count": 12, "spread": (3.0, 3.0), **bodies}),
+    )  # fmt: skip
+
+
+# Balls start without spin: they slip, then roll. Boxes slide, or stay where they are.
+TRIALS = (
+    scene_of("slope", SLOPE, settle=0.05, drop=0.0, velocity=ASKEW, friction=0.3),
+    scene_of("slope", SLOPE, drop=0.0, velocity=ASKEW, friction=0.3, **BOX),
+    scene_of("slope", SLOPE, drop=0.0, **BOX),
+    scene_of("waves", WAVES),
+    scene_of("waves", WAVES, **BOX),
+    scene_of("drop", ROUGH, settle=0.0, drop=0.3, velocity=ASKEW),
+    scene_of("drop", ROUGH, settle=0.0, drop=0.3, velocity=ASKEW, **BOX),
+)
+LONE: dict[str, Any] = {"count": 1, "spread": (0.03, 0.02), "drop": 0.001}
+COURSES = (
+    scene_of("box slides to rest", {"kind": "flat"}, 1.5, velocity=(2.0, 0.7, 0.0), **LONE, **BOX),
+    scene_of("ball on waves", WAVES, 2.0, velocity=ASKEW, **LONE),
+    scene_of("box tumbles down stairs", STAIRS, 2.0, velocity=(-2.0, 0.3, 0.0), **LONE, **BOX),
+)
+
+
+def entered(configuration: Configuration, scene: Scene, shift: Any = (0.0, 0.0, 0.0)) -> Engine:
+    """Return an engine with the bodies of a scene, moved by a ``shift`` (3,) [m]."""
+    shape, heights = scene.bodies.make_shape(), np.asarray(scene.make_ground().heights(0.0), np.float64)
+    starts = [replace(one, position=tuple(np.add(one.position, shift).tolist())) for one in scene.starts()]
+    bodies = [EngineBody(shape=shape, state=one, friction=scene.bodies.friction) for one in starts]  # type: ignore[arg-type]
+    setup = Setup(heights=heights, resolution=scene.grid[1], bodies=bodies, dt=1.0 / configuration.rate)
+    return build(configuration.engine, setup, configuration.options)
+
+
+def residuals_in(configuration: Configuration, scene: Scene) -> Residuals | None:
+    """Return the residuals of all contacts in a scene, None if the engine does not tell contacts."""
+    ground, dt, parts = scene.make_ground(), 1.0 / configuration.rate, []
+    with entered(configuration, scene) as engine:
+        for step in range(round(scene.duration / dt)):
+            now, then = (np.asarray(ground.heights((step + late) * dt), np.float64) for late in (0, 1))
+            if scene.moves:
+                engine.set_ground(now)
+            before = engine.velocities()
+            engine.step()
+            contacts = engine.contacts()
+            if contacts is None:
+                return None
+            if step * dt >= scene.settle and contacts.bodies.size:
+                contacts = completed(contacts, (engine.velocities() - before)[:, :3] / dt)
+                contacts.velocities_w[:, 2] -= scene.surface((then - now) / dt).below(contacts.points_w)
+                parts.append(residuals(contacts, GRAVITY, scene.bodies.friction, dt))
+    return joined(parts)
+
+
+def completed(contacts: Contacts, accelerations_w: FloatArray) -> Contacts:
+    """Return contacts with the friction that an engine keeps to itself, of bodies of 1 kg with one contact: what their
+    ``accelerations_w`` (N, 3) [m/s^2] leave to it."""
+    alone = np.bincount(contacts.bodies)[contacts.bodies] == 1
+    untold = np.isnan(contacts.frictions_w[:, 0]) & alone
+    rest = accelerations_w[contacts.bodies] - contacts.normal_forces[:, None] * contacts.normals_w
+    rest[:, 2] += GRAVITY
+    return contacts._replace(frictions_w=np.where(untold[:, None], rest, contacts.frictions_w))
+
+
+def end_in(configuration: Configuration, scene: Scene, shift: FloatArray) -> FloatArray:
+    """Return where a body is (3,) [m] at the end of a scene, whose start is moved by a ``shift`` (3,) [m]. Ground that
+    moves is told at 60 Hz."""
+    ground, dt = scene.make_ground(), 1.0 / configuration.rate
+    with entered(configuration, scene, shift) as engine:
+        for step in range(round(scene.duration / dt)):
+            if scene.moves and step % round(configuration.rate / 60.0) == 0:
+                engine.set_ground(np.asarray(ground.heights(step * dt), np.float64))
+            engine.step()
+        return np.array(engine.positions()[0])

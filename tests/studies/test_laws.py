@@ -1,0 +1,162 @@
+"""Laws of contact: their measures on contacts made by hand, what engines tell of contacts, and the study itself."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smartmesh_ros.terrain.grid import FloatArray
+from studies.configurations import Configuration
+from studies.engines.engine import Contacts
+from studies.laws import study
+from studies.laws.measures import GRAVITY, PRESSED, SLIPS, Residuals, residuals, spread
+from studies.laws.trials import COURSES, TRIALS, completed, end_in, entered
+
+MU, WEIGHT, DT = 0.4, GRAVITY, 1.0 / 240.0
+FALL = GRAVITY * DT**2  # of a body in a step from rest [m]
+LEVEL = np.eye(3)
+angles = st.floats(-math.pi, math.pi)
+
+
+def frame(tilt: float, turn: float) -> FloatArray:
+    """Two tangents and the normal (3, 3) of ground that is tilted about x and turned about z."""
+    c, s = math.cos(tilt), math.sin(tilt)
+    about_x = np.array([(1.0, 0.0, 0.0), (0.0, c, s), (0.0, -s, c)])
+    c, s = math.cos(turn), math.sin(turn)
+    return np.asarray(about_x @ np.array([(c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0)]))
+
+
+def contact(
+    velocity: tuple[float, float, float], force: tuple[float, float, float], gap: float = 0.0, axes: FloatArray = LEVEL
+) -> Residuals:
+    """Residuals of one contact whose velocity and force along two tangents and the normal are given."""
+    friction = np.array([force[0], force[1], 0.0]) @ axes
+    told = Contacts.of([(0, 0.0, 0.0, 0.0, *axes[2], gap, *(velocity @ axes), force[2], *friction)])
+    return residuals(told, WEIGHT, MU, DT)
+
+
+@given(tilt=angles, turn=angles, slip=angles, speed=st.floats(2.0 * SLIPS, 10.0), press=st.floats(0.1, 100.0))
+def test_friction_on_the_cone_against_slip_keeps_every_law(
+    tilt: float, turn: float, slip: float, speed: float, press: float
+) -> None:
+    x, y = math.cos(slip), math.sin(slip)
+    found = contact((speed * x, speed * y, 0.0), (-MU * press * x, -MU * press * y, press), axes=frame(tilt, turn))
+    assert [float(column[0]) for column in found] == pytest.approx([0, 0, 0, 0, 0, 1, 1], abs=1e-6)
+
+
+@given(off=st.floats(-3.1, 3.1), share=st.floats(0.01, 2.0))
+def test_friction_off_the_slip_is_turned_and_takes_less_power(off: float, share: float) -> None:
+    radius = share * MU * WEIGHT
+    found = contact((-1.0, 0.0, 0.0), (radius * math.cos(off), radius * math.sin(off), WEIGHT))
+    assert found.angles[0] == pytest.approx(abs(off), abs=1e-7)
+    assert found.used[0] == pytest.approx(share)
+    assert found.dissipated[0] == pytest.approx(share * math.cos(off))
+    assert found.beyond[0] == pytest.approx(max(share - 1.0, 0.0))
+
+
+def test_the_corner_of_a_pyramid_is_beyond_the_cone() -> None:
+    found = contact((-1.0, 0.0, 0.0), (MU * WEIGHT, MU * WEIGHT, WEIGHT))
+    assert (found.beyond[0], found.angles[0], found.dissipated[0]) == pytest.approx((2**0.5 - 1.0, math.pi / 4.0, 1.0))
+
+
+def test_a_contact_that_sticks_has_no_direction() -> None:
+    found = contact((0.5 * SLIPS, 0.0, 0.0), (0.1, 0.2, WEIGHT))
+    assert np.isnan([found.angles[0], found.used[0], found.dissipated[0]]).all()
+    assert found.beyond[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("gap", "speed", "press", "signorini", "depth"),
+    [
+        (0.0, 0.0, WEIGHT, 0.0, 0.0),
+        (0.5 * FALL, 0.0, WEIGHT, 0.5, 0.0),  # a force at a distance
+        (0.5 * FALL, 0.0, 0.2 * WEIGHT, 0.2, 0.0),
+        (0.5 * FALL, -0.5 * FALL / DT, WEIGHT, 0.0, 0.0),  # the step closes the gap
+        (0.0, 0.3 * FALL / DT, WEIGHT, 0.3, 0.0),  # it leaves the ground and is pressed
+        (-2e-3, 1e-3 / DT, WEIGHT, 0.0, 1e-3),
+    ],
+)
+def test_a_contact_has_a_gap_or_a_force(gap: float, speed: float, press: float, signorini: float, depth: float) -> None:
+    found = contact((0.0, 0.0, speed), (0.0, 0.0, press), gap)
+    assert (found.signorini[0], found.depths[0]) == pytest.approx((signorini, depth), abs=1e-12)
+    assert found.normal_speeds[0] == pytest.approx(abs(speed))
+
+
+def test_contacts_that_hardly_press_do_not_count() -> None:
+    assert contact((1.0, 0.0, 0.0), (0.0, 0.0, 0.9 * PRESSED * WEIGHT)).used.size == 0
+
+
+def test_what_an_engine_keeps_to_itself_is_what_the_motion_leaves() -> None:
+    """A ball of 1 kg that slides; another with two contacts, whose shares of friction nobody knows."""
+    untold = (np.nan, np.nan, np.nan)
+    rows = [
+        (body, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, press, *untold)
+        for body, press in ((0, 9.81), (1, 5.0), (1, 4.81))
+    ]
+    found = completed(Contacts.of(rows), np.array([(-3.0, 1.0, 0.0), (-3.0, 1.0, 0.0)]))
+    assert found.frictions_w[0] == pytest.approx([-3.0, 1.0, 0.0])
+    assert np.isnan(found.frictions_w[1:]).all()
+
+
+def test_the_spread_of_ends() -> None:
+    assert spread(np.array([(0.0, 0.0, 0.0), (0.0, 3.0, 4.0)])) == pytest.approx((2.5, 5.0))
+    assert spread(np.ones((4, 3))) == (0.0, 0.0)
+
+
+@pytest.fixture(params=study.competitors(), ids=lambda one: one.name)
+def configuration(request: pytest.FixtureRequest) -> Configuration:
+    found: Configuration = request.param
+    return found
+
+
+def test_forces_of_contacts_are_what_changes_the_momentum(configuration: Configuration) -> None:
+    """Of balls that slip, in each step; where an engine tells no friction, along the normal."""
+    scene = TRIALS[0]
+    with entered(configuration, scene) as engine:
+        for _ in range(24):
+            before = engine.velocities()
+            engine.step()
+            found = engine.contacts()
+            if found is None:
+                pytest.skip("tells no contacts")
+            change = (engine.velocities() - before)[:, :3] / DT + (0.0, 0.0, GRAVITY)
+            forces = found.normal_forces[:, None] * found.normals_w + np.nan_to_num(found.frictions_w)
+            total = np.zeros_like(change)
+            np.add.at(total, found.bodies, forces)
+            normal = np.array([-math.sin(math.radians(20.0)), 0.0, math.cos(math.radians(20.0))])
+            off = total - change
+            assert off @ normal == pytest.approx(0.0, abs=0.02)
+            if not np.isnan(found.frictions_w).any():
+                assert off == pytest.approx(0.0, abs=0.02)
+
+
+def test_contacts_move_as_their_body_does(configuration: Configuration) -> None:
+    """Balls: with their middle, and by their spin about it. PhysX moves middles by a little more than their speed."""
+    with entered(configuration, TRIALS[0]) as engine:
+        for _ in range(24):
+            middles = engine.positions()
+            engine.step()
+            found = engine.contacts()
+            if found is None:
+                pytest.skip("tells no contacts")
+            twists = engine.velocities()[found.bodies]
+            wanted = twists[:, :3] + np.cross(twists[:, 3:], found.points_w - middles[found.bodies])
+            assert found.velocities_w == pytest.approx(wanted, abs=1e-3)
+
+
+def test_equal_starts_have_equal_ends(configuration: Configuration) -> None:
+    first, second = (end_in(configuration, COURSES[0], np.zeros(3)) for _ in range(2))
+    assert (first == second).all()
+
+
+def test_the_study_compares_all_engines() -> None:
+    """On the slope, with two runs of each scene."""
+    residuals_told, drifts = study.laws(["slope"]), study.drifts(2)
+    for one in study.competitors():
+        assert f"| slope: {one.name} |" in residuals_told
+        assert (f"| husky: {one.name} |" in residuals_told) == (one.name in study.ROBOTS)
+        assert f"\n| {one.name} |" in drifts
