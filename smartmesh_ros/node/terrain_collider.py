@@ -99,10 +99,10 @@ class TerrainCollider(ParameterNode):
 
     def turn(self) -> bool:
         """Does one turn of a long answer; returns False if there is none under way."""
-        worked = True
         with self.session.enduring("services"):
-            worked = self.session.turns.advance()
-        return worked
+            if not self.session.turns.advance():
+                return False
+        return True
 
     def idle(self) -> None:
         """Publishes the outputs that are due, without a step, while ``/clock`` stands still."""
