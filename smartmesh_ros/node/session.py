@@ -161,12 +161,16 @@ class Session:
         self.turns.answer_later(self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES))
 
     def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], None]) -> None:
-        """Serves ``~/service`` with a response of any type, which ``handle`` fills in."""
+        """Serves ``~/service`` with a response that has ``success`` and ``message``; ``handle`` fills it in."""
 
         def callback(request: Any, response: Any) -> Any:
             self.handled += 1
-            with self.lock:
-                handle(request, response)
+            try:
+                with self.lock:
+                    handle(request, response)
+            except REFUSED as error:
+                self.refusals.add(service, error)
+                response.message = shortened(str(error))
             return response
 
         self.node.create_service(kind, f"~/{service}", callback, qos_profile=SERVICES)

@@ -170,8 +170,10 @@ class Population(Driving):
         body = self._own_body(name)
         if body.tracked:
             raise InputError("tracked", f"the pose of {name!r} is dictated by its topic; only simulated bodies move")
-        self._factory.move(body, state)
-        self.ground.wake(body.uid)
+        before = self.state(name)
+        with undone(lambda: self._factory.move(body, before)):
+            self._factory.move(body, state)
+            self.ground.wake(body.uid)
 
     def wake(self, name: str | None = None) -> None:
         """Wake a body, or all (None), with what it may touch. Only who pushes bodies through the ``client`` needs this:
