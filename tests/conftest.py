@@ -34,6 +34,7 @@ COSTS = {
     "newcomer/test_wheel.py": 25,
     "node/test_start.py": 25,
     "node/test_presets.py": 22,
+    "world/test_bullet_faults.py": 30,
     "tools/view/test_page.py": 21,
     "node/test_fleet.py": 18,
     "node/test_faults.py": 17,

@@ -29,6 +29,7 @@ from smartmesh_ros.ground.sleeping import Sleeping
 from smartmesh_ros.ground.soil_support import SoilSupport, SteppedSoil
 from smartmesh_ros.ground.solver import gravity_of, time_step_of
 from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.ground.update_schedule import UpdateSchedule
 from smartmesh_ros.ground.usable import require_usable
 from smartmesh_ros.patches.config import PatchConfig
@@ -116,11 +117,11 @@ class Ground:
         own = solid and not is_fixed(self._client, body)
         if not len(self.followers):
             self.contacts.set_time(self.time, time_step_of(self._client))
-        for follower in made:
-            self.followers.add(follower, own=own)
-            self.patches.reserve(self.followers.capacity)
-            self.contacts.attach(follower)
-            self._sleeping.add(follower.slot)
+        added: list[int] = []
+        with undone(lambda: self._take_off(added)):
+            for follower in made:
+                self._put_on(follower, own=own)
+                added.append(follower.slot)
         if self.contacts.exact:
             self.contacts.refresh()
         self._stale = True
@@ -128,12 +129,25 @@ class Ground:
 
     def detach(self, body: int) -> None:
         """Take ``body`` and its links off the ground. Call it before the body is removed from PyBullet."""
-        for slot in list(self.followers.of(body)):
+        self._take_off(list(self.followers.of(body)))
+        self._stale = True
+
+    def _put_on(self, follower: Follower, *, own: bool) -> None:
+        self.followers.add(follower, own=own)
+        self.patches.reserve(self.followers.capacity)
+        self._sleeping.add(follower.slot)
+        with undone(lambda: self.followers.remove(follower.slot)):
+            self.contacts.attach(follower)
+
+    def _take_off(self, slots: list[int]) -> None:
+        """Detach all of these followers, or none if PyBullet fails."""
+        for slot in slots:
+            self._sleeping.wake_near(slot)
+        self.contacts.detach(slots)
+        for slot in slots:
             self._sleeping.remove(slot)
-            self.contacts.detach(slot)
             self.patches.remove(slot)
             self.followers.remove(slot)
-        self._stale = True
 
     def drive(self, body: int, link: int, axis: Vector, speed: float) -> None:
         """Move the surface of an attached ``body``'s ``link`` (-1 = the base) at a ``speed`` [m/s] from now on, as that
@@ -184,12 +198,9 @@ class Ground:
         self._require_usable(config)
         self._require_exact_for(self.soil, config)
         self.wake()
-        self.patches.configure(config)
         if self._is_exact(config) != self.contacts.exact:
-            self.contacts.close()
-            self.contacts = self._new_contacts(config)
-            for follower in self.followers:
-                self.contacts.attach(follower)
+            self._exchange_contacts(config)
+        self.patches.configure(config)
         self.contacts.configure(config)
         self.config = config
         self.gravity = self.gravity if gravity is None else gravity
@@ -272,6 +283,7 @@ class Ground:
         """Read the bodies at ``time`` [s], and do what holds for the next ``steps`` steps of ``dt`` [s]: move bodies
         with corrections of the ground, wake and put to sleep, take the terrain's tiles, replace colliders."""
         duration, contacts, sleeping = dt * steps, self.contacts, self._sleeping
+        self._stale = True  # until the end: an update that failed is made again before the next step
         contacts.set_time(time, dt)
         with self.stopwatch.stage("bodies"):
             corrections = show_corrections(self.terrain, time)
@@ -281,13 +293,14 @@ class Ground:
                 move_with_corrections(self._client, corrections, self.followers, self.patches.supports, time)
             contacts.read_states(dt)
             contacts.let_go(sleeping.settle(time, dt, steps))
-        self._stale, self._steps, self.time = False, steps, time
+        self._steps, self.time = steps, time
         fall = 0.5 * self.gravity * duration**2 if contacts.exact else math.inf
         self.patches.begin(time, duration, fall)
         if not contacts.exact:
             self._require_usable(self.config)
         contacts.refresh()
         contacts.hold(sleeping.stopping)
+        self._stale = False
 
     def go_on(self, time: float, dt: float) -> bool:
         """Go on from the last `update` for a further step of ``dt`` [s] from ``time`` [s] on. Wakes sleeping bodies
@@ -380,6 +393,15 @@ class Ground:
 
     def _is_exact(self, config: PatchConfig) -> bool:
         return not self.no_proxies and config.kind == "auto"
+
+    def _exchange_contacts(self, config: PatchConfig) -> None:
+        """Let contacts come from elsewhere; the old ones stay if PyBullet fails."""
+        new, old = self._new_contacts(config), self.contacts
+        with undone(new.close):
+            for follower in self.followers:
+                new.attach(follower)
+            old.close()
+        self.contacts = new
 
     def _new_contacts(self, config: PatchConfig) -> MapContacts | PatchContacts:
         if self._is_exact(config):

@@ -15,6 +15,7 @@ import pybullet as pb
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.followers import Follower, Followers
+from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
@@ -51,17 +52,20 @@ def ground_in(client: Any, plugin: int) -> Any:
 def _reads_as_pybullet(client: Any, plugin: int) -> bool:
     """Return True if the core finds in Bullet's memory what PyBullet reports of a rigid body and a multibody."""
     core, found = ground_in(client, plugin), np.zeros((2, 13))
-    shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=0.1)
-    for slot in range(2):
-        body = client.createMultiBody(
-            1.0, shape, basePosition=PROBE[0], baseOrientation=PROBE[1], useMaximalCoordinates=slot
-        )
-        client.resetBaseVelocity(body, PROBE[2], PROBE[3])
-        core.attach(slot, body, -1, -1)
-        core.read(np.full(1, slot), found)
-        core.detach(slot)
-        client.removeBody(body)
-    core.release()
+    try:
+        shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=0.1)
+        for slot in range(2):
+            body = client.createMultiBody(
+                1.0, shape, basePosition=PROBE[0], baseOrientation=PROBE[1], useMaximalCoordinates=slot
+            )
+            with undone(lambda: client.removeBody(body)):  # noqa: B023
+                client.resetBaseVelocity(body, PROBE[2], PROBE[3])
+                core.attach(slot, body, -1, -1)
+                core.read(np.full(1, slot), found)
+                core.detach(slot)
+                client.removeBody(body)
+    finally:
+        core.release()
     return np.allclose(found, np.concatenate(PROBE), rtol=0.0, atol=1e-9)
 
 
@@ -96,13 +100,17 @@ class MapContacts:
         if follower.belt.speed:
             self.drive(follower)
 
-    def detach(self, slot: int) -> None:
-        """Remove the proxy of a follower."""
-        uid = self._uids.pop(slot, None)
-        if self._core.is_there:
-            if uid is not None:
-                self._client.removeBody(uid)
-            self._core.detach(slot)
+    def detach(self, slots: list[int]) -> None:
+        """Remove the proxies of followers: all, or none if PyBullet fails."""
+        gone: list[int] = []
+        with undone(lambda: self._attach_again(gone)):
+            for slot in slots:
+                if self._core.is_there:
+                    if slot in self._uids:
+                        self._client.removeBody(self._uids[slot])
+                    self._core.detach(slot)
+                self._uids.pop(slot, None)
+                gone.append(slot)
 
     def refresh(self) -> None:
         """Collide the followers that are awake with the tiles of the terrain from now on."""
@@ -162,10 +170,16 @@ class MapContacts:
 
     def close(self) -> None:
         """Remove all proxies."""
-        for slot in list(self._uids):
+        slots = list(self._uids)
+        self.detach(slots)
+        for slot in slots:
             self._followers[slot].collider = None
-            self.detach(slot)
         self._core.release()
+
+    def _attach_again(self, slots: list[int]) -> None:
+        self._wakes = -1  # new proxies are ground of sleeping bodies, too
+        for slot in slots:
+            self.attach(self._followers[slot])
 
     def _switch(self, awake: BoolArray) -> None:
         """Give the followers (S,) that are ``awake`` ground, and take it from the others."""
@@ -178,8 +192,10 @@ class MapContacts:
         client = self._client
         if self._shape is None:
             self._shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=1e-3)
+        if self._visual is None:
             self._visual = client.createVisualShape(pb.GEOM_BOX, halfExtents=[1e-3] * 3)
         uid = int(client.createMultiBody(0.0, self._shape, self._visual, useMaximalCoordinates=1))
         # PyBullet multiplies the coefficients of the two bodies, so 1 leaves the body's own coefficients in effect.
-        client.changeDynamics(uid, -1, lateralFriction=1.0, restitution=1.0)
+        with undone(lambda: client.removeBody(uid)):
+            client.changeDynamics(uid, -1, lateralFriction=1.0, restitution=1.0)
         return uid

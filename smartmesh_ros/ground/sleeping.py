@@ -91,8 +91,7 @@ class Sleeping:
         self._owners[slot] = self._followers[slot].body
 
     def remove(self, slot: int) -> None:
-        """Forget a follower that is about to be removed, and wake what may touch it."""
-        self._wake_near(slot)
+        """Forget a follower that is about to be removed. `wake_near` comes before."""
         self._stopped.pop(int(self._owners[slot]), None)
         self._forget(np.array([slot]))
 
@@ -140,7 +139,7 @@ class Sleeping:
             self._note_motion(time)
         return self._put_to_sleep(time, dt, steps)
 
-    def _wake_near(self, slot: int) -> None:
+    def wake_near(self, slot: int) -> None:
         """Wake the bodies that may touch a follower."""
         if not self._followers.asleep.size or np.isnan(self._boxes[slot, 0]):
             return
@@ -280,10 +279,11 @@ class Sleeping:
     def _wake_slots(self, slots: IntArray) -> None:
         """Wake bodies, after moving them with the corrections that they slept through."""
         self._lift(slots)
-        for owner in set(self._owners[slots].tolist()):
-            self._bullet.start(owner)
+        owners = set(self._owners[slots].tolist())
         self._forget(slots)
         self._followers.set_awake(slots, awake=True)
+        self._stopped |= dict.fromkeys(owners, math.inf)  # if PyBullet fails, the next update starts the others
+        self._start(owners)
 
     def _forget(self, slots: IntArray) -> None:
         """Discard what is known of bodies that woke or go."""

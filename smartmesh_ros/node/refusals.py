@@ -1,13 +1,21 @@
-"""Refused input, counted by reason and logged once per reason and period."""
+"""Refused input and failures, counted by reason and logged once per reason and period."""
 
 from collections import Counter
 from time import monotonic
 from typing import Any
 
+import pybullet as pb
+from rclpy.impl.implementation_singleton import rclpy_implementation
+
 from smartmesh_ros.errors import InputError
 
 # Time between two log lines of the same topic and reason [s].
 LOG_PERIOD = 5.0
+
+# What ends a message or call, and leaves the world as it was.
+REFUSED = (InputError, pb.error)
+# What may fail in a step or an output without ending the node.
+FAILED = (pb.error, rclpy_implementation.RCLError)
 
 # Longest text to log or answer [characters], because an error may quote a peer's whole message.
 LONGEST_TEXT = 1000
@@ -18,6 +26,13 @@ def shortened(text: str) -> str:
     return text if len(text) <= LONGEST_TEXT else f"{text[: LONGEST_TEXT // 2]} ... {text[-LONGEST_TEXT // 2 :]}"
 
 
+def reason_of(error: Exception) -> str:
+    """Return the word by which an error is counted."""
+    if isinstance(error, InputError):
+        return error.reason
+    return "pybullet" if isinstance(error, pb.error) else "dds"
+
+
 class Refusals:
     """Counts refused input and logs it at a limited rate."""
 
@@ -26,9 +41,9 @@ class Refusals:
         self._logger = logger
         self._logged: dict[str, tuple[float, int]] = {}
 
-    def add(self, source: str, error: InputError) -> None:
-        """Records that a message or call on ``source`` was refused."""
-        key = f"{source}: {error.reason}"
+    def add(self, source: str, error: Exception) -> None:
+        """Records that a message or call on ``source`` was refused, or that a part of the node failed."""
+        key = f"{source}: {reason_of(error)}"
         self.counts[key] += 1
         now = monotonic()
         last, count = self._logged.get(key, (-LOG_PERIOD, 0))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import contextmanager
 from threading import RLock
 from typing import Any
 
@@ -21,7 +22,7 @@ from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.own_topics import OwnTopics
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.node.refusals import LOG_PERIOD, Refusals, shortened
+from smartmesh_ros.node.refusals import FAILED, LOG_PERIOD, REFUSED, Refusals, shortened
 from smartmesh_ros.node.robot_names import RobotNames
 from smartmesh_ros.node.services.robot_preparation import RobotPreparation
 from smartmesh_ros.node.services.turns import Turns, Work
@@ -102,12 +103,20 @@ class Session:
                 with self.lock:
                     self.handled += 1
                     take(data if raw else message_from(data, kind, most()))
-            except InputError as error:
+            except REFUSED as error:
                 self.refusals.add(topic, error)
 
         name = f"~/{topic}" if private else topic
         self.topics.take(name)
         self.subscriptions.append(self.node.create_subscription(kind, name, callback, qos, raw=True))
+
+    @contextmanager
+    def enduring(self, part: str) -> Iterator[None]:
+        """Counts and logs a failure of PyBullet or DDS in the block, and goes on after it."""
+        try:
+            yield
+        except FAILED as error:
+            self.refusals.add(part, error)
 
     def answer(self, kind: Any, service: str, act: Callable[[Any], str]) -> None:
         """Serves ``~/service``: ``act`` returns the message of a successful response, or raises `InputError`."""
@@ -118,7 +127,7 @@ class Session:
                     self.handled += 1
                     response.message = act(request)
                 response.success = True
-            except InputError as error:
+            except REFUSED as error:
                 self.refusals.add(service, error)
                 response.message = shortened(str(error))
                 response.success = False
@@ -152,12 +161,16 @@ class Session:
         self.turns.answer_later(self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES))
 
     def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], None]) -> None:
-        """Serves ``~/service`` with a response of any type, which ``handle`` fills in."""
+        """Serves ``~/service`` with a response that has ``success`` and ``message``; ``handle`` fills it in."""
 
         def callback(request: Any, response: Any) -> Any:
             self.handled += 1
-            with self.lock:
-                handle(request, response)
+            try:
+                with self.lock:
+                    handle(request, response)
+            except REFUSED as error:
+                self.refusals.add(service, error)
+                response.message = shortened(str(error))
             return response
 
         self.node.create_service(kind, f"~/{service}", callback, qos_profile=SERVICES)
@@ -171,7 +184,7 @@ class Session:
             try:
                 await handle(request, response)
                 response.success = True
-            except InputError as error:
+            except REFUSED as error:
                 self.refusals.add(service, error)
                 response.message = shortened(str(error))
             return response

@@ -85,26 +85,32 @@ class TerrainCollider(ParameterNode):
         """
         session = self.session
         with session.lock:
-            self._bodies.refresh()
-            self._peers.refresh()
-            session.tracking.expire(session.clock.pace())
-            if session.paused:
-                session.world.refresh()
-            else:
-                session.world.behind_real_time = self.pacer.deadline_missed
-                session.world.skip(skipped)
-                session.world.step(prepared=self._outputs.publish_patches)
+            with session.enduring("inputs"):
+                self._bodies.refresh()
+                self._peers.refresh()
+                session.tracking.expire(session.clock.pace())
+            with session.enduring("physics"):
+                if session.paused:
+                    session.world.refresh()
+                else:
+                    session.world.behind_real_time = self.pacer.deadline_missed
+                    session.world.skip(skipped)
+                    session.world.step(prepared=self._outputs.publish_patches)
             session.note_lost()
             self._outputs.publish()
 
     def turn(self) -> bool:
         """Does one turn of a long answer; returns False if there is none under way."""
-        return self.session.turns.advance()
+        with self.session.enduring("services"):
+            if not self.session.turns.advance():
+                return False
+        return True
 
     def idle(self) -> None:
         """Publishes the outputs that are due, without a step, while ``/clock`` stands still."""
         with self.session.lock:
-            self.session.world.refresh()
+            with self.session.enduring("physics"):
+                self.session.world.refresh()
             self._outputs.publish()
 
     def destroy_node(self) -> None:

@@ -17,6 +17,7 @@ from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.limits import MASSES, SIZES, require_between
 from smartmesh_ros.ground.shapes import Box, Cylinder, Form, Shape, Sphere, form_of
 from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.world.base_frames import InertialFrame
 from smartmesh_ros.world.joints import JointCommand, command_joint
@@ -108,14 +109,15 @@ class BodyFactory:
             useMaximalCoordinates=1,
         )  # fmt: skip
         surface = surface or Surface(config.friction, config.restitution)
-        client.changeDynamics(
-            uid, -1, lateralFriction=surface.friction, restitution=surface.restitution, linearDamping=0.0,
-            angularDamping=0.0,
-        )  # fmt: skip
-        if isinstance(shape, Box | Cylinder):
-            client.changeDynamics(uid, -1, collisionMargin=ROUNDED)
         body = Body(name, uid, shape.bounding_radius, False, state, {}, {}, mass, shape, None, *surface)
-        self.place(body, state)
+        with undone(lambda: client.removeBody(uid)):
+            client.changeDynamics(
+                uid, -1, lateralFriction=surface.friction, restitution=surface.restitution, linearDamping=0.0,
+                angularDamping=0.0,
+            )  # fmt: skip
+            if isinstance(shape, Box | Cylinder):
+                client.changeDynamics(uid, -1, collisionMargin=ROUNDED)
+            self.place(body, state)
         return body
 
     def tracked(self, name: str, radius: float, state: BodyState) -> Body:
@@ -125,26 +127,23 @@ class BodyFactory:
             0.0, self._shape(Sphere(radius)), basePosition=state.position, baseOrientation=state.orientation
         )
         body = Body(name, uid, radius, True, state, {}, {})
-        self.place(body, state)
+        with undone(lambda: self._client.removeBody(uid)):
+            self.place(body, state)
         return body
 
     def robot(self, name: str, robot: PreparedRobot, state: BodyState, surface: Surface | None = None) -> Body:
         """Load a robot, whose joints turn freely. Links without ``<contact>`` have the configured friction and
         restitution or the given ones. Raises `InputError`, and adds nothing, if the robot is refused."""
         uid = load_robot(self._client, robot, URDF_FLAGS)
-        try:
+        with undone(lambda: self._client.removeBody(uid)):
             body = self._robot(name, uid, robot)
-        except InputError:
-            self._client.removeBody(uid)
-            raise
-        body.initial = state
-        surface = surface or Surface(self.config.friction, self.config.restitution)
-        body.friction, body.restitution = surface
-        self._set_contacts(body, given_contacts(robot.text))
-        body.fixed = is_fixed(self._client, uid)
-        self.place(body, BodyState())
-        body.hull = self._hull(body)
-        self.place(body, state)
+            body.initial = state
+            body.friction, body.restitution = surface or Surface(self.config.friction, self.config.restitution)
+            self._set_contacts(body, given_contacts(robot.text))
+            body.fixed = is_fixed(self._client, uid)
+            self.place(body, BodyState())
+            body.hull = self._hull(body)
+            self.place(body, state)
         return body
 
     def _robot(self, name: str, uid: int, robot: PreparedRobot) -> Body:

@@ -45,8 +45,8 @@ class Driving:
             return
         if body.commands.get(joint) != command:  # a robot may sleep while it holds a position
             self.ground.wake(body.uid)
-        body.commands[joint] = command
         self._motors.command(body.uid, body.joints[joint], command)
+        body.commands[joint] = command
 
     def require_command(self, name: str, joint: str, command: JointCommand) -> None:
         """Raise `InputError` if there is no robot of that name with this joint or driven surface, or if the command is

@@ -94,9 +94,10 @@ class Guests:
 
     def forget(self, owner: str) -> None:
         """Remove the guests of an owner and its states."""
-        known = self._owners.pop(owner, None)
-        for name in known.guests if known is not None else ():
-            self._world.remove_guest(name)
+        known = self._owners.get(owner)
+        if known is not None:
+            self._remove(known, list(known.guests))
+            del self._owners[owner]
 
     def clear(self) -> None:
         """Forget all owners."""
@@ -168,17 +169,17 @@ class Guests:
     def _use(self, known: GuestOwner, newest: Received) -> None:
         """Use newer states; guests that are missing from them, or whose shape or mass changed, are removed."""
         states, before = newest.states, known.now
-        known.now, known.new = newest, True
-        if before is None or not states.same_bodies(before.states):
+        if before is not None and not states.same_bodies(before.states):
             rows = {name: row for row, name in enumerate(states.names)}
-            for name, guest in list(known.guests.items()):
-                row = rows.get(name)
-                assert before is not None
-                if row is None or not states.same_body(row, before.states, guest.row):
-                    del known.guests[name]
-                    self._world.remove_guest(name)
-                else:
-                    guest.row = row
+            kept = {
+                name
+                for name, guest in known.guests.items()
+                if name in rows and states.same_body(rows[name], before.states, guest.row)
+            }
+            self._remove(known, [name for name in known.guests if name not in kept])
+            for name, guest in known.guests.items():
+                guest.row = rows[name]
+        known.now, known.new = newest, True
         known.barred = np.array([name in known.shared for name in states.names], bool) if known.shared else NOBODY
 
     def _add_and_remove(self, owner: str, known: GuestOwner, now: Received) -> None:
@@ -201,13 +202,16 @@ class Guests:
         ]
         if not going and not coming:
             return
-        for name in going:
-            del known.guests[name]
-            world.remove_guest(name)
+        self._remove(known, going)
         for row, name in coming:
             uid = world.add_guest(name, owner, states.shape(row), float(states.masses[row]))
             known.guests[name] = Guest(row, uid)
         known.new = True
+
+    def _remove(self, known: GuestOwner, names: list[str]) -> None:
+        for name in names:
+            self._world.remove_guest(name)
+            del known.guests[name]
 
     def _follow(self, known: GuestOwner, now: Received) -> None:
         """Set guests to their owner's states if there are new ones; in a lasting contact blend them instead; otherwise

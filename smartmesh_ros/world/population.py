@@ -11,12 +11,14 @@ from numpy.typing import ArrayLike
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.belt import Belt
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.limits import require_possible
 from smartmesh_ros.ground.shapes import Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.terrain.ray_cast import checked_rays
 from smartmesh_ros.terrain.surface_query import GroundSamples
 from smartmesh_ros.terrain.terrain import Terrain
@@ -121,11 +123,10 @@ class Population(Driving):
     def replace_robot(self, name: str, urdf: str | PreparedRobot) -> None:
         """Replace a robot by another at the current pose of its base; raises `InputError` and changes nothing if the
         URDF does not load."""
-        old = self._body(name)
+        old = self._own_body(name)
         new = self._robot(name, urdf, self.state(name))
         new.initial = old.initial
-        self.remove(name)
-        self._add(new)
+        self._exchange(old, new)
 
     def track(self, name: str, radius: float, state: BodyState) -> None:
         """Add a tracked body, whose pose is dictated, or set its next pose.
@@ -134,14 +135,12 @@ class Population(Driving):
         """
         require_possible(name, state)
         body = self.bodies.get(name)
-        Sphere(radius)  # refuses an impossible radius before the body of that name is removed
-        if body is not None and body.radius != radius and body.tracked:
-            self.remove(name)
-            body = None
+        Sphere(radius)  # refuses an impossible radius
         if body is None:
             self._require_free(name)
-            body = self._factory.tracked(name, radius, state)
-            self._add(body)
+            self._add(self._factory.tracked(name, radius, state))
+        elif body.tracked and body.radius != radius:
+            self._exchange(body, self._factory.tracked(name, radius, state))
         elif not body.tracked:
             raise InputError("duplicate_id", f"{name!r} is a simulated body; a tracked body needs another name")
         else:
@@ -171,8 +170,10 @@ class Population(Driving):
         body = self._own_body(name)
         if body.tracked:
             raise InputError("tracked", f"the pose of {name!r} is dictated by its topic; only simulated bodies move")
-        self._factory.move(body, state)
-        self.ground.wake(body.uid)
+        before = self.state(name)
+        with undone(lambda: self._factory.move(body, before)):
+            self._factory.move(body, state)
+            self.ground.wake(body.uid)
 
     def wake(self, name: str | None = None) -> None:
         """Wake a body, or all (None), with what it may touch. Only who pushes bodies through the ``client`` needs this:
@@ -199,17 +200,14 @@ class Population(Driving):
 
     def _on_ground(self, body: Body, clearance: float, align: bool) -> Body:
         """Place a new body on the ground; removes it and raises `InputError` if that is refused."""
-        try:
+        with undone(lambda: self.client.removeBody(body.uid)):
             if not self.terrain.tiles:
                 raise InputError("no_map", NO_TERRAIN)
             stance = finished(stance_of(self.client, body, body.initial, self.ground_at, align=align))
             state = stance.on(self.ground_at, clearance)
             require_possible(body.name, state)
-        except InputError:
-            self.client.removeBody(body.uid)
-            raise
-        body.initial = state
-        self._factory.move(body, state)
+            body.initial = state
+            self._factory.move(body, state)
         return body
 
     def _robot(self, name: str, urdf: str | PreparedRobot, state: BodyState) -> Body:
@@ -228,11 +226,24 @@ class Population(Driving):
         return bool(self.bodies[name.partition("/")[0]].owner)
 
     def _remove(self, name: str) -> None:
-        body = self._body(name)
-        self.ground.detach(body.uid)
-        self.client.removeBody(body.uid)
-        self._motors.forget(body.uid)
+        self._discard(self._body(name))
         del self.bodies[name]
+
+    def _exchange(self, old: Body, new: Body) -> None:
+        """Put a new body in the place of another; the old one stays if PyBullet fails."""
+        self._put_on_ground(new)
+        with undone(lambda: self._discard(new)):
+            self._discard(old)
+        del self.bodies[old.name]  # the new one comes last, as one that was added
+        self._enter(new)
+
+    def _discard(self, body: Body) -> None:
+        """Take a body out of PyBullet; it stays if PyBullet fails."""
+        belts = self._belts(body)
+        self.ground.detach(body.uid)
+        with undone(lambda: self._put_on_ground(body, belts)):
+            self.client.removeBody(body.uid)
+        self._motors.forget(body.uid)
 
     def _require_free(self, name: str) -> None:
         if not name or "/" in name:
@@ -245,17 +256,30 @@ class Population(Driving):
             )
 
     def _add(self, body: Body) -> None:
+        self._put_on_ground(body)
+        self._enter(body)
+
+    def _enter(self, body: Body) -> None:
         self.bodies[body.name] = body
         for note in body.notes:
             self.say(f"robot {body.name!r}: {note}")
-        if body.is_robot:
-            for link, part in body.links.items():
-                follower = self.ground.attach(body.uid, link, shape=body.shapes[link])
-                self._attach(body, follower, f"{body.name}/{part}")
-        else:
-            shape = Sphere(body.radius) if body.shape is None else body.shape
-            follower = self.ground.attach(body.uid, solid=not body.tracked, shape=shape)
-            self._attach(body, follower, body.name)
+
+    def _put_on_ground(self, body: Body, belts: dict[str, Belt] | None = None) -> None:
+        """Attach a body that PyBullet has to the ground; removes it from PyBullet if that fails."""
+        with undone(lambda: self._take_out(body)):
+            if body.is_robot:
+                for link, part in body.links.items():
+                    follower = self.ground.attach(body.uid, link, shape=body.shapes[link])
+                    self._attach(body, follower, f"{body.name}/{part}")
+            else:
+                shape = Sphere(body.radius) if body.shape is None else body.shape
+                follower = self.ground.attach(body.uid, solid=not body.tracked, shape=shape)
+                self._attach(body, follower, body.name)
+            self._move_belts(body, belts or {})
+
+    def _take_out(self, body: Body) -> None:
+        self.ground.detach(body.uid)
+        self.client.removeBody(body.uid)
 
     def _attach(self, body: Body, follower: Follower, name: str) -> None:
         """Record what this world knows of a new follower."""

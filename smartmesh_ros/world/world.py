@@ -18,6 +18,7 @@ from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.limits import FARTHEST_BODY
 from smartmesh_ros.ground.sleep_config import SleepConfig
 from smartmesh_ros.ground.solver import set_up
+from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.stopwatch import Stopwatch
@@ -30,7 +31,7 @@ from smartmesh_ros.world.contacts import GroundContact, ground_contacts
 from smartmesh_ros.world.guest_config import GuestConfig
 from smartmesh_ros.world.guests import Guests
 from smartmesh_ros.world.population import Population
-from smartmesh_ros.world.robots.prepared import prepare_robot
+from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.snapshot import Snapshot, body_snapshot
 from smartmesh_ros.world.wrenches import GroundWrench, wrenches_of_step
 
@@ -89,13 +90,15 @@ class World(Population):
         """Replace the settings while bodies rest on their patches; new friction and restitution apply to later bodies
         only."""
         self.ground.wake()  # PyBullet changes the gravity of awake bodies only
-        before, self.config = self.config, config
+        before = self.config
+        with undone(lambda: set_up(self.client, before.physics)):
+            set_up(self.client, config.physics)
+            self.ground.configure(config.patch, gravity=math.hypot(*config.physics.gravity))
+        self.config = config
         if (config.physics.sleep, config.sleep) != (before.physics.sleep, before.sleep):
             self._let_sleep()
-        set_up(self.client, config.physics)
         self._factory.config = config.physics
         self.guests.config = config.guests
-        self.ground.configure(config.patch, gravity=math.hypot(*config.physics.gravity))
 
     @property
     def dt(self) -> float:
@@ -197,11 +200,18 @@ class World(Population):
         robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
         if any(body.belts for body in snapshot.bodies):
             self.ground.require_belts()
-        soil = self.ground.soil
-        self.close()
-        self._refreshes, self._rescues = self.refreshes, self.rescues
-        self._start()
-        self.ground.set_soil(soil)
+        before = dict(vars(self))
+        with undone(lambda: vars(self).update(before)):
+            self._refreshes, self._rescues = self.refreshes, self.rescues
+            soil = self.ground.soil
+            self._start()
+            self.ground.set_soil(soil)
+            self._fill(snapshot, robots)
+        if before["client"].isConnected():
+            before["client"].disconnect()
+
+    def _fill(self, snapshot: Snapshot, robots: dict[str, PreparedRobot]) -> None:
+        """Add the bodies of a snapshot to a world without bodies, with its prepared robots."""
         self.time = snapshot.time
         for body in snapshot.bodies:
             surface = Surface(body.friction, body.restitution)
@@ -271,11 +281,12 @@ class World(Population):
             return
         there = (np.abs(positions) <= FARTHEST_BODY).all(axis=1)
         for name in sorted({followers[slot].name.partition("/")[0] for slot in awake[~there].tolist()}):
-            if self._is_guest(name):
+            guest = self._is_guest(name)
+            self._remove(name)
+            if guest:
                 self.guests.dropped(name)
             else:
                 self.lost.append(name)
-            self._remove(name)
         self.ground.go_on(self.time, self.dt)
 
     def _let_sleep(self) -> None:

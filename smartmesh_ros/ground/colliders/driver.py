@@ -12,6 +12,7 @@ from smartmesh_ros.ground.colliders.field import Field, make_field
 from smartmesh_ros.ground.colliders.mesh import MeshCollider, make_mesh
 from smartmesh_ros.ground.colliders.pairs import Pairs
 from smartmesh_ros.ground.followers import Follower, Followers
+from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import is_mesh
 from smartmesh_ros.terrain.grid import FloatArray
@@ -48,11 +49,14 @@ class Colliders:
 
     def release(self, follower: Follower) -> None:
         """Remove a follower's collider."""
-        held = self._held.pop(follower, None)
-        if held is not None:
-            self._pairs.retire(held.uid)
-            self._client.removeBody(held.uid)
+        if follower in self._held:
+            self._drop(self._held[follower].uid)
+            del self._held[follower]
             follower.collider = None
+
+    def _drop(self, uid: int) -> None:
+        self._pairs.retire(uid)
+        self._client.removeBody(uid)
 
     def _apply_patch(self, follower: Follower, batch: PatchBatch, row: int, support: Any, *, carry: bool) -> None:
         vertices = batch.vertices_w[row]
@@ -73,7 +77,7 @@ class Colliders:
         else:
             base = np.array([*(0.5 * (vertices[0, :2] + vertices[-1, :2])), batch.centres_w[row, 2]])
             turn = self._apply_field(follower, vertices, base, support)
-        uid = self._held[follower].uid
+        uid = follower.collider = self._held[follower].uid
         self._client.resetBasePositionAndOrientation(uid, base.tolist(), turn)
         if carry:
             self._push(uid, base, support)
@@ -105,17 +109,17 @@ class Colliders:
         """Give a follower's collider a coefficient, by which PyBullet multiplies that of the body."""
         held = self._held.get(follower)
         if held is not None and held.friction != friction:
-            held.friction = friction
             for link in range(-1, self._client.getNumJoints(held.uid)):
                 self._client.changeDynamics(held.uid, link, lateralFriction=friction)
+            held.friction = friction
 
     def _hold(self, follower: Follower, made: Field | MeshCollider) -> None:
         """Put a new collider in the place of a follower's old one; it touches this follower alone."""
-        self.release(follower)
-        self._pairs.claim(made.uid)
-        for link in range(-1, self._client.getNumJoints(made.uid)):
-            # PyBullet multiplies the coefficients of the two bodies, so 1 leaves the body's own coefficients in effect.
-            self._client.changeDynamics(made.uid, link, lateralFriction=1.0, restitution=1.0)
-        self._pairs.join(made.uid, follower.body, follower.link)
+        with undone(lambda: self._drop(made.uid)):
+            self.release(follower)
+            self._pairs.claim(made.uid)
+            for link in range(-1, self._client.getNumJoints(made.uid)):
+                # PyBullet multiplies the coefficients of the two bodies, so 1 leaves the body's own in effect.
+                self._client.changeDynamics(made.uid, link, lateralFriction=1.0, restitution=1.0)
+            self._pairs.join(made.uid, follower.body, follower.link)
         self._held[follower] = made
-        follower.collider = made.uid

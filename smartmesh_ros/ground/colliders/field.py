@@ -39,11 +39,11 @@ class Field:
         """Replace the heights above the base (rows, columns) [m]; returns False if they are the same already."""
         if np.allclose(heights, self.heights, rtol=0.0, atol=SAME_HEIGHT, equal_nan=True):
             return False
-        self.heights = heights
         client.createCollisionShape(
             pb.GEOM_HEIGHTFIELD, heightfieldData=in_order(heights), numHeightfieldRows=self.rows,
             numHeightfieldColumns=self.columns, replaceHeightfieldIndex=self.shape,
         )  # fmt: skip
+        self.heights = heights
         return True
 
 

@@ -48,9 +48,9 @@ class PatchContacts:
     def attach(self, follower: Follower) -> None:
         """A follower gets its collider in the next `refresh`."""
 
-    def detach(self, slot: int) -> None:
-        """Remove the collider of a follower."""
-        self._colliders.release(self._followers[slot])
+    def detach(self, slots: list[int]) -> None:
+        """Remove the colliders of followers. If PyBullet fails, the next `refresh` makes those that are missing."""
+        self._release(slots)
 
     def set_time(self, time: float, dt: float) -> None:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""
@@ -73,8 +73,7 @@ class PatchContacts:
 
     def let_go(self, slots: IntArray) -> None:
         """Remove the colliders of followers that fell asleep."""
-        for slot in slots.tolist():
-            self._colliders.release(self._followers[slot])
+        self._release(slots.tolist())
 
     def read_states(self, dt: float) -> None:
         """Update ``states``, ``positions_w`` and ``moved_w`` of the awake followers; ``dt`` [s] is the time step."""
@@ -93,3 +92,7 @@ class PatchContacts:
         for follower in self._followers:
             self._colliders.release(follower)
         self._whole.release()
+
+    def _release(self, slots: list[int]) -> None:
+        for slot in slots:
+            self._colliders.release(self._followers[slot])

@@ -13,6 +13,7 @@ import pybullet as pb
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.colliders.field import HOLE
+from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.config import WholeKind
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -66,7 +67,7 @@ class WholeMesh:
         for name in [
             name for name, (mesh, _, _) in self._colliders.items() if self._terrain.tiles.get(name) is not mesh
         ]:
-            self._client.removeBody(self._colliders.pop(name)[2])
+            self._remove(name)
         for name, mesh in self._terrain.tiles.items():
             moving = mesh.moving(time)
             if name in self._colliders and not moving and self._states.get(name) == (mesh.version, False):
@@ -79,9 +80,12 @@ class WholeMesh:
 
     def release(self) -> None:
         """Remove all whole colliders."""
-        for _, _, body in self._colliders.values():
-            self._client.removeBody(body)
-        self._colliders.clear()
+        for name in list(self._colliders):
+            self._remove(name)
+
+    def _remove(self, name: str) -> None:
+        self._client.removeBody(self._colliders[name][2])
+        del self._colliders[name]
 
     def _rebuild(self, name: str, mesh: MainMesh, time: float) -> None:
         if isinstance(mesh, HeightMap):
@@ -89,7 +93,7 @@ class WholeMesh:
         else:
             vertices, triangles = mesh.sample(np.arange(mesh.size), time).positions, mesh.triangles
         if name in self._colliders:
-            self._client.removeBody(self._colliders.pop(name)[2])
+            self._remove(name)
         shape = self._client.createCollisionShape(
             pb.GEOM_MESH,
             vertices=vertices.tolist(),
@@ -128,7 +132,8 @@ class WholeMesh:
 
     def _create(self, shape: int, position: Any, orientation: Any) -> int:
         body = self._client.createMultiBody(0.0, shape, basePosition=position, baseOrientation=orientation)
-        self._client.changeDynamics(body, -1, lateralFriction=1.0, restitution=1.0)
+        with undone(lambda: self._client.removeBody(body)):
+            self._client.changeDynamics(body, -1, lateralFriction=1.0, restitution=1.0)
         return int(body)
 
 

@@ -7,9 +7,9 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.urdf import checked_urdf
 from smartmesh_ros.node.inputs import bounds
+from smartmesh_ros.node.refusals import REFUSED
 from smartmesh_ros.node.services.initial_bodies import InitialBodies
 from smartmesh_ros.node.services.robot_files import robot_name, with_package_paths
 from smartmesh_ros.node.services.spawning import Entry
@@ -50,7 +50,7 @@ class RobotDescription:
                 if number > self._applied:
                     self._take(robot)
                     self._applied = number
-        except InputError as error:
+        except REFUSED as error:
             session.refusals.add("robot_description", error)
 
     def _take(self, robot: PreparedRobot) -> None:

@@ -51,9 +51,9 @@ class BodyDescriptions:
             return
         bodies = [body for body in self._session.world.bodies.values() if not body.owner]
         if bodies != self._described:
-            self._described = bodies
             header = Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)
             self.publisher.publish(BodyDescriptionArray(header=header, bodies=[description(body) for body in bodies]))
+            self._described = bodies
 
 
 def description(body: Body) -> BodyDescription:

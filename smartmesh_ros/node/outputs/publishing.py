@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from time import monotonic
 from typing import Any, NamedTuple
@@ -23,9 +22,11 @@ from smartmesh_msgs.msg import (
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
+from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, diagnostics, patch_outputs, robot_outputs
+from smartmesh_ros.node.outputs.audience import Audience
 from smartmesh_ros.node.outputs.body_descriptions import BodyDescriptions
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.clock_watch import ClockWatch
@@ -35,10 +36,6 @@ from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.world.states import SimulatedStates
 
-# Longest time between two messages with all patches in incremental mode [s].
-ALL_PATCHES_PERIOD = 5.0
-# Time in which a new subscriber may not have discovered the node and so misses messages [s].
-DISCOVERY_TIME = 3.0
 # Outputs that show patches. They are published only after the patches were refreshed.
 PATCH_OUTPUTS = ("patches", "collider_patches")
 # Longest wait at the end until subscribers have the last message [s].
@@ -74,34 +71,6 @@ class _Window:
             self._start, self._time = now, world.time
         self._read, self._misses = now, pacer.misses
         return length, self._factor, misses
-
-
-class _Audience:
-    """Subscribers and publishers of an output. ``new``: True if some may have missed messages, or another publisher may
-    have made subscribers forget some."""
-
-    def __init__(self) -> None:
-        self._counts = (0, 0)
-        self._new_until = -math.inf
-        self._all_due = -math.inf
-
-    def count(self, subscribers: int, publishers: int) -> None:
-        """Note the numbers of subscribers and publishers."""
-        if (subscribers, publishers) != self._counts:
-            self._counts, self._new_until = (subscribers, publishers), monotonic() + DISCOVERY_TIME
-
-    @property
-    def new(self) -> bool:
-        return monotonic() < self._new_until
-
-    def needs_all(self) -> bool:
-        """Return False if the next message may contain only changes. New subscribers, and every `ALL_PATCHES_PERIOD`
-        all subscribers, receive everything."""
-        now = monotonic()
-        if self._new_until <= now < self._all_due:
-            return False
-        self._all_due = now + ALL_PATCHES_PERIOD
-        return True
 
 
 class _Output(NamedTuple):
@@ -151,26 +120,33 @@ class Publishing:
         self._timing_window = _Window(session)
         self._diagnostics_window = _Window(session)
         self._refused_before = 0
-        self._audiences = {name: _Audience() for name in PATCH_OUTPUTS}
+        self._audiences = {name: Audience() for name in PATCH_OUTPUTS}
         self._shown = dict.fromkeys(PATCH_OUTPUTS, -1)  # the number of refreshes at the last message
 
     def publish(self, *, now: bool = False) -> None:
         """Publishes every output that has subscribers and is due; ``now``: due or not."""
-        time = monotonic()
+        time, enduring = monotonic(), self._session.enduring
         self._publish(self._outputs, time, now=now)
-        self._scans.publish(now=now)
-        self._clock.publish(time)
-        self._transforms.publish(time, at_once=now)
-        self._descriptions.publish()
-        if time >= self._diagnostics_due or (time >= self._connections_due and self._connections_changed()):
-            self._diagnostics_due = time + DIAGNOSTICS_PERIOD
-            self._diagnostics.publish(self._make_diagnostics())
-            self._namesakes.check()
+        with enduring("height_scan"):
+            self._scans.publish(now=now)
+        with enduring("clock"):
+            self._clock.publish(time)
+        with enduring("tf"):
+            self._transforms.publish(time, at_once=now)
+        with enduring("body_descriptions"):
+            self._descriptions.publish()
+        with enduring("diagnostics"):
+            if time >= self._diagnostics_due or (time >= self._connections_due and self._connections_changed()):
+                self._diagnostics_due = time + DIAGNOSTICS_PERIOD
+                self._diagnostics.publish(self._make_diagnostics())
+                self._namesakes.check()
 
     def close(self) -> None:
         """Deletes the patches from the displays of subscribers, which keep them else."""
         publisher = self._outputs["patches"].publisher
-        if publisher.get_subscription_count():
+        with self._session.enduring("patches"):
+            if not publisher.get_subscription_count():
+                return
             publisher.publish(self._markers.cleared(self._header()))
             publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
 
@@ -191,13 +167,19 @@ class Publishing:
             if rate > 0.0 and (now or (new and time >= self._due[name])):
                 # Keeps the phase, unless a message was missed or came before it was due.
                 self._due[name] = max(min(self._due[name], time) + 1.0 / rate, time)
-                if output.publisher.get_subscription_count():
-                    if name in self._shown:
-                        self._shown[name] = self._world.refreshes
-                    with self._world.stopwatch.stage("publish"):
-                        made = output.make()
-                        for message in made if isinstance(made, list) else [made]:
-                            output.publisher.publish(message)
+                with self._session.enduring(name):
+                    self._send(name, output)
+
+    def _send(self, name: str, output: _Output) -> None:
+        if not output.publisher.get_subscription_count():
+            return
+        audience = self._audiences.get(name, Audience())
+        with self._world.stopwatch.stage("publish"), undone(audience.missed):
+            made = output.make()
+            for message in made if isinstance(made, list) else [made]:
+                output.publisher.publish(message)
+        if name in self._shown:
+            self._shown[name] = self._world.refreshes
 
     def _connections_changed(self) -> bool:
         self._connections_due = monotonic() + CONNECTIONS_PERIOD

@@ -13,7 +13,7 @@ from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.urdf import checked_urdf
 from smartmesh_ros.node.inputs import bounds, conversions
-from smartmesh_ros.node.refusals import shortened
+from smartmesh_ros.node.refusals import REFUSED, shortened
 from smartmesh_ros.node.services.robot_files import with_package_paths
 from smartmesh_ros.node.services.turns import in_turns
 from smartmesh_ros.node.session import Session
@@ -69,7 +69,7 @@ class BodyServices:
             with session.lock:
                 self._add(request.id, action)
             response.success = True
-        except InputError as error:
+        except REFUSED as error:
             session.refusals.add("spawn_body", error)
             response.message = shortened(str(error))
         return response
@@ -85,7 +85,7 @@ class BodyServices:
         for body in request.bodies:
             try:
                 tasks.append((body.id, await self._ready(body), partial(add, body.id)))
-            except InputError as error:
+            except REFUSED as error:
                 tasks.append((body.id, error, _refuse))
         with self._session.lock:
             failures = _failures_of(tasks)
@@ -125,7 +125,7 @@ class BodyServices:
             self._session.refusals.add(service, InputError("batch", words))
 
 
-def _refuse(error: InputError) -> None:
+def _refuse(error: Exception) -> None:
     raise error
 
 
@@ -135,6 +135,6 @@ def _failures_of(tasks: Iterable[tuple[str, Any, Callable[[Any], None]]]) -> lis
     for name, argument, action in tasks:
         try:
             action(argument)
-        except InputError as error:
+        except REFUSED as error:
             failures.append(BodyFailure(id=shortened(name), reason=shortened(str(error))))
     return failures

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.refusals import REFUSED
 from smartmesh_ros.node.services.robot_files import with_package_paths
 from smartmesh_ros.node.services.spawning import Entry, entry_from_text, spawn, state_of
 from smartmesh_ros.node.services.turns import Work, in_turns
@@ -59,8 +60,8 @@ class InitialBodies:
             try:
                 if not spawn(self._session.world, entry):
                     self._waiting.append(name)
-            except InputError as error:
-                self._session.refusals.add("bodies.spawn", error)
+            except REFUSED as error:
+                self._note(name, error)
 
     async def _stand(self, entry: Entry, robot: PreparedRobot) -> None:
         """Spawn a robot on the ground, in turns."""
@@ -74,10 +75,16 @@ class InitialBodies:
             stance = await in_turns(world.stance_of_robot(entry.name, robot, state, align=entry.align), session.lock)
             with session.lock:
                 world.spawn_robot(entry.name, robot, stance.on(world.ground_at, entry.clearance))
-        except InputError as error:
-            session.refusals.add("bodies.spawn", error)
+        except REFUSED as error:
+            self._note(entry.name, error)
         finally:
             self._standing.discard(entry.name)
+
+    def _note(self, name: str, error: Exception) -> None:
+        """Count and log a refusal. What PyBullet failed at is tried again with the next map."""
+        self._session.refusals.add("bodies.spawn", error)
+        if not isinstance(error, InputError):
+            self._waiting.append(name)
 
     def restore(self) -> None:
         """Spawn again the initial bodies that were removed."""

@@ -19,6 +19,7 @@ from smartmesh_ros.io.urdf import checked_urdf
 from smartmesh_ros.node.inputs import bounds, conversions
 from smartmesh_ros.node.inputs.optional_messages import find_interfaces
 from smartmesh_ros.node.outputs.robot_outputs import pose_message, twist_message
+from smartmesh_ros.node.refusals import REFUSED, reason_of
 from smartmesh_ros.node.services.entity_bounds import own_bounds
 from smartmesh_ros.node.services.entity_filters import select
 from smartmesh_ros.node.services.robot_files import robot_name, urdf_text, with_package_paths
@@ -127,7 +128,7 @@ class SimulationServices:
                 if rest is not None:
                     await rest
                 code, words = results.RESULT_OK, ""
-            except InputError as error:
+            except REFUSED as error:
                 session.refusals.add(service, error)
                 code, words = self._code(error, reasons, kind.Response), str(error)
             if hasattr(response, "result"):
@@ -136,11 +137,12 @@ class SimulationServices:
 
         session.serve_eagerly(kind, service, handle)
 
-    def _code(self, error: InputError, reasons: Mapping[str, str], codes: Any) -> int:
+    def _code(self, error: Exception, reasons: Mapping[str, str], codes: Any) -> int:
         """Return the result code of an error: one of ``codes`` by its reason, or else a general one."""
-        if (own := reasons.get(error.reason)) is not None:
+        reason = reason_of(error)
+        if (own := reasons.get(reason)) is not None:
             return int(getattr(codes, own))
-        return int(getattr(self._results, _REASONS.get(error.reason, "RESULT_OPERATION_FAILED")))
+        return int(getattr(self._results, _REASONS.get(reason, "RESULT_OPERATION_FAILED")))
 
     def _get_features(self, _: Any, response: Any) -> None:
         later = [name for service, name in LATER_FEATURES.items() if hasattr(self._services, service)]
@@ -202,7 +204,7 @@ class SimulationServices:
             try:
                 result.entity_name = await self._spawn_entity(wanted)
                 result.result.result = self._results.RESULT_OK
-            except InputError as error:
+            except REFUSED as error:
                 failed += 1
                 result.result.result = self._code(error, _SPAWN_REASONS, result)
                 result.result.error_message = str(error)

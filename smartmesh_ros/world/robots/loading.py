@@ -31,7 +31,9 @@ def load_robot(client: Any, robot: PreparedRobot, flags: int) -> int:
         # PyBullet remembers OBJ files by name; these names differ with the content.
         for name, data in robot.files.items():
             if not (folder / name).exists():
-                (folder / name).write_bytes(data)
+                unfinished = folder / f"{name}.part"  # a file that could not be written whole is not taken for one
+                unfinished.write_bytes(data)
+                unfinished.rename(folder / name)
         file = folder / f"{hashlib.sha256(robot.text.encode()).hexdigest()[:32]}.urdf"
         file.write_text(robot.text, encoding="utf-8")
         return int(client.loadURDF(str(file), flags=flags))

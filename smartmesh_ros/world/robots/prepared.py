@@ -17,6 +17,7 @@ from threading import Lock
 from typing import NamedTuple
 from xml.etree import ElementTree
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.world.robots.description import Description, read_description
 from smartmesh_ros.world.robots.files import named_file
@@ -119,5 +120,8 @@ def _mesh(element: ElementTree.Element, folder: Path | None) -> Mesh:
 
 def _digest(path: Path) -> str:
     """Return a digest of a file's content and of its kind, which its suffix tells."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest() + path.suffix.lower()
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest() + path.suffix.lower()
+    except OSError as error:
+        raise InputError("urdf", f"collision mesh {str(path)!r} cannot be read: {error}") from None

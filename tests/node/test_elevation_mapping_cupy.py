@@ -1,0 +1,151 @@
+"""Maps of the form that the ROS 2 release of elevation_mapping_cupy sends are taken as they are.
+
+That form: a square of cells around the robot, in layers of float32 whose columns are contiguous; the buffer always
+starts at zero; unseen heights are NaN, while unseen cells have a variance of 1000; the middle of the map is given as
+the position of the robot, although the cells lie at whole multiples of the resolution.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from grid_map_msgs.msg import GridMap
+from nav_msgs.msg import Odometry
+from rclpy.qos import QoSProfile
+from smartmesh_msgs.srv import QueryGround
+from std_msgs.msg import Float32MultiArray, MultiArrayDimension, MultiArrayLayout
+
+from smartmesh_ros import BodyState, Sphere, World
+from smartmesh_ros.io.rasters import RasterConfig
+from smartmesh_ros.node.inputs.adapters.grid_map import raster_from
+from smartmesh_ros.node.inputs.map_taking import take_map
+from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.testing import Probe, Process, pose_message
+from tests.node.test_tutorial import ROOT
+
+LENGTH, RESOLUTION = 15.0, 0.1  # of its example [m]
+CELLS = round(LENGTH / RESOLUTION)
+UNSEEN = 1000.0  # its variance of cells without a measurement [m^2]
+# By which the ground may be off where the middle is off by half a cell along x and y, on slopes of `ground` [m].
+HALF_CELL = 0.5 * RESOLUTION * (0.14 + 0.1)
+# Layers and basic layers of its publishers elevation_map_raw and elevation_map_filter.
+RAW = (["elevation", "traversability", "variance", "rgb"], ["elevation"])
+FILTERED = (["min_filter", "smooth", "inpaint", "elevation"], ["min_filter"])
+QOS = QoSProfile(depth=10)
+
+
+def ground(x: Any, y: Any) -> Any:
+    return 0.5 + 0.2 * np.sin(0.7 * np.asarray(x)) + 0.1 * np.asarray(y)
+
+
+def cells_around(x: float, y: float) -> tuple[FloatArray, FloatArray]:
+    """Positions of the cells (along -x, along -y) of a map that follows a robot by whole cells."""
+    offsets = (0.5 * CELLS - 0.5 - np.arange(CELLS)) * RESOLUTION
+    middle = np.round(np.array([x, y]) / RESOLUTION) * RESOLUTION
+    return (middle[0] + offsets)[:, None] + np.zeros(CELLS), (middle[1] + offsets)[None, :] + np.zeros((CELLS, 1))
+
+
+def layer(name: str, cells: tuple[FloatArray, FloatArray], seen: Any) -> FloatArray:
+    heights = ground(*cells)
+    seen = np.broadcast_to(seen, heights.shape)
+    edge = np.ones_like(heights, bool)
+    edge[3:-3, 3:-3] = False  # where its filter of traversability has no result
+    color = np.full(heights.shape, 0x00FF7F10, np.uint32).view(np.float32)
+    return {
+        "elevation": np.where(seen, heights, np.nan),
+        "traversability": np.where(seen & ~edge, 0.9, np.nan),
+        "variance": np.where(seen, 1e-4, UNSEEN),
+        "rgb": np.where(seen, color, np.nan),
+        "min_filter": np.where(seen, heights, 0.0),
+        "smooth": np.where(seen, heights, 0.0),
+        "inpaint": heights,
+    }[name]
+
+
+def message(layers: tuple[list[str], list[str]], x: float, y: float, *, seen: bool | FloatArray = True) -> GridMap:
+    made = GridMap(layers=layers[0], basic_layers=layers[1])
+    made.header.frame_id = "odom"
+    made.info.resolution, made.info.length_x, made.info.length_y = RESOLUTION, LENGTH, LENGTH
+    made.info.pose = pose_message((x, y, 0.0))
+    for name in layers[0]:
+        values = layer(name, cells_around(x, y), seen).astype(np.float32)
+        dimensions = [
+            MultiArrayDimension(label="column_index", size=CELLS, stride=CELLS * CELLS),
+            MultiArrayDimension(label="row_index", size=CELLS, stride=CELLS),
+        ]
+        made.data.append(Float32MultiArray(layout=MultiArrayLayout(dim=dimensions), data=values.T.flatten().tolist()))
+    return made
+
+
+@pytest.mark.parametrize("layers", [(RAW, "elevation"), (FILTERED, "inpaint")], ids=["raw", "filter"])
+@pytest.mark.parametrize("place", [(0.0, 0.0), (3.2, -1.7), (0.033, -4.048)])
+def test_heights_are_where_it_says(layers: Any, place: tuple[float, float]) -> None:
+    """Within the half cell by which the middle that it sends is off."""
+    form, name = layers
+    geometry, heights, *_ = raster_from(message(form, *place), RasterConfig(layer=name), 10**6)
+    rows, columns = np.mgrid[:CELLS, :CELLS]
+    off = np.abs(heights - ground(*np.moveaxis(geometry.to_world(rows, columns), -1, 0))).max()
+    on_grid = np.allclose(np.round(place, 1), place)
+    assert off < (1e-5 if on_grid else HALF_CELL)
+
+
+@pytest.mark.parametrize("variances", ["", "variance"])
+def test_a_body_stands_on_maps_that_follow_it(variances: str) -> None:
+    """The first map shows nothing, and the middle is off by another fraction of a cell in each."""
+    values = {spec.name: spec.default for spec in SPECS}
+    values |= {"terrain.input": "grid_map", "raster.layer": "elevation", "raster.variance_layer": variances}
+    settings = settings_from(values)
+    with World(config=settings.world) as world:
+
+        def take(x: float, seen: bool | FloatArray = True) -> None:
+            raster = raster_from(message(RAW, x, 0.013, seen=seen), settings.raster, settings.max_samples)
+            take_map(world.terrain, settings, "", raster, None, world.time)
+
+        take(0.0, seen=False)
+        assert np.isnan(world.ground_at([[0.0, 0.0]]).z).all()
+        rng = np.random.default_rng(4)
+        take(0.0, seen=rng.random((CELLS, CELLS)) > 0.02)
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, float(ground(0.0, 0.0)) + 0.21)))
+        for number in range(40):
+            world.move("ball", BodyState((0.0, 0.0, world.state("ball").position[2])))  # it would roll
+            take(0.037 * number)
+            world.step(24)
+        assert world.state("ball").position[2] == pytest.approx(float(ground(0.0, 0.0)) + 0.2, abs=2 * HALF_CELL)
+        assert world.lost == []
+
+
+def test_the_node_takes_them_with_the_file_of_the_page(probe: Probe) -> None:
+    arguments = ["--ros-args", "--params-file", str(ROOT / "config" / "elevation_mapping.yaml")]
+    arguments += ["-r", "~/grid_map:=/elevation_mapping_node/elevation_map_raw", "-r", "~/tracked_odometry:=/odom"]
+    process = Process("terrain_collider", arguments=arguments)
+    try:
+        maps = probe.publisher(GridMap, "/elevation_mapping_node/elevation_map_raw", QOS)
+        odometry = probe.publisher(Odometry, "/odom")
+
+        def publish(x: float, seen: bool) -> None:
+            sent, pose = message(RAW, x, 0.2, seen=seen), Odometry(child_frame_id="base_link")
+            sent.header.stamp = pose.header.stamp = probe.now()
+            pose.header.frame_id = "odom"
+            pose.pose.pose = pose_message((x, 0.2, float(ground(x, 0.2)) + 0.35))
+            odometry.publish(pose)
+            maps.publish(sent)
+
+        def stands_at(x: float) -> bool:
+            publish(x, seen=True)
+            answer = probe.call("query_ground", QueryGround, x=[x], y=[0.2])
+            patches = probe.latest("collider_patches").patches
+            under = [p.z - ground(p.x, p.y) for patch in patches for p in patch.mesh.vertices]
+            near = bool(answer.success) and abs(answer.z[0] - ground(x, 0.2)) < HALF_CELL
+            return near and bool(under) and float(np.abs(under).max()) < HALF_CELL
+
+        publish(0.0, seen=False)
+        for x in (0.0, 0.033, 0.31, 1.248):
+            probe.wait_for(lambda: stands_at(x), watch=process)  # noqa: B023
+        assert probe.diagnostics("terrain")["message"] == "maps arrive"
+        assert probe.diagnostics("inputs")["message"] == "0 refused so far"
+    finally:
+        process.stop()
+        process.close()

@@ -1,0 +1,365 @@
+"""The k-th call to PyBullet fails, for k = 1, 2, ...: what failed has changed nothing, and the world goes on."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import astuple, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+import pytest
+from pybullet_utils.bullet_client import BulletClient
+
+from smartmesh_ros import (
+    BodyState,
+    Box,
+    Ground,
+    HeightMap,
+    InputError,
+    PatchConfig,
+    PhysicsConfig,
+    Sphere,
+    World,
+    WorldConfig,
+)
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.motion import Changes, MotionConfig
+from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros.world.states import simulated_states
+from tests.faults import Faults, bullet_faults
+
+LINKS = (
+    '<link name="{0}"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'
+    '</inertial><collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>'
+)
+JOINT = (
+    '<joint name="hinge" type="revolute"><parent link="base"/><child link="arm"/><origin xyz="0.3 0 0"/>'
+    '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="10" velocity="1"/></joint>'
+)
+ROBOT = f'<robot name="r">{LINKS.format("base")}{LINKS.format("arm")}{JOINT}</robot>'
+OTHER = f'<robot name="r">{LINKS.format("base")}</robot>'
+KINDS = ("auto", "heightfield", "trimesh", "whole_trimesh")
+# `BulletClient` cannot be deleted if it is not connected.
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+ABOVE = BodyState((0.0, 1.5, 0.15))
+
+
+@pytest.fixture
+def faults(monkeypatch: pytest.MonkeyPatch) -> Faults:
+    return bullet_faults(monkeypatch)
+
+
+def made(kind: str = "auto", *, robots: bool = True, after: float = 0.5, changes: Changes = "motion") -> World:
+    """A world with a box, a tracked ball and, if asked for, a robot; it has run for some steps."""
+    config = WorldConfig(patch=PatchConfig(kind=kind), physics=PhysicsConfig(sleep=True))  # type: ignore[arg-type]
+    config = replace(config, sleep=replace(config.sleep, after=after))
+    motion = MotionConfig(changes=changes)
+    world = World(HeightMap(np.zeros((61, 61)), resolution=0.1, origin=(-3.0, -3.0), motion=motion), config)
+    world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.0, 0.0, 0.1)))
+    world.track("ball", 0.2, BodyState((1.0, 0.0, 0.3)))
+    if robots:
+        world.spawn_robot("robot", ROBOT, BodyState((-1.0, 0.0, 0.1)))
+        world.command("robot", "hinge", JointCommand(position=0.1))
+    world.step(10)
+    return world
+
+
+def spawn(world: World) -> None:
+    world.spawn("new", Sphere(0.15), 1.0, ABOVE)
+
+
+def spawn_on_ground(world: World) -> None:
+    world.spawn("new", Box(0.2, 0.3, 0.2), 1.0, ABOVE, on_ground=True)
+
+
+def spawn_robot(world: World) -> None:
+    world.spawn_robot("new", ROBOT, ABOVE)
+
+
+def track(world: World) -> None:
+    world.track("new", 0.1, BodyState((1.0, 2.0, 0.3)))
+
+
+def track_larger(world: World) -> None:
+    world.track("ball", 0.3, BodyState((1.0, 0.0, 0.4)))
+
+
+def remove(world: World) -> None:
+    world.remove("box")
+
+
+def remove_robot(world: World) -> None:
+    world.remove("robot")
+
+
+def move(world: World) -> None:
+    world.move("robot", BodyState((-1.0, 1.0, 0.1), linear=(0.0, 0.1, 0.0)))
+
+
+def replace_robot(world: World) -> None:
+    world.replace_robot("robot", OTHER)
+
+
+def command(world: World) -> None:
+    world.drive("robot", "hinge", 0.5)
+
+
+def restore(world: World) -> None:
+    world.save()
+
+
+OPERATIONS: dict[Callable[[World], None], tuple[set[str], set[str]]] = {  # names that come and go
+    spawn: ({"new"}, set()),
+    spawn_on_ground: ({"new"}, set()),
+    spawn_robot: ({"new"}, set()),
+    track: ({"new"}, set()),
+    track_larger: (set(), set()),
+    remove: (set(), {"box"}),
+    remove_robot: (set(), {"robot"}),
+    replace_robot: (set(), set()),
+    command: (set(), set()),
+    move: (set(), set()),
+    restore: (set(), set()),
+}
+# Operations of many calls, which take the same path whatever the ground is.
+LONG = (spawn_on_ground, restore)
+CASES = [
+    pytest.param(operation, kind, id=f"{operation.__name__}-{kind}")
+    for operation in OPERATIONS
+    for kind in ("auto", "heightfield")
+    if kind == "auto" or operation not in LONG
+]
+
+
+def links(world: World) -> dict[str, list[str]]:
+    """Names of the followers of each body, as the bodies want them."""
+    return {
+        name: [f"{name}/{link}" for link in body.links.values()] if body.is_robot else [name]
+        for name, body in world.bodies.items()
+    }
+
+
+def assert_whole(world: World) -> None:
+    """The client has the bodies of the world and one proxy for each solid follower, and nothing else."""
+    wanted = links(world)
+    assert sorted(follower.name for follower in world.followers) == sorted(chain.from_iterable(wanted.values()))
+    for name, body in world.bodies.items():
+        found = {world.followers[slot].name for slot in world.followers.of(body.uid)}
+        assert found == set(wanted[name])
+    assert world.client.getNumBodies() == len(world.bodies) + colliders(world)
+
+
+def colliders(world: World) -> int:
+    """Number of colliders or proxies that the world must have now."""
+    if world.config.patch.kind == "whole_trimesh":
+        return int(world.refreshes > 0)
+    return sum(follower.solid and (world.ground.exact or follower.collider is not None) for follower in world.followers)
+
+
+def set_ground(world: World, height: float) -> None:
+    """A new map, which is at rest."""
+    tile = world.terrain.tile("")
+    assert isinstance(tile, HeightMap)
+    still = None if tile.motion.corrects else np.zeros((61, 61), np.float32)
+    tile.replace(np.full((61, 61), height), time=world.time, velocities=still)
+
+
+def assert_goes_on(world: World, height: float = 0.0) -> None:
+    """Bodies fall and stand on ground of this height, and none is lost."""
+    world.spawn("probe", Sphere(0.1), 1.0, BodyState((2.0, -2.0, height + 0.13)))
+    world.step(60)
+    assert world.lost == []
+    assert world.below_ground() == []
+    assert world.state("probe").position[2] == pytest.approx(height + 0.1, abs=5e-3)
+    for name, body in world.bodies.items():
+        if body.simulated:
+            assert world.state(name).position[2] > 0.05, name
+    world.remove("probe")
+
+
+def known(world: World) -> dict[str, tuple[FloatArray, dict[str, JointCommand]]]:
+    """Numbers of the states, and the commands, of the bodies."""
+    return {
+        name: (np.concatenate(astuple(world.state(name))), dict(body.commands)) for name, body in world.bodies.items()
+    }
+
+
+def assert_known(world: World, before: dict[str, tuple[FloatArray, dict[str, JointCommand]]], fired: str) -> None:
+    found = known(world)
+    assert found.keys() == before.keys()
+    for name, (numbers, commands) in found.items():
+        assert np.allclose(numbers, before[name][0], rtol=0.0, atol=1e-9), (fired, name)
+        assert commands == before[name][1], (fired, name)
+
+
+def done(faults: Faults, number: int, operation: Callable[[], Any]) -> bool:
+    """Whether an operation is done whose ``number``-th call to PyBullet fails; if not, its error was one for users."""
+    try:
+        with faults.failing(number):
+            operation()
+    except (pb.error, InputError):
+        return False
+    return True
+
+
+@pytest.mark.parametrize(("operation", "kind"), CASES)
+def test_an_operation_is_done_or_has_changed_nothing(
+    faults: Faults, operation: Callable[[World], None], kind: str
+) -> None:
+    come, go = OPERATIONS[operation]
+    for number in faults.runs():
+        with made(kind) as world:
+            before = known(world)
+            if not done(faults, number, lambda: operation(world)):
+                assert_known(world, before, faults.fired)
+                assert_whole(world)
+                world.step(3)
+                assert_whole(world)
+                operation(world)
+            assert set(world.bodies) == (set(before) | come) - go
+            assert_goes_on(world)
+            assert_whole(world)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_step_that_failed_is_made_again(faults: Faults, kind: str) -> None:
+    """The map has changed under the bodies before the step."""
+    for number in faults.runs():
+        with made(kind) as world:
+            set_ground(world, 0.02)
+            time = world.time
+            if not done(faults, number, world.step):
+                assert world.time in (time, time + world.dt)
+            assert_goes_on(world, 0.02)
+            assert_whole(world)
+
+
+@pytest.mark.parametrize("way", ["sleep", "wake", "ground"])
+@pytest.mark.parametrize("changes", ["motion", "correction"])
+def test_bodies_sleep_and_wake_whatever_failed(faults: Faults, way: str, changes: Changes) -> None:
+    """All fall asleep, wake and stand on ground that sank, although a call failed in a step before or in `wake`."""
+    for number in faults.runs():
+        with made(after=0.02, changes=changes) as world:
+            if way != "sleep":
+                fall_asleep(world)
+            if way == "ground":
+                set_ground(world, -0.2)
+            done(faults, number, world.wake if way == "wake" else lambda: world.step(8))
+            if way != "ground":
+                world.step(3)
+                fall_asleep(world)
+                set_ground(world, -0.2)
+            world.step(240)
+            assert world.state("box").position[2] == pytest.approx(-0.1, abs=2e-3), faults.fired
+            fall_asleep(world)
+            assert world.lost == []
+            assert_whole(world)
+
+
+def fall_asleep(world: World) -> None:
+    for _ in range(480):
+        world.step()
+        if world.is_asleep("box") and world.is_asleep("robot"):
+            return
+    raise AssertionError("bodies at rest stay awake")
+
+
+def test_guests_come_and_go_whatever_failed(faults: Faults) -> None:
+    """A remote body comes near, and goes; then its owner is forgotten."""
+    with made(robots=False) as other:
+        other.remove("box")
+        other.spawn("guest", Sphere(0.1), 1.0, BodyState((0.3, 0.0, 0.1)))
+        near = simulated_states(other)
+        other.move("guest", BodyState((50.0, 0.0, 0.1)))
+        far = simulated_states(other)
+    for way in ("comes", "goes", "is forgotten"):
+        for number in faults.runs():
+            with made(robots=False) as world:
+                world.guests.take("other", near, world.time)
+                if way != "comes":
+                    world.step(10)
+                    assert "guest" in world.bodies
+                if way == "goes":
+                    world.guests.take("other", far, world.time)
+                done(faults, number, (lambda: world.guests.forget("other")) if way == "is forgotten" else world.step)
+                world.step(10)
+                assert ("guest" in world.bodies) == (way == "comes" or (way != "goes" and bool(world.guests.counts)))
+                assert_whole(world)
+                world.guests.forget("other")
+                assert set(world.bodies) == {"box", "ball"}
+                assert_goes_on(world)
+                assert_whole(world)
+
+
+@pytest.mark.parametrize("kinds", [("auto", "heightfield"), ("heightfield", "auto"), ("auto", "auto")])
+def test_settings_are_changed_or_not(faults: Faults, kinds: tuple[str, str]) -> None:
+    for number in faults.runs():
+        with made(kinds[0]) as world:
+            old = world.config
+            new = replace(
+                old, patch=replace(old.patch, kind=kinds[1]), physics=replace(old.physics, gravity=(0, 0, -5))
+            )
+            if not done(faults, number, lambda: world.configure(new)):  # noqa: B023
+                assert world.config is old
+                assert world.ground.config is old.patch
+                assert_gravity(world, old)
+                assert_goes_on(world)
+                assert_whole(world)
+                world.configure(new)
+            assert_gravity(world, new)
+            assert_goes_on(world)
+            assert_whole(world)
+
+
+def assert_gravity(world: World, config: WorldConfig) -> None:
+    found = world.client.getPhysicsEngineParameters()
+    assert [found[f"gravityAcceleration{axis}"] for axis in "XYZ"] == pytest.approx(list(config.physics.gravity))
+
+
+def test_a_clients_ground_is_made_and_its_bodies_are_attached_or_not(faults: Faults) -> None:
+    """For the world of a PyBullet user: what fails leaves the client as it was, and may be asked for again."""
+    heights = HeightMap(np.zeros((61, 61)), resolution=0.1, origin=(-3.0, -3.0))
+    for number in faults.runs():
+        client: Any = BulletClient(pb.DIRECT)
+        ball = client.createMultiBody(1.0, client.createCollisionShape(pb.GEOM_SPHERE, radius=0.1))
+        found: list[Ground] = []
+        if not done(faults, number, lambda: found.append(Ground(client, heights))):  # noqa: B023
+            assert client.getNumBodies() == 1
+            found.append(Ground(client, heights))
+        [ground] = found
+        ground.attach(ball)
+        assert client.getNumBodies() == 2
+        client.disconnect()
+    for way in ("attach", "detach", "close", "step"):
+        for number in faults.runs():
+            client = BulletClient(pb.DIRECT)
+            client.setGravity(0.0, 0.0, -9.81)
+            robot = loaded(client)
+            ground = Ground(client, heights)
+            if way != "attach":
+                ground.attach(robot)
+            actions = {
+                "attach": lambda: ground.attach(robot),  # noqa: B023
+                "detach": lambda: ground.detach(robot),  # noqa: B023
+                "close": ground.close,
+                "step": lambda: ground.step(0.0, 1.0 / 240.0),  # noqa: B023
+            }
+            proxies = 0 if way == "attach" else 2
+            if not done(faults, number, actions[way]):
+                assert client.getNumBodies() == 1 + proxies
+                assert len(ground.followers) == proxies
+                client.stepSimulation()
+                actions[way]()
+            assert client.getNumBodies() == (1 if way in ("detach", "close") else 3)
+            client.disconnect()
+
+
+def loaded(client: Any) -> int:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "robot.urdf"
+        file.write_text(ROBOT)
+        return int(client.loadURDF(str(file), (0.0, 0.0, 0.1)))
