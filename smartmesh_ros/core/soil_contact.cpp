@@ -238,11 +238,13 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
                                                            const Carried& carried, const ShearedRim& rim,
                                                            const SoilStep& step) {
   springs_.clear();
-  MovingSolid then = moving;  // at the end of the step, but for its vertical motion and its turn
+  // What rolls turns about its own axis alone here, and what leans not at all: its quarters go down by themselves.
+  const bool rolls = moving.solid.shape->kind == ShapeKind::Ball || lies(moving.solid);
+  MovingSolid then = moving;  // at the end of the step, but for its vertical motion
   then.solid.centre = then.solid.centre + Vec3{moving.linear.x, moving.linear.y, 0.0} * step.dt;
+  const Vec3 own = moving.solid.axes.row[2], spin = rolls ? own * dot(moving.angular, own) : Vec3{};
+  for (Vec3& axis : then.solid.axes.row) axis = unit(axis + cross(spin, axis) * step.dt);
   const Placed placed = place(soil, then, step.time);
-  // What is round does not change as it rolls. What is not leans: its quarters go down by themselves.
-  const bool rolls = placed.shape.kind == ShapeKind::Ball || lies(then.solid);
   const auto speed_down = [&](const Vec3& offset) {
     return -moving.linear.z - (rolls ? 0.0 : cross(moving.angular, placed.to_world(offset)).z);
   };
