@@ -29,20 +29,6 @@ constexpr double FARTHEST = 1e9;
 // Returns by how much slip deepens a wheel's rut: Lyasko, Slip sinkage effect in soil-vehicle mechanics, 2010.
 double slip_sinkage(double slip) { return (1.0 + slip) / (1.0 - 0.5 * slip); }
 
-// Returns how far from the middle, along columns and rows, a shape may be `below` a height above its middle [m].
-Slope reach_below(const Underside& shape, double below) {
-  const double x = reach(shape, 0), y = reach(shape, 1), radius = shape.half[0];
-  const bool is_ball = shape.kind == ShapeKind::Ball;
-  if (!is_ball && !lies(shape.solid)) return {x, y};
-  const Vec3 axis = is_ball ? Vec3{} : shape.axis(2);
-  const double deep = below + (is_ball ? 0.0 : std::abs(axis.z) * (shape.half[2] + radius));
-  const double half = deep >= 0.0 ? radius : std::sqrt(std::max(0.0, radius * radius - deep * deep));
-  if (is_ball) return {half, half};
-  const double level = std::hypot(axis.x, axis.y), end = shape.grown[2] + (shape.kind == ShapeKind::Capsule ? radius : 0.0);
-  return {std::min(x, std::abs(axis.x) * end + half * std::abs(axis.y) / level + radius * std::abs(axis.z)),
-          std::min(y, std::abs(axis.y) * end + half * std::abs(axis.x) / level + radius * std::abs(axis.z))};
-}
-
 // Returns the point of a round surface at the mean of some of its points: the speed of a rim decides which way a wheel
 // without slip is held.
 Vec3 on_surface(const Underside& shape, const Vec3& mean) {
