@@ -15,6 +15,8 @@ constexpr double MOST_FRICTION = 2.0;
 // error of the force at which it ends.
 constexpr int ROUNDS = 30;
 constexpr double LOAD_ERROR = 1e-6;
+// Least share of a body that rests on a quarter of its contact.
+constexpr double LEAST_SHARE = 0.05;
 // Least rise of a normal: soil beside a body does not carry it.
 constexpr double STEEP = 0.05;
 // Depth from which a body that appears in the soil has been put there [m].
@@ -26,20 +28,6 @@ constexpr double FARTHEST = 1e9;
 
 // Returns by how much slip deepens a wheel's rut: Lyasko, Slip sinkage effect in soil-vehicle mechanics, 2010.
 double slip_sinkage(double slip) { return (1.0 + slip) / (1.0 - 0.5 * slip); }
-
-// Returns how far from the middle, along columns and rows, a shape may be `below` a height above its middle [m].
-Slope reach_below(const Underside& shape, double below) {
-  const double x = reach(shape, 0), y = reach(shape, 1), radius = shape.half[0];
-  const bool is_ball = shape.kind == ShapeKind::Ball;
-  if (!is_ball && !lies(shape.solid)) return {x, y};
-  const Vec3 axis = is_ball ? Vec3{} : shape.axis(2);
-  const double deep = below + (is_ball ? 0.0 : std::abs(axis.z) * (shape.half[2] + radius));
-  const double half = deep >= 0.0 ? radius : std::sqrt(std::max(0.0, radius * radius - deep * deep));
-  if (is_ball) return {half, half};
-  const double level = std::hypot(axis.x, axis.y), end = shape.grown[2] + (shape.kind == ShapeKind::Capsule ? radius : 0.0);
-  return {std::min(x, std::abs(axis.x) * end + half * std::abs(axis.y) / level + radius * std::abs(axis.z)),
-          std::min(y, std::abs(axis.y) * end + half * std::abs(axis.x) / level + radius * std::abs(axis.z))};
-}
 
 // Returns the point of a round surface at the mean of some of its points: the speed of a rim decides which way a wheel
 // without slip is held.
@@ -130,14 +118,14 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
       const double loaded = sample.step == step.number - 1 ? sample.pressure : 0.0;
       under_.push_back({&sample, &own, r, c, is_beside, {row_.x[k], row_.y, low}, placed.z + low,
                         sample.level - sample.yield.plastic - loaded / own.elastic,
-                        row_.share[k] * spacing * spacing, 0.0, 0.0, 0.0});
+                        row_.share[k] * spacing * spacing});
     }
   }
 }
 
 // Sets the loads of the samples for a part that went `down` [m].
-void SoilUnderBody::load(double down) {
-  for (Under& under : under_) {
+void SoilUnderBody::load(Span all, double down) {
+  for (Under& under : all) {
     const double height = under.low - down, sinkage = under.sample->level - height;
     const Yield& before = under.sample->yield;
     under.pressure = pressure_at(sinkage, before, *under.soil);
@@ -150,16 +138,15 @@ void SoilUnderBody::load(double down) {
 }
 
 // Returns how far down a part goes in a step [m], at which the samples then have their loads: where the force of the soil
-// and the part's inertia balance its load, which without soil would move it by `free` [m]. Newton's method, with
-// bisection where it leaves the bracket.
-double SoilUnderBody::settle(const Carried& carried, double free, double speed_down, double dt) {
-  const double inertia = carried.mass / (dt * dt);
+// and the part's inertia balance its load. Newton's method, with bisection where it leaves the bracket.
+double SoilUnderBody::settle(Span all, const Carried& carried, double speed_down, double dt) {
+  const double inertia = carried.mass / (dt * dt), free = speed_down * dt + carried.load / inertia;
   double low = free, high = free, trial = std::min(free, speed_down * dt);
-  for (const Under& under : under_) low = std::min(low, under.low - under.sample->level);
+  for (const Under& under : all) low = std::min(low, under.low - under.sample->level);
   for (int round = 0; round < ROUNDS; ++round) {
-    load(trial);
+    load(all, trial);
     double force = 0.0, slope = inertia;
-    for (const Under& under : under_) force += under.area * under.total, slope += under.area * under.stiffness;
+    for (const Under& under : all) force += under.area * under.total, slope += under.area * under.stiffness;
     const double lack = inertia * (free - trial) - force;
     if (std::abs(lack) <= LOAD_ERROR * std::max(carried.load, force)) break;
     (lack > 0.0 ? low : high) = trial;
@@ -170,46 +157,63 @@ double SoilUnderBody::settle(const Carried& carried, double free, double speed_d
   return trial;
 }
 
-// Sums over the samples of a quarter: forces of their pressures [N], in axes of the grid, and their places weighted with
+// A quarter of the contact: its samples, their `middle` from the middle of the part [m], in axes of the grid as all here,
+// the `share` of the load there, and how far they go `down` [m]. Sums over the samples: forces of their pressures [N], and their places weighted with
 // these, strength of the shear stresses [N], derivative of the force by the speed [N s/m], and the deepest sinkage [m].
 struct SoilUnderBody::Quarter {
+  Span under{nullptr, nullptr};
+  Vec3 middle;
+  double share = 0.0, down = 0.0;
   Vec3 force, place, normal;
   double weight = 0.0, shear = 0.0, slope = 0.0, sunk = 0.0;
 };
 
-// Fills four quarters about the middle of the pressures, along a level axis of the shape and across it, for a part that
-// went `down` [m] from its place `then`.
-void SoilUnderBody::sum_quarters(const Placed& placed, const Solid& then, const ShearedRim& rim, double down, double dt,
-                                 Quarter (&quarters)[4]) {
+// Finds the quarters about the middle of the pressures, along a level axis of the shape and across it; false if there are
+// no pressures.
+bool SoilUnderBody::find_quarters(const Placed& placed, Quarter (&quarters)[4]) {
   double total = 0.0, x = 0.0, y = 0.0;
-  for (Under& under : under_) {
+  for (const Under& under : under_) {
     if (!under.carries()) continue;
     const double force = under.area * under.total;
     total += force, x += force * under.offset.x, y += force * under.offset.y;
   }
-  if (!(total > 0.0)) return;
+  if (!(total > 0.0)) return false;
   x /= total, y /= total;
   const Underside& shape = placed.shape;
   const Vec3 along = shape.axis(lies(shape.solid) ? 2 : (shape.upright + 1) % 3);
-  const auto quarter_of = [&](const Under& under) -> Quarter& {
+  int counts[4] = {};
+  for (Under& under : under_) {
     const double u = under.offset.x - x, v = under.offset.y - y;
-    return quarters[(u * along.x + v * along.y > 0.0 ? 1 : 0) + (v * along.x - u * along.y > 0.0 ? 2 : 0)];
-  };
+    under.quarter = (u * along.x + v * along.y > 0.0 ? 1 : 0) + (v * along.x - u * along.y > 0.0 ? 2 : 0);
+    ++counts[under.quarter];
+  }
+  by_quarter_.resize(under_.size());
+  Under* next = by_quarter_.data();
+  for (int k = 0; k < 4; ++k) quarters[k].under = {next, next}, next += counts[k];
   for (const Under& under : under_) {
+    Quarter& quarter = quarters[under.quarter];
+    *quarter.under.last++ = under;
+    quarter.middle = quarter.middle + under.offset * (1.0 / counts[under.quarter]);
+    if (under.carries()) quarter.share += under.area * under.total / total;
+  }
+  return true;
+}
+
+// Fills the sums of a quarter whose samples have their loads, for a part at its place `then`.
+void SoilUnderBody::sum(const Placed& placed, const Solid& then, const ShearedRim& rim, double dt, Quarter& quarter) {
+  for (const Under& under : quarter.under) {
     if (!under.carries()) continue;
-    Quarter& quarter = quarter_of(under);
     const Vec3 normal = placed.normal(under.offset, under.is_beside);
     const double area = under.area / std::max(normal.z, STEEP), force = area * under.total;
     quarter.force = quarter.force + normal * force;
     quarter.place = quarter.place + under.offset * force;
     quarter.weight += force;
     quarter.shear += area * shear_at(under.pressure, rim.at(then, placed.to_world(under.offset)), *under.soil);
-    quarter.sunk = std::max(quarter.sunk, under.sample->level - under.low + down);
+    quarter.sunk = std::max(quarter.sunk, under.sample->level - under.low + quarter.down);
   }
-  for (Quarter& quarter : quarters) quarter.normal = unit(quarter.force);
-  for (const Under& under : under_) {
+  quarter.normal = unit(quarter.force);
+  for (const Under& under : quarter.under) {
     if (!under.carries()) continue;
-    Quarter& quarter = quarter_of(under);
     const Vec3 normal = placed.normal(under.offset, under.is_beside);
     const double part = dot(normal, quarter.normal) / std::max(normal.z, STEEP);
     quarter.slope += under.area * under.stiffness * part * part * dt;
@@ -220,23 +224,37 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
                                                            const Carried& carried, const ShearedRim& rim,
                                                            const SoilStep& step) {
   springs_.clear();
+  // What rolls turns about its own axis alone here, and what leans not at all: its quarters go down by themselves.
+  const bool rolls = moving.solid.shape->kind == ShapeKind::Ball || lies(moving.solid);
   MovingSolid then = moving;  // at the end of the step, but for its vertical motion
   then.solid.centre = then.solid.centre + Vec3{moving.linear.x, moving.linear.y, 0.0} * step.dt;
-  for (Vec3& axis : then.solid.axes.row) axis = unit(axis + cross(moving.angular, axis) * step.dt);
+  const Vec3 own = moving.solid.axes.row[2], spin = rolls ? own * dot(moving.angular, own) : Vec3{};
+  for (Vec3& axis : then.solid.axes.row) axis = unit(axis + cross(spin, axis) * step.dt);
   const Placed placed = place(soil, then, step.time);
-  const double free = -moving.linear.z * step.dt + carried.load / carried.mass * step.dt * step.dt;
-  gather(soil, placed, rim.slip(), free, step);
-  const double down = settle(carried, free, -moving.linear.z, step.dt);
+  const auto speed_down = [&](const Vec3& offset) {
+    return -moving.linear.z - (rolls ? 0.0 : cross(moving.angular, placed.to_world(offset)).z);
+  };
+  const double turn = rolls ? 0.0 : norm(moving.angular) * placed.shape.solid.shape->extent({1.0, 1.0, 1.0});
+  const double deepest = (std::max(0.0, -moving.linear.z) + turn + carried.load / carried.mass * step.dt) * step.dt;
+  gather(soil, placed, rim.slip(), deepest, step);
+  const Span all{under_.data(), under_.data() + under_.size()};
+  const double down = settle(all, carried, -moving.linear.z, step.dt);
   Quarter quarters[4];
-  sum_quarters(placed, then.solid, rim, down, step.dt, quarters);
-  const Vec3 velocity{moving.linear.x, moving.linear.y, -down / step.dt};
-  for (const Quarter& quarter : quarters) {
+  if (!find_quarters(placed, quarters)) return springs_;
+  for (Quarter& quarter : quarters) {
+    const double share = std::max(quarter.share, LEAST_SHARE);
+    quarter.down = down;
+    if (!rolls)
+      quarter.down = settle(quarter.under, {share * carried.mass, share * carried.load}, speed_down(quarter.middle), step.dt);
+    sum(placed, then.solid, rim, step.dt, quarter);
     if (!(quarter.slope > 0.0)) continue;
     const Vec3 normal = placed.to_world(quarter.normal);
     const Vec3 offset = placed.to_world(on_surface(placed.shape, quarter.place * (1.0 / quarter.weight)));
+    Vec3 velocity = moving.linear + cross(moving.angular, offset);
+    velocity.z += -quarter.down / step.dt + speed_down(quarter.middle);
     const double force = norm(quarter.force), friction = std::min(quarter.shear / force, MOST_FRICTION);
-    springs_.push_back({moving.solid.centre + offset, normal, force, dot(normal, velocity + cross(moving.angular, offset)),
-                        quarter.slope, friction, quarter.sunk});
+    springs_.push_back({moving.solid.centre + offset, normal, force, dot(normal, velocity), quarter.slope, friction,
+                        quarter.sunk});
   }
   return springs_;
 }
@@ -244,7 +262,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
 SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, ShearedRim& rim, const SoilStep& step) {
   const Placed placed = place(soil, moving, step.time);
   gather(soil, placed, rim.slip(), 0.0, step);
-  load(0.0);
+  load({under_.data(), under_.data() + under_.size()}, 0.0);
   SoilSums sums;
   points_ = {{}, {}, soil.spacing()};
   for (const Under& under : under_) {

@@ -59,9 +59,16 @@ class SoilUnderBody {
     bool is_beside;
     Vec3 offset;
     double low, surface, area;
-    double pressure, total, stiffness;  // as in SampleLoad
+    double pressure = 0.0, total = 0.0, stiffness = 0.0;  // as in SampleLoad
+
+    int quarter = 0;
 
     bool carries() const { return total > 0.0 && area > 0.0; }
+  };
+  struct Span {
+    Under *first, *last;
+    Under* begin() const { return first; }
+    Under* end() const { return last; }
   };
   struct Placed;
   struct Quarter;
@@ -69,14 +76,14 @@ class SoilUnderBody {
   static Placed place(const SoilLattice& soil, const MovingSolid& moving, double time);
   static SampleRectangle around(const SoilLattice& soil, const Placed& placed, double x, double y);
   void gather(SoilLattice& soil, const Placed& placed, double slip, double deepest, const SoilStep& step);
-  void load(double down);
-  double settle(const Carried& carried, double free, double speed_down, double dt);
-  void sum_quarters(const Placed& placed, const Solid& then, const ShearedRim& rim, double down, double dt,
-                    Quarter (&quarters)[4]);
+  static void load(Span under, double down);
+  static double settle(Span under, const Carried& carried, double speed_down, double dt);
+  bool find_quarters(const Placed& placed, Quarter (&quarters)[4]);
+  static void sum(const Placed& placed, const Solid& then, const ShearedRim& rim, double dt, Quarter& quarter);
 
   FootRow row_, exact_;
   std::vector<PatchSoil> soils_;
-  std::vector<Under> under_;
+  std::vector<Under> under_, by_quarter_;
   PointsInSoil points_;
   std::vector<SoilSpring> springs_;
 };

@@ -8,17 +8,10 @@ namespace smartmesh {
 namespace {
 
 constexpr double TURN = 6.283185307179586;
-// Rise of an axis above which a cylinder stands.
-constexpr double STANDS = 0.7;
 // Rim speed below which a wheel stands still [m/s].
 constexpr double STILL = 1e-4;
 
 }  // namespace
-
-bool lies(const Solid& solid) {
-  const ShapeKind kind = solid.shape->kind;
-  return (kind == ShapeKind::Cylinder || kind == ShapeKind::Capsule) && std::abs(solid.axes.row[2].z) < STANDS;
-}
 
 double ShearedRim::at(const Solid& solid, const Vec3& offset) const {
   if (slides_.empty()) return 0.0;

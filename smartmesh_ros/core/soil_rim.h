@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "solid.h"
+#include "soil_shape.h"
 
 namespace smartmesh {
 
@@ -14,9 +14,6 @@ struct MovingSolid {
   Vec3 linear, angular;  // [m/s], [rad/s]
   Vec3 surface;
 };
-
-// Returns true if a part lies on its side, so that it rolls about its own axis 2.
-bool lies(const Solid& solid);
 
 // Points of a part in the soil, relative to its middle [m], and normals of its surface there, upwards. `spacing` [m].
 struct PointsInSoil {

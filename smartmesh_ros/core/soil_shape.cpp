@@ -8,6 +8,8 @@ namespace {
 
 constexpr double INFINITE = std::numeric_limits<double>::infinity();
 const double SQRT2 = std::sqrt(2.0);
+// Rise of an axis above which a cylinder stands.
+constexpr double STANDS = 0.7;
 // Slope below which a face counts as vertical.
 constexpr double LEVEL = 1e-9;
 
@@ -204,6 +206,24 @@ double reach(const Underside& shape, int along) {
     for (int k = 0; k < 3; ++k)
       if (k != shape.upright) found += shape.margin[k] * std::abs(along_grid(shape.axis(k), along));
   return found;
+}
+
+bool lies(const Solid& solid) {
+  const ShapeKind kind = solid.shape->kind;
+  return (kind == ShapeKind::Cylinder || kind == ShapeKind::Capsule) && std::abs(solid.axes.row[2].z) < STANDS;
+}
+
+Slope reach_below(const Underside& shape, double below) {
+  const double x = reach(shape, 0), y = reach(shape, 1), radius = shape.half[0];
+  const bool is_ball = shape.kind == ShapeKind::Ball;
+  if (!is_ball && !lies(shape.solid)) return {x, y};
+  const Vec3 axis = is_ball ? Vec3{} : shape.axis(2);
+  const double deep = below + (is_ball ? 0.0 : std::abs(axis.z) * (shape.half[2] + radius));
+  const double half = deep >= 0.0 ? radius : std::sqrt(std::max(0.0, radius * radius - deep * deep));
+  if (is_ball) return {half, half};
+  const double level = std::hypot(axis.x, axis.y), end = shape.grown[2] + (shape.kind == ShapeKind::Capsule ? radius : 0.0);
+  return {std::min(x, std::abs(axis.x) * end + half * std::abs(axis.y) / level + radius * std::abs(axis.z)),
+          std::min(y, std::abs(axis.y) * end + half * std::abs(axis.x) / level + radius * std::abs(axis.z))};
 }
 
 }  // namespace smartmesh

@@ -59,4 +59,10 @@ double half_length(const Underside& shape, int along);
 // Returns half the length of the rectangle around all places with an underside [m].
 double reach(const Underside& shape, int along);
 
+// Returns true if a cylinder or capsule lies on its side, so that it rolls about its own axis 2.
+bool lies(const Solid& solid);
+
+// Returns how far from the middle, along columns and rows, a shape may be `below` a height above its middle [m].
+Slope reach_below(const Underside& shape, double below);
+
 }  // namespace smartmesh

@@ -9,12 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.soil.config import SoilType
 from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.world.world import World
+from smartmesh_ros.world.world import World, WorldConfig
 from studies.soil.trials import Wheel
 
 GRAVITY = 9.81
@@ -135,13 +136,15 @@ class SetDown(NamedTuple):
     rose: float
 
 
-def set_down(number: int, soil: str) -> SetDown:
-    """Set one of several kinds of body down on rough or smooth slopes, flat or anyhow; it is left alone for 3 s."""
+def set_down(number: int, soil: str, *, rate: float = 240.0) -> SetDown:
+    """Set one of several kinds of body down on rough or smooth slopes, flat or anyhow; it is left alone for 3 s.
+    ``rate`` [Hz]: of physics."""
     random = np.random.default_rng(number)
     slope = math.tan(math.radians(random.uniform(0.0, 12.0)))
     heights = np.tile(-slope * 0.05 * np.arange(161), (81, 1)) + (number % 2) * random.normal(0.0, 0.01, (81, 161))
     shapes: list[Shape] = [Box(0.3, 0.2, 0.15), Sphere(0.12), Cylinder(0.12, 0.1)]
-    with World(HeightMap(heights, resolution=0.05)) as world:
+    config = WorldConfig(physics=PhysicsConfig(rate=rate))
+    with World(HeightMap(heights, resolution=0.05), config) as world:
         world.ground.set_soil(ContactSoil(world.terrain, soil))
         kind, flat = number // 2 % 4, number // 8 % 2 == 0
         x, y = 2.0 + random.uniform(-0.1, 0.1, 2)
@@ -154,7 +157,7 @@ def set_down(number: int, soil: str) -> SetDown:
             for name in WHEELS:
                 world.drive("body", f"{name}_axle", 0.0, 100.0)
         speeds, energies = [], []
-        for _ in range(720):
+        for _ in range(round(3.0 * rate)):
             world.step()
             uid = world.bodies["body"].uid
             linear, angular = world.client.getBaseVelocity(uid)
@@ -164,7 +167,7 @@ def set_down(number: int, soil: str) -> SetDown:
             height = world.state("body").position[2] + 0.5 * linear[2] * world.dt
             energies.append(height + (0.5 * speeds[-1] ** 2 + spun) / GRAVITY)
         rose = float(np.max(np.array(energies) - np.minimum.accumulate(energies)))
-    return SetDown(max(speeds[480:]), rose)
+    return SetDown(max(speeds[round(2.0 * rate) :]), rose)
 
 
 def _spin_energy(world: World, uid: int, angular: tuple[float, float, float]) -> float:

@@ -90,8 +90,9 @@ def test_a_wheel_of_a_mesh_is_the_cylinder_around_it() -> None:
 
 
 @pytest.mark.parametrize("number", range(16))
-def test_energy_never_grows_in_set_downs(number: int) -> None:
-    assert set_down(number, ("dry_sand", "lunar", "clay", "hit_lss1")[number % 4]).rose < 1e-3
+@pytest.mark.parametrize("rate", [60.0, 240.0])
+def test_energy_never_grows_in_set_downs(number: int, rate: float) -> None:
+    assert set_down(number, ("dry_sand", "lunar", "clay", "hit_lss1")[number % 4], rate=rate).rose < 1e-3
 
 
 @pytest.mark.parametrize("shape", [Box(0.3, 0.3, 0.3), Sphere(0.15), Cylinder(0.15, 0.2)])
