@@ -2,48 +2,22 @@
 
 from __future__ import annotations
 
-import logging
 import math
-from collections.abc import Callable
 from functools import cached_property
-from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.belt import Belt
-from smartmesh_ros.ground.body_shapes import links_with_shape, shape_of
-from smartmesh_ros.ground.bullet_sleep import is_fixed
-from smartmesh_ros.ground.colliders.patch_contacts import PatchContacts
+from smartmesh_ros.ground.attached_bodies import AttachedBodies
 from smartmesh_ros.ground.correction_transport import correcting, move_with_corrections, show_corrections
-from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.guard import put_back
-from smartmesh_ros.ground.map_contacts import MapContacts, missing_for
-from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.ground.shown_patches import ShownPatches
-from smartmesh_ros.ground.sleep_config import SleepConfig
-from smartmesh_ros.ground.sleep_contacts import SleepContacts
-from smartmesh_ros.ground.sleeping import Sleeping
-from smartmesh_ros.ground.soil_support import SoilSupport, SteppedSoil
-from smartmesh_ros.ground.solver import gravity_of, time_step_of
-from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.ground.undone import undone
-from smartmesh_ros.ground.update_schedule import UpdateSchedule
-from smartmesh_ros.ground.usable import require_usable
-from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.shapes import BodyShape
-from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.ground.solver import gravity_of
+from smartmesh_ros.terrain.grid import IntArray
 from smartmesh_ros.terrain.ray_cast import GroundHits, RayCaster, checked_rays
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_points, ground_samples
-from smartmesh_ros.terrain.terrain import MainMesh, Terrain
-
-log = logging.getLogger("smartmesh_ros")
 
 
-class Ground:
+class Ground(AttachedBodies):
     """The deforming terrain as ground of the attached bodies of a PyBullet world.
 
     Contacts come from the map itself. Where that is impossible, because the client is not a DIRECT one, the C++ core
@@ -59,197 +33,6 @@ class Ground:
     ``time`` [s]: of the last update. ``refreshes``, ``rescues``: refreshes so far, and bodies put back onto the ground.
     ``followers``: the attached bodies by slot; ``patches``: the ground under them; ``contacts``: how they collide.
     """
-
-    def __init__(
-        self,
-        client: Any,
-        terrain: MainMesh | Terrain,
-        config: PatchConfig | None = None,
-        stopwatch: Stopwatch | None = None,
-        *,
-        gravity: float = 9.81,
-    ) -> None:
-        self.config = config or PatchConfig()
-        self.terrain = Terrain.of(terrain)
-        self.no_proxies = missing_for(client)
-        if self.no_proxies and self.config.kind == "auto":
-            log.warning("bodies stand on colliders of PyBullet's own, not on the map itself: %s", self.no_proxies)
-        self._require_usable(self.config)
-        self.stopwatch = stopwatch or Stopwatch()
-        self.followers = Followers()
-        self.gravity = gravity
-        self.time = 0.0
-        self.refreshes = self.rescues = 0
-        self.soil: SteppedSoil | None = None
-        self._client = client
-        self.patches = ShownPatches(self.terrain, self.config, self.followers, self.stopwatch)
-        self.contacts = self._new_contacts(self.config)
-        self._sleeping = Sleeping(client, self.followers, self.terrain)
-        self._schedule = UpdateSchedule()
-        self._stale = True  # the next step needs an update, even if the last one has not expired
-        self._steps = 1  # lifetime of the last update [steps]
-
-    # Bodies
-
-    def attach(
-        self,
-        body: int,
-        link: int | None = None,
-        *,
-        radius: float | None = None,
-        solid: bool = True,
-        shape: Shape | BodyShape | None = None,
-    ) -> Follower:
-        """Put each link of ``body`` that has a collision shape onto the ground, or one ``link`` (-1 = the base).
-
-        Shapes are read from PyBullet, unless the base's or link's is given: as a ``shape`` about the centre of mass (or
-        one that was read before), or as the ``radius`` [m] of a bounding sphere. ``solid=False`` computes patches
-        without contacts. Returns the follower of the link, or of the first one; ``followers.of(body)`` lists all.
-        Raises `InputError`, and attaches nothing, if a link has no shape or is attached already.
-        """
-        if link is not None or radius is not None or shape is not None:
-            links = [-1 if link is None else link]
-        else:
-            links = links_with_shape(self._client, body)
-        records = [shape_of(self._client, body, each, shape, radius) for each in links]
-        made = [Follower(body, each, record, solid) for each, record in zip(links, records, strict=True)]
-        self.followers.require_new(body, links)
-        own = solid and not is_fixed(self._client, body)
-        if not len(self.followers):
-            self.contacts.set_time(self.time, time_step_of(self._client))
-        added: list[int] = []
-        with undone(lambda: self._take_off(added)):
-            for follower in made:
-                self._put_on(follower, own=own)
-                added.append(follower.slot)
-        if self.contacts.exact:
-            self.contacts.refresh()
-        self._stale = True
-        return made[0]
-
-    def detach(self, body: int) -> None:
-        """Take ``body`` and its links off the ground. Call it before the body is removed from PyBullet."""
-        self._take_off(list(self.followers.of(body)))
-        self._stale = True
-
-    def _put_on(self, follower: Follower, *, own: bool) -> None:
-        self.followers.add(follower, own=own)
-        self.patches.reserve(self.followers.capacity)
-        self._sleeping.add(follower.slot)
-        with undone(lambda: self.followers.remove(follower.slot)):
-            self.contacts.attach(follower)
-
-    def _take_off(self, slots: list[int]) -> None:
-        """Detach all of these followers, or none if PyBullet fails."""
-        for slot in slots:
-            self._sleeping.wake_near(slot)
-        self.contacts.detach(slots)
-        for slot in slots:
-            self._sleeping.remove(slot)
-            self.patches.remove(slot)
-            self.followers.remove(slot)
-
-    def drive(self, body: int, link: int, axis: Vector, speed: float) -> None:
-        """Move the surface of an attached ``body``'s ``link`` (-1 = the base) at a ``speed`` [m/s] from now on, as that
-        of a track; zero stops it.
-
-        Where the ground touches it with a normal n, the surface moves along n x ``axis``, a vector in the frame of the
-        link's centre of mass: a positive speed drives as a wheel that turns about the axis. The body wakes, and does
-        not sleep while its surface moves. On colliders of PyBullet's own, which `configure` may choose meanwhile, the
-        surface stands still. Raises `InputError` if there are such colliders, no such link, or impossible numbers.
-        """
-        belt, follower = Belt(axis, speed), self.followers.at(body, link)
-        if follower is None or not follower.solid:
-            raise InputError(
-                "unknown_body", f"body {body}, link {link} has no contacts with the ground; attach it first"
-            )
-        contacts = self.require_belts()
-        if follower.belt != belt:
-            follower.belt = belt
-            contacts.drive(follower)
-            self.wake(body)
-
-    def let_sleep(self, may_sleep: Callable[[int], bool] | None, config: SleepConfig | None = None) -> None:
-        """Put bodies at rest to sleep from now on, without contacts, if ``may_sleep`` returns True for the PyBullet
-        body; None = wake all, and let none sleep. Whoever pushes a body by other means than PyBullet's contacts must
-        `wake` it before."""
-        self._stale |= bool(self.followers.asleep.size)
-        self._sleeping.configure(may_sleep, config or SleepConfig())
-
-    def wake(self, body: int | None = None) -> None:
-        """Wake a body, or all (None), with what it may touch. Call it after you moved a body, too."""
-        self._sleeping.wake(None if body is None else np.array(self.followers.of(body), np.int64))
-        self._stale = True
-
-    def note_remote_states(self, bodies: list[int], states: FloatArray) -> None:
-        """Note that bodies of other nodes were set to states (n, 13). They sleep only while their owners say that they
-        are at rest."""
-        followers = self.followers
-        slots = np.array([followers.of(body)[0] for body in bodies], np.int64)
-        jumps = np.linalg.norm(states[:, :3] - followers.positions_w[slots], axis=1)
-        active = slots[states[:, 7:13].any(axis=1) | ~(jumps <= followers.radii[slots])]
-        self._stale |= not followers.table["awake"][active].all()
-        self._sleeping.wake(active)
-
-    def configure(self, config: PatchConfig, *, gravity: float | None = None) -> None:
-        """Replace the settings of patches, and ``gravity`` [m/s^2] unless it is None, from the next update on. Bodies
-        may rest on patches meanwhile. Raises `InputError` and changes nothing if the terrain does not allow the
-        settings."""
-        self._require_usable(config)
-        self._require_exact_for(self.soil, config)
-        self.wake()
-        if self._is_exact(config) != self.contacts.exact:
-            self._exchange_contacts(config)
-        self.patches.configure(config)
-        self.contacts.configure(config)
-        self.config = config
-        self.gravity = self.gravity if gravity is None else gravity
-
-    def close(self) -> None:
-        """Detach all bodies, and leave the client to another ground."""
-        for follower in list(self.followers):
-            self.detach(follower.body)
-        self.contacts.close()
-
-    # Soil
-
-    def set_soil(self, soil: SteppedSoil | None) -> None:
-        """Let bodies stand on a soil of one of the terrain's height maps, such as a `ContactSoil`, from now on; None =
-        on the map itself. Raises `InputError` and changes nothing if contacts do not come from the map."""
-        self._require_exact_for(soil, self.config)
-        if soil is not None and all(tile is not soil.map for tile in self.terrain.tiles.values()):
-            raise InputError("soil", "the map of the soil is no tile of this ground's terrain")
-        self.soil = soil
-        if isinstance(self.contacts, MapContacts):
-            self.contacts.set_soil(None if soil is None else soil.core)
-        self.wake()
-
-    def on_soil(self) -> dict[str, SoilSupport]:
-        """Return how the soil bore each body and link on it in the last step, by the names of the followers."""
-        if not isinstance(self.contacts, MapContacts):
-            return {}
-        parts = {follower.name: self.contacts.on_soil(follower.slot) for follower in self.followers}
-        return {
-            name: SoilSupport(float(found[:, 0].max()), float(found[:, 1].sum()), float(found[:, 2].sum()))
-            for name, found in parts.items()
-            if len(found)
-        }
-
-    def _show_soil(self, time: float) -> None:
-        """Show what the soil's map looks like now; take the soil away with its map."""
-        if self.soil is None:
-            return
-        if all(tile is not self.soil.map for tile in self.terrain.tiles.values()):
-            self.set_soil(None)
-        else:
-            self.soil.show(time)
-
-    def _require_exact_for(self, soil: SteppedSoil | None, config: PatchConfig) -> None:
-        if soil is not None and not self._is_exact(config):
-            why = self.no_proxies or f"patches are of the kind {config.kind!r}"
-            raise InputError("soil", f"bodies stand on soil only where contacts come from the map: {why}")
-
-    # Steps
 
     def step(self, time: float, dt: float) -> None:
         """Run one ``stepSimulation`` of ``dt`` [s] from ``time`` [s] on, as `World` does.
@@ -338,8 +121,6 @@ class Ground:
         if lifted:
             self.go_on(time, dt)
 
-    # Questions
-
     def below(self, slots: IntArray, time: float) -> list[tuple[int, float, float]]:
         """Return those followers in ``slots`` (n,) whose middle is below the ground: the slot, the depth of its lowest
         point [m], and the ground's vertical velocity [m/s]. Ground of meshes above a middle counts only where there is
@@ -364,46 +145,3 @@ class Ground:
     def rays(self) -> RayCaster:
         """Casts rays onto this ground."""
         return RayCaster(self.terrain)
-
-    @property
-    def exact(self) -> bool:
-        """True if contacts come from the map itself."""
-        return self.contacts.exact
-
-    @property
-    def contacts_asleep(self) -> dict[int, SleepContacts]:
-        """By slot: the contacts of sleeping bodies with their ground, in the last step before they fell asleep."""
-        return self._sleeping.contacts
-
-    def require_usable(self, mesh: MainMesh, config: PatchConfig | None = None) -> None:
-        """Raise `InputError` if a mesh cannot be ground with these settings, or the present ones (None)."""
-        config = config or self.config
-        require_usable(config, mesh, exact=self._is_exact(config))
-
-    def require_belts(self) -> MapContacts:
-        """Return the contacts, in which surfaces can move; raises `InputError` if they are PyBullet's own."""
-        if isinstance(self.contacts, MapContacts):
-            return self.contacts
-        cause = self.no_proxies or f"the kind of patch is {self.config.kind!r}; choose 'auto'"
-        raise InputError("surface", f"a surface moves only where contacts come from the map itself: {cause}")
-
-    def _require_usable(self, config: PatchConfig) -> None:
-        for mesh in self.terrain.tiles.values():
-            self.require_usable(mesh, config)
-
-    def _is_exact(self, config: PatchConfig) -> bool:
-        return not self.no_proxies and config.kind == "auto"
-
-    def _exchange_contacts(self, config: PatchConfig) -> None:
-        """Let contacts come from elsewhere; the old ones stay if PyBullet fails."""
-        new, old = self._new_contacts(config), self.contacts
-        with undone(new.close):
-            for follower in self.followers:
-                new.attach(follower)
-            old.close()
-        self.contacts = new
-
-    def _new_contacts(self, config: PatchConfig) -> MapContacts | PatchContacts:
-        if self._is_exact(config):
-            return MapContacts(self._client, self.followers, self.terrain, config)
-        return PatchContacts(self._client, self.followers, self.terrain, config, self.patches)
