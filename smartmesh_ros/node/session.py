@@ -15,6 +15,7 @@ from rclpy.qos import QoSProfile
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import FARTHEST_BODY
 from smartmesh_ros.node.endpoint_names import EndpointNames
+from smartmesh_ros.node.failures import FAILED, REFUSED
 from smartmesh_ros.node.inputs.bounds import require_name
 from smartmesh_ros.node.inputs.conversions import BodyInput
 from smartmesh_ros.node.inputs.decoding import MOST_ITEMS, message_from
@@ -22,7 +23,7 @@ from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.own_topics import OwnTopics
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.node.refusals import FAILED, LOG_PERIOD, REFUSED, Refusals, shortened
+from smartmesh_ros.node.refusals import LOG_PERIOD, Refusals, shortened
 from smartmesh_ros.node.robot_names import RobotNames
 from smartmesh_ros.node.services.robot_preparation import RobotPreparation
 from smartmesh_ros.node.services.turns import Turns, Work

@@ -8,8 +8,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from smartmesh_ros.io.urdf import checked_urdf
+from smartmesh_ros.node.failures import REFUSED
 from smartmesh_ros.node.inputs import bounds
-from smartmesh_ros.node.refusals import REFUSED
 from smartmesh_ros.node.services.initial_bodies import InitialBodies
 from smartmesh_ros.node.services.robot_files import robot_name, with_package_paths
 from smartmesh_ros.node.services.spawning import Entry

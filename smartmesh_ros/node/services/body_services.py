@@ -12,8 +12,9 @@ from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.urdf import checked_urdf
+from smartmesh_ros.node.failures import REFUSED
 from smartmesh_ros.node.inputs import bounds, conversions
-from smartmesh_ros.node.refusals import REFUSED, shortened
+from smartmesh_ros.node.refusals import shortened
 from smartmesh_ros.node.services.robot_files import with_package_paths
 from smartmesh_ros.node.services.turns import in_turns
 from smartmesh_ros.node.session import Session

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.refusals import REFUSED
+from smartmesh_ros.node.failures import REFUSED
 from smartmesh_ros.node.services.robot_files import with_package_paths
 from smartmesh_ros.node.services.spawning import Entry, entry_from_text, spawn, state_of
 from smartmesh_ros.node.services.turns import Work, in_turns

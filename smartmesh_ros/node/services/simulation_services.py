@@ -16,10 +16,11 @@ from geometry_msgs.msg import Vector3
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.urdf import checked_urdf
+from smartmesh_ros.node.failures import REFUSED
 from smartmesh_ros.node.inputs import bounds, conversions
 from smartmesh_ros.node.inputs.optional_messages import find_interfaces
 from smartmesh_ros.node.outputs.robot_outputs import pose_message, twist_message
-from smartmesh_ros.node.refusals import REFUSED, reason_of
+from smartmesh_ros.node.refusals import reason_of
 from smartmesh_ros.node.services.entity_bounds import own_bounds
 from smartmesh_ros.node.services.entity_filters import select
 from smartmesh_ros.node.services.robot_files import robot_name, urdf_text, with_package_paths
