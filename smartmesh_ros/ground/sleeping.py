@@ -29,14 +29,12 @@ from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
-# Gravity for which `SleepConfig.after` is meant [m/s^2]. Under a weaker one all that falls, rolls or tips over is
-# slower.
+# Gravity for which `SleepConfig.after` is meant [m/s^2]. Under a weaker one all that falls or rolls is slower.
 EARTH = 9.81
 NOBODY = np.empty(0, np.int64)
 # Columns of a table of boxes (S, 6): lowest and highest x, y, z [m].
 BOX_COLUMNS = 6
-# Columns of the table of anchors (S, 8): position [m] and orientation (x, y, z, w) that a still body stays near, and
-# the time since when [s].
+# Column of the table of anchors (S, 8), after the pose that a still body stays near: the time since when [s].
 SINCE = 7
 
 

@@ -22,8 +22,7 @@ from matplotlib.colors import LightSource
 from matplotlib.patches import Rectangle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-# Width of the ground drawn beyond the outermost bodies [m], and maximum number of quadrilaterals along a side of the
-# ground; raising it costs time, because matplotlib sorts and fills each one.
+# Ground drawn beyond the outermost bodies [m], and most quadrilaterals along a side of it, which matplotlib sorts.
 MARGIN, MOST_CELLS = 2.0, 150
 # Time by which all bodies have fallen onto the ground [s]; the picture shows a later frame.
 FALLEN = 2.5
