@@ -14,34 +14,6 @@ namespace {
 // How much a ray may miss a box [m], against rounding.
 constexpr double SLACK = 1e-9;
 
-// Takes positions `found` (n, 3) of the bodies in some slots into tables of positions and motions since the ones before
-// (S, 3).
-void write_positions(Slots slots, Doubles2 found, States positions, States moved) {
-  const std::size_t count = positions.shape(0);
-  check_table(found, slots.shape(0), 3, "found");
-  check_table(positions, count, 3, "positions"), check_table(moved, count, 3, "moved");
-  const Vec3* row = rows_of<Vec3>(found);
-  for (std::int64_t slot : slots_below(slots, count)) {
-    Vec3& position = rows_of<Vec3>(positions)[slot];
-    rows_of<Vec3>(moved)[slot] = *row - position;
-    position = *row++;
-  }
-}
-
-// Takes states `found` (n, 13) likewise; motions are those in a step of `dt` [s].
-void write_states(Slots slots, Doubles2 found, double dt, States states, States positions, States moved) {
-  const std::size_t count = states.shape(0);
-  check_table(found, slots.shape(0), BODY_COLUMNS, "found"), check_table(states, count, BODY_COLUMNS, "states");
-  check_table(positions, count, 3, "positions"), check_table(moved, count, 3, "moved");
-  finite(dt, "the time step");
-  const BodyState* row = rows_of<BodyState>(found);
-  for (std::int64_t slot : slots_below(slots, count)) {
-    rows_of<Vec3>(positions)[slot] = row->pose.at;
-    rows_of<Vec3>(moved)[slot] = row->linear * dt;
-    rows_of<BodyState>(states)[slot] = *row++;
-  }
-}
-
 // Number of dimensions of each kind, and the other BodyLimits, in their order.
 using Limits = std::tuple<Slots, double, double, double, double, double, double, double, double>;
 
@@ -151,10 +123,6 @@ nb::object split(Array<const std::uint8_t, 1> content, std::size_t at, Array<std
 }  // namespace
 
 void add_rows(nb::module_& m) {
-  m.def("write_positions", &write_positions, "slots"_a.noconvert(), "found"_a.noconvert(), "positions"_a.noconvert(),
-        "moved"_a.noconvert());
-  m.def("write_states", &write_states, "slots"_a.noconvert(), "found"_a.noconvert(), "dt"_a, "states"_a.noconvert(),
-        "positions"_a.noconvert(), "moved"_a.noconvert());
   m.def("first_fault", &first_fault, "states"_a.noconvert(), "radii"_a.noconvert(), "kinds"_a.noconvert(),
         "dimensions"_a.noconvert(), "centres"_a.noconvert(), "masses"_a.noconvert(), "limits"_a.noconvert());
   m.def("extrapolated", &extrapolated_states, "states"_a.noconvert(), "duration"_a);

@@ -7,11 +7,11 @@
 
 namespace smartmesh {
 
-// In the order of INVALID in physics/state_table.py, which has the words for them.
+// In the order of INVALID in world/state_table.py, which has the words for them.
 enum class Fault : int { NotFinite, Orientation, Position, Velocity, Spin, Kind, Size, Centre, Radius, Mass, None };
 
 // Described bodies: `states` (count, 13), bounding `radii` [m], `kinds`, `dimensions` (count, 3) [m], `centres` (count, 3)
-// relative to the centres of mass [m], and `masses` [kg]; see StateTable in physics/state_table.py.
+// relative to the centres of mass [m], and `masses` [kg]; see StateTable in world/state_table.py.
 struct DescribedBodies {
   const double *states, *radii, *dimensions, *centres, *masses;
   const std::uint8_t* kinds;

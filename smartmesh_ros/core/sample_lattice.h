@@ -1,4 +1,4 @@
-// A lattice of samples that measures changes from map to map; terrain/sample_lattice.py explains it.
+// A lattice of samples that measures changes from map to map; terrain/noise_check.py explains it.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +28,7 @@ struct PlacedMap {
   double at(std::int64_t row, std::int64_t column) const;
 };
 
-// Numbers of lattice points as in terrain/sample_lattice.py, and the `median` of the changes [m].
+// Numbers of lattice points as in terrain/noise_check.py, and the `median` of the changes [m].
 struct LatticeCounts {
   std::int64_t known = 0, changed = 0, reversed = 0, tilted = 0, agreeing = 0;
   double tilt = 0.0, median = 0.0;

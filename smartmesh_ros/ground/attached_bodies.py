@@ -191,7 +191,7 @@ class AttachedBodies:
         """Let bodies stand on a soil of one of the terrain's height maps, such as a `ContactSoil`, from now on; None =
         on the map itself. Raises `InputError` and changes nothing if contacts do not come from the map."""
         self._require_exact_for(soil, self.config)
-        if soil is not None and all(tile is not soil.map for tile in self.terrain.tiles.values()):
+        if soil is not None and not self._has(soil.map):
             raise InputError("soil", "the map of the soil is no tile of this ground's terrain")
         self.soil = soil
         if isinstance(self.contacts, MapContacts):
@@ -235,10 +235,14 @@ class AttachedBodies:
         """Show what the soil's map looks like now; take the soil away with its map."""
         if self.soil is None:
             return
-        if all(tile is not self.soil.map for tile in self.terrain.tiles.values()):
-            self.set_soil(None)
-        else:
+        if self._has(self.soil.map):
             self.soil.show(time)
+        else:
+            self.set_soil(None)
+
+    def _has(self, mesh: MainMesh) -> bool:
+        """Return True if a mesh is a tile of the terrain."""
+        return any(tile is mesh for tile in self.terrain.tiles.values())
 
     def _require_exact_for(self, soil: SteppedSoil | None, config: PatchConfig) -> None:
         if soil is not None and not self._is_exact(config):

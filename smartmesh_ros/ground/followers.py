@@ -152,6 +152,11 @@ class Followers:
         """Return True if no surface of a PyBullet body or of its links is driven."""
         return not any(self[slot].belt.speed for slot in self.of(body))
 
+    def note_places(self, slots: IntArray, states: FloatArray, dt: float) -> None:
+        """Note where followers with ``states`` (n, 13) are before a step of ``dt`` [s], and how far they move in it."""
+        self.positions_w[slots] = states[:, :3]
+        self.moved_w[slots] = states[:, 7:10] * dt
+
     def set_awake(self, slots: IntArray, *, awake: bool) -> None:
         """Note that bodies woke, or fell asleep and do not move."""
         if len(slots):

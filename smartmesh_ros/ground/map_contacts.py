@@ -148,8 +148,7 @@ class MapContacts:
         followers = self._followers
         awake = followers.awake
         self._core.read(awake, followers.states)
-        followers.positions_w[awake] = followers.states[awake, :3]
-        followers.moved_w[awake] = followers.states[awake, 7:10] * dt
+        followers.note_places(awake, followers.states[awake], dt)
 
     def states_of(self, slots: IntArray) -> FloatArray:
         """Return the states (n, 13) of followers, asleep or not, as they are now; NaN for bodies that are gone."""
@@ -162,8 +161,7 @@ class MapContacts:
         followers = self._followers
         awake, states = followers.awake, np.empty_like(followers.states)
         self._core.read(awake, states)
-        followers.positions_w[awake] = states[awake, :3]
-        followers.moved_w[awake] = states[awake, 7:10] * dt
+        followers.note_places(awake, states[awake], dt)
 
     def let_go(self, slots: IntArray) -> None:
         """Note that followers fell asleep; `refresh` takes their ground."""

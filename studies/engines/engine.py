@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -87,8 +87,30 @@ class Contacts(NamedTuple):
         return cls(bodies[:, 0].astype(np.int64), points, normals, gaps[:, 0], velocities, forces[:, 0], frictions)
 
 
-class Engine(ABC):
-    """Simulation of bodies on moving ground in one engine. Call `close`, or use it as a context manager.
+class Simulation(ABC):
+    """A simulation in one engine. Call `close`, or use it as a context manager."""
+
+    @abstractmethod
+    def step(self) -> None:
+        """Run one step of the setup's ``dt``."""
+
+    def contacts(self) -> Contacts | None:
+        """Return the contacts with the ground in the last step, None if the engine does not tell their forces."""
+        return None
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release the simulation."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Engine(Simulation):
+    """Simulation of bodies on moving ground in one engine.
 
     The time of `set_ground` is the cost of updating the collider, because no other method does that; `step` runs the
     physics. Only an engine whose colliders follow the bodies also moves its colliders in `step`.
@@ -105,10 +127,6 @@ class Engine(ABC):
         """Replace the map by the current heights (R, C) [m]; ``velocities``: vertical (R, C) [m/s], None = unknown."""
 
     @abstractmethod
-    def step(self) -> None:
-        """Run one step of the setup's ``dt``."""
-
-    @abstractmethod
     def positions(self) -> FloatArray:
         """Return the centres of the bodies (N, 3) [m]."""
 
@@ -119,17 +137,3 @@ class Engine(ABC):
     @abstractmethod
     def velocities(self) -> FloatArray:
         """Return linear and angular velocities of the bodies in the world frame (N, 6) [m/s, rad/s]."""
-
-    def contacts(self) -> Contacts | None:
-        """Return the contacts of the last step, None if the engine does not tell their forces."""
-        return None
-
-    @abstractmethod
-    def close(self) -> None:
-        """Release the simulation."""
-
-    def __enter__(self) -> Engine:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

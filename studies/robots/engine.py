@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
@@ -11,7 +11,7 @@ import numpy as np
 
 from smartmesh_ros.scenes.moving import FloatGrid
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
-from studies.engines.engine import Contacts
+from studies.engines.engine import Simulation
 from studies.robots.robot import Robot
 
 # Time constant [s] of the servos that hold joints: the error shrinks by a tenth in a step of 1 / 240 s, which is
@@ -46,8 +46,8 @@ class Links(NamedTuple):
     orientations: FloatArray
 
 
-class RobotEngine(ABC):
-    """Simulation of robots on moving ground in one engine. Call `close`, or use it as a context manager.
+class RobotEngine(Simulation):
+    """Simulation of robots on moving ground in one engine.
 
     ``names``: of the links with collision shapes (L,). All joints of the robot's stance are servos of time constant
     `SERVO` and the robot's torque; its wheels keep their speed with the same torque; other joints turn freely. Links of
@@ -67,30 +67,12 @@ class RobotEngine(ABC):
         """Set the positions [rad] that all robots' servos hold, by joint."""
 
     @abstractmethod
-    def step(self) -> None:
-        """Run one step."""
-
-    @abstractmethod
     def links(self) -> Links:
         """Return the frames of the links ``names``."""
 
     @abstractmethod
     def velocities(self) -> FloatArray:
         """Return the velocities of the robots' centres of mass (N, 3) [m/s]."""
-
-    def contacts(self) -> Contacts | None:
-        """Return the contacts of all links with the ground in the last step, None if the engine does not tell them."""
-        return None
-
-    @abstractmethod
-    def close(self) -> None:
-        """Release the simulation."""
-
-    def __enter__(self) -> RobotEngine:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 def xyzw(wxyz: FloatArray) -> FloatArray:

@@ -86,17 +86,6 @@ ENTRIES = {
     ),
     "count_updates": Entry(CORE.count_updates, under),
     "samples_under": Entry(CORE.samples_under, under),
-    "write_positions": Entry(
-        CORE.write_positions,
-        lambda: {"slots": slots(), "found": zeros(3, 3), "positions": zeros(3), "moved": zeros(3)},
-    ),
-    "write_states": Entry(
-        CORE.write_states,
-        lambda: {
-            "slots": slots(), "found": zeros(13, 3), "dt": 0.1, "states": zeros(13), "positions": zeros(3),
-            "moved": zeros(3),
-        },
-    ),
     "first_fault": Entry(
         CORE.first_fault,
         lambda: {
@@ -147,8 +136,7 @@ ALLOWED = {
 WRITTEN = [
     ("note_motion", "boxes"), ("note_motion", "anchors"), ("mark_near", "found"), ("mark_connected", "found"),
     ("mark_reached", "found"), ("count_updates", "counts"), ("samples_under", "counts"),
-    ("write_positions", "positions"), ("write_positions", "moved"), ("write_states", "states"),
-    ("write_states", "positions"), ("write_states", "moved"), ("split_bodies", "rows"),
+    ("split_bodies", "rows"),
 ]  # fmt: skip
 
 
@@ -157,8 +145,7 @@ WRITTEN = [
     "entry, name",
     [
         ("note_motion", "chosen"), ("islands", "chosen"), ("Sleepers", "asleep"), ("mark_reached", "movers"),
-        ("count_updates", "chosen"), ("samples_under", "chosen"), ("write_positions", "slots"),
-        ("write_states", "slots"),
+        ("count_updates", "chosen"), ("samples_under", "chosen"),
     ],
 )  # fmt: skip
 def test_slots_that_are_in_no_table_are_refused(entry: str, name: str, wrong: int) -> None:

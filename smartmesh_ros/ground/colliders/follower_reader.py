@@ -33,8 +33,7 @@ class FollowerReader:
         calls, followers, slots = self._calls, self._followers, self._slots
         parts = [calls.states(self._bases), *(calls.link_states(body, links) for body, links in self._robots)]
         states[slots] = found = np.concatenate(parts)
-        followers.positions_w[slots] = found[:, :3]
-        followers.moved_w[slots] = found[:, 7:10] * dt
+        followers.note_places(slots, found, dt)
 
     def _list_awake(self) -> None:
         """List the awake followers in the order in which they are read: bases, then the links of each robot."""
