@@ -12,9 +12,12 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.soil.checked_soil import kinds_from, map_from, soils_from
 from smartmesh_ros.soil.config import SoilType
-from smartmesh_ros.soil.layer import soil_table
+from smartmesh_ros.soil.layer import Region, soil_table
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+
+# Rows and columns of no samples.
+NOTHING = np.empty((0, 2), np.int64)
 
 
 class ContactSoil:
@@ -59,6 +62,7 @@ class ContactSoil:
         self._kinds = kinds_from(kinds, shape, len(self.soils))
         self.core: Any = CORE.StepSoil(self.map.core_reader, self._kinds, soil_table(self.soils), spacing)
         self.core.sinks_by_slip = slip_sinkage
+        self._changed = NOTHING  # corners (2, 2) of what `show` wrote since the last `changes`
 
     def set_kinds(self, kinds: ArrayLike) -> None:
         """Change which soil each sample is, as ``kinds`` at the start; sinkages stay. Raises `InputError`."""
@@ -73,9 +77,23 @@ class ContactSoil:
             return 0
         places, heights = self.core.take_pressed()
         if len(places):
-            rectangles = np.hstack((places, places))
-            self.map.take_rectangles(rectangles, heights, np.zeros_like(heights), time)
-        return len(places)
+            self.map.write_at_rest(places, heights)
+            places = np.vstack((places, self._changed))
+            self._changed = np.stack((places.min(axis=0), places.max(axis=0)))
+        return len(heights)
+
+    def changes(self, time: float, *, everything: bool = False) -> Region | None:
+        """Return the rectangle of the map that `show` changed since the last call, or, of ``everything``, that bodies
+        ever pressed; None if there is none, or while the ground moves at ``time`` [s]."""
+        if self.map.moving(time):
+            return None
+        pressed = np.argwhere(self.sinkage() > 0.0) if everything else self._changed
+        self._changed = NOTHING
+        if not len(pressed):
+            return None
+        (row, column), (last_row, last_column) = pressed.min(axis=0), pressed.max(axis=0)
+        heights = self.map.heights[row : last_row + 1, column : last_column + 1]
+        return Region(int(row), int(column), heights, np.zeros_like(heights))
 
     def sinkage(self) -> FloatArray:
         """Return how far the ground lies below the level of its soil (rows, columns) [m], zero where nobody touched

@@ -27,6 +27,16 @@ LAYER_SAMPLE = np.dtype(
 )  # fmt: skip
 
 
+class Region(NamedTuple):
+    """A changed rectangle of the map: its first ``row`` and ``column``, new ``heights`` (h, w) [m] relative to the
+    map's z, and ``velocities`` (h, w) [m/s]."""
+
+    row: int
+    column: int
+    heights: Floats
+    velocities: Floats
+
+
 class SoilLayer(NamedTuple):
     """Soil of a height map; all (rows, columns) unless noted. The core writes the fields.
 

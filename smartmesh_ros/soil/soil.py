@@ -17,7 +17,7 @@ from smartmesh_ros.soil.bodies import PressingBodies, all_of
 from smartmesh_ros.soil.checked_soil import kinds_from, map_from, soils_from
 from smartmesh_ros.soil.config import SoilConfig, SoilType
 from smartmesh_ros.soil.feet import FOOT, with_room
-from smartmesh_ros.soil.layer import Floats, SoilLayer, untouched_layer
+from smartmesh_ros.soil.layer import Floats, Region, SoilLayer, untouched_layer
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
@@ -49,16 +49,6 @@ class Load(NamedTuple):
     force: float
     x: float = math.nan
     y: float = math.nan
-
-
-class Region(NamedTuple):
-    """A changed rectangle of the map: its first ``row`` and ``column``, new ``heights`` (h, w) [m] relative to the
-    map's z, and ``velocities`` (h, w) [m/s]."""
-
-    row: int
-    column: int
-    heights: Floats
-    velocities: Floats
 
 
 class Changes(NamedTuple):

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest
-from smartmesh_ros.terrain.motion import INSTANT
+from smartmesh_ros.terrain.motion import BLOCK, INSTANT
 from smartmesh_ros.terrain.moving_heights import MovingHeights
+from smartmesh_ros.terrain.revisions import next_revision
 
 # Distance outside the map at which a point still counts as on the edge [samples].
 EDGE = 1e-6
@@ -109,6 +110,17 @@ class HeightMap(MovingHeights):
     def set_velocities(self, velocities: NDArray[np.float32]) -> None:
         """Set the vertical velocities (rows, columns) [m/s] of the newest heights."""
         self._store(0, 0, self._heights.copy(), velocities, self.time)
+        self._tell_core()
+
+    def write_at_rest(self, places: IntArray, heights: NDArray[np.float32]) -> None:
+        """Write ``heights`` (n,) [m] of the samples at ``places`` (n, 2), rows and columns, of ground at rest. Unlike
+        updates they say nothing about how the ground moves."""
+        rows, columns = places.T
+        self._heights[rows, columns] = heights
+        self._clocks["updates"][rows // BLOCK, columns // BLOCK] += 1
+        self.version += len(places)
+        self.revision = next_revision()
+        self._deviation = None
         self._tell_core()
 
     def go_on_from(self, before: "HeightMap") -> None:

@@ -95,6 +95,12 @@ def test_bodies_of_a_collider_stand_on_soil_without_another_node(probe: Probe) -
         probe.wait_for(lambda: probe.diagnostics("bodies")["asleep"] == "1")
         sunk = 0.05 - height_of(probe, "plate")
         assert sunk == pytest.approx(plate_sinkage(soil_named("lunar"), 0.2, 5e3), rel=0.1)
+        # Who subscribes after the plate sank gets its print, with the map's sample below the plate's middle.
+        found = probe.latest("pressed_ground")
+        assert (found.width, found.height) == (7, 7)
+        print_ = np.reshape(found.heights, (7, 7))
+        assert -print_[SIDE // 2 - found.y, SIDE // 2 - found.x] == pytest.approx(sunk, abs=1e-4)
+        assert not any(found.velocities)
         set_parameters(probe, {"soil.type": ""})
         # It stands on the map's print, whose samples at the plate's edge are less deep than the soil below it.
         probe.wait_for(lambda: height_of(probe, "plate") > 0.05 - sunk + 1e-4)

@@ -44,6 +44,29 @@ def test_a_plate_that_sinks_slowly_comes_to_bekkers_depth_and_sleeps(soil: str) 
         assert world.is_asleep("box")
 
 
+def test_changes_are_what_another_map_needs_to_look_alike() -> None:
+    with with_box() as world:
+        soil = ContactSoil(world.terrain, "dry_sand")
+        world.ground.set_soil(soil)
+        world.spawn("ball", Sphere(0.1), 5.0, BodyState((0.8, 3.0, 0.1), linear=(1.0, 0.0, 0.0)))
+        copy = np.zeros(soil.map.heights.shape, np.float32)
+        assert soil.changes(world.time, everything=True) is None, "nobody has pressed the soil"
+        sizes = []
+        for _ in range(20):
+            world.step(8)
+            if (found := soil.changes(world.time)) is not None:
+                sizes.append(found.heights.size)
+                height, width = found.heights.shape
+                copy[found.row : found.row + height, found.column : found.column + width] = found.heights
+            assert np.array_equal(copy, soil.map.heights)
+        assert copy.min() < -1e-3
+        assert min(sizes) < 100, "the box came to rest, and the ball changes the ground below it alone"
+        everything = soil.changes(world.time, everything=True)
+        assert everything is not None
+        assert np.count_nonzero(everything.heights) == np.count_nonzero(soil.map.heights)
+        assert soil.changes(world.time) is None
+
+
 @pytest.mark.parametrize("grid", [0.01, 0.05])
 @pytest.mark.parametrize("height", [0.1, 0.3])
 def test_nothing_bounces_at_rest(grid: float, height: float) -> None:

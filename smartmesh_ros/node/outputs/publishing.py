@@ -15,6 +15,7 @@ from smartmesh_msgs.msg import (
     ColliderPatchArray,
     ContactArray,
     ContactWrenchArray,
+    HeightmapUpdate,
     StageTiming,
     Timing,
     TrackedBodyArray,
@@ -34,6 +35,8 @@ from smartmesh_ros.node.outputs.connections import Namesakes, incompatible_peers
 from smartmesh_ros.node.outputs.height_scans import HeightScans
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.soil.soil_messages import update_message
+from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.world.states import SimulatedStates
 
 # Outputs that show patches. They are published only after the patches were refreshed.
@@ -106,6 +109,7 @@ class Publishing:
             "joint_states": self._output(JointState, "~/joint_states", self._make_joint_states),
             "odometry": self._output(Odometry, "~/odometry", self._make_odometry),
             "contact_wrenches": self._output(ContactWrenchArray, "~/contact_wrenches", self._make_contact_wrenches),
+            "pressed_ground": self._output(HeightmapUpdate, "~/pressed_ground", self._make_pressed_ground),
         }
         self._diagnostics = self._node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
         self._scans = HeightScans(session, self._qos)
@@ -120,7 +124,7 @@ class Publishing:
         self._timing_window = _Window(session)
         self._diagnostics_window = _Window(session)
         self._refused_before = 0
-        self._audiences = {name: Audience() for name in PATCH_OUTPUTS}
+        self._audiences = {name: Audience() for name in (*PATCH_OUTPUTS, "pressed_ground")}
         self._shown = dict.fromkeys(PATCH_OUTPUTS, -1)  # the number of refreshes at the last message
 
     def publish(self, *, now: bool = False) -> None:
@@ -193,10 +197,13 @@ class Publishing:
     def _header(self) -> Header:
         return Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)
 
-    def _only_changed(self, output: str) -> bool:
+    def _needs_all(self, output: str) -> bool:
         publisher, audience = self._outputs[output].publisher, self._audiences[output]
         audience.count(publisher.get_subscription_count(), self._node.count_publishers(publisher.topic_name))
-        return self._session.settings.incremental and not audience.needs_all()
+        return audience.needs_all()
+
+    def _only_changed(self, output: str) -> bool:
+        return not self._needs_all(output) and self._session.settings.incremental
 
     def _make_patches(self) -> bytes:
         world, only_changed = self._world, self._only_changed("patches")
@@ -231,6 +238,13 @@ class Publishing:
 
     def _make_contact_wrenches(self) -> ContactWrenchArray:
         return robot_outputs.contact_wrenches(self._header(), self._world)
+
+    def _make_pressed_ground(self) -> list[HeightmapUpdate]:
+        """Return the message of what changed in the soil, if any did."""
+        world, everything = self._world, self._needs_all("pressed_ground")
+        soil = world.ground.soil
+        region = soil.changes(world.time, everything=everything) if isinstance(soil, ContactSoil) else None
+        return [] if region is None else [update_message(self._header(), "", region)]
 
     def _make_timing(self) -> Timing:
         length, factor, misses = self._timing_window.read()

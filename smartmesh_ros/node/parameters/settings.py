@@ -40,6 +40,11 @@ class PublishRates:
     contact_wrenches: float = 60.0
     tf: float = 0.0
 
+    @property
+    def pressed_ground(self) -> float:
+        """Prints are published with the patches that stand in them."""
+        return self.patches
+
 
 @dataclass(frozen=True, kw_only=True)
 class RobotConfig:

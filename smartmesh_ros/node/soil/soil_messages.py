@@ -11,7 +11,8 @@ from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.arrays import floats
-from smartmesh_ros.soil.soil import Region, Soil
+from smartmesh_ros.soil.layer import Region
+from smartmesh_ros.soil.soil import Soil
 
 
 class PressingContact(NamedTuple):

@@ -32,7 +32,8 @@ from smartmesh_ros.node.soil.message_bodies import MessageBodies
 from smartmesh_ros.node.soil.soil_map import SoilMap, soil_map_from
 from smartmesh_ros.node.soil.soil_messages import PressingContact, contacts_from, grid_map_message, update_message
 from smartmesh_ros.soil.config import SoilConfig
-from smartmesh_ros.soil.soil import Region, Soil, loads_of
+from smartmesh_ros.soil.layer import Region
+from smartmesh_ros.soil.soil import Soil, loads_of
 from smartmesh_ros.soil.soils import KNOWN, soil_named, soils_of
 from smartmesh_ros.terrain.heightmap import HeightMap
 

@@ -47,7 +47,12 @@ _OUTPUTS = {
     "contacts": ContactArray,
     "timing": Timing,
 }
-_MORE_OUTPUTS = {"joint_states": JointState, "odometry": Odometry, "contact_wrenches": ContactWrenchArray}
+_MORE_OUTPUTS = {
+    "joint_states": JointState,
+    "odometry": Odometry,
+    "contact_wrenches": ContactWrenchArray,
+    "pressed_ground": HeightmapUpdate,
+}
 _INPUTS = {
     "heightmap": Heightmap,
     "heightmap_update": HeightmapUpdate,

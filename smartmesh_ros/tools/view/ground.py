@@ -25,6 +25,7 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 MAPS: dict[str, tuple[Any, Callable[[bytes, int], Any]]] = {
     "heightmap": (Heightmap, conversions.map_from),
     "heightmap_update": (HeightmapUpdate, conversions.region_from),
+    "pressed_ground": (HeightmapUpdate, conversions.region_from),
     "terrain_mesh": (TerrainMesh, conversions.mesh_from),
     "terrain_mesh_update": (TerrainMeshUpdate, conversions.mesh_update_from),
 }

@@ -236,7 +236,8 @@ def test_every_triangle_that_sank_has_the_colour_of_its_deepest_corner() -> None
     assert found == {Depth.SLIGHT: [2, 3], Depth.SHALLOW: [4], Depth.DEEP: [5], Depth.DEEPEST: [6]}
 
 
-def test_ruts_are_coloured_while_that_is_asked_for() -> None:
+@pytest.mark.parametrize("topic", ["heightmap_update", "pressed_ground"])
+def test_ruts_are_coloured_while_that_is_asked_for(topic: str) -> None:
     ground = ground_of(np.full((40, 40), 3.0), resolution=0.1)
     server = start_server("127.0.0.1", 0)
     try:
@@ -248,7 +249,7 @@ def test_ruts_are_coloured_while_that_is_asked_for() -> None:
 
         assert colours(sunk=True) == set()
         rut = HeightmapUpdate(x=5, y=10, width=20, height=3, heights=floats(np.full(60, 2.98)))
-        ground.take("heightmap_update", serialize_message(rut))
+        ground.take(topic, serialize_message(rut))
         ground.apply_waiting()
         assert colours(sunk=True) == {"DEEP"}
         mesh = drawn["/sunk/terrain/map/DEEP"]
