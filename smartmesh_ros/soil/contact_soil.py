@@ -13,7 +13,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.soil.checked_soil import kinds_from, map_from, soils_from
 from smartmesh_ros.soil.config import SoilType
 from smartmesh_ros.soil.layer import Region, soil_table
-from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 # Rows and columns of no samples.
@@ -62,7 +62,8 @@ class ContactSoil:
         self._kinds = kinds_from(kinds, shape, len(self.soils))
         self.core: Any = CORE.StepSoil(self.map.core_reader, self._kinds, soil_table(self.soils), spacing)
         self.core.sinks_by_slip = slip_sinkage
-        self._changed = NOTHING  # corners (2, 2) of what `show` wrote since the last `changes`
+        # Corners (2, 2) of what `show` wrote, ever and since the last `changes`.
+        self._pressed = self._changed = NOTHING
 
     def set_kinds(self, kinds: ArrayLike) -> None:
         """Change which soil each sample is, as ``kinds`` at the start; sinkages stay. Raises `InputError`."""
@@ -78,22 +79,21 @@ class ContactSoil:
         places, heights = self.core.take_pressed()
         if len(places):
             self.map.write_at_rest(places, heights)
-            places = np.vstack((places, self._changed))
-            self._changed = np.stack((places.min(axis=0), places.max(axis=0)))
-        return len(heights)
+            self._pressed, self._changed = _corners(places, self._pressed), _corners(places, self._changed)
+        return len(places)
 
     def changes(self, time: float, *, everything: bool = False) -> Region | None:
         """Return the rectangle of the map that `show` changed since the last call, or, of ``everything``, that bodies
         ever pressed; None if there is none, or while the ground moves at ``time`` [s]."""
         if self.map.moving(time):
             return None
-        pressed = np.argwhere(self.sinkage() > 0.0) if everything else self._changed
+        pressed = self._pressed if everything else self._changed
         self._changed = NOTHING
         if not len(pressed):
             return None
-        (row, column), (last_row, last_column) = pressed.min(axis=0), pressed.max(axis=0)
+        (row, column), (last_row, last_column) = pressed.tolist()
         heights = self.map.heights[row : last_row + 1, column : last_column + 1]
-        return Region(int(row), int(column), heights, np.zeros_like(heights))
+        return Region(row, column, heights, np.zeros_like(heights))
 
     def sinkage(self) -> FloatArray:
         """Return how far the ground lies below the level of its soil (rows, columns) [m], zero where nobody touched
@@ -105,3 +105,9 @@ class ContactSoil:
     def reset(self) -> None:
         """Take the ground as it is now in the map for soil that nobody has touched."""
         self.core.reset()
+
+
+def _corners(places: IntArray, others: IntArray) -> IntArray:
+    """Return the first and the last row and column of all places (n, 2), as (2, 2)."""
+    both = np.vstack((places, others))
+    return np.stack((both.min(axis=0), both.max(axis=0)))
