@@ -97,8 +97,8 @@ def test_bodies_of_a_collider_stand_on_soil_without_another_node(probe: Probe) -
         assert sunk == pytest.approx(plate_sinkage(soil_named("lunar"), 0.2, 5e3), rel=0.1)
         # Who subscribes after the plate sank gets its print, with the map's sample below the plate's middle.
         found = probe.latest("pressed_ground")
-        assert (found.width, found.height) == (7, 7)
-        print_ = np.reshape(found.heights, (7, 7))
+        assert 5 <= min(found.width, found.height) <= max(found.width, found.height) <= 7, "samples of 0.2 m"
+        print_ = np.reshape(found.heights, (found.height, found.width))
         assert -print_[SIDE // 2 - found.y, SIDE // 2 - found.x] == pytest.approx(sunk, abs=1e-4)
         assert not any(found.velocities)
         set_parameters(probe, {"soil.type": ""})
