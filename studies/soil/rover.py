@@ -35,7 +35,8 @@ def main() -> None:
     say = Progress()
     options.out.mkdir(parents=True, exist_ok=True)
     with World(ground()) as world:
-        soil = ContactSoil(world.terrain, SOIL)
+        # The robot turns by the slip of its wheels. With slip sinkage the outer ones dig in, and it turns no more.
+        soil = ContactSoil(world.terrain, SOIL, slip_sinkage=False)
         world.ground.set_soil(soil)
         world.spawn_robot("rover", str(robot_file()), BodyState((*PLACE, 0.0)), on_ground=True, align=True)
         pictures, way = RutPictures(robot_file(), "rover", CAMERA), 0.0
