@@ -7,9 +7,7 @@ from pathlib import Path
 
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.scenes.eight import PLACE, ground, robot_file, steered
-from smartmesh_ros.soil.bodies import BulletBodies
-from smartmesh_ros.soil.config import SoilConfig
-from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.world.world import World
 from studies.progress import Progress
 from studies.soil.rut_pictures import RutPictures
@@ -37,7 +35,9 @@ def main() -> None:
     say = Progress()
     options.out.mkdir(parents=True, exist_ok=True)
     with World(ground()) as world:
-        soil = Soil(world.terrain, SOIL, BulletBodies(world.client, world), SoilConfig())
+        # The robot turns by the slip of its wheels. With slip sinkage the outer ones dig in, and it turns no more.
+        soil = ContactSoil(world.terrain, SOIL, slip_sinkage=False)
+        world.ground.set_soil(soil)
         world.spawn_robot("rover", str(robot_file()), BodyState((*PLACE, 0.0)), on_ground=True, align=True)
         pictures, way = RutPictures(robot_file(), "rover", CAMERA), 0.0
         frames = []
@@ -45,7 +45,6 @@ def main() -> None:
             if number % 24 == 0:
                 way = drive(world, way) if world.time > 1.0 else way
             world.step()
-            soil.apply(world.contacts(), world.dt, world.time)
             if number % 360 == 359:
                 pictures.place(world)
                 frames.append(pictures.shoot(soil, f"{world.time:.0f} s on {SOIL}"))

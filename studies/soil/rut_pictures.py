@@ -8,6 +8,7 @@ import matplotlib as mpl
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.world.world import World
 from studies.tiny_renderer import Camera, Stage
@@ -37,7 +38,7 @@ class RutPictures:
         for joint in world.joints(self.name):
             self.stage.client.resetJointState(self.robot, self.joints[joint.name], joint.position)
 
-    def shoot(self, soil: Soil, title: str) -> Image.Image:
+    def shoot(self, soil: ContactSoil | Soil, title: str) -> Image.Image:
         """Return a picture."""
         heights, geometry = soil.map.heights.astype(np.float64), soil.map.geometry
         spacing, origin = geometry.resolution, geometry.origin

@@ -1,4 +1,4 @@
-"""``make soil``: soil against closed forms and a measured wheel, and its cost; fills docs/soil.md."""
+"""``make soil``: soil against closed forms and a measured wheel, and its cost; fills pages in docs/."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ from studies.soil.trials import (
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-PAGE = ROOT / "docs" / "soil.md"
-PICTURES = ROOT / "docs" / "images" / "soil"
+DOCS = ROOT / "docs"
+PICTURES = DOCS / "images" / "soil"
 SPACINGS = (0.005, 0.01, 0.02, 0.04)
 PRESSURES = (5e3, 10e3, 20e3)
 
@@ -189,22 +189,28 @@ def nodes() -> str:
     return table(head, rates())
 
 
-BLOCKS = {
-    "plates": plates, "towed wheels": wheels, "measured wheel": measured, "boxes": boxes, "cost of soil": cost,
-    "boxes in steps": steps.boxes, "wheel in steps": steps.forced_slip, "carts in steps": steps.carts,
-    "set-downs in steps": steps.set_downs, "cost of steps": steps.cost, "rate of nodes": nodes,
+# The blocks of each page.
+PAGES = {
+    "soil_tables.md": {
+        "plates": plates, "towed wheels": wheels, "measured wheel": measured, "boxes in steps": steps.boxes,
+        "wheel in steps": steps.forced_slip, "carts in steps": steps.carts, "set-downs in steps": steps.set_downs,
+        "cost of steps": steps.cost,
+    },
+    "soil_between_steps.md": {"boxes": boxes, "cost of soil": cost, "rate of nodes": nodes},
 }  # fmt: skip
 
 
 def main() -> None:
-    """Run the study, and write its tables into docs/soil.md."""
+    """Run the study, and write its tables into its pages."""
+    names = [name for blocks in PAGES.values() for name in blocks]
     parser = argparse.ArgumentParser(prog="python -m studies soil", description=__doc__)
-    parser.add_argument("--only", choices=BLOCKS, help="run one part")
+    parser.add_argument("--only", choices=names, help="run one part")
     chosen = parser.parse_args().only
-    found = {name: make() for name, make in BLOCKS.items() if chosen in (None, name)}
-    for name, content in found.items():
-        print(f"\n{name}\n{content}")
-    fill(PAGE, found)
+    for page, blocks in PAGES.items():
+        found = {name: make() for name, make in blocks.items() if chosen in (None, name)}
+        for name, content in found.items():
+            print(f"\n{name}\n{content}")
+        fill(DOCS / page, found)
 
 
 if __name__ == "__main__":
