@@ -17,8 +17,6 @@ constexpr int ROUNDS = 30;
 constexpr double LOAD_ERROR = 1e-6;
 // Least share of a body that rests on a quarter of its contact.
 constexpr double LEAST_SHARE = 0.05;
-// Least rise of a normal: soil beside a body does not carry it.
-constexpr double STEEP = 0.05;
 // Depth from which a body that appears in the soil has been put there [m].
 constexpr double PUT_IN = 1e-3;
 // By how much soil may be higher than the mean around it, which the map shows [m].
@@ -111,7 +109,9 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
       const int k = c - left;
       if (row_.low[k] == INFINITE) continue;
       const bool is_beside = exact_.low[k] == INFINITE;
-      const double low = is_beside ? std::max(row_.low[k], placed.lowest) : exact_.low[k];
+      const double low = is_beside             ? std::max(row_.low[k], placed.lowest)
+                         : row_.share[k] < 1.0 ? low_of_face(placed.exact, {row_.x[k], row_.y, exact_.low[k]})
+                                               : exact_.low[k];
       FineSample& sample = soil.at(r, c);
       if (!(placed.z + low - deepest < sample.level)) continue;  // also in holes
       const PatchSoil& own = soils_[soil.kind(r, c)];

@@ -41,6 +41,13 @@ void look_up(const Underside& shape, FootRow& row);
 // Returns the unit normal, of either sign, of the underside at a point on it [m].
 Vec3 normal_at(const Underside& shape, const Vec3& point);
 
+// Least rise of a normal: soil beside a body does not carry it.
+constexpr double STEEP = 0.05;
+
+// Returns the height of the face that presses at a point of the underside [m]. A vertical line meets an upright face at
+// any height: there it is the height beside that face, below the shape.
+double low_of_face(const Underside& shape, const Vec3& point);
+
 // Returns the smaller dimension b of the contact patch [m], for Bekker's Kc / b: of a box its narrower side, of a lying
 // cylinder its height, of round shapes the radius.
 double patch_width(const Underside& shape);

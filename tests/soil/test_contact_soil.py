@@ -67,6 +67,15 @@ def test_changes_are_what_another_map_needs_to_look_alike() -> None:
         assert soil.changes(world.time) is None
 
 
+@pytest.mark.parametrize("place", [(2.0, 2.0), (2.0, 2.003), (2.005, 2.005)])
+def test_a_box_stands_level_wherever_its_edges_are_between_the_samples(place: tuple[float, float]) -> None:
+    with with_box(place=place) as world:
+        world.ground.set_soil(ContactSoil(world.terrain, "dry_sand"))
+        world.step(480)
+        assert 0.1 - world.state("box").position[2] == pytest.approx(world.ground.on_soil()["box"].sinkage, rel=0.01)
+        assert max(map(abs, world.state("box").orientation[:2])) < 1e-4
+
+
 @pytest.mark.parametrize("grid", [0.01, 0.05])
 @pytest.mark.parametrize("height", [0.1, 0.3])
 def test_nothing_bounces_at_rest(grid: float, height: float) -> None:
