@@ -38,8 +38,8 @@ struct Slot {
   std::unique_ptr<GroundShape> shape;
   Vec3 linear, angular;    // of the body [m/s], [rad/s]
   Belt belt;
-  std::vector<double> slept_on;  // heights of the ground under a body that PyBullet put to sleep [m]
-  long slept_at = -1;            // revision of the ground when they were read
+  std::vector<double> slept_on;  // the ground under a body that PyBullet put to sleep, as of `Surface::ground_under`
+  long slept_at = -1;            // revision of the ground when it was read
   std::unordered_map<const btCollisionShape*, std::optional<Convex>> shapes;  // none = of unknown kind
   SoilParts on_soil;  // by their shapes
 };

@@ -138,10 +138,10 @@ bool BulletWorld::keeps_asleep(Slot& slot, const btVector3& low, const btVector3
   const bool moves = surface.moves(time);
   if (!moves && slot.slept_at == surface.revision()) return true;
   slot.slept_at = surface.revision();
-  std::vector<double> heights;
-  surface.heights_under({from_bullet(low), from_bullet(high)}, time, heights);
-  const bool same = slot.slept_on.empty() || slot.slept_on == heights;
-  if (slot.slept_on.empty()) slot.slept_on = heights;
+  std::vector<double> ground;
+  surface.ground_under({from_bullet(low), from_bullet(high)}, time, ground);
+  const bool same = slot.slept_on.empty() || slot.slept_on == ground;
+  if (slot.slept_on.empty()) slot.slept_on = ground;
   if (same) return true;
   wake(slot);
   return false;
