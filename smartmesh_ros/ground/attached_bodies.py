@@ -231,13 +231,10 @@ class AttachedBodies:
         cause = self.no_proxies or f"the kind of patch is {self.config.kind!r}; choose 'auto'"
         raise InputError("surface", f"a surface moves only where contacts come from the map itself: {cause}")
 
-    def _show_soil(self, time: float) -> None:
-        """Show what the soil's map looks like now; take the soil away with its map."""
-        if self.soil is None:
-            return
-        if self._has(self.soil.map):
-            self.soil.show(time)
-        else:
+    def leave_lost_soil(self) -> None:
+        """Take the soil away if its map is gone."""
+        if self.soil is not None and not self._has(self.soil.map):
+            log.warning("the map of the soil is no tile any more: bodies stand on the maps themselves")
             self.set_soil(None)
 
     def _has(self, mesh: MainMesh) -> bool:

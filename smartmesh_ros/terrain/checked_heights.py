@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -47,7 +46,7 @@ def checked_variance(variance: float | ArrayLike | None, shape: tuple[int, ...])
 
 def checked_friction(friction: float | ArrayLike, shape: tuple[int, ...]) -> float | NDArray[np.float32]:
     """Return coefficients of friction as one number or as a float32 copy of the right shape."""
-    if isinstance(friction, Real):
+    if isinstance(friction, float | int | np.floating | np.integer):
         friction = float(friction)
         if not 0.0 <= friction < math.inf:
             raise InputError("friction", f"friction is {friction}; it must be zero or more")

@@ -237,6 +237,16 @@ def test_a_command_wakes_a_body_that_sleeps_in_pybullet(client: BulletClient) ->
     assert run(ground, client, 240) == pytest.approx(0.3, rel=0.01)
 
 
+def test_a_body_that_creeps_does_not_sleep_in_pybullet(client: BulletClient) -> None:
+    client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
+    ground = Ground(client, slope())
+    ground.attach(0)
+    ground.drive(0, -1, (0.0, 1.0, 0.0), 0.02)
+    assert run(ground, client, 960) == pytest.approx(0.02, rel=0.01)
+    ground.drive(0, -1, (0.0, 1.0, 0.0), 0.0)
+    assert run(ground, client, 960) == 0.0, "it sleeps again"
+
+
 def test_without_pybullets_correction_of_friction_a_surface_stands_still(client: BulletClient) -> None:
     client.setPhysicsEngineParameter(frictionERP=0.0)
     ground = Ground(client, slope())

@@ -73,6 +73,9 @@ class BulletWorld {
   // Moves the surface of the body in a slot, which wakes the body if it sleeps in PyBullet.
   void drive(int slot, const Belt& belt);
 
+  // Wakes the bodies that sleep in PyBullet, and whose ground is switched on.
+  void wake_all();
+
   // Returns the parts of the body in a slot that came near the soil.
   const SoilParts& parts_on_soil(int slot) const { return slots_[slot].on_soil; }
 

@@ -93,6 +93,7 @@ void BulletWorld::place(Slot& slot) {
   slot.shape->low = slot.shape->high = btVector3(0, 0, 0);
   ground.forceActivationState(ISLAND_SLEEPING);  // Bullet wakes whatever lies on a kinematic body that is awake
   if (slot.object == nullptr || !slot.enabled) return;
+  if (slot.belt.speed != 0.0) wake(slot);  // PyBullet would let it sleep while it creeps
   const btTransform& pose = slot.object->getWorldTransform();
   btVector3 low, high;
   slot.object->getCollisionShape()->getAabb(pose, low, high);
