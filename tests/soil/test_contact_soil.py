@@ -176,9 +176,7 @@ def test_soil_goes_with_its_map(way: str, caplog: pytest.LogCaptureFixture) -> N
     with with_box() as world:
         world.ground.set_soil(soil := ContactSoil(world.terrain, "lunar"))
         world.step(240)
-        world.terrain.put(
-            "", HeightMap(np.full((9, 9), 0.05), resolution=0.5)
-        )
+        world.terrain.put("", HeightMap(np.full((9, 9), 0.05), resolution=0.5))
         if way == "restore":
             world.save()
         for _ in range(240):
@@ -252,6 +250,9 @@ def test_what_cannot_be_soil_is_refused() -> None:
         ContactSoil(tile, "lunar", spacing=0.0)
     with pytest.raises(InputError, match="no soil"):
         ContactSoil(tile, "porridge")
+    for soil in (5, [5], None):
+        with pytest.raises(InputError, match="is no soil; give a SoilType"):
+            ContactSoil(tile, soil)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="corrections"):
         ContactSoil(HeightMap(FLAT, resolution=0.04, motion=MotionConfig(changes="correction")), "lunar")
     with with_box() as world:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
 import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, Ground, InputError, PatchConfig, Snapshot, Sphere, World, WorldConfig
+from smartmesh_ros.ground.belt import Belt
 from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.world.joints import JointCommand
@@ -216,6 +218,16 @@ def test_in_a_pybullet_world_of_ones_own(client: BulletClient) -> None:
     ground.detach(0)
     ground.attach(0)
     assert run(ground, client, 240) == pytest.approx(0.0, abs=1e-3), "it is attached anew"
+
+
+def test_an_axis_may_be_an_array(client: BulletClient) -> None:
+    """And a command that is the same wakes nobody."""
+    ground = Ground(client, slope())
+    ground.attach(0)
+    for _ in range(2):
+        ground.drive(0, -1, np.array([0.0, 1.0, 0.0]), np.float32(0.25))  # type: ignore[arg-type]
+    assert ground.followers.at(0, -1).belt == Belt((0.0, 1.0, 0.0), 0.25)  # type: ignore[union-attr]
+    assert run(ground, client, 240) == pytest.approx(0.25, rel=0.01)
 
 
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 0.0), (0.0, math.nan, 0.0), (0.0, 1e200, 0.0), (0.0, 1.0)])
