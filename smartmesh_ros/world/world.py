@@ -171,17 +171,15 @@ class World(Population):
     def reset_bodies(self) -> None:
         """Put every simulated body back to its initial state. Commands of joints stay in force. Raises PyBullet's
         error, with the names of the bodies for which it failed; the others are back."""
-        failed = {}
-        for body in self.bodies.values():
+        failed = []
+        for body in (body for body in self.bodies.values() if body.simulated):
             try:
-                if body.simulated:
-                    self._factory.place(body, body.initial)
+                self._factory.place(body, body.initial)
             except pb.error as error:
-                failed[body.name] = error
+                failed.append(f"{body.name!r}: {error}")
         self.ground.configure(self.config.patch)  # wakes all, and discards supports chosen at the old places
         if failed:
-            named = "; ".join(f"{name!r}: {error}" for name, error in failed.items())
-            raise pb.error(f"{len(failed)} bodies are not put back, but the others are; reset again: {named}")
+            raise pb.error(f"{len(failed)} bodies are not back, but the others are; reset again: {'; '.join(failed)}")
 
     def snapshot(self) -> Snapshot:
         """Return the current bodies as data."""
