@@ -141,9 +141,9 @@ class AttachedBodies:
             )
         contacts = self.require_belts()
         if follower.belt != belt:
+            self.wake(body)
             follower.belt = belt
             contacts.drive(follower)
-            self.wake(body)
 
     def let_sleep(self, may_sleep: Callable[[int], bool] | None, config: SleepConfig | None = None) -> None:
         """Put bodies at rest to sleep from now on, without contacts, if ``may_sleep`` returns True for the PyBullet
@@ -193,10 +193,10 @@ class AttachedBodies:
         self._require_exact_for(soil, self.config)
         if soil is not None and not self._has(soil.map):
             raise InputError("soil", "the map of the soil is no tile of this ground's terrain")
+        self.wake()
         self.soil = soil
         if isinstance(self.contacts, MapContacts):
             self.contacts.set_soil(None if soil is None else soil.core)
-        self.wake()
 
     def on_soil(self) -> dict[str, SoilSupport]:
         """Return how the soil bore each body and link on it in the last step, by the names of the followers."""
