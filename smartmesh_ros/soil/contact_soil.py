@@ -16,6 +16,9 @@ from smartmesh_ros.soil.layer import soil_table
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
+# Fewest samples of a soil along a cell of its map that are too many.
+MOST_ACROSS = 1000
+
 
 class ContactSoil:
     """Soil that bodies stand on in the steps of PyBullet, where contacts come from the map itself.
@@ -53,6 +56,10 @@ class ContactSoil:
             raise InputError("soil", f"spacing is {spacing}; it must be 0.001 to 10 m")
         self.soils = soils_from(soil)
         self.map = map_from(terrain, tile)
+        cell = self.map.geometry.resolution
+        if not cell < MOST_ACROSS * spacing:
+            least = f"it must be above {cell / MOST_ACROSS:g} m there, or the map finer"
+            raise InputError("soil", f"spacing is {spacing:g} m on cells of {cell:g} m; {least}")
         if self.map.motion.corrects:
             raise InputError("soil", "the map takes changes for corrections, so it cannot keep ruts; let it be exact")
         shape = (self.map.geometry.rows, self.map.geometry.columns)

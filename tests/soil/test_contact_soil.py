@@ -250,6 +250,8 @@ def test_what_cannot_be_soil_is_refused() -> None:
         ContactSoil(tile, "lunar", spacing=0.0)
     with pytest.raises(InputError, match="no soil"):
         ContactSoil(tile, "porridge")
+    with pytest.raises(InputError, match=r"on cells of 10 m; it must be above 0\.01 m"):
+        ContactSoil(HeightMap(FLAT, resolution=10.0), "lunar")
     for soil in (5, [5], None):
         with pytest.raises(InputError, match="is no soil; give a SoilType"):
             ContactSoil(tile, soil)  # type: ignore[arg-type]
