@@ -18,6 +18,8 @@ from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 # Fewest samples of a soil along a cell of its map that are too many.
 MOST_ACROSS = 1000
+# Most samples of a soil, whose table of blocks then takes half a gigabyte.
+MOST_SAMPLES = 2**34
 
 
 class ContactSoil:
@@ -60,6 +62,10 @@ class ContactSoil:
         if not cell < MOST_ACROSS * spacing:
             least = f"it must be above {cell / MOST_ACROSS:g} m there, or the map finer"
             raise InputError("soil", f"spacing is {spacing:g} m on cells of {cell:g} m; {least}")
+        if (count := self.map.size * max(cell / spacing, 1.0) ** 2) > MOST_SAMPLES:
+            raise InputError(
+                "soil", f"{count:.1g} samples of soil; at most {MOST_SAMPLES:.1g}: raise spacing, {spacing:g} m"
+            )
         if self.map.motion.corrects:
             raise InputError("soil", "the map takes changes for corrections, so it cannot keep ruts; let it be exact")
         shape = (self.map.geometry.rows, self.map.geometry.columns)
