@@ -63,9 +63,8 @@ class ContactSoil:
             least = f"it must be above {cell / MOST_ACROSS:g} m there, or the map finer"
             raise InputError("soil", f"spacing is {spacing:g} m on cells of {cell:g} m; {least}")
         if (count := self.map.size * max(cell / spacing, 1.0) ** 2) > MOST_SAMPLES:
-            raise InputError(
-                "soil", f"{count:.1g} samples of soil; at most {MOST_SAMPLES:.1g}: raise spacing, {spacing:g} m"
-            )
+            most = f"at most {MOST_SAMPLES:.2g} are possible: raise spacing, {spacing:g} m"
+            raise InputError("soil", f"the soil of this map has {count:.2g} samples; {most}")
         if self.map.motion.corrects:
             raise InputError("soil", "the map takes changes for corrections, so it cannot keep ruts; let it be exact")
         shape = (self.map.geometry.rows, self.map.geometry.columns)

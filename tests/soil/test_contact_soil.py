@@ -252,7 +252,7 @@ def test_what_cannot_be_soil_is_refused() -> None:
         ContactSoil(tile, "porridge")
     with pytest.raises(InputError, match=r"on cells of 10 m; it must be above 0\.01 m"):
         ContactSoil(HeightMap(FLAT, resolution=10.0), "lunar")
-    with pytest.raises(InputError, match="raise spacing, 0.01 m"):
+    with pytest.raises(InputError, match="raise spacing"):
         ContactSoil(HeightMap(np.zeros((1000, 1000)), resolution=5.0), "lunar")
     for soil in (5, [5], None):
         with pytest.raises(InputError, match="is no soil; give a SoilType"):
