@@ -296,6 +296,18 @@ def test_a_delayed_scan_shows_the_ground_and_the_pose_of_then(steps: int) -> Non
         np.testing.assert_array_equal(delayed.read(), world.height_scan("robot", scan))
 
 
+def test_a_body_that_takes_the_name_of_one_that_went_has_scans_of_its_own(flat: World) -> None:
+    flat.spawn("robot", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.1)))
+    scanner = HeightScanner(flat, "robot", HeightScan(values="clearance", delay=0.05))
+    scanner.read()
+    flat.step(4)
+    flat.remove("robot")
+    with pytest.raises(InputError, match="no body 'robot'"):
+        scanner.read()
+    flat.spawn("robot", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 5.0)))
+    assert scanner.read()[0, 0] == pytest.approx(5.0)
+
+
 def test_a_scan_without_bodies_or_ground_is_empty() -> None:
     with World() as world:
         assert world.height_scan([], HeightScan()).shape == (0, 187)
