@@ -201,8 +201,8 @@ class World(Population):
 
     def restore(self, snapshot: Snapshot) -> None:
         """Replace the bodies by those of a snapshot, in a new PyBullet client; the terrain and its soil stay. Raises
-        `InputError` and changes nothing if a robot of it is refused, or a surface moves and contacts are PyBullet's
-        own."""
+        `InputError` and changes nothing if a robot of it is refused or lacks a joint or link, or a surface moves and
+        contacts are PyBullet's own."""
         robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
         if any(body.belts for body in snapshot.bodies):
             self.ground.require_belts()
@@ -231,7 +231,7 @@ class World(Population):
             new = self.bodies[body.name]
             new.initial = body.initial
             for joint, (position, velocity) in body.joints.items():
-                self.client.resetJointState(new.uid, new.joints[joint], position, velocity)
+                self.client.resetJointState(new.uid, self._joint(new, joint), position, velocity)
             for joint, command in body.commands.items():
                 self.command(body.name, joint, command)
             self._move_belts(new, body.belts)

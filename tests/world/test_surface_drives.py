@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pybullet as pb
@@ -208,6 +209,26 @@ def run(ground: Ground, client: BulletClient, steps: int) -> float:
     for _ in range(steps):
         ground.step(ground.time, 1.0 / 240.0)
     return float(client.getBaseVelocity(0)[0][0])
+
+
+@pytest.mark.parametrize("renamed", ["left_track_link", "slew"])
+def test_a_robot_whose_file_lost_a_link_or_joint_is_not_restored(tmp_path: Path, renamed: str) -> None:
+    urdf = UNDERCARRIAGE.replace(
+        '<joint name="slew" type="fixed">',
+        '<joint name="slew" type="revolute"><limit lower="-1" upper="1" effort="1e4" velocity="1"/>',
+    )
+    file = tmp_path / "robot.urdf"
+    file.write_text(urdf)
+    with standing(slope(), str(file)) as world:
+        drive(world, 0.5, 0.5)
+        world.step(24)
+        saved, before = world.snapshot(), world.state(NAME)
+        file.write_text(urdf.replace(renamed, "other"))
+        with pytest.raises(InputError, match=f"has no (link|joint) '{renamed}'"):
+            world.restore(saved)
+        assert world.state(NAME) == before
+        world.step(240)
+        assert speed(world) == pytest.approx(0.5, rel=0.02)
 
 
 def test_in_a_pybullet_world_of_ones_own(client: BulletClient) -> None:
