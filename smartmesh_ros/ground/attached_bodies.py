@@ -140,6 +140,7 @@ class AttachedBodies:
                 "unknown_body", f"body {body}, link {link} has no contacts with the ground; attach it first"
             )
         contacts = self.require_belts()
+        contacts.require_client()
         if follower.belt != belt:
             self.wake(body)
             follower.belt = belt
@@ -194,9 +195,9 @@ class AttachedBodies:
         if soil is not None and not self._has(soil.map):
             raise InputError("soil", "the map of the soil is no tile of this ground's terrain")
         self.wake()
-        self.soil = soil
         if isinstance(self.contacts, MapContacts):
             self.contacts.set_soil(None if soil is None else soil.core)
+        self.soil = soil
 
     def on_soil(self) -> dict[str, SoilSupport]:
         """Return how the soil bore each body and link on it in the last step, by the names of the followers."""
