@@ -260,6 +260,11 @@ def test_what_cannot_be_soil_is_refused() -> None:
     with pytest.raises(InputError, match="corrections"):
         ContactSoil(HeightMap(FLAT, resolution=0.04, motion=MotionConfig(changes="correction")), "lunar")
     with with_box() as world:
+        world.client.resetSimulation()
+        with pytest.raises(InputError, match="make another"):
+            world.ground.set_soil(ContactSoil(world.terrain, "lunar"))
+        assert world.ground.soil is None
+    with with_box() as world:
         with pytest.raises(InputError, match="no tile"):
             world.ground.set_soil(ContactSoil(tile, "lunar"))
         world.ground.set_soil(ContactSoil(world.terrain, "lunar"))

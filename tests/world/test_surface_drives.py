@@ -15,7 +15,6 @@ from smartmesh_ros import BodyState, Box, Ground, InputError, PatchConfig, Snaps
 from smartmesh_ros.ground.belt import Belt
 from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.scenes.tracks import robot_file
-from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from tests.tracked import NAME, UNDERCARRIAGE, drive, slope, speed, standing
@@ -261,15 +260,12 @@ def test_an_axis_without_direction_is_refused(client: BulletClient, axis: tuple[
     assert run(ground, client, 24) == pytest.approx(0.0, abs=1e-3)
 
 
-def test_after_a_reset_of_pybullet_nothing_is_driven_and_no_soil_is_taken(client: BulletClient) -> None:
+def test_after_a_reset_of_pybullet_nothing_is_driven(client: BulletClient) -> None:
     ground = Ground(client, slope())
     ground.attach(0)
-    soil = ContactSoil(ground.terrain, "lunar")
     client.resetSimulation()
-    for change in (lambda: ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3), lambda: ground.set_soil(soil)):
-        with pytest.raises(InputError, match="make another"):
-            change()
-    assert ground.soil is None
+    with pytest.raises(InputError, match="make another"):
+        ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
     assert not any(follower.belt.speed for follower in ground.followers)
 
 
