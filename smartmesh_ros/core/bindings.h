@@ -136,6 +136,7 @@ struct Grid {
     friction = samples;
     grid.friction = samples ? samples->data() : nullptr;
     grid.uniform_friction = uniform;
+    ++grid.revision;
   }
   void set_motion(int mode, double max_velocity, double settle, double noise, double shown) {
     grid.mode = mode_of(mode);

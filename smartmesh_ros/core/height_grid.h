@@ -1,6 +1,7 @@
 // Reader of a moving height map: the height and the rise of a sample at an instant.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 
 #include "motion.h"
@@ -78,6 +79,10 @@ struct HeightGrid {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(column);
   }
   bool has_friction() const { return friction != nullptr || uniform_friction != 1.0; }
+  double friction_of(int row, int column) const {
+    const double found = friction == nullptr ? uniform_friction : friction[index(row, column)];
+    return std::isnan(found) ? 1.0 : found;
+  }
   bool has(int row, int column) const { return row >= 0 && column >= 0 && row < rows && column < columns; }
   int blocks() const { return ((rows + (1 << BLOCK_SHIFT) - 1) >> BLOCK_SHIFT) * block_columns; }
   const Clock& clock(int row, int column) const {

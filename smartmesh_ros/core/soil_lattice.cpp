@@ -44,11 +44,19 @@ double SoilLattice::highest(int top, int left, int bottom, int right) const {
 }
 
 FineSample& SoilLattice::at(int row, int column) {
-  auto& block = blocks_[static_cast<std::size_t>(row >> SIDE_SHIFT) * block_columns_ + (column >> SIDE_SHIFT)];
+  auto& block = blocks_[block_index(row, column)];
   if (block == nullptr) block = std::make_unique<Block>();
-  FineSample& sample = (*block)[(row & (SIDE - 1)) * SIDE + (column & (SIDE - 1))];
+  FineSample& sample = (*block)[place_in_block(row, column)];
   if (sample.step == 0) sample = {level_at(row, column), {0.0, 0.0}, 0.0f, -1};
   return sample;
+}
+
+bool SoilLattice::has_level(int node_row, int node_column, float height) const {
+  const int row = node_row * refine_, column = node_column * refine_;
+  const auto& block = blocks_[block_index(row, column)];
+  if (block == nullptr) return false;
+  const FineSample& sample = (*block)[place_in_block(row, column)];
+  return sample.step != 0 && static_cast<float>(sample.level) == height;
 }
 
 void SoilLattice::renew(int row, int column, std::int32_t last) {
@@ -66,6 +74,10 @@ void SoilLattice::renew(int top, int left, int bottom, int right, std::int32_t l
       const auto [known, is_new] = known_.try_emplace(node_index(r, c), height);
       if (is_new || known->second == height || (std::isnan(known->second) && std::isnan(height))) continue;
       known->second = height;
+      if (has_level(r, c, height)) {  // whoever sent the map does not know of the prints
+        pressed_.insert(node_index(r, c));
+        continue;
+      }
       for (int i = std::max(0, (r - 1) * refine_ + 1); i < std::min((r + 1) * refine_, rows()); ++i)
         for (int k = std::max(0, (c - 1) * refine_ + 1); k < std::min((c + 1) * refine_, columns()); ++k) renew(i, k, last);
     }

@@ -92,18 +92,20 @@ bool Surface::moves(double time) const {
          std::any_of(meshes_.begin(), meshes_.end(), [&](const MeshSurface* mesh) { return mesh->moves(time); });
 }
 
-void Surface::heights_under(const Bounds& bounds, double time, std::vector<double>& heights) {
-  heights.clear();
+void Surface::ground_under(const Bounds& bounds, double time, std::vector<double>& found) {
+  found.clear();
   const Bounds grown = with_gaps(bounds);
   for (const HeightGrid* grid : tiles_) {
     const CellRange cells = cells_under(*grid, time, grown);
     if (cells.empty()) continue;
     read_window(*grid, cells, time, window_);
-    for (double height : window_.heights) heights.push_back(std::isnan(height) ? 1e300 : height);
+    for (double height : window_.heights) found.push_back(std::isnan(height) ? 1e300 : height);
+    for (int row = cells.top; row <= cells.bottom; ++row)
+      for (int column = cells.left; column <= cells.right; ++column) found.push_back(grid->friction_of(row, column));
   }
   Patch near;
   gather_meshes(bounds, time, Everything{}, near);
-  for (const Vec3& p : near.points) heights.insert(heights.end(), {p.x, p.y, p.z});
+  for (const Vec3& p : near.points) found.insert(found.end(), {p.x, p.y, p.z});
 }
 
 void Surface::gather_meshes(const Bounds& bounds, double time, const Reach& reach, Patch& patch) {

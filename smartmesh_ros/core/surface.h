@@ -69,8 +69,9 @@ class Surface {
   bool moves(double time) const;
   // Returns a height that no ground inside `bounds` exceeds at `time` [s]; -1e300 = no ground.
   double highest_under(const Bounds& bounds, double time);
-  // Writes the heights of the samples inside `bounds` at `time` [s], and the coordinates of the vertices of facets there.
-  void heights_under(const Bounds& bounds, double time, std::vector<double>& heights);
+  // Writes heights and friction of the samples inside `bounds` at `time` [s], and the coordinates of the vertices of facets
+  // there.
+  void ground_under(const Bounds& bounds, double time, std::vector<double>& found);
 
  private:
   double widest_cell() const;

@@ -117,8 +117,7 @@ double TileReader::friction(double x, double y) const {
     const GridPoint inside = clamped(grid, place);
     const int row = static_cast<int>(std::lround(inside.row)), column = static_cast<int>(std::lround(inside.column));
     if (std::isnan(grid.heights[grid.index(row, column)])) continue;
-    const double found = grid.friction == nullptr ? grid.uniform_friction : grid.friction[grid.index(row, column)];
-    return std::isnan(found) ? 1.0 : found;
+    return grid.friction_of(row, column);
   }
   return 1.0;
 }

@@ -140,10 +140,11 @@ class AttachedBodies:
                 "unknown_body", f"body {body}, link {link} has no contacts with the ground; attach it first"
             )
         contacts = self.require_belts()
+        contacts.require_client()
         if follower.belt != belt:
+            self.wake(body)
             follower.belt = belt
             contacts.drive(follower)
-            self.wake(body)
 
     def let_sleep(self, may_sleep: Callable[[int], bool] | None, config: SleepConfig | None = None) -> None:
         """Put bodies at rest to sleep from now on, without contacts, if ``may_sleep`` returns True for the PyBullet
@@ -193,10 +194,10 @@ class AttachedBodies:
         self._require_exact_for(soil, self.config)
         if soil is not None and not self._has(soil.map):
             raise InputError("soil", "the map of the soil is no tile of this ground's terrain")
-        self.soil = soil
+        self.wake()
         if isinstance(self.contacts, MapContacts):
             self.contacts.set_soil(None if soil is None else soil.core)
-        self.wake()
+        self.soil = soil
 
     def on_soil(self) -> dict[str, SoilSupport]:
         """Return how the soil bore each body and link on it in the last step, by the names of the followers."""
@@ -231,13 +232,10 @@ class AttachedBodies:
         cause = self.no_proxies or f"the kind of patch is {self.config.kind!r}; choose 'auto'"
         raise InputError("surface", f"a surface moves only where contacts come from the map itself: {cause}")
 
-    def _show_soil(self, time: float) -> None:
-        """Show what the soil's map looks like now; take the soil away with its map."""
-        if self.soil is None:
-            return
-        if self._has(self.soil.map):
-            self.soil.show(time)
-        else:
+    def leave_lost_soil(self) -> None:
+        """Take the soil away if its map is gone."""
+        if self.soil is not None and not self._has(self.soil.map):
+            log.warning("the map of the soil is no tile any more: bodies stand on the maps themselves")
             self.set_soil(None)
 
     def _has(self, mesh: MainMesh) -> bool:

@@ -26,6 +26,8 @@ class Belt:
     speed: float = 0.0
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "axis", tuple(map(float, self.axis)))  # to be compared and saved
+        object.__setattr__(self, "speed", float(self.speed))
         length = math.hypot(*self.axis) if len(self.axis) == 3 else math.nan
         if not LEAST_AXIS <= length <= FARTHEST_BODY:
             raise InputError("surface", f"the axis of a surface is {self.axis}; it must be three numbers, not all zero")

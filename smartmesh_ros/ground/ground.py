@@ -57,7 +57,8 @@ class Ground(AttachedBodies):
     def refresh(self, time: float, dt: float, *, behind_real_time: bool = False) -> None:
         """`update` for as many steps of ``dt`` [s] from ``time`` [s] on as the schedule allows."""
         self.refreshes += 1
-        self._show_soil(time)
+        if self.soil is not None:
+            self.soil.show(time)
         rate = self.config.rate
         steps = self._schedule.begin(self.terrain, time, dt, rate, behind_real_time=behind_real_time)
         self.update(time, dt, steps)
@@ -65,6 +66,7 @@ class Ground(AttachedBodies):
     def update(self, time: float, dt: float, steps: int = 1) -> None:
         """Read the bodies at ``time`` [s], and do what holds for the next ``steps`` steps of ``dt`` [s]: move bodies
         with corrections of the ground, wake and put to sleep, take the terrain's tiles, replace colliders."""
+        self.leave_lost_soil()
         duration, contacts, sleeping = dt * steps, self.contacts, self._sleeping
         self._stale = True  # until the end: an update that failed is made again before the next step
         contacts.set_time(time, dt)

@@ -131,6 +131,7 @@ class MapContacts:
 
     def set_soil(self, soil: Any) -> None:
         """Take contacts from a core's soil where its map is; None = from the map itself."""
+        self.require_client()
         self._core.set_soil(soil)
 
     def on_soil(self, slot: int) -> FloatArray:
@@ -139,9 +140,13 @@ class MapContacts:
 
     def set_time(self, time: float, dt: float) -> None:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""
+        self.require_client()
+        self._core.time, self._core.duration = time, dt
+
+    def require_client(self) -> None:
+        """Raise `InputError` if the client was reset or closed."""
         if not self._core.is_there:
             raise InputError("client", "the PyBullet client was reset or closed: close this ground, and make another")
-        self._core.time, self._core.duration = time, dt
 
     def read_states(self, dt: float) -> None:
         """Update ``states``, ``positions_w`` and ``moved_w`` of the awake followers; ``dt`` [s] is the time step."""

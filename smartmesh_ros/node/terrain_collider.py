@@ -193,8 +193,15 @@ class TerrainCollider(ParameterNode):
         self._outputs.restart_measuring()
 
     def _on_terrain(self) -> None:
-        stand_on_soil(self.session.world, self.settings)
+        self._stand_on_soil()
         self._initial.on_terrain()
+
+    def _stand_on_soil(self) -> None:
+        """Lets bodies stand on the soil of the settings; on a map that cannot be soil they stand on the map itself."""
+        try:
+            stand_on_soil(self.session.world, self.settings)
+        except InputError as error:
+            self.refusals.add("soil.type", error)
 
     def _check_settings(self, settings: Settings) -> None:
         """Raises `InputError` if the settings do not fit the current terrain, or need a package that is missing."""
@@ -211,11 +218,11 @@ class TerrainCollider(ParameterNode):
         with session.lock:
             self.settings = session.settings = parameters.current_settings(self)
             if not self.settings.soil:
-                stand_on_soil(session.world, self.settings)  # before its bodies get colliders that know no soil
+                self._stand_on_soil()  # before its bodies get colliders that know no soil
             session.world.configure(self.settings.world)
             for mesh in session.world.terrain.tiles.values():
                 mesh.motion = self.settings.motion
-            stand_on_soil(session.world, self.settings)
+            self._stand_on_soil()
             session.tracking.timeout = self.settings.body_timeout
             session.tracking.max_velocity = self.settings.max_velocity
             if names & {"physics.rate", "physics.deadline", "use_sim_time"}:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +25,9 @@ def map_from(terrain: MainMesh | Terrain, tile: str) -> HeightMap:
 
 def soils_from(soil: SoilType | str | Sequence[SoilType | str]) -> list[SoilType]:
     """Return one or several soils, which may be names; raises `InputError`."""
-    chosen = [soil] if isinstance(soil, SoilType | str) else list(soil)
+    chosen = list(soil) if isinstance(soil, Iterable) and not isinstance(soil, str) else [soil]
+    if not all(isinstance(each, SoilType | str) for each in chosen):
+        raise InputError("soil", f"{soil!r} is no soil; give a SoilType, its name, or a list of them")
     if not 1 <= len(chosen) <= 255:
         raise InputError("soil", f"{len(chosen)} soils; a map can have 1 to 255")
     return [soil_named(each) if isinstance(each, str) else each for each in chosen]

@@ -18,6 +18,10 @@ from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 # Rows and columns of no samples.
 NOTHING = np.empty((0, 2), np.int64)
+# Fewest samples of a soil along a cell of its map that are too many.
+MOST_ACROSS = 1000
+# Most samples of a soil, whose table of blocks then takes half a gigabyte.
+MOST_SAMPLES = 2**34
 
 
 class ContactSoil:
@@ -56,6 +60,13 @@ class ContactSoil:
             raise InputError("soil", f"spacing is {spacing}; it must be 0.001 to 10 m")
         self.soils = soils_from(soil)
         self.map = map_from(terrain, tile)
+        cell = self.map.geometry.resolution
+        if not cell < MOST_ACROSS * spacing:
+            least = f"it must be above {cell / MOST_ACROSS:g} m there, or the map finer"
+            raise InputError("soil", f"spacing is {spacing:g} m on cells of {cell:g} m; {least}")
+        if (count := self.map.size * max(cell / spacing, 1.0) ** 2) > MOST_SAMPLES:
+            most = f"at most {MOST_SAMPLES:.2g} are possible: raise spacing, {spacing:g} m"
+            raise InputError("soil", f"the soil of this map has {count:.2g} samples; {most}")
         if self.map.motion.corrects:
             raise InputError("soil", "the map takes changes for corrections, so it cannot keep ruts; let it be exact")
         shape = (self.map.geometry.rows, self.map.geometry.columns)

@@ -46,13 +46,15 @@ def checked_variance(variance: float | ArrayLike | None, shape: tuple[int, ...])
 
 def checked_friction(friction: float | ArrayLike, shape: tuple[int, ...]) -> float | NDArray[np.float32]:
     """Return coefficients of friction as one number or as a float32 copy of the right shape."""
-    if isinstance(friction, float | int):
+    if isinstance(friction, float | int | np.floating | np.integer):
+        friction = float(friction)
         if not 0.0 <= friction < math.inf:
             raise InputError("friction", f"friction is {friction}; it must be zero or more")
-        return float(friction)
+        return friction
     samples = np.array(_as_floats(friction, shape, "coefficients of friction"), order="C")
     if (samples < 0.0).any() or _has_infinity(samples):
         raise InputError("friction", "coefficients of friction must be zero or more, or NaN where they are unknown")
+    samples.setflags(write=False)  # what is assigned is checked, and wakes bodies
     return samples
 
 

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 Order = Literal["xy", "yx"]
 Values = Literal["height", "clearance"]
@@ -111,10 +111,16 @@ class HeightScan:
         x, y = (("x", self.axes[0].size), ("y", self.axes[1].size))
         return (y, x) if self.order == "xy" else (x, y)
 
-    def read(self, terrain: Terrain, poses_w: FloatArray, time: float) -> FloatArray:
-        """Return the values (n, k) around ``poses_w`` (n, 4), each x, y, z [m] and yaw [rad], at ``time`` [s]."""
+    def read(self, terrain: MainMesh | Terrain, poses_w: ArrayLike, time: float) -> FloatArray:
+        """Return the values (n, k) around ``poses_w`` (n, 4), each x, y, z [m] and yaw [rad], at ``time`` [s]. Raises
+        `InputError` for another shape."""
+        poses_w = np.asarray(poses_w, np.float64)
+        if poses_w.ndim != 2 or poses_w.shape[1] != 4:
+            raise InputError("length", f"poses have shape {poses_w.shape}; it must be (n, 4): x, y, z and yaw of each")
         found = np.empty((len(poses_w), len(self.points_b)))
-        CORE.scan_heights(terrain.readers, np.ascontiguousarray(poses_w[:, [0, 1, 3]]), self.points_b, time, found)
+        CORE.scan_heights(
+            Terrain.of(terrain).readers, np.ascontiguousarray(poses_w[:, [0, 1, 3]]), self.points_b, time, found
+        )
         hole = None if math.isnan(self.fill) else np.isnan(found)
         if self.values == "clearance":
             np.subtract(poses_w[:, 2:3] - self.offset[2], found, out=found)

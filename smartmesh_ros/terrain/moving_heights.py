@@ -80,7 +80,8 @@ class MovingHeights:
 
     @property
     def friction(self) -> float | NDArray[np.float32]:
-        """Coefficient of the ground, by which that of a body is multiplied: one number, or (rows, columns), NaN = 1.
+        """Coefficient of the ground, by which that of a body is multiplied: one number, or (rows, columns), NaN = 1;
+        read-only.
 
         Assign another to replace it; raises `InputError` and then changes nothing.
         """

@@ -58,9 +58,8 @@ class Driving:
                     "joint_command", f"{joint!r} of {name!r} is a surface; it takes a velocity alone [m/s]"
                 )
             self.ground.require_belts()
-        elif joint not in body.joints:
-            there = ", ".join((*body.joints, *body.surfaces)) or "none"
-            raise InputError("unknown_joint", f"{name!r} has no joint {joint!r}; it has {there}")
+        else:
+            self._joint(body, joint)
 
     def drive_surface(self, name: str, link: str, speed: float, axis: Vector = (0.0, 1.0, 0.0)) -> None:
         """Move the surface of a robot's ``link``, or of another body (``link`` = ""), from now on, as that of a track;
@@ -73,10 +72,7 @@ class Driving:
         body = self._body(name)
         if not body.simulated:
             raise InputError("tracked", f"{name!r} is not simulated here; only the surface of a simulated body moves")
-        index = next((index for index, found in links_of(body).items() if found == link), None)
-        if index is None:
-            there = ", ".join(map(repr, links_of(body).values()))
-            raise InputError("unknown_body", f"{name!r} has no link {link!r} with a collision shape; it has {there}")
+        index = link_of(body, link)
         turn = self.client.getDynamicsInfo(body.uid, index)[4] if body.is_robot else (0.0, 0.0, 0.0, 1.0)
         belt = Belt(axis, speed)
         self.ground.drive(body.uid, index, rotate(conjugate(turn), belt.axis), belt.speed)
@@ -103,10 +99,9 @@ class Driving:
         return {link: follower.belt for link, follower in found.items() if follower and follower.belt.speed}
 
     def _move_belts(self, body: Body, belts: dict[str, Belt]) -> None:
-        """Move surfaces as `_belts` returned them."""
-        indices = {link: index for index, link in links_of(body).items()}
+        """Move surfaces as `_belts` returned them. Raises `InputError` if a link is not there."""
         for link, belt in belts.items():
-            self.ground.drive(body.uid, indices[link], belt.axis, belt.speed)
+            self.ground.drive(body.uid, link_of(body, link), belt.axis, belt.speed)
 
     def _may_sleep(self, uid: int) -> bool:
         """Return True if no joint of a PyBullet body is driven to move. Efforts are applied in each step, and PyBullet
@@ -115,6 +110,13 @@ class Driving:
         body = self.bodies[self.ground.followers[slot].name.partition("/")[0]]
         commands = body.commands.values()
         return not any(command.velocity or (command.is_effort and command.effort) for command in commands)
+
+    def _joint(self, body: Body, joint: str) -> int:
+        """Return PyBullet's index of a joint; raises `InputError` if there is none."""
+        if joint not in body.joints:
+            there = ", ".join((*body.joints, *body.surfaces)) or "none"
+            raise InputError("unknown_joint", f"{body.name!r} has no joint {joint!r}; it has {there}")
+        return body.joints[joint]
 
     def _body(self, name: str) -> Body:
         try:
@@ -126,3 +128,12 @@ class Driving:
 def links_of(body: Body) -> dict[int, str]:
     """Return the names of the links that touch the ground by PyBullet's index; of a body that is no robot, "" alone."""
     return body.links or {-1: ""}
+
+
+def link_of(body: Body, link: str) -> int:
+    """Return PyBullet's index of a link, as `links_of` names it; raises `InputError` if there is none."""
+    for index, found in links_of(body).items():
+        if found == link:
+            return index
+    there = ", ".join(map(repr, links_of(body).values()))
+    raise InputError("unknown_body", f"{body.name!r} has no link {link!r} with a collision shape; it has {there}")

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 
+from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.height_scan import HeightScan
 from smartmesh_ros.world.world import World
@@ -22,11 +23,12 @@ class HeightScanner:
         self._last: FloatArray | None = None
 
     def measure(self) -> None:
-        """Scan now. Raises `InputError` if there is no body of one of the names."""
+        """Scan now. Raises `InputError`, and forgets, if there is no body of one of the names."""
         world = self._world
         if self._waiting and self._waiting[-1][0] > world.time:  # the world's time was reset
             self.forget()
-        self._waiting.append((world.time, world.height_scan(self._names, self._scan)))
+        with undone(self.forget):  # a body that comes back under the name of one that went is another one
+            self._waiting.append((world.time, world.height_scan(self._names, self._scan)))
 
     def take(self) -> FloatArray | None:
         """Return the newest values (n, k) that are known by now and were not returned before; None: there are none."""

@@ -169,11 +169,17 @@ class World(Population):
         self.time = 0.0
 
     def reset_bodies(self) -> None:
-        """Put every simulated body back to its initial state. Commands of joints stay in force."""
-        for body in self.bodies.values():
-            if body.simulated:
+        """Put every simulated body back to its initial state. Commands of joints stay in force. Raises PyBullet's
+        error, with the names of the bodies for which it failed; the others are back."""
+        failed = []
+        for body in (body for body in self.bodies.values() if body.simulated):
+            try:
                 self._factory.place(body, body.initial)
+            except pb.error as error:
+                failed.append(f"{body.name!r}: {error}")
         self.ground.configure(self.config.patch)  # wakes all, and discards supports chosen at the old places
+        if failed:
+            raise pb.error(f"{len(failed)} bodies are not back, but the others are; reset again: {'; '.join(failed)}")
 
     def snapshot(self) -> Snapshot:
         """Return the current bodies as data."""
@@ -195,11 +201,12 @@ class World(Population):
 
     def restore(self, snapshot: Snapshot) -> None:
         """Replace the bodies by those of a snapshot, in a new PyBullet client; the terrain and its soil stay. Raises
-        `InputError` and changes nothing if a robot of it is refused, or a surface moves and contacts are PyBullet's
-        own."""
+        `InputError` and changes nothing if a robot of it is refused or lacks a joint or link, or a surface moves and
+        contacts are PyBullet's own."""
         robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
         if any(body.belts for body in snapshot.bodies):
             self.ground.require_belts()
+        self.ground.leave_lost_soil()
         before = dict(vars(self))
         with undone(lambda: vars(self).update(before)):
             self._refreshes, self._rescues = self.refreshes, self.rescues
@@ -224,7 +231,7 @@ class World(Population):
             new = self.bodies[body.name]
             new.initial = body.initial
             for joint, (position, velocity) in body.joints.items():
-                self.client.resetJointState(new.uid, new.joints[joint], position, velocity)
+                self.client.resetJointState(new.uid, self._joint(new, joint), position, velocity)
             for joint, command in body.commands.items():
                 self.command(body.name, joint, command)
             self._move_belts(new, body.belts)

@@ -134,6 +134,22 @@ def test_impossible_friction_is_refused_and_the_old_one_stays(friction: float | 
     assert terrain.friction == ICE
 
 
+def test_coefficients_change_by_assignment_alone() -> None:
+    """Which checks them, and wakes what sleeps there."""
+    given = halves()
+    terrain = flat(given)
+    given[:] = -1.0
+    assert np.array_equal(terrain.friction, halves())
+    with pytest.raises(ValueError, match="read-only"):
+        terrain.friction[:] = ICE  # type: ignore[index]
+
+
+def test_one_coefficient_may_be_of_numpy() -> None:
+    terrain = flat()
+    terrain.friction = np.float32(0.5)
+    assert terrain.friction == 0.5
+
+
 @pytest.mark.parametrize("how", ["assigned", "replaced", "put"])
 @pytest.mark.parametrize(("friction", "slides"), [(0.1, True), (1.0, False)])
 def test_what_sleeps_on_a_slope_that_freezes_wakes_and_slides(how: str, friction: float, slides: bool) -> None:

@@ -136,3 +136,19 @@ def test_awake_bodies_are_not_told_to_wake(client: Any, woken: list[int]) -> Non
         ground.update(step * DT, DT)
         client.stepSimulation()
     assert woken == []
+
+
+@pytest.mark.parametrize("freezes", [True, False])
+def test_a_body_that_pybullet_put_to_sleep_wakes_if_the_slope_under_it_freezes(client: Any, freezes: bool) -> None:
+    """And only if the friction under it is another one."""
+    slope = HeightMap(0.3 * 0.1 * np.arange(41) * np.ones((41, 1)), resolution=0.1, origin=(-2.0, -2.0), friction=1.0)
+    ground, body = Ground(client, slope), box(client, maximal=True)
+    client.resetBasePositionAndOrientation(body, (0.0, 0.0, 0.77), client.getQuaternionFromEuler((0, -0.2915, 0)))
+    client.changeDynamics(body, -1, lateralFriction=0.8)
+    ground.attach(body)
+    step, before = asleep(client, ground, body), client.getBasePositionAndOrientation(body)[0][0]
+    friction = np.ones((41, 41))
+    friction[:, : 30 if freezes else 5] = 0.1
+    slope.friction = friction
+    run(client, ground, step, 240)
+    assert (client.getBasePositionAndOrientation(body)[0][0] < before - 0.1) == freezes

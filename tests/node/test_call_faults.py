@@ -7,16 +7,17 @@ from collections.abc import Coroutine, Iterator
 from typing import Any
 
 import numpy as np
+import pybullet as pb
 import pytest
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
-from smartmesh_msgs.msg import ColliderPatchArray
-from smartmesh_msgs.srv import SpawnBody
+from smartmesh_msgs.msg import BodySpecification, ColliderPatchArray
+from smartmesh_msgs.srv import RemoveBodies, SpawnBodies, SpawnBody
 
-from smartmesh_ros import BodyState, HeightMap
+from smartmesh_ros import BodyState, Box, HeightMap
 from smartmesh_ros.node.outputs import audience, transform_outputs
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from tests.faults import Faults, bullet_faults
@@ -163,6 +164,74 @@ def test_a_call_in_which_pybullet_fails_is_answered(node: TerrainCollider, monke
         assert faults.fired in answer.message
         if answer.success:
             world.remove("new")
+
+
+def test_bodies_that_are_not_removed_are_named_and_the_others_are_gone(
+    node: TerrainCollider, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faults, session = bullet_faults(monkeypatch), node.session
+    for number in faults.runs():
+        session.world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.0, 1.0, 0.1)))
+        session.world.spawn("other", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.0, 2.0, 0.1)))
+        session.tracking.update("ball", 0.2, BodyState((1.0, 0.0, 0.1)), 0.0)
+        answer, names = RemoveBodies.Response(), ["box", "ball", "other"]
+        with faults.failing(number):
+            node._body_services._on_remove_all(RemoveBodies.Request(ids=names), answer)
+        still = [name for name in names if name in session.world.bodies]
+        assert [failure.id for failure in answer.failures] == still
+        assert answer.success == (not still) == (not faults.fired)
+        assert ("but the others are removed" in answer.message) == bool(still)
+        assert all(faults.fired in failure.reason for failure in answer.failures)
+        assert session.tracking.names == (["ball"] if "ball" in still else [])
+        if still:
+            node._body_services._on_remove_all(RemoveBodies.Request(ids=still), answer)
+            assert answer.success
+            assert session.tracking.names == []
+
+
+def test_bodies_that_are_not_spawned_are_taken_back_or_named(
+    node: TerrainCollider, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One of them is taken, so that the other must be removed again."""
+    faults, world = bullet_faults(monkeypatch), node.session.world
+    bodies = []
+    for name in ("new", "arm"):
+        bodies.append(body := BodySpecification(id=name, mass=1.0))
+        body.shape.type, body.shape.dimensions, body.pose.orientation.w = body.shape.SPHERE, [0.1], 1.0
+    for number in faults.runs():
+        with faults.failing(number):
+            answer = answered(
+                node._body_services._on_spawn_all(SpawnBodies.Request(bodies=bodies), SpawnBodies.Response())
+            )
+        assert not answer.success
+        assert "arm" in [failure.id for failure in answer.failures]
+        stays = "new" in world.bodies
+        assert ("some were added and stay, because PyBullet failed: new" in answer.message) == stays
+        assert ("so nothing was changed" in answer.message) == (not stays)
+        if stays:
+            world.remove("new")
+
+
+def test_a_reset_that_fails_names_the_bodies_that_are_not_back(
+    node: TerrainCollider, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faults, world = bullet_faults(monkeypatch), node.session.world
+    world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.0, 1.0, 0.1)))
+    world.spawn("other", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.0, 2.0, 0.1)))
+    for number in faults.runs():
+        for name in ("box", "other", "arm"):
+            world.move(name, BodyState((0.0, 0.0, 5.0), linear=(1.0, 0.0, 0.0)))
+        refusal = ""
+        with faults.failing(number):
+            try:
+                node.reset()
+            except pb.error as error:
+                refusal = str(error)
+        assert bool(refusal) == bool(faults.fired)
+        assert faults.fired in refusal
+        for name in ("box", "other", "arm"):
+            assert world.state(name) == world.bodies[name].initial or f"'{name}'" in refusal
+        node.reset()
 
 
 def answered(steps: Coroutine[Any, Any, Any]) -> Any:

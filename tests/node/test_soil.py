@@ -10,7 +10,9 @@ import pytest
 from builtin_interfaces.msg import Time
 from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import OccupancyGrid
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import serialize_message
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import (
     BodyDescription,
@@ -27,14 +29,16 @@ from std_msgs.msg import Header
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.soil.message_bodies import MessageBodies
 from smartmesh_ros.node.soil.soil_map import soil_map_from
+from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.scenes import eight
 from smartmesh_ros.soil.soils import soil_named
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.tools.testing import Probe, pose_message
+from smartmesh_ros.tools.testing.messages import heightmap_message
 from smartmesh_ros.tools.testing.process import START_TIMEOUT
 from studies.soil.trials import plate_sinkage
-from tests.node.shared import refusal_at_start, set_parameters
+from tests.node.shared import made_with, refusal_at_start, set_parameters
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 PLATE = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.2, 0.1])
@@ -118,6 +122,20 @@ def test_bodies_of_a_collider_stand_on_soil_without_another_node(probe: Probe) -
 )
 def test_a_collider_refuses_what_cannot_be_soil(parameters: dict[str, Any], words: str) -> None:
     assert words in refusal_at_start(parameters)
+
+
+def test_a_map_that_cannot_be_soil_is_taken_without(domain: int) -> None:
+    """Its cells are too wide. That is counted with each map, and a finer map is soil again."""
+    with made_with(TerrainCollider, {"soil.type": "lunar"}) as node:
+        [take] = [found.callback for found in node.session.subscriptions if found.topic_name.endswith("/heightmap")]
+        for resolution, refused in ((0.5, 0), (10.0, 1), (0.5, 1), (10.0, 2)):
+            take(serialize_message(heightmap_message(np.zeros((9, 9)), resolution=resolution)))
+            node.tick()
+            assert node.session.world.terrain.tiles[""].geometry.resolution == resolution
+            assert node.refusals.counts["soil.type: soil"] == refused == node.refusals.counts.total()
+            assert (node.session.world.ground.soil is None) == (resolution == 10.0)
+        assert node.set_parameters([Parameter("soil.type", value="clay")])[0].successful
+        assert node.refusals.counts["soil.type: soil"] == 3
 
 
 def soils_message(cells: list[list[int]], *, resolution: float, x: float, y: float) -> OccupancyGrid:

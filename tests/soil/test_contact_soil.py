@@ -4,9 +4,11 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pybullet as pb
 import pytest
+from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, InputError, PatchConfig, Sphere, World
+from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, InputError, PatchConfig, Sphere, World
 from smartmesh_ros.soil.checked_soil import map_from
 from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.soil.soils import soil_named
@@ -200,6 +202,44 @@ def test_soil_outlives_a_restored_world_and_can_be_taken_away() -> None:
         assert world.ground.on_soil() == {}
 
 
+@pytest.mark.parametrize("way", ["update", "restore"])
+def test_soil_goes_with_its_map(way: str, caplog: pytest.LogCaptureFixture) -> None:
+    """Whose place another map takes: bodies stand on that one."""
+    with with_box() as world:
+        world.ground.set_soil(soil := ContactSoil(world.terrain, "lunar"))
+        world.step(240)
+        world.terrain.put("", HeightMap(np.full((9, 9), 0.05), resolution=0.5))
+        if way == "restore":
+            world.save()
+        for _ in range(240):
+            world.ground.update(world.time, world.dt)
+            world.client.stepSimulation()
+            world.time += world.dt
+        assert world.ground.soil is None
+        assert world.state("box").position[2] == pytest.approx(0.15, abs=1e-3)
+        assert soil.map.heights.min() < 0.0
+        assert "the map of the soil is no tile any more" in caplog.text
+
+
+@pytest.mark.parametrize("maximal", [True, False])
+def test_what_sleeps_in_pybullet_wakes_on_another_soil(maximal: bool) -> None:
+    client = BulletClient(pb.DIRECT)
+    client.setGravity(0.0, 0.0, -9.81)
+    shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=[0.1] * 3)
+    body = client.createMultiBody(20.0, shape, basePosition=(1.0, 1.0, 0.1), useMaximalCoordinates=maximal)
+    client.changeDynamics(body, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
+    ground = Ground(client, HeightMap(np.zeros((41, 41)), resolution=0.05))
+    ground.attach(body)
+    for _ in range(1200):
+        ground.step(ground.time, 1.0 / 240.0)
+    ground.set_soil(ContactSoil(ground.terrain, "lunar"))
+    for _ in range(480):
+        ground.step(ground.time, 1.0 / 240.0)
+    sunk = 0.1 - client.getBasePositionAndOrientation(body)[0][2]
+    client.disconnect()
+    assert sunk == pytest.approx(20.0 * 9.81 / 0.04 / 820e3, rel=0.1)
+
+
 def test_ground_that_rises_lifts_what_stands_on_its_soil() -> None:
     with with_box() as world:
         world.ground.set_soil(ContactSoil(world.terrain, "dry_sand"))
@@ -242,8 +282,20 @@ def test_what_cannot_be_soil_is_refused() -> None:
         ContactSoil(tile, "lunar", spacing=0.0)
     with pytest.raises(InputError, match="no soil"):
         ContactSoil(tile, "porridge")
+    with pytest.raises(InputError, match=r"on cells of 10 m; it must be above 0\.01 m"):
+        ContactSoil(HeightMap(FLAT, resolution=10.0), "lunar")
+    with pytest.raises(InputError, match="raise spacing"):
+        ContactSoil(HeightMap(np.zeros((1000, 1000)), resolution=5.0), "lunar")
+    for soil in (5, [5], None):
+        with pytest.raises(InputError, match="is no soil; give a SoilType"):
+            ContactSoil(tile, soil)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="corrections"):
         ContactSoil(HeightMap(FLAT, resolution=0.04, motion=MotionConfig(changes="correction")), "lunar")
+    with with_box() as world:
+        world.client.resetSimulation()
+        with pytest.raises(InputError, match="make another"):
+            world.ground.set_soil(ContactSoil(world.terrain, "lunar"))
+        assert world.ground.soil is None
     with with_box() as world:
         with pytest.raises(InputError, match="no tile"):
             world.ground.set_soil(ContactSoil(tile, "lunar"))

@@ -26,6 +26,7 @@ from smartmesh_ros import (
     World,
     WorldConfig,
 )
+from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.world.joints import JointCommand
@@ -258,6 +259,27 @@ def test_bodies_sleep_and_wake_whatever_failed(faults: Faults, way: str, changes
             fall_asleep(world)
             assert world.lost == []
             assert_whole(world)
+
+
+@pytest.mark.parametrize("change", ["surface", "soil"])
+def test_what_wakes_a_body_is_done_or_has_changed_nothing(faults: Faults, change: str) -> None:
+    for number in faults.runs():
+        with made(after=0.02) as world:
+            fall_asleep(world)
+            soil = ContactSoil(world.terrain, "lunar")
+            changes = {
+                "surface": lambda: world.drive_surface("box", "", 0.3),
+                "soil": lambda: world.ground.set_soil(soil),  # noqa: B023
+            }
+            if not done(faults, number, changes[change]):
+                assert world.ground.soil is None
+                assert not any(follower.belt.speed for follower in world.followers)
+                changes[change]()
+            world.step(120)
+            if change == "surface":
+                assert world.state("box").linear[0] == pytest.approx(0.3, rel=0.02)
+            else:
+                assert world.state("box").position[2] < 0.0999
 
 
 def fall_asleep(world: World) -> None:

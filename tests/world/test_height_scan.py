@@ -296,6 +296,18 @@ def test_a_delayed_scan_shows_the_ground_and_the_pose_of_then(steps: int) -> Non
         np.testing.assert_array_equal(delayed.read(), world.height_scan("robot", scan))
 
 
+def test_a_body_that_takes_the_name_of_one_that_went_has_scans_of_its_own(flat: World) -> None:
+    flat.spawn("robot", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.1)))
+    scanner = HeightScanner(flat, "robot", HeightScan(values="clearance", delay=0.05))
+    scanner.read()
+    flat.step(4)
+    flat.remove("robot")
+    with pytest.raises(InputError, match="no body 'robot'"):
+        scanner.read()
+    flat.spawn("robot", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 5.0)))
+    assert scanner.read()[0, 0] == pytest.approx(5.0)
+
+
 def test_a_scan_without_bodies_or_ground_is_empty() -> None:
     with World() as world:
         assert world.height_scan([], HeightScan()).shape == (0, 187)
@@ -309,3 +321,16 @@ def test_what_cannot_be_scanned_is_refused(flat: World) -> None:
         flat.height_scan(["robot", "rover"], HeightScan())
     with pytest.raises(InputError, match="HeightScanner"):
         flat.height_scan("robot", HeightScan(delay=0.02))
+
+
+@pytest.mark.parametrize("poses", [np.zeros(4), np.zeros((2, 3))])
+def test_poses_of_another_shape_are_refused(flat: World, poses: np.ndarray) -> None:
+    with pytest.raises(InputError, match=r"it must be \(n, 4\)"):
+        HeightScan().read(flat.terrain, poses, 0.0)
+
+
+def test_a_map_is_ground_to_scan_and_poses_may_be_any_numbers() -> None:
+    ground = HeightMap(np.full((41, 41), 0.5), resolution=0.1)
+    scan = HeightScan(size=(0.2, 0.2))
+    assert scan.read(ground, [(2, 2, 1, 0)], 0.0).tolist() == [[0.5] * 9]
+    assert np.isnan(scan.read(ground, [(np.nan, 2, 1, 0), (2, 2, 1, np.inf), (1e300, -1e300, 0, 0)], 0.0)).all()

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from pathlib import Path
 
+import numpy as np
 import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, Ground, InputError, PatchConfig, Snapshot, Sphere, World, WorldConfig
+from smartmesh_ros.ground.belt import Belt
 from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.world.joints import JointCommand
@@ -208,6 +211,26 @@ def run(ground: Ground, client: BulletClient, steps: int) -> float:
     return float(client.getBaseVelocity(0)[0][0])
 
 
+@pytest.mark.parametrize("renamed", ["left_track_link", "slew"])
+def test_a_robot_whose_file_lost_a_link_or_joint_is_not_restored(tmp_path: Path, renamed: str) -> None:
+    urdf = UNDERCARRIAGE.replace(
+        '<joint name="slew" type="fixed">',
+        '<joint name="slew" type="revolute"><limit lower="-1" upper="1" effort="1e4" velocity="1"/>',
+    )
+    file = tmp_path / "robot.urdf"
+    file.write_text(urdf)
+    with standing(slope(), str(file)) as world:
+        drive(world, 0.5, 0.5)
+        world.step(24)
+        saved, before = world.snapshot(), world.state(NAME)
+        file.write_text(urdf.replace(renamed, "other"))
+        with pytest.raises(InputError, match=f"has no (link|joint) '{renamed}'"):
+            world.restore(saved)
+        assert world.state(NAME) == before
+        world.step(240)
+        assert speed(world) == pytest.approx(0.5, rel=0.02)
+
+
 def test_in_a_pybullet_world_of_ones_own(client: BulletClient) -> None:
     ground = Ground(client, slope())
     ground.attach(0)
@@ -216,6 +239,15 @@ def test_in_a_pybullet_world_of_ones_own(client: BulletClient) -> None:
     ground.detach(0)
     ground.attach(0)
     assert run(ground, client, 240) == pytest.approx(0.0, abs=1e-3), "it is attached anew"
+
+
+def test_an_axis_may_be_an_array(client: BulletClient) -> None:
+    ground = Ground(client, slope())
+    ground.attach(0)
+    for _ in range(2):
+        ground.drive(0, -1, np.array([0.0, 1.0, 0.0]), np.float32(0.25))  # type: ignore[arg-type]
+    assert ground.followers.at(0, -1).belt == Belt((0.0, 1.0, 0.0), 0.25)  # type: ignore[union-attr]
+    assert run(ground, client, 240) == pytest.approx(0.25, rel=0.01)
 
 
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 0.0), (0.0, math.nan, 0.0), (0.0, 1e200, 0.0), (0.0, 1.0)])
@@ -228,6 +260,15 @@ def test_an_axis_without_direction_is_refused(client: BulletClient, axis: tuple[
     assert run(ground, client, 24) == pytest.approx(0.0, abs=1e-3)
 
 
+def test_after_a_reset_of_pybullet_nothing_is_driven(client: BulletClient) -> None:
+    ground = Ground(client, slope())
+    ground.attach(0)
+    client.resetSimulation()
+    with pytest.raises(InputError, match="make another"):
+        ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
+    assert not any(follower.belt.speed for follower in ground.followers)
+
+
 def test_a_command_wakes_a_body_that_sleeps_in_pybullet(client: BulletClient) -> None:
     client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
     ground = Ground(client, slope())
@@ -235,6 +276,16 @@ def test_a_command_wakes_a_body_that_sleeps_in_pybullet(client: BulletClient) ->
     run(ground, client, 1200)
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
     assert run(ground, client, 240) == pytest.approx(0.3, rel=0.01)
+
+
+def test_a_body_that_creeps_does_not_sleep_in_pybullet(client: BulletClient) -> None:
+    client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
+    ground = Ground(client, slope())
+    ground.attach(0)
+    ground.drive(0, -1, (0.0, 1.0, 0.0), 0.02)
+    assert run(ground, client, 960) == pytest.approx(0.02, rel=0.01)
+    ground.drive(0, -1, (0.0, 1.0, 0.0), 0.0)
+    assert run(ground, client, 960) == 0.0, "it sleeps again"
 
 
 def test_without_pybullets_correction_of_friction_a_surface_stands_still(client: BulletClient) -> None:

@@ -85,6 +85,7 @@ struct Ground {
   void set_tiles(nb::list parts) { tiles = set_tiles_of(world().surface, parts); }
   void set_soil(nb::object of) {
     world().soil = of.is_none() ? nullptr : &nb::cast<StepSoil&>(of).soil;
+    world().wake_all();
     soil = of;
   }
   // Returns sinkage [m], area [m^2] and carried force [N] of each part of the body in a slot that touches the soil.

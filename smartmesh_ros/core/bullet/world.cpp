@@ -116,6 +116,12 @@ void BulletWorld::drive(int index, const Belt& belt) {
   if (slot.object != nullptr) wake(slot);
 }
 
+void BulletWorld::wake_all() {
+  find_objects();
+  for (const Slot& slot : slots_)
+    if (slot.object != nullptr && slot.enabled) wake(slot);
+}
+
 void BulletWorld::find_objects() {
   for (Slot& slot : slots_) slot.object = nullptr, slot.ground = nullptr;
   auto& objects = world_->getCollisionObjectArray();

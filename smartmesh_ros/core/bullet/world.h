@@ -38,8 +38,8 @@ struct Slot {
   std::unique_ptr<GroundShape> shape;
   Vec3 linear, angular;    // of the body [m/s], [rad/s]
   Belt belt;
-  std::vector<double> slept_on;  // heights of the ground under a body that PyBullet put to sleep [m]
-  long slept_at = -1;            // revision of the ground when they were read
+  std::vector<double> slept_on;  // the ground under a body that PyBullet put to sleep, as of `Surface::ground_under`
+  long slept_at = -1;            // revision of the ground when it was read
   std::unordered_map<const btCollisionShape*, std::optional<Convex>> shapes;  // none = of unknown kind
   SoilParts on_soil;  // by their shapes
 };
@@ -72,6 +72,9 @@ class BulletWorld {
 
   // Moves the surface of the body in a slot, which wakes the body if it sleeps in PyBullet.
   void drive(int slot, const Belt& belt);
+
+  // Wakes the bodies that sleep in PyBullet, and whose ground is switched on.
+  void wake_all();
 
   // Returns the parts of the body in a slot that came near the soil.
   const SoilParts& parts_on_soil(int slot) const { return slots_[slot].on_soil; }

@@ -93,6 +93,7 @@ void BulletWorld::place(Slot& slot) {
   slot.shape->low = slot.shape->high = btVector3(0, 0, 0);
   ground.forceActivationState(ISLAND_SLEEPING);  // Bullet wakes whatever lies on a kinematic body that is awake
   if (slot.object == nullptr || !slot.enabled) return;
+  if (slot.belt.speed != 0.0) wake(slot);  // PyBullet would let it sleep while it creeps
   const btTransform& pose = slot.object->getWorldTransform();
   btVector3 low, high;
   slot.object->getCollisionShape()->getAabb(pose, low, high);
@@ -138,10 +139,10 @@ bool BulletWorld::keeps_asleep(Slot& slot, const btVector3& low, const btVector3
   const bool moves = surface.moves(time);
   if (!moves && slot.slept_at == surface.revision()) return true;
   slot.slept_at = surface.revision();
-  std::vector<double> heights;
-  surface.heights_under({from_bullet(low), from_bullet(high)}, time, heights);
-  const bool same = slot.slept_on.empty() || slot.slept_on == heights;
-  if (slot.slept_on.empty()) slot.slept_on = heights;
+  std::vector<double> ground;
+  surface.ground_under({from_bullet(low), from_bullet(high)}, time, ground);
+  const bool same = slot.slept_on.empty() || slot.slept_on == ground;
+  if (slot.slept_on.empty()) slot.slept_on = ground;
   if (same) return true;
   wake(slot);
   return false;

@@ -99,8 +99,9 @@ class Tracking:
 
     def forget(self, name: str) -> None:
         """Removes a tracked body."""
-        if self._last_poses.pop(name, None) is not None and name in self._world.bodies:
+        if name in self._last_poses and name in self._world.bodies:
             self._world.remove(name)
+        self._last_poses.pop(name, None)  # once it is gone: a removal that failed is made again
 
     def expire(self, time: float) -> list[str]:
         """Removes the bodies without a pose for the time-out, and returns their names. Stops bodies without a pose for

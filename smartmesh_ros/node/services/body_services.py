@@ -21,6 +21,8 @@ from smartmesh_ros.node.session import Session
 
 # Number of failures that a response's message quotes. The list of failures in the response is complete.
 QUOTED = 3
+# What a refused call has done, unless PyBullet failed.
+NOTHING = "so nothing was changed"
 
 
 class BodyServices:
@@ -90,9 +92,9 @@ class BodyServices:
                 tasks.append((body.id, error, _refuse))
         with self._session.lock:
             failures = _failures_of(tasks)
-            for name in added if failures else ():
-                world.remove(name)
-        self._finish("spawn_bodies", response, failures, len(request.bodies))
+            left = _failures_of((name, name, world.remove) for name in added) if failures else []
+        stay = f"but some were added and stay, because PyBullet failed: {', '.join(body.id for body in left)}"
+        self._finish("spawn_bodies", response, failures, len(request.bodies), stay if left else NOTHING)
         return response
 
     def _on_remove(self, request: RemoveBody.Request) -> str:
@@ -108,20 +110,19 @@ class BodyServices:
             if counts[name] > 1:
                 raise InputError("duplicate_id", f"{name!r} is named {counts[name]} times; name each body once")
 
-        failures = _failures_of((name, name, check) for name in counts)
+        failures, outcome = _failures_of((name, name, check) for name in counts), NOTHING
         if not failures:
-            for name in request.ids:
-                self.remove(name)
-        self._finish("remove_bodies", response, failures, len(request.ids))
+            failures, outcome = _failures_of((name, name, self.remove) for name in counts), "but the others are removed"
+        self._finish("remove_bodies", response, failures, len(request.ids), outcome)
 
-    def _finish(self, service: str, response: Any, failures: list[BodyFailure], count: int) -> None:
-        """Fill in a response; count and log a refusal."""
+    def _finish(self, service: str, response: Any, failures: list[BodyFailure], count: int, outcome: str) -> None:
+        """Fill in a response; count and log a refusal, and what its ``outcome`` is."""
         response.success = not failures
         response.failures = failures
         if failures:
             quoted = "; ".join(failure.reason for failure in failures[:QUOTED])
             more = f"; and {len(failures) - QUOTED} more" if len(failures) > QUOTED else ""
-            words = f"{len(failures)} of {count} bodies are refused, so nothing was changed: {quoted}{more}"
+            words = f"{len(failures)} of {count} bodies are refused, {outcome}: {quoted}{more}"
             response.message = shortened(words)
             self._session.refusals.add(service, InputError("batch", words))
 
