@@ -44,25 +44,18 @@ double SoilLattice::highest(int top, int left, int bottom, int right) const {
 }
 
 FineSample& SoilLattice::at(int row, int column) {
-  auto& block = blocks_[block_index(row, column)];
+  auto& block = blocks_[static_cast<std::size_t>(row >> SIDE_SHIFT) * block_columns_ + (column >> SIDE_SHIFT)];
   if (block == nullptr) block = std::make_unique<Block>();
-  FineSample& sample = (*block)[place_in_block(row, column)];
+  FineSample& sample = (*block)[(row & (SIDE - 1)) * SIDE + (column & (SIDE - 1))];
   if (sample.step == 0) sample = {level_at(row, column), {0.0, 0.0}, 0.0f, -1};
   return sample;
 }
 
-bool SoilLattice::has_level(int node_row, int node_column, float height) const {
-  const int row = node_row * refine_, column = node_column * refine_;
-  const auto& block = blocks_[block_index(row, column)];
-  if (block == nullptr) return false;
-  const FineSample& sample = (*block)[place_in_block(row, column)];
-  return sample.step != 0 && static_cast<float>(sample.level) == height;
-}
-
-void SoilLattice::renew(int row, int column, std::int32_t last) {
+bool SoilLattice::renew(int row, int column, std::int32_t last) {
   FineSample& sample = at(row, column);
   sample.level = level_at(row, column);
   if (sample.step < last) sample.yield = {0.0, 0.0}, sample.step = -1;
+  return sample.yield.plastic > 0.0;
 }
 
 void SoilLattice::renew(int top, int left, int bottom, int right, std::int32_t last) {
@@ -74,12 +67,11 @@ void SoilLattice::renew(int top, int left, int bottom, int right, std::int32_t l
       const auto [known, is_new] = known_.try_emplace(node_index(r, c), height);
       if (is_new || known->second == height || (std::isnan(known->second) && std::isnan(height))) continue;
       known->second = height;
-      if (has_level(r, c, height)) {  // whoever sent the map does not know of the prints
-        pressed_.insert(node_index(r, c));
-        continue;
-      }
+      bool is_pressed = false;
       for (int i = std::max(0, (r - 1) * refine_ + 1); i < std::min((r + 1) * refine_, rows()); ++i)
-        for (int k = std::max(0, (c - 1) * refine_ + 1); k < std::min((c + 1) * refine_, columns()); ++k) renew(i, k, last);
+        for (int k = std::max(0, (c - 1) * refine_ + 1); k < std::min((c + 1) * refine_, columns()); ++k)
+          is_pressed |= renew(i, k, last);
+      if (is_pressed) pressed_.insert(node_index(r, c));
     }
   }
 }
@@ -109,16 +101,21 @@ void SoilLattice::read_sinkage(double* sinkage) {
 
 std::vector<PressedNode> SoilLattice::take_pressed() {
   std::vector<PressedNode> found;
+  std::set<std::int64_t> later;  // where others changed the map: `renew` has not yet moved the soil
   for (const std::int64_t node : pressed_) {
     const int row = static_cast<int>(node / map_.columns), column = static_cast<int>(node % map_.columns);
     const double level = at(row * refine_, column * refine_).level;
     const float height = static_cast<float>(level - mean_around(row, column));
     float& known = known_[node];
     if (std::isnan(height) || known == height) continue;
+    if (known != mapped(row, column)) {
+      later.insert(node);
+      continue;
+    }
     known = height;
     found.push_back({row, column, height});
   }
-  pressed_.clear();
+  pressed_.swap(later);
   return found;
 }
 

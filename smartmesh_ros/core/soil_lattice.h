@@ -75,14 +75,9 @@ class SoilLattice {
 
   std::int64_t node_index(int row, int column) const { return static_cast<std::int64_t>(row) * map_.columns + column; }
   float mapped(int row, int column) const { return map_.heights[map_.index(row, column)]; }
-  std::size_t block_index(int row, int column) const {
-    return static_cast<std::size_t>(row >> SIDE_SHIFT) * block_columns_ + (column >> SIDE_SHIFT);
-  }
-  static int place_in_block(int row, int column) { return (row & (SIDE - 1)) * SIDE + (column & (SIDE - 1)); }
   double level_at(int row, int column) const;
-  // Returns true if a sample of the map has the height that its soil had before bodies pressed it.
-  bool has_level(int node_row, int node_column, float height) const;
-  void renew(int row, int column, std::int32_t last);
+  // Returns true if the sample stays pressed.
+  bool renew(int row, int column, std::int32_t last);
   // Returns the mean sinkage around a sample of the map [m].
   double mean_around(int node_row, int node_column);
 

@@ -58,7 +58,7 @@ class Ground(AttachedBodies):
         """`update` for as many steps of ``dt`` [s] from ``time`` [s] on as the schedule allows."""
         self.refreshes += 1
         if self.soil is not None:
-            self.soil.show(time)
+            self.soil.show()
         rate = self.config.rate
         steps = self._schedule.begin(self.terrain, time, dt, rate, behind_real_time=behind_real_time)
         self.update(time, dt, steps)

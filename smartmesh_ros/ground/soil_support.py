@@ -16,8 +16,8 @@ class SteppedSoil(Protocol):
     def map(self) -> HeightMap:
         """The tile that gives way."""
 
-    def show(self, time: float) -> int:
-        """Write what was pressed into the map, as of ``time`` [s]; returns the number of changed samples."""
+    def show(self) -> int:
+        """Write what was pressed into the map; returns the number of changed samples."""
 
 
 class SoilSupport(NamedTuple):

@@ -80,30 +80,28 @@ class ContactSoil:
         """Change which soil each sample is, as ``kinds`` at the start; sinkages stay. Raises `InputError`."""
         self._kinds[...] = kinds_from(kinds, self._kinds.shape, len(self.soils))
 
-    def show(self, time: float) -> int:
-        """Write what bodies pressed since the last call into the map, as of ``time`` [s]: the mean of the soil around
-        each sample. Returns the number of samples that changed. `Ground.refresh` does it, for rays, patches and
-        messages; bodies on the soil do not need it. Ground that moves by itself gets no prints until it rests, because
-        its next map would not have them."""
-        if self.map.moving(time):
-            return 0
+    def show(self) -> int:
+        """Write what bodies pressed since the last call into the map: the mean of the soil around each sample. Returns
+        the number of samples that changed. `Ground.refresh` does it, for rays, patches and messages; bodies on the soil
+        do not need it."""
         places, heights = self.core.take_pressed()
         if len(places):
-            self.map.write_at_rest(places, heights)
+            self.map.press(places, heights)
             self._pressed, self._changed = _corners(places, self._pressed), _corners(places, self._changed)
         return len(places)
 
     def changes(self, time: float, *, everything: bool = False) -> Region | None:
         """Return the rectangle of the map that `show` changed since the last call, or, of ``everything``, that bodies
-        ever pressed; None if there is none, or while the ground moves at ``time`` [s]."""
-        if self.map.moving(time):
-            return None
+        ever pressed; None if there is none, or while the ground there moves at ``time`` [s]."""
         pressed = self._pressed if everything else self._changed
-        self._changed = NOTHING
         if not len(pressed):
             return None
         (row, column), (last_row, last_column) = pressed.tolist()
-        heights = self.map.heights[row : last_row + 1, column : last_column + 1]
+        place = slice(row, last_row + 1), slice(column, last_column + 1)
+        if self.map.moving(time) and self.map.arrays[1][:, *place].any():
+            return None
+        self._changed = NOTHING
+        heights = self.map.heights[place]
         return Region(row, column, heights, np.zeros_like(heights))
 
     def sinkage(self) -> FloatArray:

@@ -12,6 +12,7 @@ from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest
 from smartmesh_ros.terrain.motion import BLOCK, INSTANT
 from smartmesh_ros.terrain.moving_heights import MovingHeights
+from smartmesh_ros.terrain.prints import Prints
 from smartmesh_ros.terrain.revisions import next_revision
 
 # Distance outside the map at which a point still counts as on the edge [samples].
@@ -112,12 +113,14 @@ class HeightMap(MovingHeights):
         self._store(0, 0, self._heights.copy(), velocities, self.time)
         self._tell_core()
 
-    def write_at_rest(self, places: IntArray, heights: NDArray[np.float32]) -> None:
-        """Write ``heights`` (n,) [m] of the samples at ``places`` (n, 2), rows and columns, of ground at rest. Unlike
-        updates they say nothing about how the ground moves."""
-        rows, columns = places.T
-        self._heights[rows, columns] = heights
-        self._clocks["updates"][rows // BLOCK, columns // BLOCK] += 1
+    def press(self, places: IntArray, heights: NDArray[np.float32]) -> None:
+        """Write the ``heights`` (n,) [m] to which bodies pressed the samples at ``places`` (n, 2), rows and columns.
+        Unlike an update they say nothing about how the ground moves, and they stay while others send the heights again
+        that were there before."""
+        if self._prints is None:
+            self._prints = Prints(self._heights)
+        self._prints.press(places, heights)
+        self._clocks["updates"][tuple(places.T // BLOCK)] += 1
         self.version += len(places)
         self.revision = next_revision()
         self._deviation = None

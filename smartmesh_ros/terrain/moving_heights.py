@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from smartmesh_ros.terrain.grid import GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import at_rest, follow
 from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.motion import BLOCK, CLOCK, CLOCK_TIMES, KEPT, MotionConfig
+from smartmesh_ros.terrain.prints import Prints
 from smartmesh_ros.terrain.revisions import next_revision
 
 _NO_VELOCITIES = np.empty(0, np.float32)
@@ -62,6 +64,7 @@ class MovingHeights:
         new, speeds = checked(heights, velocities, shape, "the map")
         self._heights = np.array(new, order="C")
         self._velocities = untouched_zeros((KEPT, *shape))
+        self._prints: Prints | None = None
         self._clocks = np.zeros((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), CLOCK)
         self._clocks["time"] = -np.inf
         self._corrections = Corrections(shape)
@@ -288,10 +291,11 @@ class MovingHeights:
 
     def _write(self, places: IntArray, new: NDArray[np.float32], speeds: NDArray[np.float32], time: float) -> None:
         """Write heights and velocities of rectangles (n, 4), as in `update_rectangles`."""
-        CORE.take_rectangles(
-            self._heights, self._velocities, as_bytes(self._clocks), places, new.reshape(-1), speeds.reshape(-1),
-            time, (self.motion.min_interval, self.motion.max_interval),
-        )  # fmt: skip
+        with self._prints.lifted() if self._prints else nullcontext():
+            CORE.take_rectangles(
+                self._heights, self._velocities, as_bytes(self._clocks), places, new.reshape(-1), speeds.reshape(-1),
+                time, (self.motion.min_interval, self.motion.max_interval),
+            )  # fmt: skip
 
     def _correct(self, row: int, column: int, known: NDArray[np.float32], time: float) -> None:
         """Store the new estimate of a rectangle of static ground."""

@@ -69,6 +69,43 @@ def test_changes_are_what_another_map_needs_to_look_alike() -> None:
         assert soil.changes(world.time) is None
 
 
+def pressed(every: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return where a box is that stood on soil for a second, and the map, which was sent again after ``every`` steps;
+    0 = never."""
+    with with_box() as world:
+        world.ground.set_soil(ContactSoil(world.terrain, "dry_sand"))
+        tile = map_from(world.terrain, "")
+        for step in range(480):
+            if every and step % every == 0:
+                tile.replace(FLAT, time=world.time)
+            world.step()
+        return np.array([*world.state("box").position, *world.state("box").linear]), tile.heights.copy()
+
+
+@pytest.mark.parametrize("every", [1, 8, 60, 240])
+def test_a_map_that_is_sent_again_leaves_prints_and_what_stands_or_sleeps_in_them(every: int) -> None:
+    """Its sender does not know of the prints, so they are no motion of the ground."""
+    state, heights = pressed(every)
+    wanted, known = pressed(0)
+    assert np.allclose(state, wanted, rtol=0.0, atol=1e-6)
+    assert np.allclose(heights, known, rtol=0.0, atol=1e-6)
+    assert heights.min() < -5e-3
+
+
+def test_prints_under_a_body_move_with_the_ground() -> None:
+    with with_box() as world:
+        world.ground.set_soil(ContactSoil(world.terrain, "dry_sand"))
+        tile = map_from(world.terrain, "")
+        world.step(240)
+        sunk = -tile.heights.min()
+        for step in range(240):
+            if step % 8 == 0:
+                tile.replace(FLAT + 0.1 * world.time, time=world.time)
+            world.step()
+        world.ground.refresh(world.time, world.dt)
+        assert tile.heights.max() - tile.heights.min() == pytest.approx(sunk, rel=0.3)
+
+
 @pytest.mark.parametrize("place", [(2.0, 2.0), (2.0, 2.003), (2.005, 2.005)])
 def test_a_box_stands_level_wherever_its_edges_are_between_the_samples(place: tuple[float, float]) -> None:
     with with_box(place=place) as world:
