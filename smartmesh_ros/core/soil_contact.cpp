@@ -105,7 +105,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
   exact_.x = row_.x;
   for (int r = top; r <= bottom; ++r) {
     row_.y = exact_.y = (r - placed.row) * spacing;
-    look_up(placed.shape, row_);
+    look_up(placed.shape, row_), cover(placed.shape, row_);
     look_up(placed.exact, exact_);
     for (int c = left; c <= right; ++c) {
       const int k = c - left;
