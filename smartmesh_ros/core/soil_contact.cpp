@@ -113,7 +113,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
       const bool is_beside = exact_.low[k] == INFINITE;
       const double low = is_beside ? std::max(row_.low[k], placed.lowest) : exact_.low[k];
       FineSample& sample = soil.at(r, c);
-      if (!(placed.z + low - deepest < sample.level)) continue;  // also in holes
+      if (!(placed.z + low - deepest < sample.level - sample.yield.plastic)) continue;  // also in holes
       const PatchSoil& own = soils_[soil.kind(r, c)];
       const double loaded = sample.step == step.number - 1 ? sample.pressure : 0.0;
       under_.push_back({&sample, &own, r, c, is_beside, {row_.x[k], row_.y, low}, placed.z + low,
@@ -201,9 +201,9 @@ bool SoilUnderBody::find_quarters(const Placed& placed, Quarter (&quarters)[4]) 
 
 // Fills the sums of a quarter whose samples have their loads, for a part at its place `then`.
 void SoilUnderBody::sum(const Placed& placed, const Solid& then, const ShearedRim& rim, double dt, Quarter& quarter) {
-  for (const Under& under : quarter.under) {
+  for (Under& under : quarter.under) {
     if (!under.carries()) continue;
-    const Vec3 normal = placed.normal(under.offset, under.is_beside);
+    const Vec3 normal = under.normal = placed.normal(under.offset, under.is_beside);
     const double area = under.area / std::max(normal.z, STEEP), force = area * under.total;
     quarter.force = quarter.force + normal * force;
     quarter.place = quarter.place + under.offset * force;
@@ -214,8 +214,7 @@ void SoilUnderBody::sum(const Placed& placed, const Solid& then, const ShearedRi
   quarter.normal = unit(quarter.force);
   for (const Under& under : quarter.under) {
     if (!under.carries()) continue;
-    const Vec3 normal = placed.normal(under.offset, under.is_beside);
-    const double part = dot(normal, quarter.normal) / std::max(normal.z, STEEP);
+    const double part = dot(under.normal, quarter.normal) / std::max(under.normal.z, STEEP);
     quarter.slope += under.area * under.stiffness * part * part * dt;
   }
 }
