@@ -102,11 +102,10 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
   }
   row_.x.resize(static_cast<std::size_t>(right - left + 1));
   for (int c = left; c <= right; ++c) row_.x[c - left] = (c - placed.column) * spacing;
-  exact_.x = row_.x;
   for (int r = top; r <= bottom; ++r) {
-    row_.y = exact_.y = (r - placed.row) * spacing;
-    look_up(placed.shape, row_), cover(placed.shape, row_);
-    look_up(placed.exact, exact_);
+    row_.y = (r - placed.row) * spacing;
+    look_up(placed.shape, row_), look_up_exact(placed.shape, row_, exact_);
+    cover(placed.shape, row_);
     for (int c = left; c <= right; ++c) {
       const int k = c - left;
       if (row_.low[k] == INFINITE) continue;

@@ -31,10 +31,9 @@ double under_sphere(double radius, double x, double y) {
 }
 
 // A vertical line is in a convex shape where it is inside of all its surfaces: from `low` to `high`, nowhere if these
-// cross. Cuts that part by a pair of faces across an axis.
-void cut_by_faces(const Underside& shape, int axis, FootRow& row) {
-  const double along_x = shape.axis(axis).x, rest = shape.axis(axis).y * row.y;
-  const double slope = shape.axis(axis).z, half = shape.grown[axis];
+// cross. Cuts that part by the pair of faces across an axis that are `half` from the middle [m].
+void cut_by_faces(const Underside& shape, int axis, double half, FootRow& row) {
+  const double along_x = shape.axis(axis).x, rest = shape.axis(axis).y * row.y, slope = shape.axis(axis).z;
   const double* x = row.x.data();
   double *low = row.low.data(), *high = row.high.data();
   const std::size_t count = row.x.size();
@@ -50,9 +49,9 @@ void cut_by_faces(const Underside& shape, int axis, FootRow& row) {
 }
 
 // Cuts by the round surface about axis 2.
-void cut_by_round(const Underside& shape, FootRow& row) {
+void cut_by_round(const Underside& shape, double radius, FootRow& row) {
   const Vec3 u = shape.axis(0), v = shape.axis(1);
-  const double radius = shape.grown[0], y = row.y, a = u.z * u.z + v.z * v.z;
+  const double y = row.y, a = u.z * u.z + v.z * v.z;
   const double* x = row.x.data();
   double *low = row.low.data(), *high = row.high.data();
   if (a < 1e-12) {  // it stands upright
@@ -69,6 +68,10 @@ void cut_by_round(const Underside& shape, FootRow& row) {
     low[k] = left > 0.0 ? most(low[k], first) : INFINITE;
     high[k] = least(high[k], last);
   }
+}
+
+void leave_out_crossed(FootRow& row) {
+  for (std::size_t k = 0; k < row.x.size(); ++k) row.low[k] = row.low[k] <= row.high[k] ? row.low[k] : INFINITE;
 }
 
 // Writes the shares of a row that a standing cylinder covers.
@@ -118,16 +121,26 @@ void look_up(const Underside& shape, FootRow& row) {
     for (std::size_t k = 0; k < count; ++k) row.low[k] = under_sphere(shape.half[0], row.x[k], row.y);
     return;
   }
-  cut_by_faces(shape, 2, row);
-  if (shape.kind == ShapeKind::Box) cut_by_faces(shape, 0, row), cut_by_faces(shape, 1, row);
-  else cut_by_round(shape, row);
-  for (std::size_t k = 0; k < count; ++k) row.low[k] = row.low[k] <= row.high[k] ? row.low[k] : INFINITE;
+  const bool is_box = shape.kind == ShapeKind::Box;
+  for (int k = is_box ? 0 : 2; k < 3; ++k) cut_by_faces(shape, k, shape.grown[k], row);
+  if (!is_box) cut_by_round(shape, shape.grown[0], row);
+  leave_out_crossed(row);
   if (shape.kind != ShapeKind::Capsule) return;
   for (const double side : {-shape.half[2], shape.half[2]}) {
     const Vec3 end = shape.axis(2) * side;
     for (std::size_t k = 0; k < count; ++k)
       row.low[k] = std::min(row.low[k], end.z + under_sphere(shape.half[0], row.x[k] - end.x, row.y - end.y));
   }
+}
+
+void look_up_exact(const Underside& shape, const FootRow& row, FootRow& exact) {
+  exact.y = row.y, exact.x = row.x, exact.low = row.low, exact.high = row.high;
+  const bool is_box = shape.kind == ShapeKind::Box;
+  if (!is_box && shape.kind != ShapeKind::Cylinder) return;  // without flat faces
+  for (int k = is_box ? 0 : 2; k < 3; ++k)
+    if (shape.half[k] < shape.grown[k]) cut_by_faces(shape, k, shape.half[k], exact);
+  if (!is_box && shape.half[0] < shape.grown[0]) cut_by_round(shape, shape.half[0], exact);
+  leave_out_crossed(exact);
 }
 
 void cover(const Underside& shape, FootRow& row) {

@@ -37,6 +37,8 @@ struct FootRow {
 
 // Fills `low`; a row at once, because a processor divides two numbers in the time of one.
 void look_up(const Underside& shape, FootRow& row);
+// Fills `low` of the underside as it is, without the margins of flat faces, from that with them.
+void look_up_exact(const Underside& shape, const FootRow& row, FootRow& exact);
 // Fills `share`.
 void cover(const Underside& shape, FootRow& row);
 
