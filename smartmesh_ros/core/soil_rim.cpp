@@ -65,7 +65,8 @@ void ShearedRim::slide_places(const MovingSolid& moving, const PointsInSoil& poi
   first -= 0.5 * points.spacing / radius, last += 0.5 * points.spacing / radius;
   const double lowest = std::atan2(dot(solid.axes.row[1], down), dot(solid.axes.row[0], down));  // in the part's frame
   for (int k = 0; k < PLACES; ++k) {
-    const double own = (k + 0.5) / PLACES * TURN, angle = std::remainder(own - lowest, TURN);
+    const double own = (k + 0.5) / PLACES * TURN, beyond = own - lowest;
+    const double angle = beyond > 0.5 * TURN ? beyond - TURN : beyond;
     if (angle < first || angle > last) {
       slides_[k] = {};
       continue;
