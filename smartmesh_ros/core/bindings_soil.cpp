@@ -102,7 +102,7 @@ std::tuple<NewTable, double, double> shape_above_grid(Bytes2 record, Doubles2 po
   std::vector<double> found;
   for (std::size_t k = 0; k < points.shape(0); ++k) {
     row.x.assign(1, points.data()[2 * k]), row.y = points.data()[2 * k + 1];
-    look_up(shape, row);
+    look_up(shape, row), cover(shape, row);
     const Vec3 normal = normal_at(shape, {row.x[0], row.y, row.low[0]});
     found.insert(found.end(), {row.low[0], normal.x, normal.y, normal.z, row.share[0]});
   }

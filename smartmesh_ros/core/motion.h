@@ -62,11 +62,10 @@ Phase block_phase(const Clock& clock, double time, Mode mode);
 // Limit of an acceleration, as a multiple of the one before, against overshoot where ground stops, jolts or jumps.
 constexpr double AGREEMENT = 4.0;
 
-// Returns a `change` limited to a multiple of the one `before`; zero if their signs differ.
+// Returns a `change` limited to what lies between zero and a multiple of the one `before`.
 inline double agreed(double change, double before) {
-  const double most = AGREEMENT * std::abs(before);
-  const double limited = std::abs(change) <= most ? change : std::copysign(most, change);
-  return change * before <= 0.0 ? 0.0 : limited;
+  const double most = AGREEMENT * before;
+  return std::max(std::min(most, 0.0), std::min(std::max(most, 0.0), change));
 }
 
 // Returns the motion of a sample from its velocities, newest first [m/s]. A velocity that is NaN (the sample is or was a

@@ -27,12 +27,14 @@ constexpr double FARTHEST = 1e9;
 // Returns by how much slip deepens a wheel's rut: Lyasko, Slip sinkage effect in soil-vehicle mechanics, 2010.
 double slip_sinkage(double slip) { return (1.0 + slip) / (1.0 - 0.5 * slip); }
 
+// Returns true if a part rolls: here it turns about its own axis alone, and its quarters go down by themselves.
+bool rolls(const Solid& solid) { return solid.shape->kind == ShapeKind::Ball || lies(solid); }
+
 // Returns the point of a round surface at the mean of some of its points: the speed of a rim decides which way a wheel
 // without slip is held.
 Vec3 on_surface(const Underside& shape, const Vec3& mean) {
-  const bool is_ball = shape.kind == ShapeKind::Ball;
-  if (!is_ball && !lies(shape.solid)) return mean;
-  const Vec3 out = is_ball ? mean : mean - dot(mean, shape.axis(2)) * shape.axis(2);
+  if (!rolls(shape.solid)) return mean;
+  const Vec3 out = shape.kind == ShapeKind::Ball ? mean : mean - dot(mean, shape.axis(2)) * shape.axis(2);
   return mean + out * (shape.half[0] / norm(out) - 1.0);
 }
 
@@ -98,13 +100,13 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
     soils_.push_back(under_patch(soil.soil(kind), patch_width(placed.shape), step.dt));
     if (soil.sinks_by_slip) soils_.back().modulus *= std::pow(slip_sinkage(slip), -soils_.back().exponent);
   }
+  const bool is_rolling = rolls(placed.shape.solid);
   row_.x.resize(static_cast<std::size_t>(right - left + 1));
   for (int c = left; c <= right; ++c) row_.x[c - left] = (c - placed.column) * spacing;
-  exact_.x = row_.x;
   for (int r = top; r <= bottom; ++r) {
-    row_.y = exact_.y = (r - placed.row) * spacing;
-    look_up(placed.shape, row_);
-    look_up(placed.exact, exact_);
+    row_.y = (r - placed.row) * spacing;
+    look_up(placed.shape, row_), look_up_exact(placed.shape, row_, exact_);
+    cover(placed.shape, row_);
     for (int c = left; c <= right; ++c) {
       const int k = c - left;
       if (row_.low[k] == INFINITE) continue;
@@ -113,7 +115,8 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
                          : row_.share[k] < 1.0 ? low_of_face(placed.exact, {row_.x[k], row_.y, exact_.low[k]})
                                                : exact_.low[k];
       FineSample& sample = soil.at(r, c);
-      if (!(placed.z + low - deepest < sample.level)) continue;  // also in holes
+      // Left out are holes, and soil that has sunk too far to carry, unless the middles of quarters count it.
+      if (!(placed.z + low - deepest < sample.level - (is_rolling ? sample.yield.plastic : 0.0))) continue;
       const PatchSoil& own = soils_[soil.kind(r, c)];
       const double loaded = sample.step == step.number - 1 ? sample.pressure : 0.0;
       under_.push_back({&sample, &own, r, c, is_beside, {row_.x[k], row_.y, low}, placed.z + low,
@@ -201,9 +204,9 @@ bool SoilUnderBody::find_quarters(const Placed& placed, Quarter (&quarters)[4]) 
 
 // Fills the sums of a quarter whose samples have their loads, for a part at its place `then`.
 void SoilUnderBody::sum(const Placed& placed, const Solid& then, const ShearedRim& rim, double dt, Quarter& quarter) {
-  for (const Under& under : quarter.under) {
+  for (Under& under : quarter.under) {
     if (!under.carries()) continue;
-    const Vec3 normal = placed.normal(under.offset, under.is_beside);
+    const Vec3 normal = under.normal = placed.normal(under.offset, under.is_beside);
     const double area = under.area / std::max(normal.z, STEEP), force = area * under.total;
     quarter.force = quarter.force + normal * force;
     quarter.place = quarter.place + under.offset * force;
@@ -214,8 +217,7 @@ void SoilUnderBody::sum(const Placed& placed, const Solid& then, const ShearedRi
   quarter.normal = unit(quarter.force);
   for (const Under& under : quarter.under) {
     if (!under.carries()) continue;
-    const Vec3 normal = placed.normal(under.offset, under.is_beside);
-    const double part = dot(normal, quarter.normal) / std::max(normal.z, STEEP);
+    const double part = dot(under.normal, quarter.normal) / std::max(under.normal.z, STEEP);
     quarter.slope += under.area * under.stiffness * part * part * dt;
   }
 }
@@ -224,17 +226,16 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
                                                            const Carried& carried, const ShearedRim& rim,
                                                            const SoilStep& step) {
   springs_.clear();
-  // What rolls turns about its own axis alone here, and what leans not at all: its quarters go down by themselves.
-  const bool rolls = moving.solid.shape->kind == ShapeKind::Ball || lies(moving.solid);
+  const bool is_rolling = rolls(moving.solid);
   MovingSolid then = moving;  // at the end of the step, but for its vertical motion
   then.solid.centre = then.solid.centre + Vec3{moving.linear.x, moving.linear.y, 0.0} * step.dt;
-  const Vec3 own = moving.solid.axes.row[2], spin = rolls ? own * dot(moving.angular, own) : Vec3{};
+  const Vec3 own = moving.solid.axes.row[2], spin = is_rolling ? own * dot(moving.angular, own) : Vec3{};
   for (Vec3& axis : then.solid.axes.row) axis = unit(axis + cross(spin, axis) * step.dt);
   const Placed placed = place(soil, then, step.time);
   const auto speed_down = [&](const Vec3& offset) {
-    return -moving.linear.z - (rolls ? 0.0 : cross(moving.angular, placed.to_world(offset)).z);
+    return -moving.linear.z - (is_rolling ? 0.0 : cross(moving.angular, placed.to_world(offset)).z);
   };
-  const double turn = rolls ? 0.0 : norm(moving.angular) * placed.shape.solid.shape->extent({1.0, 1.0, 1.0});
+  const double turn = is_rolling ? 0.0 : norm(moving.angular) * placed.shape.solid.shape->extent({1.0, 1.0, 1.0});
   const double deepest = (std::max(0.0, -moving.linear.z) + turn + carried.load / carried.mass * step.dt) * step.dt;
   gather(soil, placed, rim.slip(), deepest, step);
   const Span all{under_.data(), under_.data() + under_.size()};
@@ -244,7 +245,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
   for (Quarter& quarter : quarters) {
     const double share = std::max(quarter.share, LEAST_SHARE);
     quarter.down = down;
-    if (!rolls)
+    if (!is_rolling)
       quarter.down = settle(quarter.under, {share * carried.mass, share * carried.load}, speed_down(quarter.middle), step.dt);
     sum(placed, then.solid, rim, step.dt, quarter);
     if (!(quarter.slope > 0.0)) continue;

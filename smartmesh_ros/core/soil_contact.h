@@ -60,8 +60,8 @@ class SoilUnderBody {
     Vec3 offset;
     double low, surface, area;
     double pressure = 0.0, total = 0.0, stiffness = 0.0;  // as in SampleLoad
-
     int quarter = 0;
+    Vec3 normal;  // of the underside, where the sample carries
 
     bool carries() const { return total > 0.0 && area > 0.0; }
   };

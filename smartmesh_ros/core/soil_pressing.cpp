@@ -75,7 +75,7 @@ void find_under(SoilGround& ground, const PlacedShape& placed, FootRow& row, std
   std::size_t count = 0;
   for (int r = around.top; r <= around.bottom; ++r) {
     row.y = (r - placed.middle.y) * ground.spacing;
-    look_up(placed.shape, row);
+    look_up(placed.shape, row), cover(placed.shape, row);
     const double* now = ground.now(r, around.left, columns);
     const double y = row.y / placed.size;
     for (int k = 0; k < columns; ++k) {

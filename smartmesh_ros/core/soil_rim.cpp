@@ -20,7 +20,7 @@ double ShearedRim::at(const Solid& solid, const Vec3& offset) const {
     const Vec3 own = solid.axes * offset;
     place = static_cast<std::size_t>((std::atan2(own.y, own.x) / TURN + 1.0) * PLACES) % PLACES;
   }
-  return std::hypot(slides_[place].around, slides_[place].along);
+  return slides_[place].length;
 }
 
 void ShearedRim::slide(const MovingSolid& moving, const PointsInSoil& points, double dt) {
@@ -49,6 +49,7 @@ void ShearedRim::slide_all(const MovingSolid& moving, const PointsInSoil& points
   // The mean displacement of a surface that shears the soil from the edge of the contact on is half that at its end.
   const double left = std::exp(-2.0 * speed * dt / (std::sqrt(count) * points.spacing));
   slides_[0].around *= left, slides_[0].along *= left;
+  slides_[0].length = std::hypot(slides_[0].around, slides_[0].along);
 }
 
 void ShearedRim::slide_places(const MovingSolid& moving, const PointsInSoil& points, double dt) {
@@ -64,7 +65,8 @@ void ShearedRim::slide_places(const MovingSolid& moving, const PointsInSoil& poi
   first -= 0.5 * points.spacing / radius, last += 0.5 * points.spacing / radius;
   const double lowest = std::atan2(dot(solid.axes.row[1], down), dot(solid.axes.row[0], down));  // in the part's frame
   for (int k = 0; k < PLACES; ++k) {
-    const double own = (k + 0.5) / PLACES * TURN, angle = std::remainder(own - lowest, TURN);
+    const double own = (k + 0.5) / PLACES * TURN, beyond = own - lowest;
+    const double angle = beyond > 0.5 * TURN ? beyond - TURN : beyond;
     if (angle < first || angle > last) {
       slides_[k] = {};
       continue;
@@ -73,6 +75,7 @@ void ShearedRim::slide_places(const MovingSolid& moving, const PointsInSoil& poi
     const Vec3 velocity = moving.linear + cross(moving.angular, out * radius) + moving.surface;
     slides_[k].around += dot(velocity, cross(axis, out)) * dt;
     slides_[k].along += dot(velocity, axis) * dt;
+    slides_[k].length = std::hypot(slides_[k].around, slides_[k].along);
   }
   const double rolling = -dot(moving.angular, axis) * radius;  // speed of the wheel without slip
   if (std::abs(rolling) < STILL) return;

@@ -38,7 +38,7 @@ class ShearedRim {
 
  private:
   struct Slide {
-    double around = 0.0, along = 0.0;
+    double around = 0.0, along = 0.0, length = 0.0;
   };
   static constexpr int PLACES = 256;
 

@@ -25,71 +25,53 @@ int most_vertical(const Vec3 (&axis)[3]) {
 inline double least(double a, double b) { return b < a ? b : a; }
 inline double most(double a, double b) { return a < b ? b : a; }
 
-struct Interval {
-  double low, high;
-
-  void cut(const Interval& other) { low = std::max(low, other.low), high = std::min(high, other.high); }
-  double first() const { return low <= high ? low : INFINITE; }
-};
-
-// Returns the range of t in which |start + slope * t| <= half.
-Interval within(double start, double slope, double half) {
-  if (std::abs(slope) < LEVEL) {
-    if (std::abs(start) <= half) return {-INFINITE, INFINITE};
-    return {INFINITE, -INFINITE};
-  }
-  const double a = (-half - start) / slope, b = (half - start) / slope;
-  return {std::min(a, b), std::max(a, b)};
-}
-
 double under_sphere(double radius, double x, double y) {
   const double left = radius * radius - x * x - y * y;
   return left > 0.0 ? -std::sqrt(left) : INFINITE;
 }
 
-// A vertical line enters a box where it is between all three pairs of faces.
-void look_up_box(const Underside& shape, FootRow& row) {
-  const std::size_t count = row.x.size();
+// A vertical line is in a convex shape where it is inside of all its surfaces: from `low` to `high`, nowhere if these
+// cross. Cuts that part by the pair of faces across an axis that are `half` from the middle [m].
+void cut_by_faces(const Underside& shape, int axis, double half, FootRow& row) {
+  const double along_x = shape.axis(axis).x, rest = shape.axis(axis).y * row.y, slope = shape.axis(axis).z;
   const double* x = row.x.data();
   double *low = row.low.data(), *high = row.high.data();
-  for (std::size_t k = 0; k < count; ++k) low[k] = -INFINITE, high[k] = INFINITE;
-  for (int pair = 0; pair < 3; ++pair) {
-    const double along_x = shape.axis(pair).x, rest = shape.axis(pair).y * row.y;
-    const double slope = shape.axis(pair).z, half = shape.grown[pair];
-    if (std::abs(slope) < LEVEL) {
-      for (std::size_t k = 0; k < count; ++k) low[k] = std::abs(along_x * x[k] + rest) <= half ? low[k] : INFINITE;
-      continue;
-    }
-    for (std::size_t k = 0; k < count; ++k) {
-      const double start = along_x * x[k] + rest, a = (-half - start) / slope, b = (half - start) / slope;
-      low[k] = most(low[k], least(a, b));
-      high[k] = least(high[k], most(a, b));
-    }
+  const std::size_t count = row.x.size();
+  if (std::abs(slope) < LEVEL) {
+    for (std::size_t k = 0; k < count; ++k) low[k] = std::abs(along_x * x[k] + rest) <= half ? low[k] : INFINITE;
+    return;
   }
-  for (std::size_t k = 0; k < count; ++k) low[k] = low[k] <= high[k] ? low[k] : INFINITE;
+  for (std::size_t k = 0; k < count; ++k) {
+    const double start = along_x * x[k] + rest, a = (-half - start) / slope, b = (half - start) / slope;
+    low[k] = most(low[k], least(a, b));
+    high[k] = least(high[k], most(a, b));
+  }
 }
 
-double under_cylinder(const Underside& shape, double x, double y) {
-  const Vec3 *u = &shape.axis(0), *v = &shape.axis(1), *w = &shape.axis(2);
-  const double radius = shape.grown[0];
-  const double px = u->x * x + u->y * y, py = v->x * x + v->y * y;
-  const double a = u->z * u->z + v->z * v->z, b = px * u->z + py * v->z, c = px * px + py * py - radius * radius;
-  Interval inside = within(w->x * x + w->y * y, w->z, shape.grown[2]);
-  if (a < 1e-12) return c <= 0.0 ? inside.first() : INFINITE;
-  const double left = b * b - a * c;
-  if (left <= 0.0) return INFINITE;
-  const double root = std::sqrt(left);
-  inside.cut({(-b - root) / a, (-b + root) / a});
-  return inside.first();
+// Cuts by the round surface about axis 2.
+void cut_by_round(const Underside& shape, double radius, FootRow& row) {
+  const Vec3 u = shape.axis(0), v = shape.axis(1);
+  const double y = row.y, a = u.z * u.z + v.z * v.z;
+  const double* x = row.x.data();
+  double *low = row.low.data(), *high = row.high.data();
+  if (a < 1e-12) {  // it stands upright
+    for (std::size_t k = 0; k < row.x.size(); ++k) {
+      const double px = u.x * x[k] + u.y * y, py = v.x * x[k] + v.y * y;
+      low[k] = px * px + py * py - radius * radius <= 0.0 ? low[k] : INFINITE;
+    }
+    return;
+  }
+  for (std::size_t k = 0, count = row.x.size(); k < count; ++k) {
+    const double px = u.x * x[k] + u.y * y, py = v.x * x[k] + v.y * y;
+    const double b = px * u.z + py * v.z, c = px * px + py * py - radius * radius, left = b * b - a * c;
+    const double root = std::sqrt(most(left, 0.0)), first = (-b - root) / a, last = (-b + root) / a;
+    low[k] = left > 0.0 ? most(low[k], first) : INFINITE;
+    high[k] = least(high[k], last);
+  }
 }
 
-double under_capsule(const Underside& shape, double x, double y) {
-  double low = under_cylinder(shape, x, y);
-  for (const double side : {-shape.half[2], shape.half[2]}) {
-    const Vec3 end = shape.axis(2) * side;
-    low = std::min(low, end.z + under_sphere(shape.half[0], x - end.x, y - end.y));
-  }
-  return low;
+void leave_out_crossed(FootRow& row) {
+  for (std::size_t k = 0; k < row.x.size(); ++k) row.low[k] = row.low[k] <= row.high[k] ? row.low[k] : INFINITE;
 }
 
 // Writes the shares of a row that a standing cylinder covers.
@@ -134,26 +116,40 @@ Underside underside(const Solid& solid, double spacing) {
 
 void look_up(const Underside& shape, FootRow& row) {
   const std::size_t count = row.x.size();
-  row.low.resize(count), row.high.resize(count);
-  row.share.assign(count, 1.0);
-  const auto fill = [&](const auto& under) {
-    for (std::size_t k = 0; k < count; ++k) row.low[k] = under(row.x[k]);
-  };
-  switch (shape.kind) {
-    case ShapeKind::Ball: fill([&](double x) { return under_sphere(shape.half[0], x, row.y); }); break;
-    case ShapeKind::Capsule: fill([&](double x) { return under_capsule(shape, x, row.y); }); break;
-    case ShapeKind::Cylinder:
-      fill([&](double x) { return under_cylinder(shape, x, row.y); });
-      if (shape.upright != 2) cover_along(shape, 2, row);
-      else cover_round(shape, row);
-      break;
-    case ShapeKind::Box:
-      look_up_box(shape, row);
-      for (int k = 0; k < 3; ++k)
-        if (k != shape.upright) cover_along(shape, k, row);
-      break;
-    default: break;  // hulls and compounds have no underside here
+  row.low.assign(count, -INFINITE), row.high.assign(count, INFINITE);
+  if (shape.kind == ShapeKind::Ball) {
+    for (std::size_t k = 0; k < count; ++k) row.low[k] = under_sphere(shape.half[0], row.x[k], row.y);
+    return;
   }
+  const bool is_box = shape.kind == ShapeKind::Box;
+  for (int k = is_box ? 0 : 2; k < 3; ++k) cut_by_faces(shape, k, shape.grown[k], row);
+  if (!is_box) cut_by_round(shape, shape.grown[0], row);
+  leave_out_crossed(row);
+  if (shape.kind != ShapeKind::Capsule) return;
+  for (const double side : {-shape.half[2], shape.half[2]}) {
+    const Vec3 end = shape.axis(2) * side;
+    for (std::size_t k = 0; k < count; ++k)
+      row.low[k] = std::min(row.low[k], end.z + under_sphere(shape.half[0], row.x[k] - end.x, row.y - end.y));
+  }
+}
+
+void look_up_exact(const Underside& shape, const FootRow& row, FootRow& exact) {
+  exact.y = row.y, exact.x = row.x, exact.low = row.low, exact.high = row.high;
+  const bool is_box = shape.kind == ShapeKind::Box;
+  if (!is_box && shape.kind != ShapeKind::Cylinder) return;  // without flat faces
+  for (int k = is_box ? 0 : 2; k < 3; ++k)
+    if (shape.half[k] < shape.grown[k]) cut_by_faces(shape, k, shape.half[k], exact);
+  if (!is_box && shape.half[0] < shape.grown[0]) cut_by_round(shape, shape.half[0], exact);
+  leave_out_crossed(exact);
+}
+
+void cover(const Underside& shape, FootRow& row) {
+  row.share.assign(row.x.size(), 1.0);
+  const bool is_box = shape.kind == ShapeKind::Box, is_cylinder = shape.kind == ShapeKind::Cylinder;
+  if (is_cylinder && shape.upright == 2) cover_round(shape, row);
+  else if (is_cylinder) cover_along(shape, 2, row);
+  for (int k = 0; k < 3; ++k)
+    if (is_box && k != shape.upright) cover_along(shape, k, row);
 }
 
 Vec3 normal_at(const Underside& shape, const Vec3& point) {

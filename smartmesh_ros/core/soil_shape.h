@@ -35,8 +35,12 @@ struct FootRow {
   std::vector<double> x, low, share, high;  // `high` is work space
 };
 
-// Fills `low` and `share`; a row at once, because a processor divides two numbers in the time of one.
+// Fills `low`; a row at once, because a processor divides two numbers in the time of one.
 void look_up(const Underside& shape, FootRow& row);
+// Fills `low` of the underside as it is, without the margins of flat faces, from that with them.
+void look_up_exact(const Underside& shape, const FootRow& row, FootRow& exact);
+// Fills `share`.
+void cover(const Underside& shape, FootRow& row);
 
 // Returns the unit normal, of either sign, of the underside at a point on it [m].
 Vec3 normal_at(const Underside& shape, const Vec3& point);
