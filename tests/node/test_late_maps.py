@@ -4,7 +4,6 @@ import math
 import time
 from collections import deque
 from functools import partial
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -81,7 +80,7 @@ def heightmap(mode: MotionMode = "extrapolate") -> HeightMap:
 LATE = [0.0, 0.02, 0.1, 0.15, 0.3, 0.5, 0.7, 0.95, 1.0, 1.05, 3.0]
 
 
-@pytest.mark.parametrize("mode", get_args(MotionMode))
+@pytest.mark.parametrize("mode", ["extrapolate", "interpolate", "hold"])
 @pytest.mark.parametrize("rate", [5.3, 19.7, 57.0])
 @pytest.mark.parametrize("late", LATE)
 def test_ground_has_its_velocity_however_late_its_maps_are(late: float, rate: float, mode: MotionMode) -> None:
