@@ -82,7 +82,7 @@ inline double finite(double value, const char* name) {
 }
 
 inline Mode mode_of(int number) {
-  if (number < 0 || number > 3) throw std::invalid_argument("the mode must be one of Mode");
+  if (number < 0 || number > static_cast<int>(Mode::Correct)) throw std::invalid_argument("the mode must be one of Mode");
   return static_cast<Mode>(number);
 }
 

@@ -25,9 +25,9 @@ nb::object first_fault(Doubles2 states, Doubles1 radii, Array<const std::uint8_t
   check_table(centres, count, 3, "centres"), check_list(radii, count, "radii");
   check_list(kinds, count, "kinds"), check_list(masses, count, "masses");
   const auto& [of_kinds, farthest, fastest, spin, slack, least_size, largest_size, least_mass, largest_mass] = limits;
-  BodyLimits most{farthest, fastest, spin, slack, least_size, largest_size, least_mass, largest_mass, {}};
-  check_list(of_kinds, most.dimensions.size(), "dimensions of kinds");
-  std::copy_n(of_kinds.data(), most.dimensions.size(), most.dimensions.begin());
+  check_list(of_kinds, of_kinds.shape(0), "dimensions of kinds");
+  const BodyLimits most{farthest, fastest, spin, slack, least_size, largest_size, least_mass, largest_mass,
+                  {of_kinds.data(), of_kinds.data() + of_kinds.shape(0)}};
   const DescribedBodies bodies{states.data(),  radii.data(), dimensions.data(), centres.data(),
                                masses.data(), kinds.data(), count};
   for (std::size_t k = 0; k < count; ++k)

@@ -30,8 +30,8 @@ Fault fault_of(const DescribedBodies& bodies, std::size_t body, const BodyLimits
   const Fault fault = fault_of_state(bodies.states + 13 * body, limits);
   const std::size_t kind = bodies.kinds[body];
   if (fault != Fault::None) return fault;
-  if (kind == 0 || kind >= limits.dimensions.size()) return Fault::Kind;
-  for (int k = 0; k < std::min(limits.dimensions[kind], 3); ++k)
+  if (kind >= limits.dimensions.size() || limits.dimensions[kind] == 0) return Fault::Kind;
+  for (int k = 0; k < std::min<std::int64_t>(limits.dimensions[kind], 3); ++k)
     if (!is_between(bodies.dimensions[3 * body + k], limits.least_size, limits.largest_size)) return Fault::Size;
   if (!all_within(bodies.centres + 3 * body, 3, limits.largest_size)) return Fault::Centre;
   if (!is_between(bodies.radii[body], limits.least_size, limits.largest_size)) return Fault::Radius;

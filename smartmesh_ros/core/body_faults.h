@@ -1,9 +1,9 @@
 // What is impossible in bodies that another world describes.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 namespace smartmesh {
 
@@ -19,10 +19,10 @@ struct DescribedBodies {
 };
 
 // Largest coordinate [m], speed [m/s], spin [rad/s] and error of a quaternion's length; least and largest size [m] and
-// mass [kg]. `dimensions`: number of them of each kind; kind 0 is none.
+// mass [kg]. `dimensions`: number of them of each kind; 0 = there is no such kind.
 struct BodyLimits {
   double farthest, fastest, fastest_spin, slack, least_size, largest_size, least_mass, largest_mass;
-  std::array<int, 5> dimensions;
+  std::vector<std::int64_t> dimensions;
 };
 
 // Returns the first fault of a body, None if it is possible.

@@ -11,7 +11,8 @@ namespace smartmesh {
 constexpr int KEPT = 3;
 constexpr int INTERVALS_KEPT = 10;
 
-enum class Mode : int { Hold = 0, Extrapolate = 1, Interpolate = 2, Correct = 3 };
+// As in terrain/motion.py; Correct is the last.
+enum class Mode : int { Hold, Extrapolate, Interpolate, Correct };
 
 // Update times of a block of samples, with the layout of the NumPy type CLOCK in terrain/motion.py, which explains the
 // fields.

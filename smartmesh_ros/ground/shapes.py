@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, get_args
 
 import numpy as np
 import pybullet as pb
@@ -31,8 +31,7 @@ class _Shape(ABC):
     @property
     def dimensions(self) -> dict[str, float]:
         """The dimensions by name [m]."""
-        names = [field.name for field in fields(self)]  # type: ignore[arg-type]  # every shape is a dataclass
-        return {name: getattr(self, name) for name in names if name != "centre"}
+        return {name: getattr(self, name) for name in _names(type(self))}
 
     @property
     @abstractmethod
@@ -43,6 +42,11 @@ class _Shape(ABC):
     def bounding_radius(self) -> float:
         """Bounding radius about the centre of mass [m]."""
         return self.body_shape.radius
+
+
+def _names(made: type[_Shape]) -> list[str]:
+    """Return the names of a shape's dimensions."""
+    return [field.name for field in fields(made) if field.name != "centre"]  # type: ignore[arg-type]  # a dataclass
 
 
 @dataclass(frozen=True)
@@ -122,9 +126,12 @@ class Capsule(_Shape):
 
 
 Shape = Sphere | Box | Cylinder | Capsule
-SHAPES: dict[ShapeKind, type[Shape]] = {made.kind: made for made in (Box, Sphere, Cylinder, Capsule)}
-# Number of dimensions of the shapes of each kind.
-DIMENSIONS = np.array([0, 3, 1, 2, 2])
+SHAPES: dict[ShapeKind, type[Shape]] = {made.kind: made for made in get_args(Shape)}
+# By the names that users write.
+SHAPES_BY_NAME = {made.__name__.lower(): made for made in SHAPES.values()}
+# Number of dimensions of the shapes of each kind; 0 = no shape has this number.
+DIMENSIONS = np.zeros(max(SHAPES) + 1, np.int64)
+DIMENSIONS[list(SHAPES)] = [len(_names(made)) for made in SHAPES.values()]
 
 
 class Form(NamedTuple):

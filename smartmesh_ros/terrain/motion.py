@@ -27,7 +27,7 @@ Changes = Literal["motion", "correction"]
 
 
 class Mode(IntEnum):
-    """Motion modes as the core numbers them."""
+    """The motion modes, and CORRECT for corrections, as the core numbers them."""
 
     HOLD = 0
     EXTRAPOLATE = 1

@@ -15,12 +15,12 @@ from typing import Any
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.belt import Belt
-from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.shapes import SHAPES, Shape
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.joints import JointCommand
 
-_SHAPES = {shape.__name__: shape for shape in (Box, Capsule, Cylinder, Sphere)}
+_SHAPES = {made.__name__: made for made in SHAPES.values()}
 
 
 @dataclass(frozen=True, kw_only=True)

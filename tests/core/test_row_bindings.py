@@ -9,6 +9,7 @@ import pytest
 
 from smartmesh_ros import HeightMap
 from smartmesh_ros.core import CORE
+from smartmesh_ros.ground.shapes import DIMENSIONS
 from smartmesh_ros.patches.shapes import SHAPE
 from smartmesh_ros.world.state_table import LIMITS
 from tests.core.array_arguments import FEWER, Arguments, Entry, arrays_of
@@ -182,7 +183,7 @@ def test_rays_of_impossible_numbers_do_no_harm(name: str, value: float) -> None:
         assert name == "boxes"
 
 
-@pytest.mark.parametrize("kind", (0, 5, 255))
+@pytest.mark.parametrize("kind", (0, len(DIMENSIONS), 255))
 def test_bodies_of_no_known_kind_are_faulty(kind: int) -> None:
     given = ENTRIES["first_fault"].made()
     given["states"][:, 6], given["kinds"][3] = 1.0, kind

@@ -24,13 +24,14 @@ import numpy as np
 from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 
+from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.tools.testing import Probe
 from tests.fuzz import seeds, strategies
 from tests.fuzz.mutations import mutated
 from tests.fuzz.target import FindingError, Target
 from tests.fuzz.wire import bombard
 
-INPUTS = ("heightmap", "grid_map", "image", "occupancy_grid", "point_cloud")
+INPUTS = ("heightmap", *ADAPTERS)
 # What changes of the terrain mean: of the nodes that take an input, every other one.
 CHANGES = ("motion", "correction")
 # Of each kind of input, so many seeds are kept to be spoilt and spliced.

@@ -15,6 +15,7 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 
 from smartmesh_ros.node import terrain_collider
+from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from tests.fuzz.oracle import Oracle, Tile
@@ -29,7 +30,7 @@ BASE = {
     "bodies.frames": ["tool"],
     "bodies.timeout": 5.0,
 }
-RASTERS = ("grid_map", "image", "occupancy_grid", "occupancy_grid_update", "point_cloud")
+RASTERS = (*ADAPTERS, "occupancy_grid_update")
 PARAMETERS = ("set_parameters", "set_parameters_atomically")
 TERRAIN = ("heightmap", "heightmap_update", "terrain_mesh", "terrain_mesh_update", *RASTERS)
 MOST_BODIES = 8

@@ -9,7 +9,9 @@ from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import HeightmapUpdate
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs.conversions import map_from, region_from
+from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.node.fleet.requests import primitive_of
+from smartmesh_ros.node.inputs.conversions import map_from, region_from, shape_from
 from smartmesh_ros.tools.testing import floats, heightmap_message
 
 ROOM = 10_000
@@ -83,3 +85,12 @@ def test_the_arrays_lie_over_the_message() -> None:
 def test_a_map_without_samples_takes_its_tile_away() -> None:
     message = heightmap_message(np.zeros((0, 0)), tile="gone")
     assert map_from(serialize_message(message), ROOM).geometry is None
+
+
+@pytest.mark.parametrize("shape", (Sphere(0.2), Box(0.1, 0.2, 0.3), Cylinder(0.1, 0.5)))
+def test_a_shape_that_is_asked_for_again_is_the_same(shape: Shape) -> None:
+    assert shape_from(primitive_of(shape)) == shape
+
+
+def test_a_capsule_is_asked_for_as_the_cylinder_around_it() -> None:
+    assert shape_from(primitive_of(Capsule(0.1, 0.5))) == Cylinder(0.1, 0.7)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -153,7 +154,7 @@ def test_given_velocities_tell_the_acceleration_at_the_instants_they_hold_for() 
     assert found.velocities[0] == pytest.approx(-9.81 * 0.14, rel=1e-4)
 
 
-@pytest.mark.parametrize("mode", ["hold", "extrapolate", "interpolate"])
+@pytest.mark.parametrize("mode", get_args(MotionMode))
 def test_ground_rests_at_its_last_map_when_maps_stop(mode: MotionMode) -> None:
     times = np.arange(4) * 0.05
     heightmap = fed(ground, times, mode=mode)

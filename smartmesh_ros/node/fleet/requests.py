@@ -8,8 +8,9 @@ from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
 
 from smartmesh_ros.ground.quaternions import rotate
-from smartmesh_ros.ground.shapes import Box, Capsule, Shape, Sphere
+from smartmesh_ros.ground.shapes import Capsule, Shape
 from smartmesh_ros.node.fleet.ledger import Respawning
+from smartmesh_ros.node.inputs.conversions import SOLIDS
 
 
 def same_as(request: Any) -> BodySpecification:
@@ -42,9 +43,9 @@ def specification_of(respawning: Respawning) -> BodySpecification:
 
 def primitive_of(shape: Shape) -> SolidPrimitive:
     """Return a shape as SolidPrimitive. A capsule becomes its bounding cylinder."""
-    if isinstance(shape, Sphere):
-        return SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[shape.radius])
-    if isinstance(shape, Box):
-        return SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[shape.x, shape.y, shape.z])
-    height = shape.height + (2.0 * shape.radius if isinstance(shape, Capsule) else 0.0)
-    return SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[height, shape.radius])
+    if isinstance(shape, Capsule):
+        height = shape.height + 2.0 * shape.radius
+        return SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[height, shape.radius])
+    [(kind, order)] = [(kind, order) for kind, (made, order) in SOLIDS.items() if isinstance(shape, made)]
+    values = dict(zip(order, shape.dimensions.values(), strict=True))
+    return SolidPrimitive(type=kind, dimensions=[values[index] for index in range(len(order))])

@@ -182,25 +182,24 @@ def yaw_from(quaternion: Any) -> float:
     return 2.0 * math.atan2(z, w)
 
 
+# Shapes by the types of SolidPrimitive, and which of its dimensions are theirs, in order.
+SOLIDS: dict[int, tuple[type[Shape], tuple[int, ...]]] = {
+    SolidPrimitive.SPHERE: (Sphere, (SolidPrimitive.SPHERE_RADIUS,)),
+    SolidPrimitive.BOX: (Box, (SolidPrimitive.BOX_X, SolidPrimitive.BOX_Y, SolidPrimitive.BOX_Z)),
+    SolidPrimitive.CYLINDER: (Cylinder, (SolidPrimitive.CYLINDER_RADIUS, SolidPrimitive.CYLINDER_HEIGHT)),
+}
+
+
 def shape_from(primitive: Any) -> Shape:
     """Convert a SolidPrimitive to a shape of the core."""
     dimensions = [float(value) for value in primitive.dimensions]
-    wanted = {
-        SolidPrimitive.SPHERE: ("SPHERE", 1),
-        SolidPrimitive.BOX: ("BOX", 3),
-        SolidPrimitive.CYLINDER: ("CYLINDER", 2),
-    }
-    if primitive.type not in wanted:
+    if primitive.type not in SOLIDS:
         raise InputError("shape", f"shape type {primitive.type} is not supported; use SPHERE, BOX or CYLINDER")
-    name, count = wanted[primitive.type]
-    if len(dimensions) != count:
-        raise InputError("shape", f"{name} needs {count} dimensions, not {len(dimensions)}")
-    if primitive.type == SolidPrimitive.SPHERE:
-        return Sphere(*dimensions)
-    if primitive.type == SolidPrimitive.BOX:
-        return Box(*dimensions)
-    height, radius = dimensions
-    return Cylinder(radius, height)
+    made, order = SOLIDS[primitive.type]
+    if len(dimensions) != len(order):
+        name = made.__name__.upper()
+        raise InputError("shape", f"{name} needs {len(order)} dimensions, not {len(dimensions)}")
+    return made(*(dimensions[index] for index in order))
 
 
 def _grids(heights: Any, velocities: Any, shape: tuple[int, int]) -> tuple[FloatGrid, FloatGrid | None]:

@@ -13,7 +13,7 @@ from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.node.services.robot_files import urdf_text
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.world.bodies import Body
@@ -22,12 +22,6 @@ from smartmesh_ros.world.bodies import Body
 PERIOD = 0.1
 # Late subscribers receive the last message.
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_KINDS: dict[type[Shape], int] = {
-    Sphere: BodyDescription.SPHERE,
-    Box: BodyDescription.BOX,
-    Cylinder: BodyDescription.CYLINDER,
-    Capsule: BodyDescription.CAPSULE,
-}
 
 
 class BodyDescriptions:
@@ -67,6 +61,6 @@ def description(body: Body) -> BodyDescription:
             made.urdf_file = str(Path(body.urdf).absolute())
         return made
     shape: Any = body.shape or Sphere(body.radius)
-    made.shape = _KINDS[type(shape)]
+    made.shape = getattr(BodyDescription, type(shape).__name__.upper())
     made.dimensions = array.array("d", list(shape.dimensions.values()))
     return made

@@ -22,7 +22,6 @@ Durability = Literal["volatile", "transient_local"]
 Reliability = Literal["reliable", "best_effort"]
 # Meaning of a change of height between maps; *auto*: a correction if sensors or mappers provide the terrain.
 TerrainChanges = Literal["auto", "motion", "correction"]
-TerrainInput = Literal["heightmap", "grid_map", "image", "occupancy_grid", "point_cloud"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +76,7 @@ class Settings:
     max_samples: int = 16_384**2
     durability: Durability = "volatile"
     reliability: Reliability = "reliable"
-    input: TerrainInput = "heightmap"
+    input: str = "heightmap"
     file: str = ""
     soil: str = ""
     most_tiles: int = 1000

@@ -14,6 +14,7 @@ from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet.peer_names import peer_names
+from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.inputs.body_sources import body_sources
 from smartmesh_ros.node.outputs.scan_entries import scan_entries
 from smartmesh_ros.node.parameters import declaring
@@ -106,8 +107,9 @@ SPECS = (
     _fixed("terrain.reliability", "reliability",
         "QoS reliability of the map subscriptions; best_effort also receives maps of best-effort publishers, such as "
         "cameras, but may lose messages."),
-    _fixed("terrain.input", "input",
-        "Additional terrain topic, ~/<input>; the node always subscribes to the heightmap and mesh topics."),
+    Spec("terrain.input", DEFAULTS.input,
+        "Additional terrain topic, ~/<input>; the node always subscribes to the heightmap and mesh topics.",
+        choices=("heightmap", *ADAPTERS), read_only=True, place="input"),
     _fixed("terrain.file", "file", "Terrain at start: a .npy, .png, .tif or .asc file; empty = none."),
     _param("terrain.friction_layer", "raster.friction_layer",
         "Layer of a grid map that holds the ground's coefficients of friction, by which those of bodies are multiplied "

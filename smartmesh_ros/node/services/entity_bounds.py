@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 
 from smartmesh_ros.ground.quaternions import rotate
-from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.bodies import Body
 
@@ -15,7 +15,8 @@ from smartmesh_ros.world.bodies import Body
 def own_bounds(body: Body) -> tuple[FloatArray, FloatArray]:
     """Return the lower and upper corner (3,) [m] of a body's box in its own frame; for a robot, all links at joint
     positions zero in the frame of the root link."""
-    half, centre = _half_and_centre(body.hull or body.shape or Sphere(body.radius))
+    box = (body.hull or body.shape or Sphere(body.radius)).body_shape.record
+    half, centre = box["half"] + box["rounding"], box["offset"]
     position, orientation = body.inertial
     corners = [np.array(position) + rotate(orientation, (x, y, z)) for x, y, z in _corners(half, centre)]
     return np.min(corners, axis=0), np.max(corners, axis=0)
@@ -24,15 +25,3 @@ def own_bounds(body: Body) -> tuple[FloatArray, FloatArray]:
 def _corners(half: FloatArray, centre: FloatArray) -> FloatArray:
     corners: FloatArray = centre + half * np.array(list(product((-1.0, 1.0), repeat=3)))
     return corners
-
-
-def _half_and_centre(shape: Shape) -> tuple[FloatArray, FloatArray]:
-    """Return half the edges of the box around a shape, and its middle (3,) [m]."""
-    match shape:
-        case Box(x, y, z):
-            return 0.5 * np.array([x, y, z]), np.array(shape.centre)
-        case Cylinder(radius, height):
-            return np.array([radius, radius, 0.5 * height]), np.zeros(3)
-        case Capsule(radius, height):
-            return np.array([radius, radius, 0.5 * height + radius]), np.zeros(3)
-    return np.full(3, shape.radius), np.zeros(3)

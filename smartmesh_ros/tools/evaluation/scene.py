@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
@@ -19,7 +19,6 @@ from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.grounds import make_ground
 
 FOLDER = Path(__file__).parent / "scenes"
-SHAPES: dict[str, type[Shape]] = {"sphere": Sphere, "box": Box, "cylinder": Cylinder, "capsule": Capsule}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,9 +42,9 @@ class Bodies:
 
     def make_shape(self) -> Shape:
         """Return the shape of each body."""
-        if self.shape not in SHAPES:
-            raise InputError("scene", f"there is no shape {self.shape!r}; choose {', '.join(SHAPES)}")
-        return SHAPES[self.shape](*self.size)
+        if self.shape not in SHAPES_BY_NAME:
+            raise InputError("scene", f"there is no shape {self.shape!r}; choose {', '.join(SHAPES_BY_NAME)}")
+        return SHAPES_BY_NAME[self.shape](*self.size)
 
 
 @dataclass(frozen=True, kw_only=True)

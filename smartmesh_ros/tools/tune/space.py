@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_args
 
 from optuna import Trial
 
+from smartmesh_ros.terrain.motion import MotionMode
 from smartmesh_ros.tools.tune.start import DEFAULTS
 
 # Ordered values (ladders) by parameter. They are round, and every rate is a multiple of the measurements' 30 Hz. The
@@ -16,7 +17,7 @@ LADDERS: Mapping[str, tuple[Any, ...]] = {
     "physics.rate": (60.0, 90.0, 120.0, 150.0, 180.0, 240.0, 300.0, 360.0, 480.0, 600.0, 720.0, 960.0),
     "patch.rate": (15.0, 30.0, 60.0, 120.0, 240.0, 0.0),
     "patch.kind": ("auto", "whole_heightfield"),
-    "terrain.motion": ("hold", "extrapolate", "interpolate"),
+    "terrain.motion": get_args(MotionMode),
     "physics.solver_residual": (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3),
     "physics.contact_erp": (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9),
 }
