@@ -50,12 +50,10 @@ class Selector:
         self._meshes: dict[str, MeshPatches] = {}
         self._batches: list[PatchBatch] | None = None
 
-    def reserve(self, slots: int) -> None:
-        """Make room for bodies in ``slots`` slots."""
+    def grow(self, slots: int) -> None:
+        """Make room for ``slots`` slots."""
         self.supports = with_rows(self.supports, slots, no_supports(1)[0])
-        self._fixed.reserve(slots)
-        for mesh in self._meshes.values():
-            mesh.reserve(slots)
+        self._fixed.grow(slots)
 
     def configure(self, config: PatchConfig) -> None:
         """Replace the settings; the next update chooses every support anew."""
@@ -63,13 +61,11 @@ class Selector:
         self.supports["state"] = Support.NONE
         self._fixed.forget(slice(None))
 
-    def remove(self, slot: int) -> None:
+    def clear(self, slot: int) -> None:
         """Discard all data of a slot, whose body was removed."""
         self.supports[slot] = no_supports(1)[0]
         self.mesh_patches.pop(slot, None)
         self._fixed.forget(np.array([slot]))
-        for mesh in self._meshes.values():
-            mesh.forget(np.array([slot]))
         self._batches = None
 
     def update(self, chosen: IntArray, shapes: ShapeTable, bodies: FloatArray, time: float, duration: float) -> None:
@@ -127,7 +123,6 @@ class Selector:
             if not isinstance(mesh, HeightMap):
                 old = self._meshes.get(name)
                 meshes[name] = old if old is not None and old.mesh is mesh else MeshPatches(mesh, self.stopwatch)
-                meshes[name].reserve(len(self.supports))
         self._meshes = meshes
         numbers = self.terrain.numbers
         self._tiles = [_Tile(name, numbers[name], mesh) for name, mesh in self.terrain.tiles.items()]

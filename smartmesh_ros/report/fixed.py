@@ -14,7 +14,7 @@ from smartmesh_ros.patches.shapes import ShapeTable
 from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.report.collect import BFS
 from smartmesh_ros.report.extent import extent_for
-from smartmesh_ros.report.grid_search import GridSearch
+from smartmesh_ros.report.grid_search import nearest_cells
 from smartmesh_ros.report.nearest import Cells
 from smartmesh_ros.report.template import patch_template
 from smartmesh_ros.stopwatch import Stopwatch
@@ -32,20 +32,16 @@ class FixedPatches:
     def __init__(self, terrain: Terrain, stopwatch: Stopwatch) -> None:
         self._terrain = terrain
         self._stopwatch = stopwatch
-        self._search = GridSearch()
         # Rings and stride of each body's patch, and the range of reaches [m] for which the patch keeps this size.
         self._extents = np.zeros((0, 4))
 
-    def reserve(self, slots: int) -> None:
-        """Make room for bodies in ``slots`` slots."""
+    def grow(self, slots: int) -> None:
+        """Make room for ``slots`` slots."""
         self._extents = with_rows(self._extents, slots, UNKNOWN_EXTENT)
-        self._search.reserve(slots)
 
     def forget(self, bodies: IntArray | slice) -> None:
-        """Discard the patch sizes and last vertices of ``bodies``, because the bodies changed their map or the settings
-        changed."""
+        """Discard the patch sizes of ``bodies``, because the bodies changed their map or the settings changed."""
         self._extents[bodies, 3] = -1.0
-        self._search.forget(bodies)
 
     def select(
         self, heightmap: HeightMap, chosen: IntArray, shapes: ShapeTable, bodies: FloatArray, reach: FloatArray,
@@ -61,7 +57,8 @@ class FixedPatches:
         self._set_extents(heightmap, chosen, reach, config)
         with self._stopwatch.stage("search"):
             grid = geometry.to_grid(bodies[chosen, :2])
-            cells = self._search.nearest(config.search, geometry, chosen, grid, bodies[chosen, :3], before)
+            known = supports[chosen]
+            cells = nearest_cells(config.search, geometry, chosen, grid, bodies[chosen, :3], before, known)
             if len(self._terrain.tiles) > 1:
                 # Several tiles have no rim between them: a neighbour tile continues the grid beyond the edge.
                 nearest = np.ceil(grid - 0.5).astype(np.int64)
