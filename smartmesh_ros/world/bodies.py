@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
+from xml.etree import ElementTree
 
 import numpy as np
 import pybullet as pb
@@ -21,7 +22,6 @@ from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.world.base_frames import InertialFrame
 from smartmesh_ros.world.joints import JointCommand, command_joint
-from smartmesh_ros.world.link_contacts import given_contacts
 from smartmesh_ros.world.link_masses import set_masses
 from smartmesh_ros.world.robots.loading import couple_joints, load_robot
 from smartmesh_ros.world.robots.prepared import PreparedRobot
@@ -139,7 +139,7 @@ class BodyFactory:
             body = self._robot(name, uid, robot)
             body.initial = state
             body.friction, body.restitution = surface or Surface(self.config.friction, self.config.restitution)
-            self._set_contacts(body, given_contacts(robot.text))
+            self._set_contacts(body, robot.text)
             body.fixed = is_fixed(self._client, uid)
             self.place(body, BodyState())
             body.hull = self._hull(body)
@@ -182,13 +182,14 @@ class BodyFactory:
         body.mass = sum(client.getDynamicsInfo(uid, index)[0] for index in range(-1, client.getNumJoints(uid)))
         return body
 
-    def _set_contacts(self, body: Body, given: dict[str, frozenset[str]]) -> None:
-        """Give the links of a robot its friction and restitution, unless its URDF gives theirs (``given``)."""
-        for index, link in body.links.items():
-            known = given.get(link, frozenset())
-            if "lateral_friction" not in known:
+    def _set_contacts(self, body: Body, urdf: str) -> None:
+        """Give the links of a robot its friction and restitution, unless the ``<contact>`` of its URDF gives theirs."""
+        elements = {link.get("name", ""): link for link in ElementTree.fromstring(urdf).iterfind("link")}
+        for index, name in body.links.items():
+            link = elements.get(name)
+            if link is None or link.find("contact/lateral_friction") is None:
                 self._client.changeDynamics(body.uid, index, lateralFriction=body.friction)
-            if "restitution" not in known:
+            if link is None or link.find("contact/restitution") is None:
                 self._client.changeDynamics(body.uid, index, restitution=body.restitution)
 
     def move(self, body: Body, state: BodyState) -> None:
