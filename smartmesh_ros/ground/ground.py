@@ -77,9 +77,9 @@ class Ground(AttachedBodies):
             corrections = show_corrections(self.terrain, time)
             sleeping.wake_changed(time, duration, self.gravity)
             if corrections and len(self.followers):
-                contacts.read_states(0.0)
+                contacts.read(self.followers.states, 0.0)
                 move_with_corrections(self._client, corrections, self.followers, self.patches.supports, time)
-            contacts.read_states(dt)
+            contacts.read(self.followers.states, dt)
             contacts.let_go(sleeping.settle(time, dt, steps))
         self._steps, self.time = steps, time
         fall = 0.5 * self.gravity * duration**2 if contacts.exact else math.inf
@@ -108,7 +108,7 @@ class Ground(AttachedBodies):
         if not (followers.asleep.size or followers.has_remote):
             return False
         with self.stopwatch.stage("bodies"):
-            contacts.read_positions(dt)
+            contacts.read(np.empty_like(followers.states), dt)
             return self._sleeping.wake_reached(time, time - self.time)
 
     def stand_still(self, duration: float) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.body_shapes import shape_of
+from smartmesh_ros.ground.body_shapes import link_name, shape_of
 from smartmesh_ros.ground.bullet_sleep import is_fixed
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.limits import MASSES, SIZES, require_between
@@ -20,6 +20,7 @@ from smartmesh_ros.ground.shapes import Box, Cylinder, Form, Shape, Sphere, form
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.shapes import BodyShape
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.base_frames import InertialFrame
 from smartmesh_ros.world.joints import JointCommand, command_joint
 from smartmesh_ros.world.link_masses import set_masses
@@ -142,7 +143,7 @@ class BodyFactory:
             self._set_contacts(body, robot.text)
             body.fixed = is_fixed(self._client, uid)
             self.place(body, BodyState())
-            body.hull = self._hull(body)
+            body.hull = _box_around(*bounds_of(self._client, body))
             self.place(body, state)
         return body
 
@@ -152,7 +153,7 @@ class BodyFactory:
         client.changeDynamics(uid, -1, linearDamping=0.0, angularDamping=0.0)  # PyBullet's default is drag
         links, joints = {}, {}
         for index in range(-1, client.getNumJoints(uid)):
-            link = self._link_name(uid, index)
+            link = link_name(client, uid, index)
             found = len(client.getCollisionShapeData(uid, index))
             if found != robot.collisions.get(link, 0):
                 raise InputError(
@@ -205,19 +206,20 @@ class BodyFactory:
         for name, joint in body.joints.items():
             self._client.resetJointState(body.uid, joint, body.starts.get(name, 0.0), 0.0)
 
-    def _hull(self, body: Body) -> Box:
-        """Return the box around the links of a robot at the origin."""
-        bounds = np.array([self._client.getAABB(body.uid, link) for link in body.links])
-        low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
-        edges = np.clip(high - low, *SIZES).tolist()
-        x, y, z = np.clip(0.5 * (low + high), -SIZES[1], SIZES[1]).tolist()
-        return Box(*edges, centre=(x, y, z))
-
     def _shape(self, shape: Shape) -> int:
         if shape not in self._shapes:
             self._shapes[shape] = self._client.createCollisionShape(**shape.bullet())
         return self._shapes[shape]
 
-    def _link_name(self, uid: int, index: int) -> str:
-        client = self._client
-        return str((client.getBodyInfo(uid)[0] if index < 0 else client.getJointInfo(uid, index)[12]).decode())
+
+def bounds_of(client: Any, body: Body) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and highest corner (3,) [m] of the axis-aligned bounds of a body, of a robot with its links."""
+    bounds = np.array([client.getAABB(body.uid, link) for link in (body.links or (-1,))])
+    return bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+
+
+def _box_around(low: FloatArray, high: FloatArray) -> Box:
+    """Return the box between two corners (3,) [m], within the possible sizes."""
+    edges = np.clip(high - low, *SIZES).tolist()
+    x, y, z = np.clip(0.5 * (low + high), -SIZES[1], SIZES[1]).tolist()
+    return Box(*edges, centre=(x, y, z))

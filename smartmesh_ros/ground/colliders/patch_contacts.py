@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.ground.bullet import BulletCalls
-from smartmesh_ros.ground.colliders.field import Field, make_field
+from smartmesh_ros.ground.colliders.field import Field, make_field, quarter_turn
 from smartmesh_ros.ground.colliders.mesh import MeshCollider, make_mesh
 from smartmesh_ros.ground.colliders.pairs import Pairs
 from smartmesh_ros.ground.colliders.whole_mesh import WholeMesh
@@ -83,13 +83,14 @@ class PatchContacts:
         """Remove the colliders of followers that fell asleep."""
         self.detach(slots.tolist())
 
-    def read_positions(self, dt: float) -> None:
-        """Update ``positions_w`` and ``moved_w`` of the awake followers after a step of ``dt`` [s]."""
-        self._read(dt, np.empty_like(self._followers.states))
-
-    def read_states(self, dt: float) -> None:
-        """Update ``states``, ``positions_w`` and ``moved_w`` of the awake followers; ``dt`` [s] is the time step."""
-        self._read(dt, self._followers.states)
+    def read(self, states: FloatArray, dt: float) -> None:
+        """Read the awake followers into ``states`` (S, 13), and note their places before a step of ``dt`` [s]: each
+        base by two calls of PyBullet, all links of a robot by one."""
+        self._list_awake()
+        calls, slots = self._calls, self._slots
+        parts = [calls.states(self._bases), *(calls.link_states(body, links) for body, links in self._robots)]
+        states[slots] = found = np.concatenate(parts)
+        self._followers.note_places(slots, found, dt)
 
     def states_of(self, slots: IntArray) -> FloatArray | None:
         """None: PyBullet's calls read bodies one by one."""
@@ -100,13 +101,6 @@ class PatchContacts:
         for follower in self._followers:
             self._release(follower)
         self._whole.release()
-
-    def _read(self, dt: float, states: FloatArray) -> None:
-        self._list_awake()
-        calls, followers, slots = self._calls, self._followers, self._slots
-        parts = [calls.states(self._bases), *(calls.link_states(body, links) for body, links in self._robots)]
-        states[slots] = found = np.concatenate(parts)
-        followers.note_places(slots, found, dt)
 
     def _list_awake(self) -> None:
         """List the awake followers in the order in which they are read: bases, then the links of each robot."""
@@ -187,8 +181,7 @@ class PatchContacts:
             self._hold(follower, held)
         if held.replace(self._client, vertices[:, 2].reshape(rows, columns) - base[2]):
             self.replacements += 1
-        half = 0.5 * (math.atan2(y, x) + 0.5 * math.pi)  # see `in_order`
-        return 0.0, 0.0, math.sin(half), math.cos(half)
+        return quarter_turn(math.atan2(y, x))
 
     def _push(self, uid: int, base: FloatArray, support: Any) -> None:
         """Move a collider with the ground under its follower."""
