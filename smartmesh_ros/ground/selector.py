@@ -121,8 +121,8 @@ class Selector:
         self._layout = self.terrain.layout_revision
 
     def _on_tiles(self, chosen: IntArray, states: FloatArray, radii: FloatArray) -> list[tuple[str, IntArray]]:
-        """Group bodies by the names of their tiles. A body stays on its tile while it is above it; otherwise it moves to
-        the first tile below it, or to the nearest one within its reach."""
+        """Group bodies by the names of their tiles. A body stays on its tile while it is above it; else it moves to the
+        first tile below it, or to the nearest one within its reach."""
         supports, tiles, names = self.supports, self.terrain.tiles, list(self.terrain.tiles)
         there = np.isfinite(states[chosen]).all(axis=1)
         supports["state"][chosen[~there]] = Support.NONE
