@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
@@ -16,7 +15,7 @@ from smartmesh_ros.ground.body_shapes import link_name, shape_of
 from smartmesh_ros.ground.bullet_sleep import is_fixed
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.limits import MASSES, SIZES, require_between
-from smartmesh_ros.ground.shapes import Box, Cylinder, Form, Shape, Sphere, form_of
+from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.shapes import BodyShape
@@ -77,10 +76,10 @@ class Body:
         """True if this world simulates the body."""
         return not self.tracked and not self.owner
 
-    @cached_property
-    def form(self) -> Form:
+    @property
+    def outline(self) -> Shape:
         """Shape that other nodes use for the body; of a robot its box."""
-        return form_of(self.shape or self.hull or Sphere(self.radius))
+        return self.shape or self.hull or Sphere(self.radius)
 
     @property
     def is_robot(self) -> bool:

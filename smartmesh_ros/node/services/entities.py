@@ -10,7 +10,7 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import rotate
-from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.bodies import Body, bounds_of
 from smartmesh_ros.world.world import World
@@ -55,7 +55,7 @@ def _distance(world: World, name: str, point: FloatArray) -> float:
 def own_bounds(body: Body) -> tuple[FloatArray, FloatArray]:
     """Return the lower and upper corner (3,) [m] of a body's box in its own frame; for a robot, all links at joint
     positions zero in the frame of the root link."""
-    half, centre = _half_and_centre(body.hull or body.shape or Sphere(body.radius))
+    half, centre = _half_and_centre(body.outline)
     position, orientation = body.inertial
     corners = [np.array(position) + rotate(orientation, (x, y, z)) for x, y, z in _corners(half, centre)]
     return np.min(corners, axis=0), np.max(corners, axis=0)
