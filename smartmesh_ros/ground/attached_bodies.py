@@ -110,8 +110,6 @@ class AttachedBodies:
 
     def _put_on(self, follower: Follower, *, own: bool) -> None:
         self.followers.add(follower, own=own)
-        self.patches.reserve(self.followers.capacity)
-        self._sleeping.add(follower.slot)
         with undone(lambda: self.followers.remove(follower.slot)):
             self.contacts.attach(follower)
 
@@ -121,8 +119,6 @@ class AttachedBodies:
             self._sleeping.wake_near(slot)
         self.contacts.detach(slots)
         for slot in slots:
-            self._sleeping.remove(slot)
-            self.patches.remove(slot)
             self.followers.remove(slot)
 
     def drive(self, body: int, link: int, axis: Vector, speed: float) -> None:

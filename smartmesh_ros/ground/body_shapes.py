@@ -76,10 +76,10 @@ def links_with_shape(client: Any, body: int) -> list[int]:
 def require_shape(client: Any, body: int, link: int) -> None:
     """Raise `InputError`, which names the links that have a collision shape, if a link has none."""
     if not _has_shape(client, body, link):
-        known = ", ".join(f"{other} {_link_name(client, body, other)!r}" for other in links_with_shape(client, body))
+        known = ", ".join(f"{other} {link_name(client, body, other)!r}" for other in links_with_shape(client, body))
         raise InputError(
             "geometry",
-            f"link {link} {_link_name(client, body, link)!r} of body {body} has no collision shape; links that have "
+            f"link {link} {link_name(client, body, link)!r} of body {body} has no collision shape; links that have "
             f"one: {known}. Without a link, the whole robot is attached",
         )
 
@@ -91,7 +91,8 @@ def _has_shape(client: Any, body: int, link: int) -> bool:
         return True
 
 
-def _link_name(client: Any, body: int, link: int) -> str:
+def link_name(client: Any, body: int, link: int) -> str:
+    """Return the name of a link, or of the base (-1)."""
     name: bytes = client.getBodyInfo(body)[0] if link < 0 else client.getJointInfo(body, link)[12]
     return name.decode(errors="replace")
 

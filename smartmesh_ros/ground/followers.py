@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -45,12 +45,23 @@ class Follower:
         return self.shape.radius
 
 
+class SlotTables(Protocol):
+    """What else has a row for each slot."""
+
+    def grow(self, slots: int) -> None:
+        """Make room for ``slots`` slots."""
+
+    def clear(self, slot: int) -> None:
+        """Discard what is known of a follower that is removed."""
+
+
 class Followers:
     """The attached bodies and links by slot; iteration is over those in use, by slot.
 
-    Tables with a row for each slot: ``table``, records of ``FOLLOWER``; ``shape_table``; ``states`` (S, 13) at the last
-    update; ``positions_w`` (S, 3) before the current step [m]; ``moved_w`` (S, 3), motion in one step [m]. ``epoch``
-    changes when a follower is added or removed; ``wakes`` also when one falls asleep or wakes.
+    Arrays with a row for each slot: ``table``, records of ``FOLLOWER``; ``bodies``, PyBullet bodies; ``radii``, about
+    the centres of mass [m]; ``states`` (S, 13) at the last update; ``positions_w`` (S, 3) before the current step [m];
+    ``moved_w`` (S, 3), motion in one step [m]. ``shape_table``: their shapes; ``tables``: what others know of a slot.
+    ``epoch`` changes when a follower is added or removed; ``wakes`` also when one falls asleep or wakes.
     """
 
     def __init__(self) -> None:
@@ -59,7 +70,9 @@ class Followers:
         self.shape_table = ShapeTable()
         self.states = np.empty((0, BODY_COLUMNS))
         self.positions_w, self.moved_w = np.empty((0, 3)), np.empty((0, 3))
-        self._radii: FloatArray = np.empty(0)
+        self.radii: FloatArray = np.empty(0)
+        self.bodies: IntArray = np.empty(0, np.int64)
+        self.tables: list[SlotTables] = []
         self._items: list[Follower | None] = []
         self._unused: list[int] = []
         self._slots: dict[int, list[int]] = {}  # by PyBullet body
@@ -80,11 +93,6 @@ class Followers:
     def capacity(self) -> int:
         """Number of rows of the tables."""
         return len(self.table)
-
-    @property
-    def radii(self) -> FloatArray:
-        """Bounding radii about the centres of mass by slot (S,) [m]."""
-        return self._radii
 
     def flags(self, name: str) -> BoolArray:
         """Return a contiguous copy of a field of ``table`` (S,), as the core takes it."""
@@ -111,13 +119,13 @@ class Followers:
         else:
             slot = len(self._items)
             self._items.append(None)
-            self._reserve(slot + 1)
+            self._grow(slot + 1)
         follower.slot = slot
         slots.append(slot)
         self._items[slot] = follower
         self.table[slot] = (True, True, follower.solid, own, False)
         self.shape_table.put(slot, follower.shape)
-        self._radii[slot] = follower.radius
+        self.radii[slot], self.bodies[slot] = follower.radius, follower.body
         self.states[slot], self.positions_w[slot], self.moved_w[slot] = np.nan, np.nan, 0.0
         self._changed()
 
@@ -129,11 +137,12 @@ class Followers:
 
     def remove(self, slot: int) -> None:
         """Free a slot."""
-        follower = self[slot]
-        slots = self._slots[follower.body]
+        for table in self.tables:
+            table.clear(slot)
+        slots = self._slots[self[slot].body]
         slots.remove(slot)
         if not slots:
-            del self._slots[follower.body]
+            del self._slots[self[slot].body]
         self._items[slot] = None
         self.table[slot] = False
         self.states[slot] = self.positions_w[slot] = np.nan
@@ -204,10 +213,13 @@ class Followers:
         self._note_wakes()
         self.epoch = self.wakes
 
-    def _reserve(self, slots: int) -> None:
+    def _grow(self, slots: int) -> None:
         self.table = with_rows(self.table, slots, False)
         self.shape_table.reserve(slots)
-        self._radii = with_rows(self._radii, slots, 0.0)
+        self.radii = with_rows(self.radii, slots, 0.0)
+        self.bodies = with_rows(self.bodies, slots, -1)
         self.states = with_rows(self.states, slots, np.nan)
         self.positions_w = with_rows(self.positions_w, slots, np.nan)
         self.moved_w = with_rows(self.moved_w, slots, 0.0)
+        for table in self.tables:
+            table.grow(self.capacity)

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
+from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.attached_bodies import AttachedBodies
 from smartmesh_ros.ground.correction_transport import correcting, move_with_corrections, show_corrections
-from smartmesh_ros.ground.guard import put_back
+from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.ground.solver import gravity_of
 from smartmesh_ros.terrain.grid import IntArray
 from smartmesh_ros.terrain.ray_cast import GroundHits, RayCaster, checked_rays
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_points, ground_samples
+
+# Largest horizontal speed that a rescued body keeps [m/s].
+FASTEST_RESCUED = 5.0
 
 
 class Ground(AttachedBodies):
@@ -74,9 +79,9 @@ class Ground(AttachedBodies):
             corrections = show_corrections(self.terrain, time)
             sleeping.wake_changed(time, duration, self.gravity)
             if corrections and len(self.followers):
-                contacts.read_states(0.0)
+                contacts.read(self.followers.states, 0.0)
                 move_with_corrections(self._client, corrections, self.followers, self.patches.supports, time)
-            contacts.read_states(dt)
+            contacts.read(self.followers.states, dt)
             contacts.let_go(sleeping.settle(time, dt, steps))
         self._steps, self.time = steps, time
         fall = 0.5 * self.gravity * duration**2 if contacts.exact else math.inf
@@ -105,7 +110,7 @@ class Ground(AttachedBodies):
         if not (followers.asleep.size or followers.has_remote):
             return False
         with self.stopwatch.stage("bodies"):
-            contacts.read_positions(dt)
+            contacts.read(np.empty_like(followers.states), dt)
             return self._sleeping.wake_reached(time, time - self.time)
 
     def stand_still(self, duration: float) -> None:
@@ -115,8 +120,9 @@ class Ground(AttachedBodies):
         self._stale = True
 
     def rescue(self, time: float, dt: float) -> None:
-        """Put bodies that are below the ground at ``time`` [s] back onto it."""
-        lifted = put_back(self._client, self.followers, self.below(self.followers.guarded, time))
+        """Put bodies that are below the ground at ``time`` [s] back onto it: that were spawned or teleported there,
+        covered by a map, or pushed there by another body. This is the last resort, and its ``rescues`` are counted."""
+        lifted = _put_back(self._client, self.followers, self.below(self.followers.guarded, time))
         self.rescues += len(lifted)
         for body in lifted:
             self.wake(body)
@@ -147,3 +153,27 @@ class Ground(AttachedBodies):
     def rays(self) -> RayCaster:
         """Casts rays onto this ground."""
         return RayCaster(self.terrain)
+
+
+def _put_back(client: Any, followers: Followers, below: list[tuple[int, float, float]]) -> list[int]:
+    """Lift the bodies ``below`` the ground (see `Ground.below`) onto it, robots as a whole; returns their PyBullet
+    bodies."""
+    lifts: dict[int, tuple[float, float]] = {}
+    for slot, lift, rate in below:
+        body = followers[slot].body
+        if body not in lifts or lift > lifts[body][0]:  # a robot by the largest lift of its links
+            lifts[body] = (lift, rate)
+    for body, (lift, rate) in lifts.items():
+        _lift(client, body, lift, rate)
+    return list(lifts)
+
+
+def _lift(client: Any, body: int, lift: float, rate: float) -> None:
+    """Lift a body by ``lift`` [m] and give it the ground's vertical velocity ``rate`` [m/s]."""
+    position, orientation = client.getBasePositionAndOrientation(body)
+    linear, angular = client.getBaseVelocity(body)
+    along = np.array(linear[:2])
+    speed = float(np.hypot(*along))
+    along *= min(1.0, FASTEST_RESCUED / speed) if speed > 0.0 else 1.0
+    client.resetBasePositionAndOrientation(body, (position[0], position[1], position[2] + lift), orientation)
+    client.resetBaseVelocity(body, (along[0], along[1], rate), angular)

@@ -148,25 +148,17 @@ class MapContacts:
         if not self._core.is_there:
             raise InputError("client", "the PyBullet client was reset or closed: close this ground, and make another")
 
-    def read_states(self, dt: float) -> None:
-        """Update ``states``, ``positions_w`` and ``moved_w`` of the awake followers; ``dt`` [s] is the time step."""
-        followers = self._followers
-        awake = followers.awake
-        self._core.read(awake, followers.states)
-        followers.note_places(awake, followers.states[awake], dt)
+    def read(self, states: FloatArray, dt: float) -> None:
+        """Read the awake followers into ``states`` (S, 13), and note their places before a step of ``dt`` [s]."""
+        awake = self._followers.awake
+        self._core.read(awake, states)
+        self._followers.note_places(awake, states[awake], dt)
 
     def states_of(self, slots: IntArray) -> FloatArray:
         """Return the states (n, 13) of followers, asleep or not, as they are now; NaN for bodies that are gone."""
         states = np.empty_like(self._followers.states)
         self._core.read(slots, states)
         return np.asarray(states[slots])
-
-    def read_positions(self, dt: float) -> None:
-        """Update ``positions_w`` and ``moved_w`` of the awake followers after a step of ``dt`` [s]."""
-        followers = self._followers
-        awake, states = followers.awake, np.empty_like(followers.states)
-        self._core.read(awake, states)
-        followers.note_places(awake, states[awake], dt)
 
     def let_go(self, slots: IntArray) -> None:
         """Note that followers fell asleep; `refresh` takes their ground."""

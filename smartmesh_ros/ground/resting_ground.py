@@ -41,8 +41,8 @@ class RestingGround:
         self._moved: FloatArray = np.empty(0)
         self._found = NOTHING_FOUND  # slots and mean changes of a check, until they are kept
 
-    def reserve(self, slots: int) -> None:
-        """Make room for bodies in ``slots`` slots."""
+    def grow(self, slots: int) -> None:
+        """Make room for ``slots`` slots."""
         self._first, self._end = with_rows(self._first, slots, 0), with_rows(self._end, slots, 0)
         self._seen = with_rows(self._seen, slots, -1)
         self._corrected, self._moved = with_rows(self._corrected, slots, 0.0), with_rows(self._moved, slots, 0.0)

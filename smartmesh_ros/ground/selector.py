@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,18 +16,10 @@ from smartmesh_ros.report.mesh import MeshPatches
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+from smartmesh_ros.terrain.terrain import Terrain
 
 # Largest speed that sizes patches [m/s], because a teleported body has no real speed.
 FASTEST = 50.0
-
-
-class _Tile(NamedTuple):
-    """A tile of the terrain, with its number in the supports."""
-
-    name: str
-    number: int
-    mesh: MainMesh
 
 
 class Selector:
@@ -45,17 +36,14 @@ class Selector:
         self.mesh_patches: dict[int, MeshPatch] = {}
         self._time = 0.0
         self._layout = -1
-        self._tiles: list[_Tile] = []
         self._fixed = FixedPatches(terrain, self.stopwatch)
         self._meshes: dict[str, MeshPatches] = {}
         self._batches: list[PatchBatch] | None = None
 
-    def reserve(self, slots: int) -> None:
-        """Make room for bodies in ``slots`` slots."""
+    def grow(self, slots: int) -> None:
+        """Make room for ``slots`` slots."""
         self.supports = with_rows(self.supports, slots, no_supports(1)[0])
-        self._fixed.reserve(slots)
-        for mesh in self._meshes.values():
-            mesh.reserve(slots)
+        self._fixed.grow(slots)
 
     def configure(self, config: PatchConfig) -> None:
         """Replace the settings; the next update chooses every support anew."""
@@ -63,13 +51,11 @@ class Selector:
         self.supports["state"] = Support.NONE
         self._fixed.forget(slice(None))
 
-    def remove(self, slot: int) -> None:
+    def clear(self, slot: int) -> None:
         """Discard all data of a slot, whose body was removed."""
         self.supports[slot] = no_supports(1)[0]
         self.mesh_patches.pop(slot, None)
         self._fixed.forget(np.array([slot]))
-        for mesh in self._meshes.values():
-            mesh.forget(np.array([slot]))
         self._batches = None
 
     def update(self, chosen: IntArray, shapes: ShapeTable, bodies: FloatArray, time: float, duration: float) -> None:
@@ -81,7 +67,8 @@ class Selector:
         self._update_tiles()
         self._time, self._batches = time, None
         radii = shapes.table["radius"]
-        for (name, _, mesh), found in self._on_tiles(chosen, bodies, radii):
+        for name, found in self._on_tiles(chosen, bodies, radii):
+            mesh = self.terrain.tiles[name]
             speeds = np.minimum(np.linalg.norm(bodies[found, 7:10], axis=1), FASTEST)
             reach = radii[found] + speeds * duration
             if isinstance(mesh, HeightMap):
@@ -108,8 +95,10 @@ class Selector:
 
     def _all_batches(self) -> Iterator[PatchBatch]:
         supports = self.supports
-        for name, number, _ in self._tiles:
-            chosen = np.flatnonzero((supports["tile"] == number) & (supports["state"] != Support.NONE))
+        for name in self.terrain.tiles:
+            chosen = np.flatnonzero(
+                (supports["tile"] == self.terrain.numbers[name]) & (supports["state"] != Support.NONE)
+            )
             if not chosen.size:
                 continue
             if name in self._meshes:
@@ -127,30 +116,27 @@ class Selector:
             if not isinstance(mesh, HeightMap):
                 old = self._meshes.get(name)
                 meshes[name] = old if old is not None and old.mesh is mesh else MeshPatches(mesh, self.stopwatch)
-                meshes[name].reserve(len(self.supports))
         self._meshes = meshes
-        numbers = self.terrain.numbers
-        self._tiles = [_Tile(name, numbers[name], mesh) for name, mesh in self.terrain.tiles.items()]
         self._fixed.forget(slice(None))
         self._layout = self.terrain.layout_revision
 
-    def _on_tiles(self, chosen: IntArray, states: FloatArray, radii: FloatArray) -> list[tuple[_Tile, IntArray]]:
-        """Group bodies by tile. A body stays on its tile while it is above it; otherwise it moves to the first tile
-        below it, or to the nearest one within its reach."""
-        supports = self.supports
+    def _on_tiles(self, chosen: IntArray, states: FloatArray, radii: FloatArray) -> list[tuple[str, IntArray]]:
+        """Group bodies by the names of their tiles. A body stays on its tile while it is above it; else it moves to the
+        first tile below it, or to the nearest one within its reach."""
+        supports, tiles, names = self.supports, self.terrain.tiles, list(self.terrain.tiles)
         there = np.isfinite(states[chosen]).all(axis=1)
         supports["state"][chosen[~there]] = Support.NONE
         chosen = chosen[there]
-        if not (self._tiles and chosen.size):
+        if not (tiles and chosen.size):
             supports["state"][chosen] = Support.NONE
             return []
         positions, columns = states[chosen], np.arange(len(chosen))
-        numbers = np.array([tile.number for tile in self._tiles] + [-1])
-        beyond = np.array([tile.mesh.beyond(positions) for tile in self._tiles])
-        now = (supports["tile"][chosen] == numbers[:-1, None]).argmax(axis=0)  # places in `_tiles`
+        numbers = np.array([self.terrain.numbers[name] for name in names] + [-1])
+        beyond = np.array([mesh.beyond(positions) for mesh in tiles.values()])
+        now = (supports["tile"][chosen] == numbers[:-1, None]).argmax(axis=0)  # places in ``names``
         stray = (numbers[now] != supports["tile"][chosen]) | (beyond[now, columns] > 0.0)
         # A body further from a tile than its radius cannot touch it, but a gap of one cell between tiles is ground.
-        least = np.maximum(radii[chosen], self.terrain.widest_cell if len(self._tiles) > 1 else 0.0)
+        least = np.maximum(radii[chosen], self.terrain.widest_cell if len(tiles) > 1 else 0.0)
         over = np.where(beyond <= 0.0, 0.0, beyond)
         nearest = over.argmin(axis=0)
         nearest[over[nearest, columns] > least] = -1
@@ -160,4 +146,4 @@ class Selector:
             self._fixed.forget(moved)
         supports["tile"][chosen] = numbers[found]
         supports["state"][chosen[found < 0]] = Support.NONE
-        return [(self._tiles[place], chosen[found == place]) for place in np.unique(found[found >= 0]).tolist()]
+        return [(names[place], chosen[found == place]) for place in np.unique(found[found >= 0]).tolist()]

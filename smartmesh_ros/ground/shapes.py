@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any, ClassVar, NamedTuple, get_args
+from typing import Any, ClassVar, get_args
 
 import numpy as np
 import pybullet as pb
@@ -134,25 +134,16 @@ DIMENSIONS = np.zeros(max(SHAPES) + 1, np.int64)
 DIMENSIONS[list(SHAPES)] = [len(_names(made)) for made in SHAPES.values()]
 
 
-class Form(NamedTuple):
-    """A shape as numbers: its kind; its dimensions in the order of its class, padded with zeros (3,) [m]; the position
-    of its middle relative to the centre of mass (3,) [m], zero except for boxes."""
-
-    kind: ShapeKind
-    dimensions: Sequence[float]
-    centre: Sequence[float] = CENTRED
-
-
-def form_of(shape: Shape) -> Form:
-    """Return a shape as numbers."""
+def padded_dimensions(shape: Shape) -> list[float]:
+    """Return the dimensions of a shape in the order of its class, padded with zeros (3,) [m]."""
     dimensions = [float(value) for value in shape.dimensions.values()]
-    return Form(shape.kind, dimensions + [0.0] * (3 - len(dimensions)), shape.centre)
+    return dimensions + [0.0] * (3 - len(dimensions))
 
 
-def shape_of(form: Form) -> Shape:
-    """Return the shape of a form; the inverse of `form_of`."""
-    made, used = SHAPES[form.kind], form.dimensions[: int(DIMENSIONS[form.kind])]
+def shape_of(kind: ShapeKind, dimensions: Sequence[float], centre: Sequence[float]) -> Shape:
+    """Return the shape of a kind with `padded_dimensions` (3,) [m]; ``centre`` (3,) [m]: of boxes."""
+    made, used = SHAPES[kind], dimensions[: int(DIMENSIONS[kind])]
     if made is Box:
-        x, y, z = form.centre
+        x, y, z = centre
         return Box(*used, centre=(x, y, z))
     return made(*used)

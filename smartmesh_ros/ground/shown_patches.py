@@ -26,6 +26,7 @@ class ShownPatches:
         self.stopwatch = stopwatch
         self._followers = followers
         self._selector = Selector(terrain, config, stopwatch)
+        followers.tables.append(self._selector)
         self._time = 0.0  # of the update [s]
         self._duration = 0.0  # until the next one [s]
         self._fall = 0.0  # in that time [m]
@@ -34,14 +35,6 @@ class ShownPatches:
     def configure(self, config: PatchConfig) -> None:
         """Replace the settings from the next update on."""
         self._selector.configure(config)
-
-    def reserve(self, slots: int) -> None:
-        """Make room for all slots in the tables."""
-        self._selector.reserve(slots)
-
-    def remove(self, slot: int) -> None:
-        """Discard the patch of a follower that is removed."""
-        self._selector.remove(slot)
 
     def begin(self, time: float, duration: float, fall: float) -> None:
         """Forget the choice: the next reader chooses patches at ``time`` [s] for a ``duration`` [s], in which bodies

@@ -57,9 +57,9 @@ class Sleeping:
         self._watch = SleepWatch(client, followers)
         self._boxes: FloatArray = np.empty((0, BOX_COLUMNS))
         self._anchors: FloatArray = np.empty((0, SINCE + 1))
-        self._owners: IntArray = np.empty(0, np.int64)  # PyBullet bodies
         self._search: Any = None  # the core's, among the sleeping bodies
         self._searches = -1  # value of `Followers.wakes` for which it was made
+        followers.tables.append(self)
 
     def configure(self, may_sleep: Callable[[int], bool] | None, config: SleepConfig) -> None:
         """Wake all bodies, and let those sleep from now on for whose PyBullet body ``may_sleep`` returns True; None =
@@ -76,21 +76,17 @@ class Sleeping:
     @property
     def stopping(self) -> BoolArray:
         """Whether each follower (S,) is about to fall asleep: PyBullet has stopped it."""
-        return np.isin(self._owners, list(self._stopped))
+        return np.isin(self._followers.bodies, list(self._stopped))
 
-    def add(self, slot: int) -> None:
-        """Note a new follower."""
-        slots = self._followers.capacity
+    def grow(self, slots: int) -> None:
+        """Make room for ``slots`` slots."""
         self._boxes = with_rows(self._boxes, slots, np.nan)
         self._anchors = with_rows(self._anchors, slots, np.nan)
-        self._owners = with_rows(self._owners, slots, -1)
-        self._ground.reserve(slots)
-        self._anchors[slot] = np.nan
-        self._owners[slot] = self._followers[slot].body
+        self._ground.grow(slots)
 
-    def remove(self, slot: int) -> None:
+    def clear(self, slot: int) -> None:
         """Forget a follower that is about to be removed. `wake_near` comes before."""
-        self._stopped.pop(int(self._owners[slot]), None)
+        self._stopped.pop(self._followers[slot].body, None)
         self._forget(np.array([slot]))
 
     def wake(self, slots: IntArray | None) -> None:
@@ -102,7 +98,7 @@ class Sleeping:
             self._anchors[:] = np.nan
             return
         self._anchors[slots] = np.nan
-        self._start(self._stopped.keys() & set(self._owners[slots].tolist()))
+        self._start(self._stopped.keys() & set(self._followers.bodies[slots].tolist()))
         if not self._followers.table["awake"][slots].all():
             marked = np.zeros(self._followers.capacity, np.bool_)
             marked[slots] = True
@@ -159,11 +155,11 @@ class Sleeping:
         asleep = self._followers.asleep
         lifted = asleep[np.abs(self._ground.corrections(asleep)) > limit]
         if lifted.size:
-            self._lift(asleep[np.isin(self._owners[asleep], self._owners[lifted])])
+            self._lift(asleep[np.isin(self._followers.bodies[asleep], self._followers.bodies[lifted])])
 
     def _lift(self, slots: IntArray) -> None:
         """Move bodies with the corrections under them, robots as a whole."""
-        owners, corrections = self._owners[slots], self._ground.corrections(slots)
+        owners, corrections = self._followers.bodies[slots], self._ground.corrections(slots)
         for owner in set(owners[corrections != 0.0].tolist()):
             own = slots[owners == owner]
             lift = float(corrections[owners == owner].mean())
@@ -198,7 +194,7 @@ class Sleeping:
 
     def _put_to_sleep(self, time: float, dt: float, steps: int) -> IntArray:
         slots, groups = self._ready(time, dt * steps)
-        ready = set(self._owners[slots].tolist())
+        ready = set(self._followers.bodies[slots].tolist())
         self._start(self._stopped.keys() - ready)
         for owner in ready - self._stopped.keys():
             self._bullet.stop(owner)
@@ -206,7 +202,7 @@ class Sleeping:
         stopped = {owner for owner in ready if time - self._stopped[owner] > (STEPS_TO_STOP - 0.5) * dt}
         if not stopped:
             return NOBODY
-        asleep = slots[all_of(np.array([owner in stopped for owner in self._owners[slots].tolist()]), groups)]
+        asleep = slots[all_of(np.array([owner in stopped for owner in self._followers.bodies[slots].tolist()]), groups)]
         self._put(asleep)
         return asleep
 
@@ -216,7 +212,9 @@ class Sleeping:
         still = time - self._anchors[awake, SINCE] >= self._after
         if not (still & followers.table["solid"][awake]).any():
             return awake[:0], awake[:0]
-        groups = CORE.islands(awake, self._owners, self._boxes, followers.radii, config.near, config.near_share)
+        groups = CORE.islands(
+            awake, self._followers.bodies, self._boxes, followers.radii, config.near, config.near_share
+        )
         solid = awake[still & followers.table["solid"][awake] & all_of(still, groups)]
         if not solid.size:
             return awake[:0], awake[:0]
@@ -232,7 +230,7 @@ class Sleeping:
     def _willing(self, slots: IntArray) -> BoolArray:
         """Return for each body (n,) whether its PyBullet body rests on something, with all its joints, and may sleep.
         The owner of a remote body knows on what it rests."""
-        owners, may_sleep = self._owners[slots], self._may_sleep
+        owners, may_sleep = self._followers.bodies[slots], self._may_sleep
         assert may_sleep is not None
         remote = set(owners[self._followers.table["remote"][slots]].tolist())
         answers = {
@@ -249,7 +247,7 @@ class Sleeping:
         if not slots.size:
             return
         self.contacts |= contacts_before_sleep(self._client, self._followers, slots)
-        for owner in set(self._owners[slots].tolist()):
+        for owner in set(self._followers.bodies[slots].tolist()):
             self._bullet.freeze(owner)
             del self._stopped[owner]
         self._watch.note(slots)
@@ -271,13 +269,13 @@ class Sleeping:
         while known < int(np.count_nonzero(marked)):  # robots connect what their links do not
             known = int(np.count_nonzero(marked))
             self._sleepers().mark_connected(marked)
-            marked[asleep] |= np.isin(self._owners[asleep], self._owners[asleep[marked[asleep]]])
+            marked[asleep] |= np.isin(self._followers.bodies[asleep], self._followers.bodies[asleep[marked[asleep]]])
         self._wake_slots(asleep[marked[asleep]])
 
     def _wake_slots(self, slots: IntArray) -> None:
         """Wake bodies, after moving them with the corrections that they slept through."""
         self._lift(slots)
-        owners = set(self._owners[slots].tolist())
+        owners = set(self._followers.bodies[slots].tolist())
         self._forget(slots)
         self._followers.set_awake(slots, awake=True)
         self._stopped |= dict.fromkeys(owners, math.inf)  # if PyBullet fails, the next update starts the others

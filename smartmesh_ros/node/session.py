@@ -122,19 +122,11 @@ class Session:
     def answer(self, kind: Any, service: str, act: Callable[[Any], str]) -> None:
         """Serves ``~/service``: ``act`` returns the message of a successful response, or raises `InputError`."""
 
-        def callback(request: Any, response: Any) -> Any:
-            try:
-                with self.lock:
-                    self.handled += 1
-                    response.message = act(request)
-                response.success = True
-            except REFUSED as error:
-                self.refusals.add(service, error)
-                response.message = shortened(str(error))
-                response.success = False
-            return response
+        def handle(request: Any, response: Any) -> None:
+            response.message = act(request)
+            response.success = True
 
-        self.node.create_service(kind, f"~/{service}", callback, qos_profile=SERVICES)
+        self.serve(kind, service, handle)
 
     def configure_pacer(self) -> None:
         """Configures the pacer for the settings and the clock, and restarts it."""

@@ -34,8 +34,11 @@ from smartmesh_ros.node.services.ground_services import GroundServices
 from smartmesh_ros.node.services.initial_bodies import InitialBodies
 from smartmesh_ros.node.services.simulation_services import serve_simulation_interfaces
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.node.soil.collider_soil import require_soil, stand_on_soil
+from smartmesh_ros.soil.contact_soil import ContactSoil
+from smartmesh_ros.soil.soils import soil_named
 from smartmesh_ros.startup.dds import send_without_waiting
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.world.world import World
 
 NAME = "terrain_collider"
 MOST_STEPS = 100_000
@@ -230,6 +233,23 @@ class TerrainCollider(ParameterNode):
                 self._outputs.restart_measuring()
         before, self._values = self._values, declaring.current_values(self, parameters.SPECS)
         announce_changes(self, before, self._values)
+
+
+def require_soil(world: World, settings: Settings) -> None:
+    """Raise `InputError` if the settings ask for soil, and contacts cannot come from the map."""
+    if settings.soil and world.ground.no_proxies:
+        raise InputError("parameter", f"soil.type needs contacts from the map: {world.ground.no_proxies}")
+
+
+def stand_on_soil(world: World, settings: Settings) -> None:
+    """Let bodies stand on the soil of the settings if the first tile is a height map, else on the map itself. The soil
+    of a tile keeps its prints."""
+    tile, known = world.terrain.tiles.get(""), world.ground.soil
+    if not settings.soil or not isinstance(tile, HeightMap):
+        if known is not None:
+            world.ground.set_soil(None)
+    elif not (isinstance(known, ContactSoil) and known.map is tile and known.soils == [soil_named(settings.soil)]):
+        world.ground.set_soil(ContactSoil(world.terrain, settings.soil))
 
 
 def main(args: list[str] | None = None) -> None:

@@ -16,28 +16,6 @@ _ROW_STEPS = np.array([0, -1, -1, -1, 0, 0, 1, 1, 1])
 _COLUMN_STEPS = np.array([0, -1, 0, 1, -1, 1, -1, 0, 1])
 
 
-def best_first_vertex(mesh: TriangleMesh, position_w: FloatArray, start: int) -> int:
-    """Return the vertex of a general mesh horizontally nearest to a position (3,) [m], walking from ``start``.
-
-    Requires a mesh whose `TriangleMesh.shape` gives no reason against it. The cost is proportional to the number of
-    steps: one or two for a body that moves continuously, up to the width of the mesh for one that teleports.
-    """
-    coordinates = mesh.coordinates
-    xs, ys = memoryview(coordinates[0]), memoryview(coordinates[1])
-    x, y = float(position_w[0]), float(position_w[1])
-    neighbours = mesh.graph.neighbours
-    best = start
-    least = (xs[start] - x) ** 2 + (ys[start] - y) ** 2
-    while True:
-        here = best
-        for vertex in neighbours(here):
-            distance = (xs[vertex] - x) ** 2 + (ys[vertex] - y) ** 2
-            if distance < least or (distance == least and vertex < best):
-                least, best = distance, vertex
-        if best == here:
-            return best
-
-
 def best_first_vertices(mesh: TriangleMesh, table: IntArray, positions_w: FloatArray, starts: IntArray) -> IntArray:
     """Return the nearest vertices (N,) for positions (N, 3) [m] and starts (N,); ``table``: from `padded`."""
     x, y = mesh.coordinates[:2]

@@ -3,20 +3,18 @@ require, found by the report's search and collect methods."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.batch import PatchBatch, samples_across
-from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.patches.config import MOST_GRID_RINGS, PatchConfig
 from smartmesh_ros.patches.shapes import ShapeTable
 from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.report.collect import BFS
-from smartmesh_ros.report.extent import extent_for
-from smartmesh_ros.report.grid_search import GridSearch
+from smartmesh_ros.report.grid_search import nearest_cells
 from smartmesh_ros.report.nearest import Cells
-from smartmesh_ros.report.template import patch_template
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.graph import GridGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
@@ -26,26 +24,55 @@ from smartmesh_ros.terrain.terrain import Terrain
 UNKNOWN_EXTENT = (0.0, 0.0, 0.0, -1.0)
 
 
+class Extent(NamedTuple):
+    """Size of N patches, arrays of shape (N,): rings around the centre and stride from ring to ring [samples]; and
+    ``least`` to ``most`` [m], the range of reaches for which a patch keeps this size."""
+
+    rings: IntArray
+    stride: IntArray
+    least: FloatArray
+    most: FloatArray
+
+
+def extent_for(
+    reach: FloatArray, resolution: float, smallest_side: int, fixed_rings: int = 0, most_rings: int = MOST_GRID_RINGS
+) -> Extent:
+    """Return the size of patches for bodies that can touch ground within ``reach`` [m] of their centre until the next
+    update.
+
+    ``resolution`` [m] and ``smallest_side`` [samples] are the map's. ``fixed_rings`` > 0 sets the rings (the report's
+    collider-size) with stride 1. A body that needs more than ``most_rings`` gets a coarser stride. A patch is never
+    larger than the map.
+    """
+    room = (smallest_side - 1) // 2
+    if fixed_rings:
+        rings = np.full(reach.shape, min(fixed_rings, room))
+        return Extent(rings, np.ones_like(rings), np.zeros_like(reach), np.full_like(reach, np.inf))
+    # Half a cell more, because the patch is centred on the nearest vertex instead of the body.
+    cells = np.clip(np.ceil(reach / resolution + 0.5 - 1e-9).astype(np.int64), 1, room)
+    stride = -(-cells // most_rings)
+    rings = np.maximum(np.minimum(-(-cells // stride), room // stride), 1)
+    covered = rings * stride
+    most = np.where(covered + stride > room, np.inf, (covered - 0.5) * resolution)
+    return Extent(rings, stride, (covered - stride - 1.0) * resolution, most)
+
+
 class FixedPatches:
     """Searches and collects patches of fixed extent. Bodies are addressed by slot."""
 
     def __init__(self, terrain: Terrain, stopwatch: Stopwatch) -> None:
         self._terrain = terrain
         self._stopwatch = stopwatch
-        self._search = GridSearch()
         # Rings and stride of each body's patch, and the range of reaches [m] for which the patch keeps this size.
         self._extents = np.zeros((0, 4))
 
-    def reserve(self, slots: int) -> None:
-        """Make room for bodies in ``slots`` slots."""
+    def grow(self, slots: int) -> None:
+        """Make room for ``slots`` slots."""
         self._extents = with_rows(self._extents, slots, UNKNOWN_EXTENT)
-        self._search.reserve(slots)
 
     def forget(self, bodies: IntArray | slice) -> None:
-        """Discard the patch sizes and last vertices of ``bodies``, because the bodies changed their map or the settings
-        changed."""
+        """Discard the patch sizes of ``bodies``, because the bodies changed their map or the settings changed."""
         self._extents[bodies, 3] = -1.0
-        self._search.forget(bodies)
 
     def select(
         self, heightmap: HeightMap, chosen: IntArray, shapes: ShapeTable, bodies: FloatArray, reach: FloatArray,
@@ -61,7 +88,8 @@ class FixedPatches:
         self._set_extents(heightmap, chosen, reach, config)
         with self._stopwatch.stage("search"):
             grid = geometry.to_grid(bodies[chosen, :2])
-            cells = self._search.nearest(config.search, geometry, chosen, grid, bodies[chosen, :3], before)
+            known = supports[chosen]
+            cells = nearest_cells(config.search, geometry, chosen, grid, bodies[chosen, :3], before, known)
             if len(self._terrain.tiles) > 1:
                 # Several tiles have no rim between them: a neighbour tile continues the grid beyond the edge.
                 nearest = np.ceil(grid - 0.5).astype(np.int64)
@@ -114,10 +142,12 @@ class FixedPatches:
         ahead: float, config: PatchConfig,
     ) -> Samples:  # fmt: skip
         """Return the samples (n, K) of patches by the configured method."""
-        geometry, template = heightmap.geometry, patch_template(rings)
+        geometry = heightmap.geometry
         if config.collect == "cached" or len(self._terrain.tiles) > 1:
-            r = rows[:, None] + template.rows * stride[:, None]
-            c = columns[:, None] + template.columns * stride[:, None]
+            offsets = np.arange(-rings, rings + 1)
+            r, c = (axis.ravel() for axis in np.meshgrid(offsets, offsets, indexing="ij"))
+            r = rows[:, None] + r * stride[:, None]
+            c = columns[:, None] + c * stride[:, None]
             return samples_across(self._terrain, heightmap, r, c, time, ahead)
         collect = BFS[config.collect]
         centres = (rows * geometry.columns + columns).tolist()

@@ -1,14 +1,14 @@
-"""Nearest vertices of a height map by the configured method, with the last result as the next start."""
+"""Nearest vertices of a height map, without its rim, by the configured method."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import SearchMethod
-from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.report.best_first import best_first_cells
 from smartmesh_ros.report.brute_force import brute_force_cells
 from smartmesh_ros.report.nearest import Cells, nearest_vertices
@@ -16,53 +16,30 @@ from smartmesh_ros.report.ray_cast import ray_cast
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 
 
-class GridSearch:
-    """Searches nearest vertices, excluding the map's rim. Bodies are addressed by slot."""
+def nearest_cells(
+    method: SearchMethod, geometry: GridGeometry, bodies: IntArray, grid: FloatArray, positions_w: FloatArray,
+    before: list[PatchBatch], supports: Any,
+) -> Cells:  # fmt: skip
+    """Return the vertices nearest to points given as fractional (row, column) (n, 2).
 
-    def __init__(self) -> None:
-        self._row = np.empty(0, np.int64)  # nearest vertex at the last update, -1 = none
-        self._column = np.empty(0, np.int64)
-
-    def reserve(self, slots: int) -> None:
-        """Make room for bodies in ``slots`` slots."""
-        self._row, self._column = with_rows(self._row, slots, -1), with_rows(self._column, slots, -1)
-
-    def forget(self, bodies: IntArray | slice) -> None:
-        """Discard the last vertices of ``bodies``."""
-        self._row[bodies] = self._column[bodies] = -1
-
-    def nearest(
-        self,
-        method: SearchMethod,
-        geometry: GridGeometry,
-        bodies: IntArray,
-        grid: FloatArray,
-        positions_w: FloatArray,
-        before: list[PatchBatch],
-    ) -> Cells:
-        """Return the vertices nearest to points given as fractional (row, column) (n, 2).
-
-        ``positions_w`` (n, 3) [m]: origins of the rays of the ray-cast search; ``before``: the patches that its rays
-        are cast at.
-        """
-        if method in ("auto", "grid_traversal"):
-            return nearest_vertices(geometry, grid)
-        if method == "brute_force":
-            return brute_force_cells(geometry, grid)
-        row, column = self._row[bodies], self._column[bodies]
-        if method == "ray_cast":
-            row, column = _hits(bodies, positions_w, before)
-            missed = row < 0
-            if missed.any():
-                row[missed], column[missed] = brute_force_cells(geometry, grid[missed])
-            # A ray on a strided patch hits a vertex near the nearest one; best-first search refines the hit.
-        else:
-            row = np.where(row < 0, geometry.rows // 2, row)
-            column = np.where(column < 0, geometry.columns // 2, column)
-        start = Cells(np.clip(row, 1, geometry.rows - 2), np.clip(column, 1, geometry.columns - 2))
-        found = best_first_cells(geometry, grid, start)
-        self._row[bodies], self._column[bodies] = found
-        return found
+    ``positions_w`` (n, 3) [m]: origins of the rays of the ray-cast search; ``before``: the patches that its rays are
+    cast at. ``supports`` (n,): of the last update; best-first search starts in their middle.
+    """
+    if method in ("auto", "grid_traversal"):
+        return nearest_vertices(geometry, grid)
+    if method == "brute_force":
+        return brute_force_cells(geometry, grid)
+    if method == "ray_cast":
+        row, column = _hits(bodies, positions_w, before)
+        missed = row < 0
+        if missed.any():
+            row[missed], column[missed] = brute_force_cells(geometry, grid[missed])
+        # A ray on a strided patch hits a vertex near the nearest one; best-first search refines the hit.
+    else:
+        row = supports["row"] + supports["rows"] // 2 * supports["stride"]
+        column = supports["column"] + supports["columns"] // 2 * supports["stride"]
+    start = Cells(np.clip(row, 1, geometry.rows - 2), np.clip(column, 1, geometry.columns - 2))
+    return best_first_cells(geometry, grid, start)
 
 
 def _hits(bodies: IntArray, positions_w: FloatArray, before: list[PatchBatch]) -> tuple[IntArray, IntArray]:

@@ -11,7 +11,6 @@ from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.batch import MeshPatch
 from smartmesh_ros.patches.config import ANYWHERE, PatchConfig
 from smartmesh_ros.patches.shapes import ShapeTable
-from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.report.best_first import best_first_vertices
 from smartmesh_ros.report.brute_force import BruteForce
@@ -36,15 +35,6 @@ class MeshPatches:
         self._brute_force = BruteForce(mesh.size)
         self._cache = TopologyCache(mesh)
         self._table: IntArray | None = None
-        self._vertex = np.empty(0, np.int64)  # nearest vertex at the last update, -1 = none
-
-    def reserve(self, slots: int) -> None:
-        """Make room for bodies in ``slots`` slots."""
-        self._vertex = with_rows(self._vertex, slots, -1)
-
-    def forget(self, bodies: IntArray | slice) -> None:
-        """Discard the last vertices of ``bodies``."""
-        self._vertex[bodies] = -1
 
     def select(
         self, chosen: IntArray, shapes: ShapeTable, bodies: FloatArray, reach: FloatArray, time: float,
@@ -56,8 +46,7 @@ class MeshPatches:
             require_search_on(config.search, self.mesh.shape)
         positions_w = bodies[chosen, :3]
         with self._stopwatch.stage("search"):
-            found = self._search(chosen, positions_w, before, config)
-        self._vertex[chosen] = found
+            found = self._search(chosen, positions_w, before, config, supports)
         patches = {}
         with self._stopwatch.stage("collect"):
             for body, vertex, distance in zip(chosen.tolist(), found.tolist(), reach.tolist(), strict=True):
@@ -65,16 +54,21 @@ class MeshPatches:
         return patches
 
     def _search(
-        self, bodies: IntArray, positions_w: FloatArray, before: dict[int, MeshPatch], config: PatchConfig
+        self,
+        bodies: IntArray,
+        positions_w: FloatArray,
+        before: dict[int, MeshPatch],
+        config: PatchConfig,
+        supports: Any,
     ) -> IntArray:
-        """Return the nearest vertices by the configured method."""
+        """Return the nearest vertices by the configured method. Best-first search starts at those of ``supports``."""
         method, mesh = config.search, self.mesh
         if method in ("auto", "grid_traversal") and mesh.shape.grid is not None:
             return uniform_grid_vertices(mesh.shape.grid, positions_w)
         if method == "best_first":
             if self._table is None:
                 self._table = mesh.graph.padded()
-            start = np.maximum(self._vertex[bodies], 0)
+            start = np.clip(supports["column"][bodies], 0, mesh.size - 1)
             return best_first_vertices(mesh, self._table, positions_w, start)
         found = np.full(len(bodies), -1)
         if method == "ray_cast":

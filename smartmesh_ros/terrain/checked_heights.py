@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.grid import IntArray
 
 
 def require_region(row: int, column: int, region: tuple[int, ...], size: tuple[int, int]) -> None:
@@ -24,17 +23,6 @@ def require_region(row: int, column: int, region: tuple[int, ...], size: tuple[i
             f"rows {row} to {row + region[0] - 1} and columns {column} to {column + region[1] - 1} leave the map, "
             f"whose last sample is row {rows - 1}, column {columns - 1}",
         )
-
-
-def checked_rectangles(rectangles: ArrayLike, size: tuple[int, int]) -> tuple[IntArray, int]:
-    """Return rectangles (n, 4) of a map of a ``size`` (rows, columns), and the number of their samples."""
-    places = np.ascontiguousarray(rectangles, np.int64)
-    if places.ndim != 2 or places.shape[1] != 4:
-        raise InputError("length", f"rectangles have shape {places.shape}; it must be (n, 4)")
-    firsts, lasts = places[:, :2], places[:, 2:]
-    if not ((firsts >= 0) & (firsts <= lasts) & (lasts < size)).all():
-        raise InputError("region", f"a rectangle is empty or leaves the map of {size} samples")
-    return places, int((lasts - firsts + 1).prod(axis=1).sum())
 
 
 def checked_variance(variance: float | ArrayLike | None, shape: tuple[int, ...]) -> float | NDArray[np.float32] | None:

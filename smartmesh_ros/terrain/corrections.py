@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import mmap
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,6 @@ from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.terrain.checked_heights import dense
 from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, fused_across, nothing_known
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
-from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.motion import BLOCK
 
 
@@ -90,3 +90,14 @@ class Corrections:
             variances = self.fused.variances[cells[inside, 0], cells[inside, 1]]
             deviations[inside] = np.sqrt(np.where(np.isfinite(variances), variances, 0.0))
         return deviations
+
+
+def untouched_zeros(shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Return float32 zeros whose memory is allocated at the first write, in small pages.
+
+    `numpy.zeros` uses huge pages: the first write to one allocates 2 MiB, and the kernel may need 10 ms and more to
+    compact memory for it.
+    """
+    memory = mmap.mmap(-1, 4 * math.prod(shape), flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    memory.madvise(mmap.MADV_NOHUGEPAGE)
+    return np.frombuffer(memory, np.float32).reshape(shape)

@@ -13,18 +13,16 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.checked_heights import (
     checked,
     checked_friction,
-    checked_rectangles,
     checked_variance,
     dense,
     deviation_of,
     require_region,
 )
 from smartmesh_ros.terrain.core_grid import core_grid_of, tell_friction, update_core_grid
-from smartmesh_ros.terrain.corrections import Corrections
+from smartmesh_ros.terrain.corrections import Corrections, untouched_zeros
 from smartmesh_ros.terrain.fusion import FusedMap
 from smartmesh_ros.terrain.grid import GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import at_rest, follow
-from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.motion import BLOCK, CLOCK, CLOCK_TIMES, KEPT, MotionConfig
 from smartmesh_ros.terrain.prints import Prints
 from smartmesh_ros.terrain.revisions import next_revision
@@ -205,24 +203,12 @@ class MovingHeights:
         self._take(row, column, new, speeds, time, certainty)
         self._tell_core()
 
-    def update_rectangles(
-        self, rectangles: ArrayLike, heights: ArrayLike, velocities: ArrayLike, *, time: float
-    ) -> None:
-        """Replace the heights [m] and velocities [m/s] of several ``rectangles`` (n, 4), as `update_region` for each: a
-        rectangle is its first row and column, last row and column. ``heights``, ``velocities`` (N,): of the samples of
-        one rectangle after the other, each row by row. Raises `InputError` and then changes nothing."""
-        places, count = checked_rectangles(rectangles, (self.geometry.rows, self.geometry.columns))
-        if count == 0:
-            return
-        new, speeds = checked(heights, velocities, (count,), "the rectangles")
-        assert speeds is not None
-        self.take_rectangles(places, dense(new), dense(speeds), time)
-
     def take_rectangles(
         self, places: IntArray, new: NDArray[np.float32], speeds: NDArray[np.float32], time: float
     ) -> None:
-        """Do as `update_rectangles` with arrays that the core made: they have its types, and infinities are not looked
-        for."""
+        """Replace heights [m] and velocities [m/s] of several rectangles, as `update_region` for each, by arrays of the
+        core, which are not checked. ``places`` (n, 4): first row and column, last row and column; ``new``, ``speeds``
+        (N,): of the samples of one rectangle after the other, each row by row."""
         if self.motion.corrects:
             start = 0
             for top, left, bottom, right in places.tolist():
@@ -290,7 +276,7 @@ class MovingHeights:
         self._write(place, dense(new), _NO_VELOCITIES if speeds is None else dense(speeds), time)
 
     def _write(self, places: IntArray, new: NDArray[np.float32], speeds: NDArray[np.float32], time: float) -> None:
-        """Write heights and velocities of rectangles (n, 4), as in `update_rectangles`."""
+        """Write heights and velocities of rectangles (n, 4), as in `take_rectangles`."""
         with self._prints.lifted() if self._prints else nullcontext():
             CORE.take_rectangles(
                 self._heights, self._velocities, as_bytes(self._clocks), places, new.reshape(-1), speeds.reshape(-1),

@@ -28,13 +28,6 @@ class GroundSamples(NamedTuple):
     ages: FloatArray
 
 
-def no_ground(count: int) -> GroundSamples:
-    """Return samples of points without ground."""
-    return GroundSamples(
-        np.full(count, np.nan), np.full((count, 3), np.nan), np.full((count, 3), np.nan), np.full(count, np.nan)
-    )
-
-
 def checked_points(points: ArrayLike) -> FloatArray:
     """Return points as (N, 3) [m]; points (N, 2) get z = infinity. Raises `InputError`."""
     array = unmasked(points)
@@ -59,6 +52,7 @@ def ground_samples(terrain: Terrain, points_w: FloatArray, time: float) -> Groun
     above a point does not count, so z = infinity asks for the highest ground. Gaps of up to a cell between height maps
     are ground, as for bodies.
     """
-    found = no_ground(len(points_w))
+    count = len(points_w)
+    found = GroundSamples(*(np.full(shape, np.nan) for shape in (count, (count, 3), (count, 3), count)))
     CORE.ground_samples(terrain.readers, np.ascontiguousarray(points_w), time, *found)
     return found

@@ -66,10 +66,6 @@ class Terrain:
             known = ", ".join(repr(tile) for tile in self.tiles) or "none yet"
             raise InputError("unknown_tile", f"there is no tile {name!r}; known: {known}") from None
 
-    def numbered(self, number: int) -> MainMesh | None:
-        """Return the tile with a number, None if it was removed."""
-        return next((self.tiles[name] for name, known in self.numbers.items() if known == number), None)
-
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to the times of all maps, after their clock was reset or lost time."""
         for mesh in self.tiles.values():

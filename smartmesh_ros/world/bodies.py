@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, NamedTuple
+from xml.etree import ElementTree
 
 import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.body_shapes import shape_of
+from smartmesh_ros.ground.body_shapes import link_name, shape_of
 from smartmesh_ros.ground.bullet_sleep import is_fixed
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.limits import MASSES, SIZES, require_between
-from smartmesh_ros.ground.shapes import Box, Cylinder, Form, Shape, Sphere, form_of
+from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.shapes import BodyShape
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.base_frames import InertialFrame
 from smartmesh_ros.world.joints import JointCommand, command_joint
-from smartmesh_ros.world.link_contacts import given_contacts
 from smartmesh_ros.world.link_masses import set_masses
 from smartmesh_ros.world.robots.loading import couple_joints, load_robot
 from smartmesh_ros.world.robots.prepared import PreparedRobot
@@ -76,10 +76,10 @@ class Body:
         """True if this world simulates the body."""
         return not self.tracked and not self.owner
 
-    @cached_property
-    def form(self) -> Form:
+    @property
+    def outline(self) -> Shape:
         """Shape that other nodes use for the body; of a robot its box."""
-        return form_of(self.shape or self.hull or Sphere(self.radius))
+        return self.shape or self.hull or Sphere(self.radius)
 
     @property
     def is_robot(self) -> bool:
@@ -139,10 +139,10 @@ class BodyFactory:
             body = self._robot(name, uid, robot)
             body.initial = state
             body.friction, body.restitution = surface or Surface(self.config.friction, self.config.restitution)
-            self._set_contacts(body, given_contacts(robot.text))
+            self._set_contacts(body, robot.text)
             body.fixed = is_fixed(self._client, uid)
             self.place(body, BodyState())
-            body.hull = self._hull(body)
+            body.hull = _box_around(*bounds_of(self._client, body))
             self.place(body, state)
         return body
 
@@ -152,7 +152,7 @@ class BodyFactory:
         client.changeDynamics(uid, -1, linearDamping=0.0, angularDamping=0.0)  # PyBullet's default is drag
         links, joints = {}, {}
         for index in range(-1, client.getNumJoints(uid)):
-            link = self._link_name(uid, index)
+            link = link_name(client, uid, index)
             found = len(client.getCollisionShapeData(uid, index))
             if found != robot.collisions.get(link, 0):
                 raise InputError(
@@ -182,13 +182,14 @@ class BodyFactory:
         body.mass = sum(client.getDynamicsInfo(uid, index)[0] for index in range(-1, client.getNumJoints(uid)))
         return body
 
-    def _set_contacts(self, body: Body, given: dict[str, frozenset[str]]) -> None:
-        """Give the links of a robot its friction and restitution, unless its URDF gives theirs (``given``)."""
-        for index, link in body.links.items():
-            known = given.get(link, frozenset())
-            if "lateral_friction" not in known:
+    def _set_contacts(self, body: Body, urdf: str) -> None:
+        """Give the links of a robot its friction and restitution, unless the ``<contact>`` of its URDF gives theirs."""
+        elements = {link.get("name", ""): link for link in ElementTree.fromstring(urdf).iterfind("link")}
+        for index, name in body.links.items():
+            link = elements.get(name)
+            if link is None or link.find("contact/lateral_friction") is None:
                 self._client.changeDynamics(body.uid, index, lateralFriction=body.friction)
-            if "restitution" not in known:
+            if link is None or link.find("contact/restitution") is None:
                 self._client.changeDynamics(body.uid, index, restitution=body.restitution)
 
     def move(self, body: Body, state: BodyState) -> None:
@@ -204,19 +205,20 @@ class BodyFactory:
         for name, joint in body.joints.items():
             self._client.resetJointState(body.uid, joint, body.starts.get(name, 0.0), 0.0)
 
-    def _hull(self, body: Body) -> Box:
-        """Return the box around the links of a robot at the origin."""
-        bounds = np.array([self._client.getAABB(body.uid, link) for link in body.links])
-        low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
-        edges = np.clip(high - low, *SIZES).tolist()
-        x, y, z = np.clip(0.5 * (low + high), -SIZES[1], SIZES[1]).tolist()
-        return Box(*edges, centre=(x, y, z))
-
     def _shape(self, shape: Shape) -> int:
         if shape not in self._shapes:
             self._shapes[shape] = self._client.createCollisionShape(**shape.bullet())
         return self._shapes[shape]
 
-    def _link_name(self, uid: int, index: int) -> str:
-        client = self._client
-        return str((client.getBodyInfo(uid)[0] if index < 0 else client.getJointInfo(uid, index)[12]).decode())
+
+def bounds_of(client: Any, body: Body) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and highest corner (3,) [m] of the axis-aligned bounds of a body, of a robot with its links."""
+    bounds = np.array([client.getAABB(body.uid, link) for link in (body.links or (-1,))])
+    return bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+
+
+def _box_around(low: FloatArray, high: FloatArray) -> Box:
+    """Return the box between two corners (3,) [m], within the possible sizes."""
+    edges = np.clip(high - low, *SIZES).tolist()
+    x, y, z = np.clip(0.5 * (low + high), -SIZES[1], SIZES[1]).tolist()
+    return Box(*edges, centre=(x, y, z))

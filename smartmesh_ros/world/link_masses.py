@@ -39,7 +39,8 @@ class LinkMasses(NamedTuple):
 
 def set_masses(client: Any, uid: int, urdf: str) -> LinkMasses:
     """Take the mass of links without <inertial>, by the ``urdf`` text that PyBullet loaded, and return their names."""
-    bare = _bare_links(urdf)
+    links = ElementTree.fromstring(urdf).iterfind("link")
+    bare = {link.get("name", "") for link in links if link.find("inertial") is None}
     joints = [client.getJointInfo(uid, index) for index in range(client.getNumJoints(uid))]
     names = [client.getBodyInfo(uid)[0].decode(), *(joint[12].decode() for joint in joints)]
     masses = [client.getDynamicsInfo(uid, index)[0] for index in range(-1, len(joints))]
@@ -61,14 +62,6 @@ def set_masses(client: Any, uid: int, urdf: str) -> LinkMasses:
     if names[0] in bare and masses[0]:  # PyBullet gives a root called world no mass
         needed.append(names[0])
     return LinkMasses(tuple(without), tuple(needed))
-
-
-def _bare_links(urdf: str) -> set[str]:
-    try:
-        robot = ElementTree.fromstring(urdf.strip())
-    except ElementTree.ParseError:  # PyBullet's parser takes some texts that are no XML
-        return set()
-    return {link.get("name", "") for link in robot.iterfind("link") if link.find("inertial") is None}
 
 
 def _set_needed_mass(client: Any, uid: int, index: int) -> None:

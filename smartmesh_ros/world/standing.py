@@ -19,7 +19,7 @@ from smartmesh_ros.ground.quaternions import product
 from smartmesh_ros.ground.state import BodyState, Quaternion
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.surface_query import GroundSamples
-from smartmesh_ros.world.bodies import Body
+from smartmesh_ros.world.bodies import Body, bounds_of
 
 NO_TERRAIN = "there is no terrain yet; ask again after the first map"
 # Returns the ground under points (N, 2) [m].
@@ -105,8 +105,7 @@ def _underside(client: Any, body: Body, state: BodyState) -> Parts[tuple[FloatAr
     """Place a body far from the others; return points (n, 3) [m] of its underside, and their spacing [m]."""
     x, y, _ = state.position
     client.resetBasePositionAndOrientation(body.uid, (x, y, STANDING.away), state.orientation)
-    bounds = np.array([client.getAABB(body.uid, link) for link in (body.links or (-1,))])
-    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+    low, high = bounds_of(client, body)
     axes = [np.linspace(low[axis], high[axis], STANDING.samples) for axis in (0, 1)]
     xy = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     points = yield from _from_below(client, body, xy)

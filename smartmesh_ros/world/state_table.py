@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST, FASTEST_SPIN, MASSES, SIZES
-from smartmesh_ros.ground.shapes import DIMENSIONS, Form, Shape, shape_of
+from smartmesh_ros.ground.shapes import DIMENSIONS, Shape, shape_of
 from smartmesh_ros.ground.state import QUATERNION_SLACK
 from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.terrain.grid import FloatArray
@@ -32,7 +32,7 @@ class StateTable(NamedTuple):
     def shape(self, row: int) -> Shape:
         """The shape of a body."""
         dimensions, centre = self.dimensions[row].tolist(), self.centres[row].tolist()
-        return shape_of(Form(ShapeKind(int(self.kinds[row])), dimensions, centre))
+        return shape_of(ShapeKind(int(self.kinds[row])), dimensions, centre)
 
     def same_body(self, row: int, other: StateTable, other_row: int) -> bool:
         """Return True if two bodies have the same shape and mass."""

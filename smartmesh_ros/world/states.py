@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from smartmesh_ros.ground.bullet import BulletCalls
+from smartmesh_ros.ground.shapes import padded_dimensions
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.state_table import StateTable
 from smartmesh_ros.world.world import World
@@ -51,9 +52,9 @@ def simulated_states(world: World) -> StateTable:
 
 def _table(bodies: list[Body]) -> StateTable:
     """Return a table of the constant data of bodies, without states."""
-    forms = [body.form for body in bodies]
+    shapes = [body.outline for body in bodies]
     radii, masses = np.array([(body.radius, body.mass) for body in bodies], np.float64).reshape(-1, 2).T.copy()
-    dimensions = np.array([form.dimensions for form in forms], np.float64).reshape(-1, 3)
-    centres = np.array([form.centre for form in forms], np.float64).reshape(-1, 3)
-    kinds = np.array([form.kind for form in forms], np.uint8)
+    dimensions = np.array([padded_dimensions(shape) for shape in shapes], np.float64).reshape(-1, 3)
+    centres = np.array([shape.centre for shape in shapes], np.float64).reshape(-1, 3)
+    kinds = np.array([shape.kind for shape in shapes], np.uint8)
     return StateTable([body.name for body in bodies], NOWHERE, radii, kinds, dimensions, centres, masses)

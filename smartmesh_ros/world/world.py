@@ -144,7 +144,8 @@ class World(Population):
                 self.prepare()
             prepared()
             with self.stopwatch.stage("total"), self.stopwatch.stage("step"):
-                self._simulate()
+                self._motors.apply_efforts()
+                self.client.stepSimulation()
             self.time += self.config.physics.dt
             self.guests.note_contacts()
             self.stopwatch.lap()
@@ -274,11 +275,6 @@ class World(Population):
         followers = self.followers
         own = np.flatnonzero(followers.table["own"])
         return [followers[slot].name for slot, _, _ in self.ground.below(own, self.ground.time)]
-
-    def _simulate(self) -> None:
-        """Step PyBullet with the motors' efforts."""
-        self._motors.apply_efforts()
-        self.client.stepSimulation()
 
     def _drop_lost(self) -> None:
         """Remove bodies whose position is not finite or farther than `FARTHEST_BODY`."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from smartmesh_ros.report.collect import TopologyCache, queue_bfs, topology_around, union_bfs
-from smartmesh_ros.report.template import patch_template
 from smartmesh_ros.terrain.graph import GridGraph
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import Waves, general_mesh
 from studies.bench.report import BATCHES, RINGS
+from studies.bench.template import patch_template
 
 SIDE = 200
 REPEATS = 10

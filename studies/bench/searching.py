@@ -6,12 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from smartmesh_ros.report.best_first import best_first_cells, best_first_vertex, best_first_vertices
+from smartmesh_ros.report.best_first import best_first_cells, best_first_vertices
 from smartmesh_ros.report.brute_force import BruteForce, brute_force_cells
 from smartmesh_ros.report.collect import topology_around
 from smartmesh_ros.report.nearest import Cells, nearest_vertices
 from smartmesh_ros.report.ray_cast import ray_cast
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.trimesh import TriangleMesh
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import RESOLUTION, Waves, crowd_positions, general_mesh
 from studies.bench.report import BATCHES, LARGER, SEARCH
@@ -30,6 +31,28 @@ def report_sides(quick: bool) -> tuple[int, ...]:
 def map_sides(quick: bool) -> tuple[int, ...]:
     """Sizes of height maps."""
     return (50, 512) if quick else (50, 100, 200, *LARGER)
+
+
+def best_first_vertex(mesh: TriangleMesh, position_w: FloatArray, start: int) -> int:
+    """Return the vertex of a general mesh horizontally nearest to a position (3,) [m], walking from ``start``.
+
+    Requires a mesh whose `TriangleMesh.shape` gives no reason against it. The cost is proportional to the number of
+    steps: one or two for a body that moves continuously, up to the width of the mesh for one that teleports.
+    """
+    coordinates = mesh.coordinates
+    xs, ys = memoryview(coordinates[0]), memoryview(coordinates[1])
+    x, y = float(position_w[0]), float(position_w[1])
+    neighbours = mesh.graph.neighbours
+    best = start
+    least = (xs[start] - x) ** 2 + (ys[start] - y) ** 2
+    while True:
+        here = best
+        for vertex in neighbours(here):
+            distance = (xs[vertex] - x) ** 2 + (ys[vertex] - y) ** 2
+            if distance < least or (distance == least and vertex < best):
+                least, best = distance, vertex
+        if best == here:
+            return best
 
 
 def measure_general(bench: Bench, side: int) -> None:

@@ -24,7 +24,7 @@ class Selecting:
         self.terrain = terrain
         self.selector = Selector(terrain, config)
         self._count = len(shapes.table)
-        self.selector.reserve(self._count)
+        self.selector.grow(self._count)
         self._shapes = shapes
         self._solid = np.ones(self._count, bool) if solid is None else solid
         self._last: Any = None

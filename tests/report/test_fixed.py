@@ -11,11 +11,11 @@ from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, ball
 from smartmesh_ros.patches.supports import Support
-from smartmesh_ros.report.extent import extent_for
-from smartmesh_ros.report.template import patch_template
+from smartmesh_ros.report.fixed import extent_for
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.terrain.trimesh import grid_triangles
 from tests.bodies import shapes_of
 from tests.examples import examples
 from tests.ground.selecting import Selecting
@@ -176,19 +176,19 @@ def test_fixed_rings_are_the_reports_collider_size_by_every_method(rings: int, c
 
 @pytest.mark.parametrize("rings", [1, 2, 3, 4])
 def test_triangles_cover_the_patch_once_and_face_up(rings: int) -> None:
-    template = patch_template(rings)
-    points = np.stack([template.columns, template.rows], axis=1).astype(float)
-    a, b, c = (points[template.triangles[:, corner]] for corner in range(3))
+    size = 2 * rings + 1
+    triangles = grid_triangles(size, size)
+    points = np.stack(np.divmod(np.arange(size * size), size)[::-1], axis=1).astype(float)
+    a, b, c = (points[triangles[:, corner]] for corner in range(3))
     area = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
     np.testing.assert_allclose(area, 0.5)
     assert area.sum() == (2 * rings) ** 2
     # Every cell's diagonal joins (r, c) and (r + 1, c + 1), as in the report's Figure 3.
     edges = {
         tuple(sorted((i, j)))
-        for corners in template.triangles.tolist()
+        for corners in triangles.tolist()
         for i, j in zip(corners, corners[1:] + corners[:1], strict=True)
     }
-    size = template.size
     assert all((i, i + size + 1) in edges for i in range(size * (size - 1) - 1) if i % size != size - 1)
 
 

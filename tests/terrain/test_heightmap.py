@@ -69,7 +69,7 @@ def test_rectangles_at_once_equal_regions_one_by_one(
         rectangles = np.hstack([firsts, rng.integers(firsts, shape)])
         sizes = rectangles[:, 2:] - firsts + 1
         heights, speeds = rng.normal(size=(2, int(sizes.prod(axis=1).sum()))).astype(np.float32)
-        at_once.update_rectangles(rectangles, heights, speeds, time=time)
+        at_once.take_rectangles(rectangles, heights, speeds, time)
         for first, size, end in zip(firsts, sizes, sizes.prod(axis=1).cumsum(), strict=True):
             part = slice(end - size.prod(), end)
             region = heights[part].reshape(size)
@@ -77,16 +77,6 @@ def test_rectangles_at_once_equal_regions_one_by_one(
     every = np.arange(at_once.size)
     for left, right in zip(at_once.sample(every, 0.05), one_by_one.sample(every, 0.05), strict=True):
         np.testing.assert_array_equal(left, right)
-
-
-@pytest.mark.parametrize("rectangle", [(0, 0, 3, 1), (-1, 0, 1, 1), (2, 0, 1, 1)])
-def test_rectangles_that_leave_the_map_or_are_empty_are_refused(rectangle: tuple[int, ...]) -> None:
-    heightmap = HeightMap(np.zeros((3, 3)))
-    with pytest.raises(InputError, match="leaves the map"):
-        heightmap.update_rectangles([(0, 0, 0, 0), rectangle], np.ones(9), np.ones(9), time=0.1)
-    with pytest.raises(InputError, match="must be"):
-        heightmap.update_rectangles([(0, 0, 2, 2)], np.ones(8), np.ones(8), time=0.1)
-    assert not heightmap.heights.any()
 
 
 @given(st.floats(-5, 5), st.floats(0.01, 0.2))

@@ -1,1 +1,1 @@
-"""Colliders of patches: one pool, one driver, a file for each kind."""
+"""Colliders of PyBullet's own under patches: the contacts with them, and a file for each kind."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,6 +57,13 @@ def in_order(heights: FloatArray) -> list[float]:
     """
     order: list[float] = np.where(np.isnan(heights), -HOLE, heights)[:, ::-1].T.ravel().tolist()
     return order
+
+
+def quarter_turn(yaw: float) -> tuple[float, float, float, float]:
+    """Orientation (x, y, z, w) of the body of a field over a grid with a ``yaw`` [rad]: 90 degrees more, see
+    `in_order`."""
+    half = 0.5 * (yaw + 0.5 * math.pi)
+    return 0.0, 0.0, math.sin(half), math.cos(half)
 
 
 def make_field(client: Any, rows: int, columns: int, spacing: float) -> Field:

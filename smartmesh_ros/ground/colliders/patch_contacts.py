@@ -1,45 +1,52 @@
-"""Contacts with colliders of PyBullet's own, where they cannot come from the map or the settings ask for them."""
+"""Contacts with colliders of PyBullet's own, where they cannot come from the map or the settings ask for them: one for
+each patch, replaced as ground and body move, and moved with the ground's velocity between updates."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
-from smartmesh_ros.ground.colliders.driver import Colliders
-from smartmesh_ros.ground.colliders.follower_reader import FollowerReader
+import numpy as np
+
+from smartmesh_ros.ground.bullet import BulletCalls
+from smartmesh_ros.ground.colliders.field import Field, make_field, quarter_turn
+from smartmesh_ros.ground.colliders.mesh import MeshCollider, make_mesh
+from smartmesh_ros.ground.colliders.pairs import Pairs
 from smartmesh_ros.ground.colliders.whole_mesh import WholeMesh
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.shown_patches import ShownPatches
-from smartmesh_ros.patches.config import PatchConfig, is_whole
+from smartmesh_ros.ground.undone import undone
+from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros.patches.config import PatchConfig, is_mesh, is_whole
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
 
 class PatchContacts:
     """Contacts of the followers in one client with the colliders of their patches, or with one of the whole terrain;
-    the same calls as those of `MapContacts`."""
+    the same calls as those of `MapContacts`.
+
+    ``replacements``: how often a surface was changed so far. ``leaked``: meshes that were built so far, for each of
+    which PyBullet leaks a few KiB.
+    """
 
     exact = False
 
     def __init__(
         self, client: Any, followers: Followers, terrain: Terrain, config: PatchConfig, patches: ShownPatches
     ) -> None:
+        self.replacements = self.leaked = 0
+        self._client = client
         self._config = config
         self._followers = followers
+        self._terrain = terrain
         self._patches = patches
-        self._reader = FollowerReader(client, followers)
-        self._colliders = Colliders(client, followers, terrain)
+        self._calls = BulletCalls(client)
+        self._pairs = Pairs(client)
+        self._held: dict[Follower, Field | MeshCollider] = {}
         self._whole = WholeMesh(client, terrain)
         self._time = 0.0
-
-    @property
-    def replacements(self) -> int:
-        """Number of colliders whose surface was changed so far."""
-        return self._colliders.replacements + self._colliders.built
-
-    @property
-    def leaked(self) -> int:
-        """Number of colliders that were rebuilt so far; PyBullet leaks a few KiB for each."""
-        return self._colliders.built
+        self._wakes = -1
 
     def configure(self, config: PatchConfig) -> None:
         """Take settings from the next `refresh` on."""
@@ -50,7 +57,8 @@ class PatchContacts:
 
     def detach(self, slots: list[int]) -> None:
         """Remove the colliders of followers. If PyBullet fails, the next `refresh` makes those that are missing."""
-        self._release(slots)
+        for slot in slots:
+            self._release(self._followers[slot])
 
     def set_time(self, time: float, dt: float) -> None:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""
@@ -66,22 +74,23 @@ class PatchContacts:
                 self._whole.update(self._config.kind, self._time)
             else:
                 self._whole.release()
-            self._colliders.apply(batches, supports, carry=self._config.carry_velocity)
+            self._apply(batches, supports)
 
     def hold(self, stopped: BoolArray) -> None:
         """Colliders wake nobody."""
 
     def let_go(self, slots: IntArray) -> None:
         """Remove the colliders of followers that fell asleep."""
-        self._release(slots.tolist())
+        self.detach(slots.tolist())
 
-    def read_states(self, dt: float) -> None:
-        """Update ``states``, ``positions_w`` and ``moved_w`` of the awake followers; ``dt`` [s] is the time step."""
-        self._reader.read_states(dt)
-
-    def read_positions(self, dt: float) -> None:
-        """Update ``positions_w`` and ``moved_w`` of the awake followers after a step of ``dt`` [s]."""
-        self._reader.read_positions(dt)
+    def read(self, states: FloatArray, dt: float) -> None:
+        """Read the awake followers into ``states`` (S, 13), and note their places before a step of ``dt`` [s]: each
+        base by two calls of PyBullet, all links of a robot by one."""
+        self._list_awake()
+        calls, slots = self._calls, self._slots
+        parts = [calls.states(self._bases), *(calls.link_states(body, links) for body, links in self._robots)]
+        states[slots] = found = np.concatenate(parts)
+        self._followers.note_places(slots, found, dt)
 
     def states_of(self, slots: IntArray) -> FloatArray | None:
         """None: PyBullet's calls read bodies one by one."""
@@ -90,9 +99,112 @@ class PatchContacts:
     def close(self) -> None:
         """Remove all colliders."""
         for follower in self._followers:
-            self._colliders.release(follower)
+            self._release(follower)
         self._whole.release()
 
-    def _release(self, slots: list[int]) -> None:
-        for slot in slots:
-            self._colliders.release(self._followers[slot])
+    def _list_awake(self) -> None:
+        """List the awake followers in the order in which they are read: bases, then the links of each robot."""
+        if self._wakes == self._followers.wakes:
+            return
+        self._wakes = self._followers.wakes
+        awake = [self._followers[slot] for slot in self._followers.awake.tolist()]
+        bases = [follower for follower in awake if follower.link < 0]
+        links = sorted((follower for follower in awake if follower.link >= 0), key=lambda follower: follower.body)
+        by_robot: dict[int, list[int]] = {}
+        for follower in links:
+            by_robot.setdefault(follower.body, []).append(follower.link)
+        self._bases = [follower.body for follower in bases]
+        self._robots = list(by_robot.items())
+        self._slots = np.array([follower.slot for follower in bases + links], np.int64)
+
+    def _apply(self, batches: list[PatchBatch], supports: Any) -> None:
+        """Give the awake followers that are solid the colliders of their patches, and take the colliders of those
+        without a patch."""
+        solid, served = set(self._followers.solid.tolist()), set()
+        for batch in batches:
+            feet = np.column_stack([supports[name][batch.bodies] for name in ("foot_x", "foot_y")])
+            friction = self._terrain.friction_at(feet).tolist()
+            for row, slot in enumerate(batch.bodies.tolist()):
+                if slot in solid and batch.kind != "whole":
+                    self._apply_patch(self._followers[slot], batch, row, supports[slot])
+                    self._set_friction(self._followers[slot], friction[row])
+                    served.add(slot)
+        for slot in solid - served:
+            self._release(self._followers[slot])
+
+    def _release(self, follower: Follower) -> None:
+        """Remove a follower's collider."""
+        if follower in self._held:
+            self._drop(self._held[follower].uid)
+            del self._held[follower]
+            follower.collider = None
+
+    def _drop(self, uid: int) -> None:
+        self._pairs.retire(uid)
+        self._client.removeBody(uid)
+
+    def _apply_patch(self, follower: Follower, batch: PatchBatch, row: int, support: Any) -> None:
+        vertices = batch.vertices_w[row]
+        if is_mesh(batch.kind):
+            base = np.array([*batch.centres_w[row, :2], support.foot_z])
+            triangles = batch.triangles
+            if batch.may_have_holes:
+                triangles = triangles[~np.isnan(vertices[:, 2])[triangles].any(axis=1)]
+            if not len(triangles):
+                self._release(follower)
+                return
+            surface = np.nan_to_num(vertices, nan=float(base[2])) - base
+            held = self._held.get(follower)
+            if not (isinstance(held, MeshCollider) and held.fits(batch.kind, surface, triangles)):
+                self._hold(follower, make_mesh(self._client, batch.kind, surface, triangles))
+                self.leaked += 1
+                self.replacements += 1
+            turn = (0.0, 0.0, 0.0, 1.0)
+        else:
+            base = np.array([*(0.5 * (vertices[0, :2] + vertices[-1, :2])), batch.centres_w[row, 2]])
+            turn = self._apply_field(follower, vertices, base, support)
+        uid = follower.collider = self._held[follower].uid
+        self._client.resetBasePositionAndOrientation(uid, base.tolist(), turn)
+        if self._config.carry_velocity:
+            self._push(uid, base, support)
+
+    def _apply_field(
+        self, follower: Follower, vertices: FloatArray, base: FloatArray, support: Any
+    ) -> tuple[float, float, float, float]:
+        """Give a follower the field of a patch's vertices (K, 3) [m]; returns its orientation (x, y, z, w)."""
+        rows, columns = int(support.rows), int(support.columns)
+        x, y = (vertices[1, :2] - vertices[0, :2]).tolist()
+        spacing = math.hypot(x, y)
+        held = self._held.get(follower)
+        if not (isinstance(held, Field) and held.fits(rows, columns, spacing)):
+            held = make_field(self._client, rows, columns, spacing)
+            self._hold(follower, held)
+        if held.replace(self._client, vertices[:, 2].reshape(rows, columns) - base[2]):
+            self.replacements += 1
+        return quarter_turn(math.atan2(y, x))
+
+    def _push(self, uid: int, base: FloatArray, support: Any) -> None:
+        """Move a collider with the ground under its follower."""
+        away = base - (support.foot_x, support.foot_y, support.foot_z)
+        turn = np.array([support.turn_x, support.turn_y, support.turn_z])
+        linear = np.array([support.slide_x, support.slide_y, support.rise]) + np.cross(turn, away)
+        self._client.resetBaseVelocity(uid, linear.tolist(), turn.tolist())
+
+    def _set_friction(self, follower: Follower, friction: float) -> None:
+        """Give a follower's collider a coefficient, by which PyBullet multiplies that of the body."""
+        held = self._held.get(follower)
+        if held is not None and held.friction != friction:
+            for link in range(-1, self._client.getNumJoints(held.uid)):
+                self._client.changeDynamics(held.uid, link, lateralFriction=friction)
+            held.friction = friction
+
+    def _hold(self, follower: Follower, made: Field | MeshCollider) -> None:
+        """Put a new collider in the place of a follower's old one; it touches this follower alone."""
+        with undone(lambda: self._drop(made.uid)):
+            self._release(follower)
+            self._pairs.claim(made.uid)
+            for link in range(-1, self._client.getNumJoints(made.uid)):
+                # PyBullet multiplies the coefficients of the two bodies, so 1 leaves the body's own in effect.
+                self._client.changeDynamics(made.uid, link, lateralFriction=1.0, restitution=1.0)
+            self._pairs.join(made.uid, follower.body, follower.link)
+        self._held[follower] = made

@@ -5,14 +5,13 @@ It ignores the ground's velocity, and its cost grows with the map instead of the
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.colliders.field import HOLE
+from smartmesh_ros.ground.colliders.field import HOLE, quarter_turn
 from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.config import WholeKind
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
@@ -48,11 +47,6 @@ class WholeMesh:
         self._colliders: dict[str, tuple[MainMesh, int, int]] = {}  # by tile: mesh, shape and body
         self._states: dict[str, tuple[int, bool]] = {}  # by tile: version and True if it moved, at the last update
         self._kind: WholeKind | None = None
-
-    @property
-    def bodies(self) -> list[int]:
-        """PyBullet bodies of the colliders."""
-        return [body for _, _, body in self._colliders.values()]
 
     def update(self, kind: WholeKind, time: float) -> None:
         """Set the colliders to the ground at ``time`` [s]: a trimesh is rebuilt, a heightfield replaced in place.
@@ -121,7 +115,7 @@ class WholeMesh:
             )
             middle = geometry.to_world((geometry.rows - 1) / 2, (geometry.columns - 1) / 2)
             position = (float(middle[0]), float(middle[1]), geometry.origin[2])
-            self._colliders[name] = (mesh, shape, self._create(shape, position, _quarter_turn(geometry.yaw)))
+            self._colliders[name] = (mesh, shape, self._create(shape, position, quarter_turn(geometry.yaw)))
         self._client.createCollisionShape(
             pb.GEOM_HEIGHTFIELD,
             heightfieldData=rotated.tolist(),
@@ -146,10 +140,3 @@ def whole_vertices(heightmap: HeightMap, time: float) -> FloatArray:
     vertices[:, :2] = geometry.to_world(rows, columns)
     vertices[:, 2] = heightmap.sample(indices, time).heights.ravel()
     return vertices
-
-
-def _quarter_turn(yaw: float) -> tuple[float, float, float, float]:
-    """Orientation (x, y, z, w) of a heightfield's body over a grid with yaw ``yaw`` [rad]: 90 degrees more, see
-    `make_field`."""
-    half = 0.5 * (yaw + 0.5 * math.pi)
-    return (0.0, 0.0, math.sin(half), math.cos(half))

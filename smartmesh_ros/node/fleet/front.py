@@ -8,7 +8,7 @@ nodes. The nodes themselves publish on one shared topic of patches.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import partial
 from time import monotonic
 from typing import Any
@@ -16,12 +16,11 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import QoSProfile
-from smartmesh_msgs.msg import BodyFailure, BodySpecification, Timing, TrackedBodyArray
+from smartmesh_msgs.msg import BodyFailure, BodySpecification, StageTiming, Timing, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.fleet import timing
 from smartmesh_ros.node.fleet.calls import Calls
 from smartmesh_ros.node.fleet.layout import FRONT, marker_namespace, node_names
 from smartmesh_ros.node.fleet.ledger import Duties, Ledger, LedgerConfig, Respawning
@@ -218,7 +217,7 @@ class Front(ParameterNode):
                 take = partial(self._timings.__setitem__, marker_namespace(node).rpartition("/")[2])
                 self._listening.append(self.create_subscription(Timing, f"{node}/timing", take, 10))
         if self._timings:
-            message = timing.merge(self._timings)
+            message = merged_timing(self._timings)
             message.header.stamp = self.get_clock().now().to_msg()
             self._timing.publish(message)
             self._timings.clear()
@@ -228,6 +227,24 @@ def _listed(names: Sequence[str]) -> str:
     """Return the number of bodies and the first `MOST_NAMED` names."""
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     return f"{len(names)} bodies ({', '.join(names[:MOST_NAMED])}{more})"
+
+
+def merged_timing(timings: Mapping[str, Timing]) -> Timing:
+    """Return one message for timings by node name: the lowest real-time factor, the sum of the deadline misses, and
+    every stage as ``node/stage``."""
+    message = Timing()
+    for name, timing in timings.items():
+        message.window_s = max(message.window_s, timing.window_s)
+        message.deadline_misses += timing.deadline_misses
+        for stage in timing.stages:
+            message.stages.append(
+                StageTiming(
+                    stage=f"{name}/{stage.stage}", count=stage.count, p50_us=stage.p50_us, p99_us=stage.p99_us,
+                    max_us=stage.max_us,
+                )
+            )  # fmt: skip
+    message.real_time_factor = min((timing.real_time_factor for timing in timings.values()), default=0.0)
+    return message
 
 
 def main(args: Sequence[str] | None = None) -> None:

@@ -123,7 +123,7 @@ def mesh_from(data: bytes, max_samples: int) -> MeshInput:
     triangles = reader.sequence("u4", 3)
     vertices = reader.sequence("f8", 3)
     velocities = reader.sequence("f8", 3)
-    _require_size(len(vertices), max_samples)
+    require_cells(len(vertices), max_samples)
     return MeshInput(start, vertices, triangles, velocities if len(velocities) else None)
 
 
@@ -134,7 +134,7 @@ def mesh_update_from(data: bytes, max_samples: int) -> MeshUpdateInput:
     indices = reader.sequence("u4")
     vertices = reader.sequence("f8", 3)
     velocities = reader.sequence("f8", 3)
-    _require_size(len(vertices), max_samples)
+    require_cells(len(vertices), max_samples)
     return MeshUpdateInput(start, indices if len(indices) else None, vertices, velocities if len(velocities) else None)
 
 
@@ -220,16 +220,23 @@ def _friction(values: Any, shape: tuple[int, int]) -> float | FloatGrid | None:
 
 def _require_count(width: int, height: int, heights: int, velocities: int, max_samples: int) -> None:
     count = width * height
-    _require_size(count, max_samples)
+    require_cells(count, max_samples)
     if heights != count:
         raise InputError("length", f"{heights} heights for {height} rows x {width} columns; there must be {count}")
     if velocities not in (0, count):
         raise InputError("length", f"{velocities} velocities for {count} heights; there must be as many, or none")
 
 
-def _require_size(count: int, max_samples: int) -> None:
+def require_cells(count: int, max_samples: int) -> None:
+    """Raise `InputError` if there are more samples than allowed. Called before memory is allocated."""
     if count > max_samples:
         raise InputError("size", f"{count} samples are more than terrain.max_samples = {max_samples}")
+
+
+def require_length(what: str, actual: int, wanted: int) -> None:
+    """Raise `InputError` if the length of the data does not match the sizes."""
+    if actual != wanted:
+        raise InputError("length", f"{what} has {actual} values; its sizes say {wanted}")
 
 
 def _require_distinct(names: list[str]) -> None:

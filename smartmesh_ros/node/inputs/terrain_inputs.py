@@ -27,7 +27,6 @@ from smartmesh_ros.patches.config import ANYWHERE
 from smartmesh_ros.report.methods import require_search_on
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 # Frame of the terrain if the first map names none.
@@ -168,12 +167,11 @@ class TerrainInputs:
                 self._terrain.remove(new.start.tile)
                 return
             require_tile_fits(new.start.tile, len(new.vertices), self._terrain, settings)
-            self._put(
-                new.start.tile,
-                TriangleMesh(
-                    new.vertices, new.triangles, time=placed.time, velocities=new.velocities, motion=settings.motion
-                ),
+            mesh = TriangleMesh(
+                new.vertices, new.triangles, time=placed.time, velocities=new.velocities, motion=settings.motion
             )
+            self._session.world.ground.require_usable(mesh)
+            self._terrain.put(new.start.tile, mesh)
 
     def _on_mesh_update(self, data: bytes) -> None:
         settings = self._session.settings
@@ -196,10 +194,6 @@ class TerrainInputs:
         )
         session.overtaken[topic] += late
         return late
-
-    def _put(self, tile: str, mesh: MainMesh) -> None:
-        self._session.world.ground.require_usable(mesh)
-        self._terrain.put(tile, mesh)
 
     @contextmanager
     def _ingesting(self, tile: str, stamp: float | None, frame_id: str, *, update: bool = False) -> Iterator[Placed]:

@@ -21,8 +21,7 @@ from smartmesh_ros.node.inputs import bounds, conversions
 from smartmesh_ros.node.inputs.optional_messages import find_interfaces
 from smartmesh_ros.node.outputs.robot_outputs import pose_message, twist_message
 from smartmesh_ros.node.refusals import reason_of
-from smartmesh_ros.node.services.entity_bounds import own_bounds
-from smartmesh_ros.node.services.entity_filters import select
+from smartmesh_ros.node.services.entities import own_bounds, select
 from smartmesh_ros.node.services.robot_files import robot_name, urdf_text, with_package_paths
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.world.base_frames import centre_state

@@ -11,7 +11,7 @@ from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, TrackedBod
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.shapes import SHAPES, Form, shape_of
+from smartmesh_ros.ground.shapes import SHAPES, shape_of
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.conversions import state_from
 from smartmesh_ros.patches.shapes import ShapeKind
@@ -57,7 +57,7 @@ class MessageBodies:
             if body.id in self._robots:
                 self._place(self._robots[body.id], state)
             elif body.shape in SHAPES:
-                shape = shape_of(Form(ShapeKind(body.shape), body.dimensions.tolist(), body.centre.tolist()))
+                shape = shape_of(ShapeKind(body.shape), body.dimensions.tolist(), body.centre.tolist())
                 self._given.put(
                     body.id, shape.body_shape, (*state.position, *state.orientation, *state.linear, *state.angular)
                 )

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs.adapters.sizes import require_cells, require_length
-from smartmesh_ros.node.inputs.conversions import yaw_from
+from smartmesh_ros.node.inputs.conversions import require_cells, require_length, yaw_from
 from smartmesh_ros.terrain.grid import GridGeometry
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,18 +13,10 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.arrays import floats
 from smartmesh_ros.soil.layer import Region
 from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros.world.contacts import GroundContact
 
 
-class PressingContact(NamedTuple):
-    """A contact of a body with the ground, as `Soil` takes it."""
-
-    body: str
-    position: tuple[float, float, float]
-    normal: tuple[float, float, float]
-    normal_force: float
-
-
-def contacts_from(message: ContactArray) -> list[PressingContact]:
+def contacts_from(message: ContactArray) -> list[GroundContact]:
     """Convert a message; contacts of tracked bodies, which have no force, are left out. Raises `InputError`."""
     found = []
     for contact in message.contacts:
@@ -33,7 +25,7 @@ def contacts_from(message: ContactArray) -> list[PressingContact]:
             raise InputError("non_finite", f"the contact of {contact.body_id!r} has values that are not finite")
         if contact.normal_force > 0.0:
             normal = (contact.normal.x, contact.normal.y, contact.normal.z)
-            found.append(PressingContact(contact.body_id, numbers[:3], normal, contact.normal_force))
+            found.append(GroundContact(contact.body_id, numbers[:3], normal, contact.depth, contact.normal_force))
     return found
 
 

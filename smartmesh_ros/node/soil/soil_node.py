@@ -30,12 +30,13 @@ from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.soil.message_bodies import MessageBodies
 from smartmesh_ros.node.soil.soil_map import SoilMap, soil_map_from
-from smartmesh_ros.node.soil.soil_messages import PressingContact, contacts_from, grid_map_message, update_message
+from smartmesh_ros.node.soil.soil_messages import contacts_from, grid_map_message, update_message
 from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.layer import Region
 from smartmesh_ros.soil.soil import Soil, loads_of
 from smartmesh_ros.soil.soils import KNOWN, soil_named, soils_of
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.world.contacts import GroundContact
 
 NAME = "soil"
 _D = SoilConfig()
@@ -89,7 +90,7 @@ class SoilNode(ParameterNode):
         self._frame = ""
         self._start: float | None = None  # stamp that is time zero of the soil's map [s]
         self._time, self._interval = 0.0, 1.0 / values["rate"]  # of the last update, and least time between two [s]
-        self._contacts: list[PressingContact] = []  # since the last update, of a number of messages
+        self._contacts: list[GroundContact] = []  # since the last update, of a number of messages
         self._steps = 0
         self._sent: dict[tuple[int, int, int, int, int], None] = {}  # own updates that may come back
         self._changed = False

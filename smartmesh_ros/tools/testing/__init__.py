@@ -13,11 +13,11 @@ docs/testing.md is the guide. With pytest, import the fixtures and request them:
 All functions wait for conditions, with generous timeouts; none sleeps for a fixed time.
 """
 
+from smartmesh_ros.node.outputs.arrays import floats
 from smartmesh_ros.startup.domains import isolated
 from smartmesh_ros.tools.testing.fixtures import domain, probe
 from smartmesh_ros.tools.testing.messages import (
     assert_on_map,
-    floats,
     heightmap_message,
     mesh_message,
     point_message,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import array
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -13,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from shape_msgs.msg import MeshTriangle
 from smartmesh_msgs.msg import Heightmap, TerrainMesh
 from visualization_msgs.msg import Marker
+
+from smartmesh_ros.node.outputs.arrays import floats
 
 
 def heightmap_message(
@@ -69,13 +70,6 @@ def point_message(position: Sequence[float]) -> Point:
 def pose_message(position: Sequence[float]) -> Pose:
     """Return a Pose at a position [m], without rotation."""
     return Pose(position=point_message(position))
-
-
-def floats(values: NDArray[np.float32]) -> array.array[float]:
-    """Return values for a float32[] field, without converting element by element."""
-    result = array.array("f")
-    result.frombytes(np.ascontiguousarray(values, np.float32).tobytes())
-    return result
 
 
 def points_of(marker: Marker) -> NDArray[np.float64]:

@@ -19,7 +19,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.tools.client.messages import KINDS
-from smartmesh_ros.tools.testing.messages import floats, heightmap_message
+from smartmesh_ros.tools.testing import floats, heightmap_message
 from tests.examples import examples
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")

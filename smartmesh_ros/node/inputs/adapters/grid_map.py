@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import Raster, RasterConfig, from_grid_map
-from smartmesh_ros.node.inputs.adapters.sizes import require_cells, require_length
+from smartmesh_ros.node.inputs.conversions import require_cells, require_length
 
 # Largest difference of a map's length from a whole number of cells [cells].
 OFF_GRID = 0.01

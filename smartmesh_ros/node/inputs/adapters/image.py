@@ -8,7 +8,7 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import Raster, RasterConfig, from_image
-from smartmesh_ros.node.inputs.adapters.sizes import require_cells
+from smartmesh_ros.node.inputs.conversions import require_cells
 
 ENCODINGS = {"32FC1": "f4", "16UC1": "u2", "mono16": "u2", "mono8": "u1", "8UC1": "u1"}
 

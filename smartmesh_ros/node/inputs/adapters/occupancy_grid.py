@@ -8,8 +8,7 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import Raster, RasterConfig, from_cells, occupancy_heights
-from smartmesh_ros.node.inputs.adapters.sizes import require_cells, require_length
-from smartmesh_ros.node.inputs.conversions import FloatGrid, yaw_from
+from smartmesh_ros.node.inputs.conversions import FloatGrid, require_cells, require_length, yaw_from
 
 
 def raster_from(message: Any, config: RasterConfig, max_samples: int) -> Raster:

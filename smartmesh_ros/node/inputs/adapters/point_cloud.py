@@ -8,7 +8,7 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import Raster, RasterConfig, from_points
-from smartmesh_ros.node.inputs.adapters.sizes import require_cells
+from smartmesh_ros.node.inputs.conversions import require_cells
 
 # Of sensor_msgs/PointField: FLOAT32 and FLOAT64.
 TYPES = {7: "f4", 8: "f8"}

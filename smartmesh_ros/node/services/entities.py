@@ -1,14 +1,17 @@
-"""Bodies that pass an EntityFilters message of simulation_interfaces."""
+"""Bodies as entities of simulation_interfaces: those that pass an EntityFilters message, and their Bounds."""
 
 from __future__ import annotations
 
 import re
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.quaternions import rotate
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.world.bodies import Body, bounds_of
 from smartmesh_ros.world.world import World
 
 
@@ -39,18 +42,25 @@ def select(world: World, filters: Any, bounds: Any) -> list[str]:
 
 
 def _box_overlaps(world: World, name: str, low: FloatArray, high: FloatArray) -> bool:
-    body_low, body_high = _bounds(world, name)
+    body_low, body_high = bounds_of(world.client, world.bodies[name])
     return bool((body_low <= high).all() and (low <= body_high).all())
 
 
 def _distance(world: World, name: str, point: FloatArray) -> float:
-    low, high = _bounds(world, name)
+    low, high = bounds_of(world.client, world.bodies[name])
     return float(np.linalg.norm(np.maximum(np.maximum(low - point, point - high), 0.0)))
 
 
-def _bounds(world: World, name: str) -> tuple[FloatArray, FloatArray]:
-    """Return the lower and upper corner (3,) [m] of the axis-aligned bounds around all links of a body."""
-    body, client = world.bodies[name], world.client
-    links = body.links or {-1: ""}
-    corners = np.array([client.getAABB(body.uid, link) for link in links])
-    return corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
+def own_bounds(body: Body) -> tuple[FloatArray, FloatArray]:
+    """Return the lower and upper corner (3,) [m] of a body's box in its own frame; for a robot, all links at joint
+    positions zero in the frame of the root link."""
+    box = body.outline.body_shape.record
+    half, centre = box["half"] + box["rounding"], box["offset"]
+    position, orientation = body.inertial
+    corners = [np.array(position) + rotate(orientation, (x, y, z)) for x, y, z in _corners(half, centre)]
+    return np.min(corners, axis=0), np.max(corners, axis=0)
+
+
+def _corners(half: FloatArray, centre: FloatArray) -> FloatArray:
+    corners: FloatArray = centre + half * np.array(list(product((-1.0, 1.0), repeat=3)))
+    return corners
