@@ -17,8 +17,6 @@ constexpr int ROUNDS = 30;
 constexpr double LOAD_ERROR = 1e-6;
 // Least share of a body that rests on a quarter of its contact.
 constexpr double LEAST_SHARE = 0.05;
-// Least rise of a normal: soil beside a body does not carry it.
-constexpr double STEEP = 0.05;
 // Depth from which a body that appears in the soil has been put there [m].
 constexpr double PUT_IN = 1e-3;
 // By how much soil may be higher than the mean around it, which the map shows [m].
@@ -103,6 +101,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
   row_.x.resize(static_cast<std::size_t>(right - left + 1));
   for (int c = left; c <= right; ++c) row_.x[c - left] = (c - placed.column) * spacing;
   exact_.x = row_.x;
+  const bool is_level = stands_level(placed.shape);  // then its upright faces do not lift it off samples on their edges
   for (int r = top; r <= bottom; ++r) {
     row_.y = exact_.y = (r - placed.row) * spacing;
     look_up(placed.shape, row_);
@@ -110,7 +109,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
     for (int c = left; c <= right; ++c) {
       const int k = c - left;
       if (row_.low[k] == INFINITE) continue;
-      const bool is_beside = exact_.low[k] == INFINITE;
+      const bool is_beside = exact_.low[k] == INFINITE || (is_level && exact_.low[k] > row_.low[k]);
       const double low = is_beside ? std::max(row_.low[k], placed.lowest) : exact_.low[k];
       FineSample& sample = soil.at(r, c);
       if (!(placed.z + low - deepest < sample.level)) continue;  // also in holes

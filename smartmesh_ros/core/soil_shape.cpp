@@ -208,6 +208,11 @@ double reach(const Underside& shape, int along) {
   return found;
 }
 
+bool stands_level(const Underside& shape) {
+  const double rise = shape.axis(shape.upright).z;
+  return (shape.kind == ShapeKind::Box || shape.upright == 2) && 1.0 - rise * rise < STEEP * STEEP;
+}
+
 bool lies(const Solid& solid) {
   const ShapeKind kind = solid.shape->kind;
   return (kind == ShapeKind::Cylinder || kind == ShapeKind::Capsule) && std::abs(solid.axes.row[2].z) < STANDS;

@@ -24,6 +24,9 @@ struct Underside {
   const Vec3& axis(int k) const { return solid.axes.row[k]; }
 };
 
+// Least rise of a normal: soil beside a body does not carry it.
+constexpr double STEEP = 0.05;
+
 Underside underside(const Solid& solid, double spacing);
 
 // Samples of a row of the grid at (x, y) [m] and what is above them. `low`: height of the underside [m], infinity
@@ -58,6 +61,9 @@ double half_length(const Underside& shape, int along);
 
 // Returns half the length of the rectangle around all places with an underside [m].
 double reach(const Underside& shape, int along);
+
+// Returns true if a box, or a standing cylinder, leans by so little that its sides are upright.
+bool stands_level(const Underside& shape);
 
 // Returns true if a cylinder or capsule lies on its side, so that it rolls about its own axis 2.
 bool lies(const Solid& solid);

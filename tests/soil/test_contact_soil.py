@@ -89,6 +89,18 @@ def test_a_wheel_of_a_mesh_is_the_cylinder_around_it() -> None:
     assert hull.pull / wheel.load == pytest.approx(exact.pull / wheel.load, abs=0.03)
 
 
+@pytest.mark.parametrize("place", [(2.0, 2.0), (2.0, 2.003), (2.005, 2.005)])
+def test_a_box_sinks_upright_and_as_deep_wherever_its_edges_are_among_the_samples(place: tuple[float, float]) -> None:
+    depths = []
+    for where in (place, (2.003, 2.007)):
+        with with_box(grid=0.02, place=where) as world:
+            world.ground.set_soil(ContactSoil(world.terrain, "dry_sand"))
+            world.step(120)
+            depths.append(world.ground.on_soil()["box"].sinkage)
+            assert abs(world.state("box").orientation[3]) > 1.0 - 1e-9
+    assert depths[0] == pytest.approx(depths[1], rel=1e-3)
+
+
 @pytest.mark.parametrize("number", range(16))
 @pytest.mark.parametrize("rate", [60.0, 240.0])
 def test_energy_never_grows_in_set_downs(number: int, rate: float) -> None:
