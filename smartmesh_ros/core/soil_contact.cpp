@@ -103,6 +103,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
   const bool is_rolling = rolls(placed.shape.solid);
   row_.x.resize(static_cast<std::size_t>(right - left + 1));
   for (int c = left; c <= right; ++c) row_.x[c - left] = (c - placed.column) * spacing;
+  const bool is_level = stands_level(placed.shape);  // then its upright faces do not lift it off samples on their edges
   for (int r = top; r <= bottom; ++r) {
     row_.y = (r - placed.row) * spacing;
     look_up(placed.shape, row_), look_up_exact(placed.shape, row_, exact_);
@@ -110,10 +111,8 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
     for (int c = left; c <= right; ++c) {
       const int k = c - left;
       if (row_.low[k] == INFINITE) continue;
-      const bool is_beside = exact_.low[k] == INFINITE;
-      const double low = is_beside             ? std::max(row_.low[k], placed.lowest)
-                         : row_.share[k] < 1.0 ? low_of_face(placed.exact, {row_.x[k], row_.y, exact_.low[k]})
-                                               : exact_.low[k];
+      const bool is_beside = exact_.low[k] == INFINITE || (is_level && exact_.low[k] > row_.low[k]);
+      const double low = is_beside ? std::max(row_.low[k], placed.lowest) : exact_.low[k];
       FineSample& sample = soil.at(r, c);
       // Left out are holes, and soil that has sunk too far to carry, unless the middles of quarters count it.
       if (!(placed.z + low - deepest < sample.level - (is_rolling ? sample.yield.plastic : 0.0))) continue;

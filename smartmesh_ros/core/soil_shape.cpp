@@ -171,16 +171,6 @@ Vec3 normal_at(const Underside& shape, const Vec3& point) {
   return {out.x / length, out.y / length, out.z / length};
 }
 
-double low_of_face(const Underside& shape, const Vec3& point) {
-  const Vec3 side = normal_at(shape, point);
-  if (std::abs(side.z) >= STEEP) return point.z;
-  const double inwards = (dot(side, point) > 0.0 ? -0.25 : 0.25) * shape.spacing;
-  FootRow row;
-  row.x = {point.x + inwards * side.x}, row.y = point.y + inwards * side.y;
-  look_up(shape, row);
-  return row.low[0];
-}
-
 double patch_width(const Underside& shape) {
   const double* half = shape.half;
   if (shape.kind == ShapeKind::Box) return 2.0 * std::min(half[(shape.upright + 1) % 3], half[(shape.upright + 2) % 3]);
@@ -212,6 +202,11 @@ double reach(const Underside& shape, int along) {
     for (int k = 0; k < 3; ++k)
       if (k != shape.upright) found += shape.margin[k] * std::abs(along_grid(shape.axis(k), along));
   return found;
+}
+
+bool stands_level(const Underside& shape) {
+  const double rise = shape.axis(shape.upright).z;
+  return (shape.kind == ShapeKind::Box || shape.upright == 2) && 1.0 - rise * rise < STEEP * STEEP;
 }
 
 bool lies(const Solid& solid) {

@@ -48,10 +48,6 @@ Vec3 normal_at(const Underside& shape, const Vec3& point);
 // Least rise of a normal: soil beside a body does not carry it.
 constexpr double STEEP = 0.05;
 
-// Returns the height of the face that presses at a point of the underside [m]. A vertical line meets an upright face at
-// any height: there it is the height beside that face, below the shape.
-double low_of_face(const Underside& shape, const Vec3& point);
-
 // Returns the smaller dimension b of the contact patch [m], for Bekker's Kc / b: of a box its narrower side, of a lying
 // cylinder its height, of round shapes the radius.
 double patch_width(const Underside& shape);
@@ -69,6 +65,9 @@ double half_length(const Underside& shape, int along);
 
 // Returns half the length of the rectangle around all places with an underside [m].
 double reach(const Underside& shape, int along);
+
+// Returns true if a box, or a standing cylinder, leans by so little that its sides are upright.
+bool stands_level(const Underside& shape);
 
 // Returns true if a cylinder or capsule lies on its side, so that it rolls about its own axis 2.
 bool lies(const Solid& solid);

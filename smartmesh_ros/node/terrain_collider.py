@@ -1,9 +1,10 @@
-"""The node ``terrain_collider``: terrain and bodies in, collider patches out.
+"""The node ``terrain_collider``: terrain and bodies in, contacts, body states and patches of the ground out.
 
 It receives a deforming terrain (heightmaps, grid maps, images, occupancy grids, point clouds, meshes, files) and the
-poses of bodies (arrays, poses, odometry, TF frames), keeps a small collider patch under each body, steps the physics of
-simulated bodies on those patches, and publishes patches, contacts, body states and timing. Topics and services are
-private (~/heightmap, ~/patches, ...) and listed in docs/interface.md; `ros2 node info /terrain_collider` shows them.
+poses of bodies (arrays, poses, odometry, TF frames), steps the physics of simulated bodies, whose contacts come from
+the map itself, and publishes contacts, body states, timing, and the patch of ground under each body. Topics and
+services are private (~/heightmap, ~/patches, ...) and listed in docs/interface.md; `ros2 node info /terrain_collider`
+shows them.
 """
 
 from __future__ import annotations

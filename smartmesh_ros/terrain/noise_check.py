@@ -74,8 +74,8 @@ class NoiseCheckConfig:
     ``memory`` [s]: time constant of the decay of counts.
     ``least_jump`` [m]: smaller jumps are ignored, because they throw no bodies. ``acceleration`` [m/s^2]: ground that
     needs no more than this to get from rest to rest between two maps may be a lift or a platform.
-    ``rest`` [s]: time at rest before and after a jump. ``still`` [-]: maximum change from map to map of ground at rest,
-    as a fraction of the jump. ``hold`` [s]: time after which findings expire.
+    ``rest`` [s]: time at rest before and after a jump. ``still`` [-]: maximum speed of ground at rest from map to map,
+    as a fraction of the jump's. ``hold`` [s]: time after which findings expire.
     """
 
     samples: int = 12
@@ -115,6 +115,11 @@ class Change(NamedTuple):
     time: float
     step: float
     interval: float
+
+    @property
+    def speed(self) -> float:
+        """Of the change [m/s]: where maps are missing, that of moving ground stays and its step grows."""
+        return self.step / self.interval
 
 
 class NoiseCheck:
@@ -197,7 +202,7 @@ class NoiseCheck:
                 self._old.popleft()
             least = max(config.least_jump, 0.25 * config.acceleration * change.interval**2)
             if change.step >= least and self._start <= before:
-                rests = all(other.step <= config.still * change.step for other in (*self._old, *self._new))
+                rests = all(other.speed <= config.still * change.speed for other in (*self._old, *self._new))
                 jump = max(jump, change.step if rests else 0.0)
             self._old.append(change)
         return jump

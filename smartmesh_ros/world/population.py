@@ -103,7 +103,7 @@ class Population(Driving):
         try:
             body = BodyFactory(client, self._factory.config).robot(name, robot, state)
             yield
-            return (yield from stance_of(client, body, state, self.ground_at, align=align))
+            return (yield from self._stance(client, body, state, align))
         finally:
             client.disconnect()
 
@@ -201,14 +201,18 @@ class Population(Driving):
     def _on_ground(self, body: Body, clearance: float, align: bool) -> Body:
         """Place a new body on the ground; removes it and raises `InputError` if that is refused."""
         with undone(lambda: self.client.removeBody(body.uid)):
-            if not self.terrain.tiles:
-                raise InputError("no_map", NO_TERRAIN)
-            stance = finished(stance_of(self.client, body, body.initial, self.ground_at, align=align))
+            stance = finished(self._stance(self.client, body, body.initial, align))
             state = stance.on(self.ground_at, clearance)
             require_possible(body.name, state)
             body.initial = state
             self._factory.move(body, state)
         return body
+
+    def _stance(self, client: Any, body: Body, state: BodyState, align: bool) -> Parts[Stance]:
+        """Find in parts how a body stands on the ground; raises `InputError` if there is none."""
+        if not self.terrain.tiles:
+            raise InputError("no_map", NO_TERRAIN)
+        return stance_of(client, body, state, self.ground_at, align=align)
 
     def _robot(self, name: str, urdf: str | PreparedRobot, state: BodyState) -> Body:
         """Return the body of a robot, not yet part of this world."""

@@ -264,6 +264,20 @@ def test_one_map_of_other_ground_is_no_jump_until_the_ground_has_rested() -> Non
     assert check_of(of_mapper(8.0, 20.0, closure=0.08, every=0.5)).findings == NO_FINDINGS
 
 
+@pytest.mark.parametrize("lost", range(2, 7))
+def test_a_gap_between_maps_of_a_wave_is_no_jump(lost: int) -> None:
+    """The publisher of the README, 30 maps a second, whose maps are missing for up to 0.23 s."""
+    x = np.tile(np.linspace(-5.0, 5.0, 61), (61, 1))
+    stamps = [number / 30 for number in range(180) if not 90 <= number < 90 + lost]
+    assert check_of(of_ground(lambda time: 0.3 * np.sin(x + 4.0 * time), GRID, stamps)).findings == NO_FINDINGS
+
+
+def test_a_closure_in_a_gap_between_maps_is_seen() -> None:
+    feed = of_mapper(SOON, 20.0, noise=0.002, closure=0.08)
+    gap = (one for one in feed if not 1.9 <= one[0] < 2.05)
+    assert check_of(gap).findings.jump == pytest.approx(0.08, rel=0.1)
+
+
 def test_maps_that_are_too_far_apart_or_of_another_grid_start_anew() -> None:
     slow = check_of(of_mapper(30.0, 2.0, noise=0.005))
     assert slow.findings == NO_FINDINGS  # such maps give no velocity

@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, InputError, Sphere, Terrain, World
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros.world.robots.prepared import prepare_robot
+from smartmesh_ros.world.standing import finished
 from tests.bodies import rotation
 
 DATA = Path(pybullet_data.getDataPath())
@@ -149,6 +151,7 @@ def test_without_terrain_it_is_refused() -> None:
         for spawn in (
             lambda: world.spawn("body", Sphere(0.1), 1.0, on_ground=True),
             lambda: world.spawn_robot("body", ROVER, on_ground=True, align=True),
+            lambda: finished(world.stance_of_robot("body", prepare_robot(ROVER), BodyState(), align=False)),
         ):
             with pytest.raises(InputError, match="there is no terrain yet; ask again after the first map") as caught:
                 spawn()

@@ -185,7 +185,7 @@ def _picture(frame: Frame, path: Path) -> Path:
         relief.plot([], [], "o", color=BODY_COLOURS.get(kind, OTHER_COLOUR), label=kind)
     relief.plot([], [], "s", color=PATCH_COLOUR, label="patch")
     figure.legend(loc="upper left", bbox_to_anchor=(0.76, 0.86), frameon=False, fontsize=12)
-    figure.suptitle("A wave travels over a real elevation model: colliders exist under the bodies only", y=0.96)
+    figure.suptitle("A wave travels over a real elevation model: patches follow the bodies", y=0.96)
     figure.savefig(path)
     plt.close(figure)
     return path
