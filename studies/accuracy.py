@@ -38,24 +38,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     found = describe()
     blocks: dict[str, str] = {"machine": f"{measured_on(found)}."}
     data: dict[str, Any] = {"machine": found, "quick": options.quick}
+    if not options.charts_only:  # before the charts, whose replaced meshes PyBullet keeps in memory
+        _matrix(options, images, blocks, data, say)
+        _write(out, blocks, data)
     if not options.matrix_only:
         _charts(options, images, blocks, data, say)
-    if not options.charts_only:
-        outcomes = run_matrix(say, quick=options.quick, methods=options.methods)
-        if options.methods:
-            outcomes = _beside_those_before(outcomes, out / "accuracy.json")
-        draw_matrix(images / "stability.png", outcomes)
-        (out / "images" / "real_maps").mkdir(exist_ok=True)
-        draw_box(out / "images" / "real_maps" / "box.png")
-        blocks["stability"] = matrix_table(outcomes)
-        data["stability"] = [asdict(outcome) for outcome in outcomes]
-    print(file=sys.stderr)
-    path = out / "accuracy.json"
-    save_results(path, data)
+        _write(out, blocks, data)
+    print(f"\nwrote {out / 'accuracy.json'} and {images} in {say.elapsed:.0f} s")
+    return 0
+
+
+def _write(out: Path, blocks: dict[str, str], data: dict[str, Any]) -> None:
+    """Write what is known by now."""
+    save_results(out / "accuracy.json", data)
     if (page := out / "accuracy.md").exists():
         fill(page, blocks)
-    print(f"wrote {path} and {images} in {say.elapsed:.0f} s")
-    return 0
 
 
 def folder_of(options: argparse.Namespace) -> Path:
@@ -87,6 +84,18 @@ def _beside_those_before(outcomes: list[Outcome], path: Path) -> list[Outcome]:
         for outcome in {outcome.row: outcome for outcome in outcomes}.values()
         for method in methods
     ]
+
+
+def _matrix(options: argparse.Namespace, images: Path, blocks: dict[str, str], data: dict[str, Any], say: Any) -> None:
+    outcomes = run_matrix(say, quick=options.quick, methods=options.methods)
+    if options.methods:
+        outcomes = _beside_those_before(outcomes, images.parent.parent / "accuracy.json")
+    draw_matrix(images / "stability.png", outcomes)
+    real_maps = images.parent / "real_maps"
+    real_maps.mkdir(exist_ok=True)
+    draw_box(real_maps / "box.png")
+    blocks["stability"] = matrix_table(outcomes)
+    data["stability"] = [asdict(outcome) for outcome in outcomes]
 
 
 def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], data: dict[str, Any], say: Any) -> None:
