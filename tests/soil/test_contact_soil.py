@@ -70,8 +70,8 @@ def test_changes_are_what_another_map_needs_to_look_alike() -> None:
 
 
 def pressed(every: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return where a box is that stood on soil for a second, and the map, which was sent again after ``every`` steps;
-    0 = never."""
+    """Return where a box is that stood on soil for two seconds, and the map, which was sent again after ``every``
+    steps; 0 = never."""
     with with_box() as world:
         world.ground.set_soil(ContactSoil(world.terrain, "dry_sand"))
         tile = map_from(world.terrain, "")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.configurations import Configuration
-from studies.engines.engine import Contacts
+from studies.engines.engine import Contacts, Simulation
 from studies.laws import study
 from studies.laws.measures import GRAVITY, PRESSED, SLIPS, Residuals, residuals, spread
 from studies.laws.trials import COURSES, TRIALS, completed, end_in, entered
@@ -113,16 +113,22 @@ def configuration(request: pytest.FixtureRequest) -> Configuration:
     return found
 
 
+def contacts_after_step(engine: Simulation) -> Contacts:
+    """Run a step, and return its contacts; skips the test if the engine does not tell them."""
+    engine.step()
+    found = engine.contacts()
+    if found is None:
+        pytest.skip("tells no contacts")
+    return found
+
+
 def test_forces_of_contacts_are_what_changes_the_momentum(configuration: Configuration) -> None:
     """Of balls that slip, in each step; where an engine tells no friction, along the normal."""
     scene = TRIALS[0]
     with entered(configuration, scene) as engine:
         for _ in range(24):
             before = engine.velocities()
-            engine.step()
-            found = engine.contacts()
-            if found is None:
-                pytest.skip("tells no contacts")
+            found = contacts_after_step(engine)
             change = (engine.velocities() - before)[:, :3] / DT + (0.0, 0.0, GRAVITY)
             forces = found.normal_forces[:, None] * found.normals_w + np.nan_to_num(found.frictions_w)
             total = np.zeros_like(change)
@@ -139,10 +145,7 @@ def test_contacts_move_as_their_body_does(configuration: Configuration) -> None:
     with entered(configuration, TRIALS[0]) as engine:
         for _ in range(24):
             middles = engine.positions()
-            engine.step()
-            found = engine.contacts()
-            if found is None:
-                pytest.skip("tells no contacts")
+            found = contacts_after_step(engine)
             twists = engine.velocities()[found.bodies]
             wanted = twists[:, :3] + np.cross(twists[:, 3:], found.points_w - middles[found.bodies])
             assert found.velocities_w == pytest.approx(wanted, abs=1e-3)
