@@ -25,11 +25,17 @@ void check_clock(const Clock& clock) {
     throw std::invalid_argument("a clock names a velocity or an interval that is not there");
 }
 
-Clock* clocks_at(std::uint8_t* data, std::size_t count) {
+// Checks the clocks of the blocks that a rectangle touches. To check all of a large map takes longer than a small update.
+void check_clocks(const MapArrays& map, const Region& place) {
+  const Span down = blocks_of({place.top, place.bottom}), along = blocks_of({place.left, place.right});
+  for (std::ptrdiff_t row = down.first; row < down.last; ++row)
+    for (std::ptrdiff_t column = along.first; column < along.last; ++column)
+      check_clock(map.clocks[row * map.block_columns + column]);
+}
+
+Clock* clocks_at(std::uint8_t* data) {
   check_alignment(data, alignof(Clock));
-  auto* clocks = reinterpret_cast<Clock*>(data);
-  for (std::size_t k = 0; k < count; ++k) check_clock(clocks[k]);
-  return clocks;
+  return reinterpret_cast<Clock*>(data);
 }
 
 MapArrays map_of(const Heights& heights, const Clocks& clocks) {
@@ -41,13 +47,14 @@ MapArrays map_of(const Heights& heights, const Clocks& clocks) {
   check_alignment(heights.data(), sizeof(float));
   MapArrays map;
   map.heights = heights.data();
-  map.clocks = clocks_at(clocks.data(), clocks.shape(0) * clocks.shape(1));
+  map.clocks = clocks_at(clocks.data());
   map.rows = static_cast<std::ptrdiff_t>(rows), map.columns = static_cast<std::ptrdiff_t>(columns);
   map.block_columns = static_cast<std::ptrdiff_t>(clocks.shape(1));
   return map;
 }
 
-// Returns the rectangles (n, 4) of a map, each given by its first row and column, last row and column.
+// Returns the rectangles (n, 4) of a map, each given by its first row and column, last row and column, and checks their
+// clocks.
 std::vector<Region> rectangles_of(const Whole2& numbers, const MapArrays& map, std::size_t samples) {
   check_alignment(numbers.data(), sizeof(std::int64_t));
   if (numbers.shape(1) != 4) throw std::invalid_argument("rectangles must have the shape (n, 4)");
@@ -58,6 +65,7 @@ std::vector<Region> rectangles_of(const Whole2& numbers, const MapArrays& map, s
     if (!(0 <= n[0] && n[0] <= n[2] && n[2] < map.rows && 0 <= n[1] && n[1] <= n[3] && n[3] < map.columns))
       throw std::invalid_argument("a rectangle is empty or leaves the map");
     found.push_back({n[0], n[1], n[2] + 1, n[3] + 1});
+    check_clocks(map, found.back());
     count += static_cast<std::size_t>(found.back().size());
     if (count > samples) break;
   }
@@ -98,8 +106,10 @@ void correct(Heights heights, Heights offsets, Clocks clocks, Pair first, Floats
     throw std::invalid_argument("the estimate is empty or leaves the map");
   if (std::isnan(shown) || !(settle > 0.0)) throw std::invalid_argument("shown must be a time, and settle above zero");
   check_alignment(known.data(), sizeof(float));
+  const Region place = {row, column, row + high, column + wide};
+  check_clocks(map, place);
   map.offsets = offsets.data();
-  take_corrected(map, {row, column, row + high, column + wide}, {known.data(), finite(time, "the time"), shown, settle});
+  take_corrected(map, place, {known.data(), finite(time, "the time"), shown, settle});
 }
 
 // Fuses the rectangle whose first sample is `first` with heights `measured` (h, w). `noises`: their variances (h, w), or
@@ -131,7 +141,9 @@ std::tuple<double, double> note_update_of(Array<std::uint8_t, 2> clock, double t
                                           std::tuple<double, double> intervals) {
   if (clock.shape(0) != 1 || clock.shape(1) != sizeof(Clock))
     throw std::invalid_argument("the clock must be one record of CLOCK");
-  const VelocityUpdate update = note_update(*clocks_at(clock.data(), 1), finite(time, "the time"), given, whole,
+  Clock* noted = clocks_at(clock.data());
+  check_clock(*noted);
+  const VelocityUpdate update = note_update(*noted, finite(time, "the time"), given, whole,
                                             {std::get<0>(intervals), std::get<1>(intervals)});
   return {update.inverse, update.keep};
 }
