@@ -25,9 +25,9 @@ from smartmesh_ros.ground.solver import time_step_of
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.ground.update_schedule import UpdateSchedule
-from smartmesh_ros.ground.usable import require_usable
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.shapes import BodyShape
+from smartmesh_ros.report.methods import require_usable
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
