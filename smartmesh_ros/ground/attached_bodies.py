@@ -11,14 +11,13 @@ import numpy as np
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.belt import Belt
 from smartmesh_ros.ground.body_shapes import links_with_shape, shape_of
-from smartmesh_ros.ground.bullet_sleep import is_fixed
+from smartmesh_ros.ground.bullet_sleep import SleepContacts, is_fixed
 from smartmesh_ros.ground.colliders.patch_contacts import PatchContacts
+from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.map_contacts import MapContacts, missing_for
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.shown_patches import ShownPatches
-from smartmesh_ros.ground.sleep_config import SleepConfig
-from smartmesh_ros.ground.sleep_contacts import SleepContacts
 from smartmesh_ros.ground.sleeping import Sleeping
 from smartmesh_ros.ground.soil_support import SoilSupport, SteppedSoil
 from smartmesh_ros.ground.solver import time_step_of

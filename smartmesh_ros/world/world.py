@@ -13,10 +13,9 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.limits import FARTHEST_BODY
-from smartmesh_ros.ground.sleep_config import SleepConfig
 from smartmesh_ros.ground.solver import set_up
 from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.batch import PatchBatch
