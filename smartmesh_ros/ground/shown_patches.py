@@ -11,8 +11,7 @@ import numpy as np
 from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.patches.batch import MeshPatch, PatchBatch, grid_batches, mesh_batch
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.slot_rows import with_rows
-from smartmesh_ros.patches.supports import Support, no_supports
+from smartmesh_ros.patches.supports import Support, no_supports, with_rows
 from smartmesh_ros.report.fixed import FixedPatches
 from smartmesh_ros.report.mesh import MeshPatches
 from smartmesh_ros.stopwatch import Stopwatch

@@ -22,7 +22,7 @@ from smartmesh_ros.ground.bullet_sleep import STEPS_TO_STOP, BulletSleep, SleepC
 from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.ground.resting_ground import RestingGround
-from smartmesh_ros.patches.slot_rows import with_rows
+from smartmesh_ros.patches.supports import with_rows
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 

@@ -19,13 +19,11 @@ from smartmesh_ros.terrain.checked_heights import (
     require_region,
 )
 from smartmesh_ros.terrain.core_grid import core_grid_of, tell_friction, update_core_grid
-from smartmesh_ros.terrain.corrections import Corrections, untouched_zeros
-from smartmesh_ros.terrain.fusion import FusedMap
+from smartmesh_ros.terrain.corrections import Corrections, FusedMap, untouched_zeros
 from smartmesh_ros.terrain.grid import GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import at_rest, follow
-from smartmesh_ros.terrain.motion import BLOCK, CLOCK, CLOCK_TIMES, KEPT, MotionConfig
+from smartmesh_ros.terrain.motion import BLOCK, CLOCK, CLOCK_TIMES, KEPT, MotionConfig, next_revision
 from smartmesh_ros.terrain.prints import Prints
-from smartmesh_ros.terrain.revisions import next_revision
 
 _NO_VELOCITIES = np.empty(0, np.float32)
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples, ground_heights
-from smartmesh_ros.terrain.revisions import next_revision
+from smartmesh_ros.terrain.motion import next_revision
 from smartmesh_ros.terrain.scrolling import carry_friction, correct_across, follow_across
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 

@@ -17,8 +17,7 @@ from smartmesh_ros.terrain.graph import TriangleGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
 from smartmesh_ros.terrain.mesh_shape import MeshShape, count_parts, shape_of
-from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, INSTANT, KEPT, MotionConfig
-from smartmesh_ros.terrain.revisions import next_revision
+from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, INSTANT, KEPT, MotionConfig, next_revision
 
 
 class MeshSamples(NamedTuple):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, nothing_known
+from smartmesh_ros.terrain.corrections import FusedMap, FusionConfig, fuse, nothing_known
 
 SHAPE = (5, 7)
 HEIGHTS = st.floats(-1e3, 1e3, width=32) | st.just(math.nan)
