@@ -40,12 +40,6 @@ class FusionConfig:
     growth: float = 1e-6
     gate: float = 5.0
 
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.growth < math.inf:
-            raise ValueError(f"growth is {self.growth} m^2/s; it must be a finite number of at least zero")
-        if not self.gate > 0.0:
-            raise ValueError(f"gate is {self.gate} standard deviations; it must be above zero")
-
 
 class FusedMap(NamedTuple):
     """State of the filter: ``heights`` [m], NaN = not measured yet, and their ``variances`` [m^2].
@@ -77,16 +71,8 @@ def fuse(
     exactly; heights with a negative or non-finite variance are ignored. ``elapsed``: time since these samples were last
     fused [s]. ``first``: (row, column). Raises `ValueError` if shapes do not match, and changes nothing.
     """
-    _require_inside(known, measured.shape, first)
-    if not 0.0 <= elapsed < math.inf:
-        raise ValueError(f"{elapsed} s have passed since the last heights; the time must be finite and at least zero")
-    seen = np.require(measured, np.float32, ("C", "A"))
-    if not isinstance(variance, np.ndarray):
-        noises = np.full((1, 1), variance, np.float32)
-    elif variance.shape == seen.shape:
-        noises = np.require(variance, np.float32, ("C", "A"))
-    else:
-        raise ValueError(f"variances have shape {variance.shape}; heights have {seen.shape}")
+    seen = dense(measured)
+    noises = dense(variance) if isinstance(variance, np.ndarray) else np.full((1, 1), variance, np.float32)
     CORE.fuse(known.heights, known.variances, first, seen, noises, config.growth * elapsed, min(config.gate, 1e18) ** 2)
 
 
@@ -101,16 +87,6 @@ def fused_across(before: FusedMap, measured: FusedMap, cells: tuple[int, int], e
     known.variances[to_r, to_c] = before.variances[from_r, from_c]
     fuse(known, measured.heights, measured.variances, elapsed, FusionConfig())
     return known
-
-
-def _require_inside(known: FusedMap, shape: tuple[int, ...], first: tuple[int, int]) -> None:
-    size = known.heights.shape
-    for name, array in known._asdict().items():
-        if len(size) != 2 or array.shape != size or array.dtype != np.float32 or not array.flags.c_contiguous:
-            raise ValueError(f"{name} of a fused map must be a contiguous float32 array of (rows, columns)")
-    rows, columns = size
-    if len(shape) != 2 or min(first) < 0 or first[0] + shape[0] > rows or first[1] + shape[1] > columns:
-        raise ValueError(f"heights of shape {shape} at {first} leave a map of {size}")
 
 
 class Corrections:
@@ -134,10 +110,6 @@ class Corrections:
     def show(self, time: float) -> None:
         """Blend corrections in up to ``time`` [s]; earlier times than before have no effect."""
         self.shown = time if self.shown == math.inf else max(self.shown, time)
-
-    def show_as(self, other: Corrections) -> None:
-        """Blend corrections in up to the same instant as those of another map."""
-        self.shown = other.shown
 
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to all times."""

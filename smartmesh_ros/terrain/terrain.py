@@ -122,6 +122,7 @@ class Terrain:
         [m]."""
         deviations = np.zeros(len(xy_w))
         for mesh in self.tiles.values():
-            if isinstance(mesh, HeightMap) and mesh.fused is not None:
-                deviations = np.maximum(deviations, mesh.deviations_at(xy_w))
+            if isinstance(mesh, HeightMap) and mesh.corrections.fused is not None:
+                cells = np.rint(mesh.geometry.to_grid(xy_w)).astype(np.int64)
+                deviations = np.maximum(deviations, mesh.corrections.deviations_at(cells))
         return deviations
