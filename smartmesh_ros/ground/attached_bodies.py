@@ -9,25 +9,20 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.belt import Belt
 from smartmesh_ros.ground.body_shapes import links_with_shape, shape_of
-from smartmesh_ros.ground.bullet_sleep import is_fixed
+from smartmesh_ros.ground.bullet_sleep import SleepContacts, is_fixed
 from smartmesh_ros.ground.colliders.patch_contacts import PatchContacts
-from smartmesh_ros.ground.followers import Follower, Followers
-from smartmesh_ros.ground.map_contacts import MapContacts, missing_for
+from smartmesh_ros.ground.config import SleepConfig, time_step_of
+from smartmesh_ros.ground.followers import Belt, Follower, Followers
+from smartmesh_ros.ground.map_contacts import MapContacts, SoilSupport, SteppedSoil, missing_for
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.shown_patches import ShownPatches
-from smartmesh_ros.ground.sleep_config import SleepConfig
-from smartmesh_ros.ground.sleep_contacts import SleepContacts
 from smartmesh_ros.ground.sleeping import Sleeping
-from smartmesh_ros.ground.soil_support import SoilSupport, SteppedSoil
-from smartmesh_ros.ground.solver import time_step_of
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.ground.undone import undone
-from smartmesh_ros.ground.update_schedule import UpdateSchedule
-from smartmesh_ros.ground.usable import require_usable
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.shapes import BodyShape
+from smartmesh_ros.report.methods import require_usable
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -63,7 +58,6 @@ class AttachedBodies:
         self.patches = ShownPatches(self.terrain, self.config, self.followers, self.stopwatch)
         self.contacts = self._new_contacts(self.config)
         self._sleeping = Sleeping(client, self.followers, self.terrain)
-        self._schedule = UpdateSchedule()
         self._stale = True  # the next step needs an update, even if the last one has not expired
         self._steps = 1  # lifetime of the last update [steps]
 

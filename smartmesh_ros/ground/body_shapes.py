@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.obj_parts import obj_parts
 from smartmesh_ros.ground.quaternions import rotate
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.state import Quaternion, Vector
@@ -128,3 +128,27 @@ def _radius_of_bounds(client: Any, body: int, link: int) -> float:
     pose = client.getBasePositionAndOrientation(body) if link < 0 else client.getLinkState(body, link)
     centre = np.array(pose[0])
     return float(np.linalg.norm(np.maximum(np.abs(low - centre), np.abs(high - centre))))
+
+
+def obj_parts(path: str) -> list[FloatArray]:
+    """Return the points (n, 3) that the faces of each object or group of an OBJ file use; an empty list if the file
+    cannot be read."""
+    try:
+        lines = Path(path).read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return []
+    points: list[list[float]] = []
+    objects: list[set[int]] = [set()]
+    for line in lines:
+        words = line.split()
+        if not words:
+            continue
+        if words[0] == "v":
+            points.append([float(word) for word in words[1:4]])
+        elif words[0] in ("o", "g"):
+            objects.append(set())
+        elif words[0] == "f":
+            numbers = [int(word.partition("/")[0]) for word in words[1:]]
+            objects[-1].update(number - 1 if number > 0 else len(points) + number for number in numbers)
+    array = np.array(points, np.float64).reshape(-1, 3)
+    return [array[sorted(used)] for used in objects if used]

@@ -1,7 +1,10 @@
-"""Settings of the physics."""
+"""Settings of the physics and of PyBullet's solver, and of sleeping bodies."""
+
+from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import Vector
@@ -47,3 +50,67 @@ class PhysicsConfig:
     def dt(self) -> float:
         """Length of a step [s]."""
         return 1.0 / self.rate
+
+
+@dataclass(frozen=True, kw_only=True)
+class SleepConfig:
+    """When bodies fall asleep and wake.
+
+    ``after`` [s], ``distance`` [m]: a body that rests on something is still if no point of it moved farther than
+    ``distance`` for the time ``after``, which grows where gravity is weaker than the Earth's. This is a mean speed of 2
+    mm/s. Contacts at rest tremble faster at times, but go nowhere; a ball on a slope of 0.5 degrees moves by 8 mm in
+    this time. ``ground`` [m]: a sleeping body wakes when the ground under it has changed by more than this since it
+    fell asleep. ``noise``: on maps whose noise is fused, a change may also be this many standard deviations of the
+    fused heights; the body follows it asleep. With 3, noise of 5 mm wakes a body about once in five seconds. ``near``
+    [m], ``near_share``: bodies whose bounding boxes are closer than ``near`` plus this share of both radii may touch.
+    PyBullet itself wakes what is closer than 0.02 radii to an awake body. ``most``: largest number of bodies that fall
+    asleep in one update, because each takes 10 us there. ``joint`` [rad/s, m/s]: a robot sleeps only while none of its
+    joints is faster, because links without a collision shape are not watched. ``watch`` [s]: each sleeping body and
+    link is read once in this time, to notice if it moved.
+    """
+
+    after: float = 0.5
+    distance: float = 1e-3
+    ground: float = 2.5e-4
+    noise: float = 3.0
+    near: float = 2e-3
+    near_share: float = 0.03
+    most: int = 100
+    joint: float = 0.02
+    watch: float = 0.25
+
+
+# Motion at which PyBullet drops a cached contact point [body sizes]. At PyBullet's default of 0.02 a rolling body is
+# held back by old contact points and hops. Far smaller values let boxes creep down slopes. PyBullet shares the value
+# among all worlds of a process.
+CONTACT_BREAKING = 2e-4
+# Largest relative difference between two step lengths that counts as rounding.
+ROUNDING = 1e-9
+
+
+def set_up(client: Any, physics: PhysicsConfig) -> None:
+    """Set the gravity, time step and contact parameters of a client."""
+    client.setGravity(*physics.gravity)
+    client.setTimeStep(physics.dt)
+    client.setPhysicsEngineParameter(
+        contactERP=physics.contact_erp,
+        erp=physics.contact_erp,
+        contactBreakingThreshold=CONTACT_BREAKING,
+        solverResidualThreshold=physics.solver_residual,
+    )
+
+
+def time_step_of(client: Any) -> float:
+    """Return the time step of a client [s]."""
+    return float(client.getPhysicsEngineParameters()["fixedTimeStep"])
+
+
+def gravity_of(client: Any, dt: float) -> float:
+    """Return the gravity of a client [m/s^2]; raises `InputError` if it does not step ``dt`` [s]."""
+    settings = client.getPhysicsEngineParameters()
+    step = float(settings["fixedTimeStep"])
+    if not (math.isfinite(dt) and abs(dt - step) <= ROUNDING * step):
+        raise InputError(
+            "parameter", f"dt is {dt} s, but PyBullet steps {step} s; call setTimeStep({dt}) or pass dt={step}"
+        )
+    return math.hypot(*(float(settings[f"gravityAcceleration{axis}"]) for axis in "XYZ"))

@@ -6,29 +6,25 @@ links that stand on it.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from smartmesh_ros.core import CORE, as_bytes
+from smartmesh_ros.ground.bullet import BulletCalls
 from smartmesh_ros.ground.bullet_sleep import is_fixed
 from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
-
-class Correction(NamedTuple):
-    """A tile that is being corrected: its ``number``, its map, and the instant up to which its corrections were shown
-    ``before`` [s]."""
-
-    number: int
-    heightmap: HeightMap
-    before: float
+# A tile that is being corrected: its number, its core's reader, and the instant up to which its corrections were shown
+# before [s].
+Correction = tuple[int, Any, float]
 
 
 def correcting(mesh: MainMesh) -> bool:
     """Return True while corrections of a tile are being blended in."""
-    return isinstance(mesh, HeightMap) and mesh.correcting
+    return isinstance(mesh, HeightMap) and mesh.corrections.blending
 
 
 def show_corrections(terrain: Terrain, time: float) -> list[Correction]:
@@ -36,10 +32,9 @@ def show_corrections(terrain: Terrain, time: float) -> list[Correction]:
     moves = []
     for name, mesh in terrain.tiles.items():
         if isinstance(mesh, HeightMap) and mesh.motion.corrects:
-            blending, before = mesh.correcting, mesh.shown
+            if mesh.corrections.blending:
+                moves.append((terrain.numbers[name], mesh.core_reader, mesh.corrections.shown))
             mesh.show(time)
-            if blending:
-                moves.append(Correction(terrain.numbers[name], mesh, before))
     return moves
 
 
@@ -52,17 +47,11 @@ def move_with_corrections(
     uids = list(dict.fromkeys(bodies))
     places = {uid: place for place, uid in enumerate(uids)}
     owners = np.array([places[body] for body in bodies], np.int64)
-    poses = np.array([_pose(client, uid) for uid in uids]).reshape(-1, 7)
-    tiles = [(number, heightmap.core_reader, before) for number, heightmap, before in corrections]
+    poses = BulletCalls(client).poses(uids)
     for place in CORE.move_with_corrections(
-        tiles, followers.shape_table.core, followers.states, solid, owners, as_bytes(supports), time, poses
+        corrections, followers.shape_table.core, followers.states, solid, owners, as_bytes(supports), time, poses
     ):
         _put(client, uids[place], poses[place].tolist())
-
-
-def _pose(client: Any, uid: int) -> tuple[float, ...]:
-    position, turn = client.getBasePositionAndOrientation(uid)
-    return (*position, *turn)
 
 
 def _put(client: Any, uid: int, pose: list[float]) -> None:

@@ -1,7 +1,8 @@
-"""Attached bodies and links. Each has a slot for life, and a patch."""
+"""Attached bodies and links. Each has a slot for life, and a patch; its surface may move."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -10,11 +11,40 @@ from typing import Any, Protocol
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.belt import Belt
+from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST
+from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, BodyShape, ShapeTable
-from smartmesh_ros.patches.slot_rows import with_rows
+from smartmesh_ros.patches.supports import with_rows
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
-from smartmesh_ros.terrain.revisions import next_revision
+from smartmesh_ros.terrain.motion import next_revision
+
+# Shortest axis [any unit].
+LEAST_AXIS = 1e-6
+
+
+@dataclass(frozen=True)
+class Belt:
+    """How the surface of a body or link moves: where the ground touches it with a normal n, along n x ``axis`` at a
+    ``speed`` [m/s].
+
+    A positive speed drives the body as a wheel that turns about ``axis``, a vector of any length in the frame of the
+    centre of mass. Raises `InputError` if the axis is zero or a number is not finite.
+    """
+
+    axis: Vector = (0.0, 1.0, 0.0)
+    speed: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axis", tuple(map(float, self.axis)))  # to be compared and saved
+        object.__setattr__(self, "speed", float(self.speed))
+        length = math.hypot(*self.axis) if len(self.axis) == 3 else math.nan
+        if not LEAST_AXIS <= length <= FARTHEST_BODY:
+            raise InputError("surface", f"the axis of a surface is {self.axis}; it must be three numbers, not all zero")
+        if not abs(self.speed) <= FASTEST:  # also True for NaN
+            raise InputError(
+                "non_finite", f"the speed of a surface is {self.speed} m/s; it must be finite, to {FASTEST:g}"
+            )
+
 
 # ``alive``: the slot is in use. ``awake``: physics may move the body; False for sleeping bodies. ``solid``: collides
 # with the ground; otherwise only the patch is computed. ``own``: may be lifted out of the ground, because this world

@@ -11,12 +11,61 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.attached_bodies import AttachedBodies
+from smartmesh_ros.ground.config import gravity_of
 from smartmesh_ros.ground.correction_transport import correcting, move_with_corrections, show_corrections
 from smartmesh_ros.ground.followers import Followers
-from smartmesh_ros.ground.solver import gravity_of
 from smartmesh_ros.terrain.grid import IntArray
 from smartmesh_ros.terrain.ray_cast import GroundHits, RayCaster, checked_rays
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_points, ground_samples
+from smartmesh_ros.terrain.terrain import Terrain
+
+# Wait up to MAP_WAIT map intervals for the next map, if the refresh then comes within LONGEST_LIFE refresh intervals.
+# Refreshing just before a map arrives would do the work twice.
+MAP_WAIT, LONGEST_LIFE = 1.25, 1.5
+# Shortest lifetime of patches if maps arrive faster [refresh intervals]. Ignored for the first FIRST_MAPS maps, because
+# two maps are needed to estimate the ground's velocity.
+SHORTEST_LIFE, FIRST_MAPS = 0.5, 4
+
+
+class UpdateSchedule:
+    """Decides before each step whether patches must be refreshed: with new maps, and no more often than a refresh is
+    worth.
+
+    Between refreshes PyBullet moves the colliders with the ground's velocity, and a support covers the predicted motion
+    of its body. A support that is one step old is therefore nearly as good as a new one, but a refresh costs as much as
+    a physics step.
+    """
+
+    def __init__(self) -> None:
+        self._age = 0  # steps since the last refresh
+        self._lifetime, self._lifetime_if_map = 0, 0  # steps until the next refresh; the same if a map arrives
+        self._maps = 0  # successive refreshes that a map triggered
+        self._revision, self._layout = -1, -1  # of the terrain at the last refresh
+
+    def due(self, terrain: Terrain, *, behind_real_time: bool = False) -> bool:
+        """Return True if the patches must be refreshed: they expired, or the terrain changed. If the world is
+        ``behind_real_time``, new maps of the same tiles do not trigger a refresh."""
+        self._age += 1
+        if self._age >= self._lifetime or terrain.layout_revision != self._layout:
+            return True
+        return self._age >= self._lifetime_if_map and not behind_real_time and terrain.changed_since(self._revision)
+
+    def begin(self, terrain: Terrain, time: float, dt: float, rate: float, *, behind_real_time: bool = False) -> int:
+        """Note a refresh at ``time`` [s] and return its lifetime in steps of ``dt`` [s]: the interval of ``rate`` [Hz]
+        (0 = one step), or the time until the next map if that is about as long. If the world is ``behind_real_time``,
+        the lifetime is at least one interval."""
+        self._maps = self._maps + 1 if terrain.changed_since(self._revision) else 0
+        self._revision, self._layout = terrain.revision, terrain.layout_revision
+        steps = max(round(1.0 / (rate * dt)), 1) if rate else 1
+        self._lifetime_if_map = -int(-SHORTEST_LIFE * steps // 1) if self._maps >= FIRST_MAPS else 1
+        if steps > 1:
+            lifetimes = [mesh.lifetime for mesh in terrain.tiles.values() if mesh.lifetime > 0.0 and mesh.moving(time)]
+            if lifetimes:
+                wait = max(round(MAP_WAIT * min(lifetimes) / dt), steps if behind_real_time else self._lifetime_if_map)
+                steps = wait if wait <= LONGEST_LIFE * steps else steps
+        self._age, self._lifetime = 0, steps
+        return steps
+
 
 # Largest horizontal speed that a rescued body keeps [m/s].
 FASTEST_RESCUED = 5.0
@@ -148,6 +197,10 @@ class Ground(AttachedBodies):
         """Return where rays from ``origins_w`` (N, 3) [m] along ``directions_w`` (N, 3) meet the ground at ``time``
         [s], within ``reach`` [m]. Raises `InputError`."""
         return self.rays.cast(checked_rays(origins_w, directions_w, reach), time)
+
+    @cached_property
+    def _schedule(self) -> UpdateSchedule:
+        return UpdateSchedule()
 
     @cached_property
     def rays(self) -> RayCaster:

@@ -7,7 +7,7 @@ Nothing here runs in a step.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pybullet as pb
@@ -18,7 +18,31 @@ from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
+
+
+class SteppedSoil(Protocol):
+    """Soil that takes part in the steps of a ground, such as `ContactSoil`."""
+
+    core: Any  # of the C++ core
+
+    @property
+    def map(self) -> HeightMap:
+        """The tile that gives way."""
+
+    def show(self) -> int:
+        """Write what was pressed into the map; returns the number of changed samples."""
+
+
+class SoilSupport(NamedTuple):
+    """How the soil bears a body or link: the deepest ``sinkage`` [m], pressed ``area`` [m^2], and the force that its
+    pressures have ``carried`` [N], without damping."""
+
+    sinkage: float
+    area: float
+    carried: float
+
 
 # What the names of the plugin's functions end with.
 POSTFIX = "_smartmesh"

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.ground.sleep_config import SleepConfig
-from smartmesh_ros.patches.slot_rows import with_rows
+from smartmesh_ros.ground.config import SleepConfig
+from smartmesh_ros.patches.supports import with_rows
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.surface_query import ground_samples

@@ -18,14 +18,11 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.core import CORE, as_bytes
-from smartmesh_ros.ground.bullet_sleep import STEPS_TO_STOP, BulletSleep, is_fixed
+from smartmesh_ros.ground.bullet_sleep import STEPS_TO_STOP, BulletSleep, SleepContacts, is_fixed
+from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Followers
-from smartmesh_ros.ground.islands import all_of, first_groups
 from smartmesh_ros.ground.resting_ground import RestingGround
-from smartmesh_ros.ground.sleep_config import SleepConfig
-from smartmesh_ros.ground.sleep_contacts import SleepContacts, contacts_before_sleep
-from smartmesh_ros.ground.sleep_watch import SleepWatch
-from smartmesh_ros.patches.slot_rows import with_rows
+from smartmesh_ros.patches.supports import with_rows
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -51,10 +48,9 @@ class Sleeping:
         self._gravity = EARTH
         self._stopped: dict[int, float] = {}  # PyBullet bodies that are about to fall asleep, and since when [s]
         self._client = client
-        self._bullet = BulletSleep(client)
+        self._bullet = BulletSleep(client, followers)
         self._followers = followers
         self._ground = RestingGround(terrain)
-        self._watch = SleepWatch(client, followers)
         self._boxes: FloatArray = np.empty((0, BOX_COLUMNS))
         self._anchors: FloatArray = np.empty((0, SINCE + 1))
         self._search: Any = None  # the core's, among the sleeping bodies
@@ -117,10 +113,10 @@ class Sleeping:
         self._gravity = gravity
         if self._may_sleep is None:
             return
-        self._wake_on_changed_ground(time, duration)
-        moved = self._watch.moved(duration, self._config.watch)
-        if moved.size:
-            self.wake(moved)
+        self.wake(self._ground.changed(self._followers.asleep, self._boxes, time, duration, self._config))
+        self._ground.keep_corrections()
+        self._move_with_corrections()
+        self.wake(self._bullet.moved(duration, self._config.watch))
 
     def settle(self, time: float, dt: float, steps: int) -> IntArray:
         """Wake the bodies that something awake may touch at ``time`` [s], and put the islands to sleep that are still,
@@ -141,19 +137,11 @@ class Sleeping:
         self._sleepers().mark_near(slot, marked)
         self._wake_marked(marked)
 
-    def _wake_on_changed_ground(self, time: float, duration: float) -> None:
+    def _move_with_corrections(self) -> None:
+        """Move sleeping bodies with the corrections of the ground under them that exceed `SleepConfig.ground` and have
+        not woken them."""
         asleep = self._followers.asleep
-        changed = self._ground.changed(asleep, self._boxes, time, duration, self._config)
-        if changed.size:
-            self.wake(changed)
-        self._ground.keep_corrections()
-        self._move_with_corrections(self._config.ground)
-
-    def _move_with_corrections(self, limit: float) -> None:
-        """Move sleeping bodies with the corrections of the ground under them that exceed ``limit`` [m] and have not
-        woken them."""
-        asleep = self._followers.asleep
-        lifted = asleep[np.abs(self._ground.corrections(asleep)) > limit]
+        lifted = asleep[np.abs(self._ground.corrections(asleep)) > self._config.ground]
         if lifted.size:
             self._lift(asleep[np.isin(self._followers.bodies[asleep], self._followers.bodies[lifted])])
 
@@ -202,7 +190,7 @@ class Sleeping:
         stopped = {owner for owner in ready if time - self._stopped[owner] > (STEPS_TO_STOP - 0.5) * dt}
         if not stopped:
             return NOBODY
-        asleep = slots[all_of(np.array([owner in stopped for owner in self._followers.bodies[slots].tolist()]), groups)]
+        asleep = slots[_all_of(np.isin(self._followers.bodies[slots], list(stopped)), groups)]
         self._put(asleep)
         return asleep
 
@@ -210,22 +198,19 @@ class Sleeping:
         """Return the bodies that may fall asleep, and the island of each (n,)."""
         followers, config, awake = self._followers, self._config, self._followers.awake
         still = time - self._anchors[awake, SINCE] >= self._after
-        if not (still & followers.table["solid"][awake]).any():
-            return awake[:0], awake[:0]
-        groups = CORE.islands(
-            awake, self._followers.bodies, self._boxes, followers.radii, config.near, config.near_share
-        )
-        solid = awake[still & followers.table["solid"][awake] & all_of(still, groups)]
-        if not solid.size:
-            return awake[:0], awake[:0]
-        groups = groups[np.searchsorted(awake, solid)]
-        few = first_groups(groups, config.most)
-        solid, groups = solid[few], groups[few]
-        limit = config.ground
-        ready = self._willing(solid) & self._ground.calm(solid, self._boxes, time, duration, limit)
-        ready = all_of(ready, groups)
-        self._ground.forget(solid[~ready])
-        return solid[ready], groups[ready]
+        solid = still & followers.table["solid"][awake]
+        if not solid.any():
+            return NOBODY, NOBODY
+        groups = CORE.islands(awake, followers.bodies, self._boxes, followers.radii, config.near, config.near_share)
+        solid &= _all_of(still, groups)
+        if not solid.any():
+            return NOBODY, NOBODY
+        few = _first_groups(groups[solid], config.most)
+        slots, groups = awake[solid][few], groups[solid][few]
+        ready = self._willing(slots) & self._ground.calm(slots, self._boxes, time, duration, config.ground)
+        ready = _all_of(ready, groups)
+        self._ground.forget(slots[~ready])
+        return slots[ready], groups[ready]
 
     def _willing(self, slots: IntArray) -> BoolArray:
         """Return for each body (n,) whether its PyBullet body rests on something, with all its joints, and may sleep.
@@ -246,11 +231,11 @@ class Sleeping:
         """Put bodies to sleep that PyBullet has stopped."""
         if not slots.size:
             return
-        self.contacts |= contacts_before_sleep(self._client, self._followers, slots)
+        self.contacts |= self._bullet.contacts_before_sleep(slots)
         for owner in set(self._followers.bodies[slots].tolist()):
             self._bullet.freeze(owner)
             del self._stopped[owner]
-        self._watch.note(slots)
+        self._bullet.watch(slots)
         self._followers.states[slots, 7:13] = 0.0
         self._followers.set_awake(slots, awake=False)
 
@@ -296,3 +281,17 @@ class Sleeping:
                 self._followers.asleep, self._boxes, self._followers.radii, config.near, config.near_share
             )
         return self._search
+
+
+def _first_groups(groups: IntArray, most: int) -> BoolArray:
+    """Return which items (n,) are in the first groups that have at most ``most`` items together; at least one group."""
+    numbers, counts = np.unique(groups, return_counts=True)
+    fits = np.cumsum(counts) <= most
+    fits[0] = True
+    return np.isin(groups, numbers[fits])
+
+
+def _all_of(marks: BoolArray, groups: IntArray) -> BoolArray:
+    """Return for each item (n,) whether all items of its group are marked; ``groups`` (n,)."""
+    unmarked = np.unique(groups[~marks])
+    return ~np.isin(groups, unmarked)

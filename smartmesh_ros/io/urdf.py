@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.world.robots.description import Description, is_text, parsed, xml_of
-from smartmesh_ros.world.robots.files import named_file
+from smartmesh_ros.world.robots.description import Description, is_text, named_file, parsed, xml_of
 from smartmesh_ros.world.robots.quantities import check_quantities, mass_of, number_of
 
 

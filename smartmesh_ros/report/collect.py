@@ -6,8 +6,9 @@ vertices in ascending order.
 
 from __future__ import annotations
 
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Callable
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,8 @@ from smartmesh_ros.terrain.grid import IntArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 Collect = Callable[[Graph, int, int], list[int]]
+# Most patches to remember; those of 8 rings then have some four million vertices.
+MOST_CACHED = 16384
 
 
 def queue_bfs(graph: Graph, start: int, rings: int) -> list[int]:
@@ -63,30 +66,7 @@ def topology_around(mesh: TriangleMesh, vertex: int, rings: int, collect: Collec
     return PatchTopology(vertices, np.searchsorted(vertices, corners).astype(np.int32))
 
 
-class TopologyCache:
-    """Cache of patches by nearest vertex and rings; valid while vertices move, because the triangles stay the same.
-
-    Filled on demand. The least recently used patches are evicted beyond ``most_vertices`` vertices in total.
-    """
-
-    def __init__(self, mesh: TriangleMesh, most_vertices: int = 4_000_000) -> None:
-        self._mesh = mesh
-        self._most = most_vertices
-        self._held = 0
-        self._patches: OrderedDict[tuple[int, int], PatchTopology] = OrderedDict()
-
-    def __len__(self) -> int:
-        return len(self._patches)
-
-    def around(self, vertex: int, rings: int) -> PatchTopology:
-        """The patch of ``rings`` steps around a vertex."""
-        key = (vertex, rings)
-        patch = self._patches.get(key)
-        if patch is not None:
-            self._patches.move_to_end(key)
-            return patch
-        patch = self._patches[key] = topology_around(self._mesh, vertex, rings)
-        self._held += len(patch.vertices)
-        while self._held > self._most and len(self._patches) > 1:
-            self._held -= len(self._patches.popitem(last=False)[1].vertices)
-        return patch
+def cached_topology(mesh: TriangleMesh) -> Callable[[int, int], PatchTopology]:
+    """Return `topology_around` of a mesh, by nearest vertex and rings, that remembers patches. They stay valid while
+    vertices move, because the triangles stay the same."""
+    return lru_cache(MOST_CACHED)(partial(topology_around, mesh))

@@ -11,10 +11,9 @@ from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.batch import PatchBatch, samples_across
 from smartmesh_ros.patches.config import MOST_GRID_RINGS, PatchConfig
 from smartmesh_ros.patches.shapes import ShapeTable
-from smartmesh_ros.patches.slot_rows import with_rows
+from smartmesh_ros.patches.supports import with_rows
 from smartmesh_ros.report.collect import BFS
-from smartmesh_ros.report.grid_search import nearest_cells
-from smartmesh_ros.report.nearest import Cells
+from smartmesh_ros.report.search import Cells, nearest_cells
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.graph import GridGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray

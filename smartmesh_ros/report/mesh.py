@@ -12,12 +12,9 @@ from smartmesh_ros.patches.batch import MeshPatch
 from smartmesh_ros.patches.config import ANYWHERE, PatchConfig
 from smartmesh_ros.patches.shapes import ShapeTable
 from smartmesh_ros.patches.supports import Support
-from smartmesh_ros.report.best_first import best_first_vertices
-from smartmesh_ros.report.brute_force import BruteForce
-from smartmesh_ros.report.collect import BFS, PatchTopology, TopologyCache, topology_around
+from smartmesh_ros.report.collect import BFS, PatchTopology, cached_topology, topology_around
 from smartmesh_ros.report.methods import require_search_on
-from smartmesh_ros.report.nearest import uniform_grid_vertices
-from smartmesh_ros.report.ray_cast import ray_cast
+from smartmesh_ros.report.search import BruteForce, best_first_vertices, ray_cast, uniform_grid_vertices
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
@@ -33,7 +30,7 @@ class MeshPatches:
         self.mesh = mesh
         self._stopwatch = stopwatch
         self._brute_force = BruteForce(mesh.size)
-        self._cache = TopologyCache(mesh)
+        self._cached = cached_topology(mesh)
         self._table: IntArray | None = None
 
     def select(
@@ -111,7 +108,7 @@ class MeshPatches:
 
     def _topology(self, vertex: int, rings: int, config: PatchConfig) -> PatchTopology:
         if config.collect == "cached":
-            return self._cache.around(vertex, rings)
+            return self._cached(vertex, rings)
         return topology_around(self.mesh, vertex, rings, BFS[config.collect])
 
 

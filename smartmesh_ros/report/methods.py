@@ -1,13 +1,47 @@
-"""The meshes on which each of the report's nearest-vertex searches is valid (Chapter 3)."""
+"""Which settings of patches a main mesh allows."""
 
 from __future__ import annotations
 
 from typing import get_args
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.patches.config import ANYWHERE, SearchMethod
+from smartmesh_ros.patches.config import ANYWHERE, PatchConfig, SearchMethod, WholeKind, is_whole
+from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.mesh_shape import MeshShape
+from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh
+
+# Largest arrays that PyBullet accepts.
+MOST_VERTICES = 131_072
+MOST_INDICES = 524_288
+
+
+def require_usable(config: PatchConfig, mesh: MainMesh, *, exact: bool) -> None:
+    """Raise `InputError` if ``mesh`` does not allow the patch settings ``config``; the message names settings that it
+    allows. ``exact``: contacts come from the map, which every mesh allows; the search for patches that are shown may
+    not work on it."""
+    if exact:
+        if isinstance(mesh, TriangleMesh) and config.search not in ANYWHERE:
+            require_search_on(config.search, mesh.shape)
+        return
+    if isinstance(mesh, TriangleMesh):
+        require_search(config.search, mesh)
+    if is_whole(config.kind):
+        require_whole(config.kind, mesh)
+
+
+def require_whole(kind: WholeKind, mesh: MainMesh) -> None:
+    """Raise `InputError` if PyBullet cannot make one collider of a whole mesh."""
+    if kind == "whole_heightfield" and not isinstance(mesh, HeightMap):
+        raise InputError("parameter", "a general mesh is no heightfield; use patch.kind 'whole_trimesh' or 'trimesh'")
+    if kind == "whole_trimesh":
+        indices = 6 * mesh.size if isinstance(mesh, HeightMap) else mesh.triangles.size
+        if mesh.size > MOST_VERTICES or indices > MOST_INDICES:
+            raise InputError(
+                "size",
+                f"PyBullet takes no trimesh of {mesh.size} vertices (at most about {MOST_INDICES // 6} of a grid); use "
+                "patch.kind 'whole_heightfield', or 'auto' for a patch per body",
+            )
 
 
 def require_search(method: SearchMethod, mesh: TriangleMesh) -> None:

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.soil.checked_soil import kinds_from, map_from, soils_from
 from smartmesh_ros.soil.config import SoilType
 from smartmesh_ros.soil.layer import Region, soil_table
+from smartmesh_ros.soil.soils import kinds_from, map_from, soils_from
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 

@@ -10,10 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest
-from smartmesh_ros.terrain.motion import BLOCK, INSTANT
+from smartmesh_ros.terrain.motion import BLOCK, INSTANT, next_revision
 from smartmesh_ros.terrain.moving_heights import MovingHeights
 from smartmesh_ros.terrain.prints import Prints
-from smartmesh_ros.terrain.revisions import next_revision
 
 # Distance outside the map at which a point still counts as on the edge [samples].
 EDGE = 1e-6
@@ -78,15 +77,16 @@ class HeightMap(MovingHeights):
 
         ``cells``: (rows, columns) by which the map was scrolled, None = the maps lie on different grids.
         """
-        self._corrections.show_as(before._corrections)
+        self.corrections.shown = before.corrections.shown
         if cells is None:
             rows, columns = np.mgrid[: self.geometry.rows, : self.geometry.columns]
             shown = before.at(self.geometry.to_world(rows, columns).reshape(-1, 2), before.time).heights
         else:
             shown = np.empty(self._heights.shape)
             CORE.grid_window(before.core_reader, *cells, before.time, shown)
-            self._corrections.fuse_across(before._corrections, cells, max(self.time - before.time, 0.0))
-        known = self._heights.copy() if self.fused is None else self.fused.heights
+            self.corrections.fuse_across(before.corrections, cells, max(self.time - before.time, 0.0))
+        fused = self.corrections.fused
+        known = self._heights.copy() if fused is None else fused.heights
         self._heights[...] = shown.reshape(known.shape) - self.geometry.origin[2]
         self._correct(0, 0, known, self.time)
         self._tell_core()
@@ -94,7 +94,7 @@ class HeightMap(MovingHeights):
     def moving(self, time: float) -> bool:
         """Return True if any sample may move at ``time`` [s]."""
         if self.motion.corrects:
-            return self.correcting
+            return self.corrections.blending
         return bool(self.core_reader.moves(time))
 
     def slide(self, velocity_w: tuple[float, float], interval: float, spin: float = 0.0) -> None:
@@ -129,12 +129,11 @@ class HeightMap(MovingHeights):
     def go_on_from(self, before: "HeightMap") -> None:
         """Estimate vertical velocities as if these heights had replaced those of ``before``, a map on the same grid but
         for the height of its origin."""
-        new, time = self._heights, self.time
-        self._core = None  # it reads the arrays that are replaced here
-        self._heights = before._heights + np.float32(before.geometry.origin[2] - self.geometry.origin[2])
-        self._clocks = before._clocks.copy()
+        new, time = self._heights.copy(), self.time
+        np.add(before._heights, np.float32(before.geometry.origin[2] - self.geometry.origin[2]), out=self._heights)
+        self._clocks[...] = before._clocks
         if before.has_velocities:
-            self._velocities = before._velocities.copy()
+            self._velocities[...] = before._velocities
         self._store(0, 0, new, None, time)
 
     def placed_at(self, time: float) -> GridGeometry:
@@ -166,8 +165,3 @@ class HeightMap(MovingHeights):
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Return the ground under points (N, 2) [m] at ``time`` [s], shapes (N,); NaN outside the map and in holes."""
         return ground_heights([self.core_reader], xy_w, time)
-
-    def deviations_at(self, xy_w: FloatArray) -> FloatArray:
-        """Return the standard deviation of the fused heights of the samples nearest to points (N, 2) [m]; zero outside
-        the map, where nothing was measured, and without fusion (N,) [m]."""
-        return self._corrections.deviations_at(np.rint(self.geometry.to_grid(xy_w)).astype(np.int64))

@@ -15,6 +15,7 @@ import math
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
+from itertools import count
 from typing import Literal, get_args
 
 import numpy as np
@@ -129,3 +130,11 @@ class MotionConfig:
         if self.corrects:
             return int(Mode.CORRECT)
         return int(Mode[self.mode.upper()])
+
+
+_numbers = count(1)
+
+
+def next_revision() -> int:
+    """Return a number higher than all revisions before."""
+    return next(_numbers)

@@ -18,14 +18,11 @@ from smartmesh_ros.terrain.checked_heights import (
     deviation_of,
     require_region,
 )
-from smartmesh_ros.terrain.core_grid import core_grid_of, tell_friction, update_core_grid
 from smartmesh_ros.terrain.corrections import Corrections, untouched_zeros
-from smartmesh_ros.terrain.fusion import FusedMap
 from smartmesh_ros.terrain.grid import GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import at_rest, follow
-from smartmesh_ros.terrain.motion import BLOCK, CLOCK, CLOCK_TIMES, KEPT, MotionConfig
+from smartmesh_ros.terrain.motion import BLOCK, CLOCK, CLOCK_TIMES, KEPT, MotionConfig, next_revision
 from smartmesh_ros.terrain.prints import Prints
-from smartmesh_ros.terrain.revisions import next_revision
 
 _NO_VELOCITIES = np.empty(0, np.float32)
 
@@ -57,7 +54,6 @@ class MovingHeights:
             geometry = GridGeometry(rows=shape[0], columns=shape[1], resolution=resolution, origin=place, yaw=yaw)
         self.geometry = geometry
         self._motion = motion or MotionConfig()
-        self._core: Any = None
         shape = (geometry.rows, geometry.columns)
         new, speeds = checked(heights, velocities, shape, "the map")
         self._heights = np.array(new, order="C")
@@ -65,12 +61,18 @@ class MovingHeights:
         self._prints: Prints | None = None
         self._clocks = np.zeros((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), CLOCK)
         self._clocks["time"] = -np.inf
-        self._corrections = Corrections(shape)
+        self.corrections = Corrections(shape)
+        # The reader of this map in the C++ core.
+        self.core_reader: Any = CORE.Grid(
+            self._heights, self._velocities, self.corrections.offsets, as_bytes(self._clocks)
+        )
         self._deviation: float | None = None  # standard deviation by the last update's variances [m], None = not given
         self.version = 0  # number of updates
         self._friction = None if friction is None else checked_friction(friction, shape)
         self._take(0, 0, new, speeds, time, checked_variance(variance, shape))
         self.track = at_rest(geometry, self.time)  # pose and rigid motion of the grid
+        self._tell_core()
+        self._tell_friction()
 
     @property
     def heights(self) -> NDArray[np.float32]:
@@ -93,8 +95,7 @@ class MovingHeights:
         self._friction = checked_friction(friction, (self.geometry.rows, self.geometry.columns))
         self._clocks["updates"] += 1  # what rests on the ground looks at it again
         self.revision = next_revision()
-        if self._core is not None:
-            tell_friction(self._core, self._friction)
+        self._tell_friction()
 
     @property
     def motion(self) -> MotionConfig:
@@ -111,14 +112,7 @@ class MovingHeights:
         """The arrays that change in place: heights (rows, columns) [m], NaN = hole;
         velocities (KEPT, rows, columns) [m/s], a ring buffer whose newest index is in the clock of each block; clocks,
         records of ``CLOCK``, one for each block; offsets (rows, columns) [m], old minus new heights of corrections."""
-        return self._heights, self._velocities, self._clocks, self._corrections.offsets
-
-    @property
-    def core_reader(self) -> Any:
-        """The reader of this map in the C++ core."""
-        if self._core is None:
-            self._core = core_grid_of(self)
-        return self._core
+        return self._heights, self._velocities, self._clocks, self.corrections.offsets
 
     @property
     def delay(self) -> float:
@@ -139,26 +133,10 @@ class MovingHeights:
         """Time of the newest sample [s]."""
         return float(self._clocks["time"].max())
 
-    @property
-    def correcting(self) -> bool:
-        """True while corrections are being blended in."""
-        return self._corrections.blending
-
-    @property
-    def shown(self) -> float:
-        """Instant up to which corrections are blended in [s]; infinity before the first."""
-        return self._corrections.shown
-
-    @property
-    def fused(self) -> FusedMap | None:
-        """The estimate of the heights, None if they are not fused."""
-        return self._corrections.fused
-
     def show(self, time: float) -> None:
         """Blend corrections in up to ``time`` [s]; earlier times than before have no effect."""
-        self._corrections.show(time)
-        if self._core is not None:
-            self._core.show(self.shown)
+        self.corrections.show(time)
+        self.core_reader.show(self.corrections.shown)
 
     def replace(
         self,
@@ -239,13 +217,19 @@ class MovingHeights:
         for name in CLOCK_TIMES:
             self._clocks[name] += by
         self.track = self.track.shifted(by)
-        self._corrections.shift_time(by)
+        self.corrections.shift_time(by)
         self._tell_core()
 
     def _tell_core(self) -> None:
-        """Tell the core what has changed beside the arrays."""
-        if self._core is not None:
-            update_core_grid(self._core, self)
+        """Tell the core the pose, the motion and the settings of the map, which are not in its arrays."""
+        geometry, track, motion, core = self.geometry, self.track, self.motion, self.core_reader
+        core.place(*geometry.origin, geometry.yaw, geometry.resolution)
+        core.move(track.time, track.interval, *track.motion)
+        core.set_motion(motion.code, motion.max_velocity, motion.settle, self.noise, self.corrections.shown)
+
+    def _tell_friction(self) -> None:
+        samples, uniform = (None, self.friction) if isinstance(self.friction, float) else (self.friction, 1.0)
+        self.core_reader.set_friction(samples, uniform)
 
     def _take(
         self,
@@ -261,7 +245,7 @@ class MovingHeights:
         self.revision = next_revision()
         if self.motion.corrects:
             certainty = self.motion.noise**2 if variance is None else variance
-            known = self._corrections.fuse((row, column), new, certainty, time, self._clocks)
+            known = self.corrections.fuse((row, column), new, certainty, time, self._clocks)
             self._correct(row, column, known, time)
             return
         self._deviation = None if variance is None else deviation_of(variance)
@@ -285,4 +269,4 @@ class MovingHeights:
 
     def _correct(self, row: int, column: int, known: NDArray[np.float32], time: float) -> None:
         """Store the new estimate of a rectangle of static ground."""
-        self._corrections.take(self._heights, self._clocks, (row, column), known, time, self.motion.settle)
+        self.corrections.take(self._heights, self._clocks, (row, column), known, time, self.motion.settle)

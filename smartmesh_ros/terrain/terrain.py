@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples, ground_heights
-from smartmesh_ros.terrain.revisions import next_revision
+from smartmesh_ros.terrain.motion import next_revision
 from smartmesh_ros.terrain.scrolling import carry_friction, correct_across, follow_across
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
@@ -122,6 +122,7 @@ class Terrain:
         [m]."""
         deviations = np.zeros(len(xy_w))
         for mesh in self.tiles.values():
-            if isinstance(mesh, HeightMap) and mesh.fused is not None:
-                deviations = np.maximum(deviations, mesh.deviations_at(xy_w))
+            if isinstance(mesh, HeightMap) and mesh.corrections.fused is not None:
+                cells = np.rint(mesh.geometry.to_grid(xy_w)).astype(np.int64)
+                deviations = np.maximum(deviations, mesh.corrections.deviations_at(cells))
         return deviations

@@ -12,13 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.checked_heights import unmasked
-from smartmesh_ros.terrain.core_grid import core_mesh_of
 from smartmesh_ros.terrain.graph import TriangleGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
 from smartmesh_ros.terrain.mesh_shape import MeshShape, count_parts, shape_of
-from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, INSTANT, KEPT, MotionConfig
-from smartmesh_ros.terrain.revisions import next_revision
+from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, INSTANT, KEPT, MotionConfig, next_revision
 
 
 class MeshSamples(NamedTuple):
@@ -46,19 +44,20 @@ class TriangleMesh:
         motion: MotionConfig | None = None,
     ) -> None:
         self.triangles = _checked_triangles(triangles, len(np.asarray(vertices)))
-        self._motion = motion or MotionConfig()
         # (3, V), so that the search reads each coordinate contiguously.
         self._now = _checked_vertices(vertices, None).T.copy()
         self._velocities = np.zeros((KEPT, *self._now.shape))  # ring buffer, see CLOCK
         self._clock = np.zeros(1, CLOCK)
         self._clock["time"] = time
+        # The reader of this mesh in the C++ core.
+        self.core_reader: Any = CORE.Mesh(self._now, self._velocities, as_bytes(self._clock), self.triangles)
+        self.motion = motion or MotionConfig()
         self.graph = TriangleGraph(self.triangles, self.size)
         self.edge_length = _mean_edge(self._now, self.triangles)
         corners = np.argsort(self.triangles.ravel(), kind="stable")
         self._incident = corners // 3  # triangles, sorted by vertex
         self._incident_at = np.searchsorted(self.triangles.ravel()[corners], np.arange(self.size + 1))
         self._shape: MeshShape | None = None
-        self._core: Any = None
         self.version = 0
         self.revision = next_revision()
         if velocities is not None:
@@ -73,8 +72,7 @@ class TriangleMesh:
     @motion.setter
     def motion(self, motion: MotionConfig) -> None:
         self._motion = motion
-        if self._core is not None:
-            self._core.set_motion(motion.code, motion.max_velocity)
+        self.core_reader.set_motion(motion.code, motion.max_velocity)
 
     @property
     def size(self) -> int:
@@ -102,13 +100,6 @@ class TriangleMesh:
     def arrays(self) -> tuple[FloatArray, FloatArray, NDArray[np.void]]:
         """The arrays that change in place: positions (3, V) [m], velocities (KEPT, 3, V) [m/s] and the clock (1,)."""
         return self._now, self._velocities, self._clock
-
-    @property
-    def core_reader(self) -> Any:
-        """The reader of this mesh in the C++ core."""
-        if self._core is None:
-            self._core = core_mesh_of(self)
-        return self._core
 
     @property
     def shape(self) -> MeshShape:
@@ -154,8 +145,7 @@ class TriangleMesh:
         self._shape = shape
         self.version += 1
         self.revision = next_revision()
-        if self._core is not None:
-            self._core.update()
+        self.core_reader.update()
 
     def _note_velocities(self, new: FloatArray, target: Any, speeds: FloatArray | None, time: float) -> None:
         """Store the velocities of an update: given ones, or the difference quotient to the positions before."""

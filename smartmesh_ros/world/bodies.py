@@ -20,12 +20,11 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.world.base_frames import InertialFrame
 from smartmesh_ros.world.joints import JointCommand, command_joint
-from smartmesh_ros.world.link_masses import set_masses
-from smartmesh_ros.world.robots.loading import couple_joints, load_robot
+from smartmesh_ros.world.link_frames import InertialFrame
+from smartmesh_ros.world.robots.loading import couple_joints, load_robot, set_masses
+from smartmesh_ros.world.robots.meaning import SurfaceDrive
 from smartmesh_ros.world.robots.prepared import PreparedRobot
-from smartmesh_ros.world.robots.surface_drives import SurfaceDrive
 
 # Collision margin of boxes and cylinders [m]. PyBullet rounds their edges by it; at its default of 1 mm a box standing
 # on an edge would be 0.4 mm deep in the ground.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.belt import Belt
+from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.quaternions import conjugate, rotate
 from smartmesh_ros.ground.state import Vector

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.belt import Belt
 from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.followers import Follower, Followers
+from smartmesh_ros.ground.followers import Belt, Follower, Followers
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.limits import require_possible
 from smartmesh_ros.ground.shapes import Shape, Sphere
@@ -22,12 +21,12 @@ from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.terrain.ray_cast import checked_rays
 from smartmesh_ros.terrain.surface_query import GroundSamples
 from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.world.base_frames import frame_state
 from smartmesh_ros.world.bodies import Body, BodyFactory
 from smartmesh_ros.world.body_rays import RayHits, cast_rays, require_bodies
 from smartmesh_ros.world.driving import Driving
 from smartmesh_ros.world.guests import Guests
 from smartmesh_ros.world.joints import Motors
+from smartmesh_ros.world.link_frames import frame_state
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.standing import NO_TERRAIN, Parts, Stance, finished, stance_of
 

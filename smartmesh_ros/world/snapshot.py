@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.belt import Belt
+from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.shapes import SHAPES, Shape
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.world.bodies import Body

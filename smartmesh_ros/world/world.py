@@ -13,11 +13,9 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig, set_up
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.limits import FARTHEST_BODY
-from smartmesh_ros.ground.sleep_config import SleepConfig
-from smartmesh_ros.ground.solver import set_up
 from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
@@ -25,15 +23,14 @@ from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.height_scan import HeightScan, yaws_of
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
-from smartmesh_ros.world.base_frames import frame_pose
 from smartmesh_ros.world.bodies import Surface
-from smartmesh_ros.world.contacts import GroundContact, ground_contacts
+from smartmesh_ros.world.contacts import GroundContact, GroundWrench, ground_contacts, wrenches_of_step
 from smartmesh_ros.world.guest_config import GuestConfig
 from smartmesh_ros.world.guests import Guests
+from smartmesh_ros.world.link_frames import frame_pose
 from smartmesh_ros.world.population import Population
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.snapshot import Snapshot, body_snapshot
-from smartmesh_ros.world.wrenches import GroundWrench, wrenches_of_step
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from smartmesh_ros.report.collect import TopologyCache, queue_bfs, topology_around, union_bfs
+from smartmesh_ros.report.collect import cached_topology, queue_bfs, topology_around, union_bfs
 from smartmesh_ros.terrain.graph import GridGraph
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import Waves, general_mesh
@@ -20,7 +20,7 @@ def measure_one(bench: Bench) -> None:
     """Measure the report's methods on the grid's graph, and on a general mesh with its triangles."""
     graph = GridGraph(SIDE, SIDE)
     mesh = general_mesh(Waves(SIDE))
-    cache = TopologyCache(mesh)
+    cached = cached_topology(mesh)
     vertex = SIDE * SIDE // 2 + SIDE // 2
     for rings in RINGS:
         template = patch_template(rings)
@@ -31,7 +31,7 @@ def measure_one(bench: Bench) -> None:
             Case("collect", "mesh_triangles", SIDE, rings=rings),
             lambda n=rings: topology_around(mesh, vertex, n),  # type: ignore[misc]
         )
-        bench.time(Case("collect", "mesh_cached", SIDE, rings=rings), lambda n=rings: cache.around(vertex, n))  # type: ignore[misc]
+        bench.time(Case("collect", "mesh_cached", SIDE, rings=rings), lambda n=rings: cached(vertex, n))  # type: ignore[misc]
 
 
 def measure_batches(bench: Bench) -> None:

@@ -6,11 +6,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from smartmesh_ros.report.best_first import best_first_cells, best_first_vertices
-from smartmesh_ros.report.brute_force import BruteForce, brute_force_cells
 from smartmesh_ros.report.collect import topology_around
-from smartmesh_ros.report.nearest import Cells, nearest_vertices
-from smartmesh_ros.report.ray_cast import ray_cast
+from smartmesh_ros.report.search import (
+    BruteForce,
+    Cells,
+    best_first_cells,
+    best_first_vertices,
+    brute_force_cells,
+    nearest_vertices,
+    ray_cast,
+)
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from studies.bench.measure import Bench, Case

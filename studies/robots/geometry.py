@@ -13,7 +13,7 @@ import coal
 import numpy as np
 import pybullet as pb
 
-from smartmesh_ros.ground.obj_parts import obj_parts
+from smartmesh_ros.ground.body_shapes import obj_parts
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.tools.evaluation.clearance import rotate
 

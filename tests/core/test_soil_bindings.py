@@ -11,8 +11,8 @@ import pytest
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.shapes import box
 from smartmesh_ros.soil.config import SoilConfig
-from smartmesh_ros.soil.feet import FOOT, NOWHERE, with_room
 from smartmesh_ros.soil.layer import LAYER_SAMPLE
+from smartmesh_ros.soil.soil import FOOT, NOWHERE, with_room
 from tests.core.test_bindings import REFUSED, SPOILT, arrays
 
 SHAPE = (70, 130)

@@ -1,44 +1,46 @@
-"""A selector together with the bodies it chooses for, for tests without a physics world."""
+"""Patches together with the bodies they are chosen for, for tests without a physics world."""
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.ground.selector import Selector
+from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.shapes import ShapeTable
+from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 from smartmesh_ros.terrain.terrain import Terrain
 
 
 class Selecting:
-    """Bodies of ``shapes`` (N,) in the first slots of a `Selector`; those that are not ``solid`` get patches of fixed
-    extent when asked for."""
+    """Bodies of ``shapes`` (N,) in the first slots of `ShownPatches`; those that are not ``solid`` get patches when
+    asked for."""
 
     def __init__(
         self, terrain: Terrain, config: PatchConfig, shapes: ShapeTable, solid: BoolArray | None = None
     ) -> None:
         self.terrain = terrain
-        self.selector = Selector(terrain, config)
         self._count = len(shapes.table)
-        self.selector.grow(self._count)
-        self._shapes = shapes
-        self._solid = np.ones(self._count, bool) if solid is None else solid
-        self._last: Any = None
+        solid = np.ones(self._count, bool) if solid is None else solid
+        self._followers: Any = SimpleNamespace(
+            tables=[], shape_table=shapes, solid=np.flatnonzero(solid), tracked=np.flatnonzero(~solid)
+        )
+        self._patches = ShownPatches(terrain, config, self._followers, Stopwatch())
+        self._patches.grow(self._count)
 
     @property
     def supports(self) -> Any:
-        return self.selector.supports[: self._count]
+        return self._patches.supports[: self._count]
 
     def update(self, bodies: FloatArray, time: float, duration: float) -> None:
-        self._last = bodies, time, duration
-        self.selector.update(np.flatnonzero(self._solid), self._shapes, bodies, time, duration)
+        self._followers.states = bodies
+        self._patches.begin(time, duration, np.inf)
+        assert len(self.supports) == self._count
 
     def batches(self) -> list[PatchBatch]:
-        if not self._solid.all():
-            bodies, time, duration = self._last
-            self.selector.update(np.flatnonzero(~self._solid), self._shapes, bodies, time, duration)
-        return self.selector.batches()
+        self._patches.choose_tracked()
+        return self._patches.batches

@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.config import PhysicsConfig, set_up
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
-from smartmesh_ros.ground.solver import set_up
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.heightmap import HeightMap

@@ -14,9 +14,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Sphere, Terrain, World, WorldConfig
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig
 from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.ground.sleep_config import SleepConfig
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.joints import JointCommand

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros import BodyState, HeightMap, PatchConfig, PhysicsConfig, Sphere, Terrain, World, WorldConfig
-from smartmesh_ros.ground.update_schedule import FIRST_MAPS, LONGEST_LIFE, SHORTEST_LIFE, UpdateSchedule
+from smartmesh_ros.ground.ground import FIRST_MAPS, LONGEST_LIFE, SHORTEST_LIFE, UpdateSchedule
 from smartmesh_ros.patches.config import PatchKind
 
 RATE, SIDE = 240.0, 41

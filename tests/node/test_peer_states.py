@@ -17,8 +17,7 @@ from std_msgs.msg import Header
 from smartmesh_ros import BodyState, Box, Capsule, HeightMap, InputError, PhysicsConfig, Sphere, World
 from smartmesh_ros.node.fleet.peer_states import PeerReader
 from smartmesh_ros.node.outputs.body_outputs import BodyStates
-from smartmesh_ros.world.state_table import require_valid
-from smartmesh_ros.world.states import simulated_states
+from smartmesh_ros.world.state_table import require_valid, simulated_states
 
 MOST, LONGEST = 1000, 64
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros.report.collect import TopologyCache, queue_bfs, topology_around, union_bfs
+from smartmesh_ros.report.collect import cached_topology, queue_bfs, topology_around, union_bfs
 from smartmesh_ros.terrain.graph import GridGraph, TriangleGraph
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from studies.bench.template import patch_template
@@ -21,11 +21,11 @@ def flat_mesh(rows: int, columns: int) -> TriangleMesh:
 def test_both_searches_and_the_cache_collect_the_same(rings: int, start: int) -> None:
     mesh = flat_mesh(13, 13)
     queued, united = queue_bfs(mesh.graph, start, rings), union_bfs(mesh.graph, start, rings)
-    cache = TopologyCache(mesh)
-    assert queued == united == cache.around(start, rings).vertices.tolist()
-    assert cache.around(start, rings) is cache.around(start, rings)
+    cached = cached_topology(mesh)
+    assert queued == united == cached(start, rings).vertices.tolist()
+    assert cached(start, rings) is cached(start, rings)
     np.testing.assert_array_equal(
-        topology_around(mesh, start, rings, queue_bfs).triangles, cache.around(start, rings).triangles
+        topology_around(mesh, start, rings, queue_bfs).triangles, cached(start, rings).triangles
     )
     grid = GridGraph(13, 13)
     assert queue_bfs(grid, start, rings) == union_bfs(grid, start, rings)
@@ -83,11 +83,3 @@ def test_triangles_of_a_patch_are_those_all_of_whose_corners_are_collected() -> 
     assert mine == {tuple(sorted(t)) for t in mesh.triangles[inside].tolist()}
     a, b, c = (mesh.vertices[patch.vertices[patch.triangles[:, corner]]] for corner in range(3))
     assert (np.cross(b - a, c - a)[:, 2] > 0).all(), "and face the same way"
-
-
-def test_the_cache_is_bounded() -> None:
-    cache = TopologyCache(flat_mesh(30, 30), most_vertices=500)
-    for vertex in range(900):
-        cache.around(vertex, 2)
-    assert 1 <= len(cache) <= 500 // 6
-    assert sum(len(patch.vertices) for patch in cache._patches.values()) <= 500

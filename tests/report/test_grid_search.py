@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros.report.nearest import nearest_vertices
+from smartmesh_ros.report.search import nearest_vertices
 from smartmesh_ros.terrain.grid import GridGeometry
 
 

@@ -10,11 +10,17 @@ from hypothesis import strategies as st
 from smartmesh_ros import BodyState, PatchConfig, Sphere, World, WorldConfig
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.config import SearchMethod
-from smartmesh_ros.report.best_first import best_first_cells, best_first_vertices
-from smartmesh_ros.report.brute_force import BruteForce, brute_force_cells
 from smartmesh_ros.report.methods import require_search
-from smartmesh_ros.report.nearest import Cells, nearest_vertices, uniform_grid_vertices
-from smartmesh_ros.report.ray_cast import ray_cast
+from smartmesh_ros.report.search import (
+    BruteForce,
+    Cells,
+    best_first_cells,
+    best_first_vertices,
+    brute_force_cells,
+    nearest_vertices,
+    ray_cast,
+    uniform_grid_vertices,
+)
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.mesh_shape import count_parts
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles

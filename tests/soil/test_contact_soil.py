@@ -9,9 +9,8 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, InputError, PatchConfig, Sphere, World
-from smartmesh_ros.soil.checked_soil import map_from
 from smartmesh_ros.soil.contact_soil import ContactSoil
-from smartmesh_ros.soil.soils import soil_named
+from smartmesh_ros.soil.soils import map_from, soil_named
 from smartmesh_ros.terrain.motion import MotionConfig
 from studies.soil.arcs import free_slip, undamped, wheel_forces
 from studies.soil.rig import roll

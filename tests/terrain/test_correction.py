@@ -38,7 +38,7 @@ def test_what_is_shown_goes_from_old_to_new_in_a_straight_line(share: float) -> 
     heightmap.show(share * SETTLE)
     part = min(share, 1.0)
     np.testing.assert_allclose(shown(heightmap), (1.0 - part) * old + part * new, atol=1e-6)
-    assert heightmap.correcting == heightmap.moving(0.0) == (share < 1.0)
+    assert heightmap.corrections.blending == heightmap.moving(0.0) == (share < 1.0)
 
 
 def test_a_correction_while_one_is_worked_off_starts_from_what_is_shown() -> None:
@@ -130,7 +130,7 @@ def test_zero_noise_takes_heights_as_they_are() -> None:
     heightmap = corrected(np.zeros((SIZE, SIZE)))
     new = RNG.normal(size=(SIZE, SIZE)).astype(np.float32)
     heightmap.replace(new, time=0.1)
-    assert heightmap.fused is None
+    assert heightmap.corrections.fused is None
     assert np.array_equal(heightmap.heights, new)
 
 

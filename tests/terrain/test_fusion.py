@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, nothing_known
+from smartmesh_ros.terrain.corrections import FusedMap, FusionConfig, fuse, nothing_known
 
 SHAPE = (5, 7)
 HEIGHTS = st.floats(-1e3, 1e3, width=32) | st.just(math.nan)
@@ -183,26 +183,15 @@ def test_a_hole_takes_the_measurement() -> None:
 
 
 @pytest.mark.parametrize(
-    ("shape", "first", "noise", "elapsed", "words"),
+    ("shape", "first", "noise", "words"),
     [
-        ((3, 3), (2, 0), 0.1, 0.1, "leave a map"),
-        ((3, 3), (-1, 0), 0.1, 0.1, "leave a map"),
-        ((9,), (0, 0), 0.1, 0.1, "leave a map"),
-        ((3, 3), (0, 0), np.ones((2, 3), np.float32), 0.1, "variances have shape"),
-        ((3, 3), (0, 0), 0.1, -1.0, "have passed"),
-        ((3, 3), (0, 0), 0.1, math.nan, "have passed"),
+        ((3, 3), (2, 0), 0.1, "leave the map"),
+        ((3, 3), (-1, 0), 0.1, "leave the map"),
+        ((3, 3), (0, 0), np.ones((2, 3), np.float32), "must have the shape"),
     ],
 )
-def test_what_does_not_fit_is_refused(
-    shape: tuple[int, ...], first: tuple[int, int], noise: float, elapsed: float, words: str
-) -> None:
+def test_what_does_not_fit_is_refused(shape: tuple[int, ...], first: tuple[int, int], noise: float, words: str) -> None:
     known = nothing_known(4, 4)
     with pytest.raises(ValueError, match=words):
-        fuse(known, np.zeros(shape, np.float32), noise, elapsed, FusionConfig(), first)
+        fuse(known, np.zeros(shape, np.float32), noise, 0.1, FusionConfig(), first)
     assert np.isnan(known.heights).all()
-
-
-@pytest.mark.parametrize("settings", [{"growth": -1.0}, {"growth": math.inf}, {"gate": 0.0}, {"gate": math.nan}])
-def test_settings_without_sense_are_refused(settings: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match="must be"):
-        FusionConfig(**settings)

@@ -13,8 +13,8 @@ from pybullet_utils.bullet_client import BulletClient
 from smartmesh_ros import BodyState, Box, HeightMap, InputError, PhysicsConfig, World, WorldConfig
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
-from smartmesh_ros.world.base_frames import InertialFrame, centre_state, frame_state
 from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros.world.link_frames import InertialFrame, centre_state, frame_state
 
 ROVER = str(Path(__file__).parent.parent / "data" / "rover.urdf")
 PENDULUM = """

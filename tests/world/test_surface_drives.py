@@ -12,7 +12,7 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, Ground, InputError, PatchConfig, Snapshot, Sphere, World, WorldConfig
-from smartmesh_ros.ground.belt import Belt
+from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.world.joints import JointCommand

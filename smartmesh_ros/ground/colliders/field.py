@@ -66,14 +66,15 @@ def quarter_turn(yaw: float) -> tuple[float, float, float, float]:
     return 0.0, 0.0, math.sin(half), math.cos(half)
 
 
-def make_field(client: Any, rows: int, columns: int, spacing: float) -> Field:
-    """Create a field and its body. It is a multibody, because contacts ignore the velocity of a fixed rigid body.
+def make_field(client: Any, rows: int, columns: int, spacing: float, bound: float | None = None) -> Field:
+    """Create a field and its body; its heights may differ by ``bound`` [m] from its base, by default by what its size
+    allows at `STEEPEST`. The body is a multibody, because contacts ignore the velocity of a fixed rigid body.
 
     PyBullet never updates the bounds of a replaced heightfield (bullet3 issues 4200 and 4236), and ignores bodies
     outside them. A field's base lies at its middle sample, so a body on it is inside the bounds even if other ground is
     much higher or lower. Bounds of 200 m with a slight tilt would overlap those of many neighbouring bodies.
     """
-    bound = min(0.5 * STEEPEST * (max(rows, columns) - 1) * spacing, HOLE)
+    bound = bound or min(0.5 * STEEPEST * (max(rows, columns) - 1) * spacing, HOLE)
     heights = [0.0] * (rows * columns)
     heights[0], heights[-1] = -bound, bound
     shape = client.createCollisionShape(

@@ -6,8 +6,7 @@ import re
 from pathlib import Path
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.world.robots.description import is_text, xml_of
-from smartmesh_ros.world.robots.files import package_folder
+from smartmesh_ros.world.robots.description import is_text, package_folder, xml_of
 
 
 def robot_name(urdf: str) -> str:

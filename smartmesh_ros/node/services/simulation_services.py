@@ -24,8 +24,8 @@ from smartmesh_ros.node.refusals import reason_of
 from smartmesh_ros.node.services.entities import own_bounds, select
 from smartmesh_ros.node.services.robot_files import robot_name, urdf_text, with_package_paths
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.world.base_frames import centre_state
 from smartmesh_ros.world.bodies import Body
+from smartmesh_ros.world.link_frames import centre_state
 
 PACKAGE = "simulation_interfaces"
 FEATURES = (

@@ -16,7 +16,7 @@ from viser.extras import ViserUrdf
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.view.sight import Sight
-from smartmesh_ros.world.robots.files import named_file
+from smartmesh_ros.world.robots.description import named_file
 
 # yourdfpy warns of every missing mesh, which is normal for a robot of another machine.
 logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)

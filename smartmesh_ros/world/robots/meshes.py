@@ -7,15 +7,16 @@ ROS does: in metres by the file's unit, and as if z were up.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.obj_parts import obj_parts
+from smartmesh_ros.ground.body_shapes import obj_parts
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.world.robots.collada import collada_points
 
 _STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 84  # bytes of a binary STL before its facets
@@ -62,3 +63,98 @@ def _obj(path: Path) -> list[FloatArray]:
 
 def _collada(path: Path) -> list[FloatArray]:
     return [collada_points(ElementTree.parse(path).getroot())]
+
+
+_PRIMITIVES = ("triangles", "polylist", "polygons", "tristrips", "trifans")
+# Deepest chain of nodes, so that a file whose nodes contain themselves ends.
+_DEEPEST = 50
+
+
+def collada_points(root: Element) -> FloatArray:
+    """Return the points (n, 3) [m] of all facets of a COLLADA document: those of its scene, or of all geometries if it
+    has none. Raises `ValueError` or `LookupError` if the document is not complete."""
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]
+    by_id = {name: element for element in root.iter() if (name := element.get("id"))}
+    unit = root.find("asset/unit")
+    metre = 1.0 if unit is None else float(unit.get("meter", "1"))
+    scenes = [by_id[_reference(scene, "url")] for scene in root.findall("scene/instance_visual_scene")]
+    scenes = scenes or root.findall("library_visual_scenes/visual_scene")[:1]
+    found = [points for scene in scenes for points in _of_node(scene, np.eye(4), by_id, 0)]
+    if not scenes:
+        found = [_of_geometry(geometry, by_id) for geometry in root.findall("library_geometries/geometry")]
+    return metre * np.concatenate([np.empty((0, 3)), *found])
+
+
+def _of_node(node: Element, above: FloatArray, by_id: dict[str, Element], depth: int) -> Iterator[FloatArray]:
+    """Yield the points of a node's geometries and of the nodes below it."""
+    if depth > _DEEPEST:
+        raise ValueError(f"its nodes are more than {_DEEPEST} deep")
+    pose = above
+    for element in node:
+        pose = pose @ _transform(element)
+    for element in node:
+        if element.tag == "instance_geometry":
+            points = _of_geometry(by_id[_reference(element, "url")], by_id)
+            yield points @ pose[:3, :3].T + pose[:3, 3]
+        elif element.tag == "node":
+            yield from _of_node(element, pose, by_id, depth + 1)
+        elif element.tag == "instance_node":
+            yield from _of_node(by_id[_reference(element, "url")], pose, by_id, depth + 1)
+
+
+def _transform(element: Element) -> FloatArray:
+    """Return the transform (4, 4) of an element of a node; identity if it is none."""
+    made = np.eye(4)
+    if element.tag == "matrix":
+        return _floats(element).reshape(4, 4)
+    if element.tag == "translate":
+        made[:3, 3] = _floats(element)
+    elif element.tag == "scale":
+        made[:3, :3] = np.diag(_floats(element))
+    elif element.tag == "rotate":
+        *axis, degrees = _floats(element).tolist()
+        x, y, z = np.array(axis) / np.linalg.norm(axis)
+        across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        angle = np.radians(degrees)
+        made[:3, :3] += np.sin(angle) * across + (1.0 - np.cos(angle)) * across @ across
+    return made
+
+
+def _of_geometry(geometry: Element, by_id: dict[str, Element]) -> FloatArray:
+    """Return the points (n, 3) that the facets of a geometry use."""
+    parts = [np.empty((0, 3))]
+    for mesh in geometry.findall("mesh"):
+        for primitive in (element for element in mesh if element.tag in _PRIMITIVES):
+            inputs = primitive.findall("input")
+            [corner] = [entry for entry in inputs if entry.get("semantic") == "VERTEX"]
+            stride = 1 + max(int(entry.get("offset", "0")) for entry in inputs)
+            first = int(corner.get("offset", "0"))
+            points = _positions(by_id[_reference(corner, "source")], by_id)
+            for indices in primitive.iter("p"):
+                chosen = np.array((indices.text or "").split(), np.int64)[first::stride]
+                if len(chosen) and not 0 <= chosen.min() <= chosen.max() < len(points):
+                    raise ValueError("a facet has a corner that does not exist")
+                parts.append(points[chosen])
+    return np.concatenate(parts)
+
+
+def _positions(vertices: Element, by_id: dict[str, Element]) -> FloatArray:
+    """Return the positions (n, 3) of a <vertices> element."""
+    [entry] = [entry for entry in vertices.findall("input") if entry.get("semantic") == "POSITION"]
+    source = by_id[_reference(entry, "source")]
+    array, accessor = source.find("float_array"), source.find("technique_common/accessor")
+    if array is None:
+        raise ValueError("it has a source without numbers")
+    stride = 3 if accessor is None else int(accessor.get("stride", "1"))
+    offset = 0 if accessor is None else int(accessor.get("offset", "0"))
+    values = _floats(array)[offset:]
+    return values[: len(values) // stride * stride].reshape(-1, stride)[:, :3]
+
+
+def _floats(element: Element) -> FloatArray:
+    return np.array((element.text or "").split(), np.float64)
+
+
+def _reference(element: Element, key: str) -> str:
+    return element.get(key, "").lstrip("#")

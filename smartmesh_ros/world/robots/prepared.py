@@ -19,11 +19,9 @@ from xml.etree import ElementTree
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.shapes import BodyShape
-from smartmesh_ros.world.robots.description import Description, read_description
-from smartmesh_ros.world.robots.files import named_file
-from smartmesh_ros.world.robots.meaning import Mimic, mimics_of, with_massive_root
+from smartmesh_ros.world.robots.description import Description, named_file, read_description
+from smartmesh_ros.world.robots.meaning import Mimic, SurfaceDrive, mimics_of, surface_drives_of, with_massive_root
 from smartmesh_ros.world.robots.quantities import check_quantities, scale_of
-from smartmesh_ros.world.robots.surface_drives import SurfaceDrive, surface_drives_of
 from smartmesh_ros.world.robots.workshop import WORKSHOP, Made
 
 # Children of links and joints that PyBullet reads; <contact> is its own.

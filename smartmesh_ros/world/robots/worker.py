@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import pickle
-import select
-import sys
 import tempfile
+from contextlib import suppress
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 import pybullet as pb
@@ -22,7 +20,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.bodies import BodyFactory
 from smartmesh_ros.world.robots.meshes import mesh_parts
 from smartmesh_ros.world.robots.prepared import Mesh, PreparedRobot
-from smartmesh_ros.world.robots.workshop import IDLE, Refusal, send
+from smartmesh_ros.world.robots.workshop import IDLE
 
 # Most vertices of all hulls of a robot, beyond which each hull keeps those that hold the others but for a millimetre.
 # PyBullet loads some 700 vertices in a millisecond.
@@ -31,19 +29,15 @@ MOST_VERTICES = 8000
 STEPS = 2
 
 
-def main() -> None:
-    """Make the robots that arrive on standard input, until it ends or is idle."""
-    out = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # PyBullet prints there
-    while select.select([sys.stdin], [], [], IDLE)[0]:
-        robot = _read(sys.stdin.buffer)
-        if robot is None:
-            return
-        try:
-            answer: Any = make(robot)
-        except InputError as error:
-            answer = Refusal(error.reason, str(error))
-        send(out, answer)
+def main(pipe: int) -> None:
+    """Make the robots that arrive on a connection, given by its file descriptor, until it ends or is idle."""
+    with Connection(pipe) as robots, suppress(EOFError):
+        while robots.poll(IDLE):
+            robot = robots.recv()
+            try:
+                robots.send(make(robot))
+            except InputError as error:
+                robots.send(error)
 
 
 def make(robot: PreparedRobot) -> Any:
@@ -97,10 +91,3 @@ def _obj(parts: list[FloatArray]) -> bytes:
         lines += [f"f {k} {min(k + 1, last)} {min(k + 2, last)}" for k in range(first, last + 1, 3)]
         first = last + 1
     return "\n".join([*lines, ""]).encode()
-
-
-def _read(pipe: IO[bytes]) -> PreparedRobot | None:
-    """Return the robot that arrives, None at the end of the input."""
-    length = pipe.read(8)
-    robot: PreparedRobot | None = pickle.loads(pipe.read(int.from_bytes(length, "little"))) if length else None
-    return robot

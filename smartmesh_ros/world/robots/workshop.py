@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import pickle
-import select
 import subprocess
 import sys
 from collections.abc import Mapping
-from contextlib import suppress
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from threading import Lock
-from time import monotonic
-from typing import IO, TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.shapes import BodyShape
@@ -23,16 +20,7 @@ if TYPE_CHECKING:
 PATIENCE = 120.0
 # The child ends after this time without work [s], which frees its memory of some 100 MB.
 IDLE = 60.0
-_START = "import sys; sys.path[:] = {path!r}; from smartmesh_ros.world.robots.worker import main; main()"
-_LENGTH = 8  # bytes of the length before each message
-
-
-class Refusal(NamedTuple):
-    """An `InputError` of the child."""
-
-    reason: str
-    message: str
-
+_START = "import sys; sys.path[:] = {path!r}; from smartmesh_ros.world.robots.worker import main; main({pipe})"
 
 Made = tuple[Mapping[str, bytes], Mapping[int, BodyShape]]
 
@@ -42,6 +30,7 @@ class Workshop:
 
     def __init__(self) -> None:
         self._child: subprocess.Popen[bytes] | None = None
+        self._pipe: Connection | None = None
         self._lock = Lock()
 
     def make(self, robot: PreparedRobot) -> Made:
@@ -57,8 +46,8 @@ class Workshop:
                     "urdf", f"PyBullet crashes or hangs when it loads the robot (exit code {code} of a trial in "
                     "another process); check the description with check_urdf, and its meshes"
                 )  # fmt: skip
-        if isinstance(answer, Refusal):
-            raise InputError(answer.reason, answer.message)
+        if isinstance(answer, InputError):
+            raise answer
         made: Made = answer
         return made
 
@@ -70,61 +59,36 @@ class Workshop:
             child.wait()
 
     def _ask(self, robot: PreparedRobot) -> Any:
-        """Return the child's answer, None if it ended without one."""
-        if self._child is None or self._child.poll() is not None:
-            self._child = _started()
-        child = self._child
-        assert child.stdin is not None and child.stdout is not None
+        """Return the child's answer, None if it ended without one, or is late."""
+        if self._pipe is None or self._child is None or self._child.poll() is not None:
+            self._start()
+        assert self._pipe is not None
         try:
-            send(child.stdin, robot)
-        except OSError:
+            self._pipe.send(robot)
+            return self._pipe.recv() if self._pipe.poll(PATIENCE) else None
+        except (OSError, EOFError):
             return None
-        return _received(child.stdout, PATIENCE)
+
+    def _start(self) -> None:
+        self._pipe, childs = Pipe()
+        with childs:
+            # A session of its own: Ctrl-C ends this process, and then the child, whose pipe ends.
+            self._child = subprocess.Popen(
+                [sys.executable, "-c", _START.format(path=sys.path, pipe=childs.fileno())], pass_fds=[childs.fileno()],
+                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
+            )  # fmt: skip
 
     def _ended(self) -> int:
         """End the child and return its exit code, zero if it had ended by itself."""
-        child = self._child
-        assert child is not None
+        child, pipe = self._child, self._pipe
+        assert child is not None and pipe is not None
         try:
             code = child.wait(1.0)
         except subprocess.TimeoutExpired:
             child.kill()
             code = child.wait()
-        for pipe in (child.stdin, child.stdout):
-            assert pipe is not None
-            with suppress(OSError):  # what the child did not read
-                pipe.close()
+        pipe.close()
         return code
-
-
-def _started() -> subprocess.Popen[bytes]:
-    # A session of its own: Ctrl-C ends this process, and then the child, whose input ends.
-    return subprocess.Popen(
-        [sys.executable, "-c", _START.format(path=sys.path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL, start_new_session=True,
-    )  # fmt: skip
-
-
-def send(pipe: IO[bytes], value: Any) -> None:
-    """Write a value to a pipe."""
-    data = pickle.dumps(value)
-    pipe.write(len(data).to_bytes(_LENGTH, "little") + data)
-    pipe.flush()
-
-
-def _received(pipe: IO[bytes], patience: float) -> Any:
-    """Return the value that another process writes to a pipe within ``patience`` [s]; None if there is none."""
-    ends, data, length = monotonic() + patience, b"", _LENGTH
-    while len(data) < length:
-        if not select.select([pipe], [], [], max(ends - monotonic(), 0.0))[0]:
-            return None
-        part = os.read(pipe.fileno(), 1 << 20)
-        if not part:
-            return None
-        data += part
-        if len(data) >= _LENGTH:
-            length = _LENGTH + int.from_bytes(data[:_LENGTH], "little")
-    return pickle.loads(data[_LENGTH:])
 
 
 WORKSHOP = Workshop()

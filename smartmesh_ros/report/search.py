@@ -1,0 +1,223 @@
+"""The report's nearest-vertex searches (Chapter 3), on height maps without their rim, and on general meshes.
+
+Distances are horizontal (the report's h(n) = |N - P|), but those of brute force on a general mesh. Ties go to the lower
+index. Each search is valid on some meshes, see `methods`:
+
+- *Grid traversal* computes the nearest vertices of a uniform grid by rounding, for all bodies at once.
+- *Best-first search* walks from the previous nearest vertex to the nearest neighbour, until no neighbour is nearer.
+- *Brute force* compares the distances to all vertices. Correct on every mesh, and O(n).
+- *Ray cast*, the report's first implementation, casts a vertical ray from the body onto its previous patch. If the ray
+  misses, brute force follows, as in the report. The ray is intersected with the patch's triangles here and not by the
+  engine, because patches collide with their own body only and so are invisible to the engine's rays.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros.patches.config import SearchMethod
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
+from smartmesh_ros.terrain.mesh_shape import UniformGrid
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+
+# The eight neighbours of a grid vertex, in ascending order of their index, and the vertex itself first.
+_ROW_STEPS = np.array([0, -1, -1, -1, 0, 0, 1, 1, 1])
+_COLUMN_STEPS = np.array([0, -1, 0, 1, -1, 1, -1, 0, 1])
+# Number of grid vertices compared at a time. Raising it costs memory.
+CHUNK = 1 << 16
+# Smallest barycentric weight of a hit. Slightly negative, so that a ray at an edge hits one of the two triangles.
+ON_EDGE = -1e-9
+
+
+class Cells(NamedTuple):
+    """Nearest vertices of N bodies: rows and columns, shape (N,)."""
+
+    rows: IntArray
+    columns: IntArray
+
+
+def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray) -> Cells:
+    """Return the vertices, without the map's rim, horizontally nearest to points given as fractional (row, column).
+
+    ``grid_rc``: (N, 2), see `GridGeometry.to_grid`. The rim is excluded to keep the topology of every patch constant
+    (the report's Chapter 3, Figure 7); bodies beyond it get the nearest vertex inside. On a uniform grid, rounding
+    gives the nearest vertex, so no best-first step is needed. Ties go to the lower row and column.
+    """
+    nearest = grid_rc - 0.5
+    np.ceil(nearest, out=nearest)
+    cells = nearest.T.astype(np.int64, order="C")
+    np.minimum(cells, geometry.last_inside, out=cells)
+    np.maximum(cells, 1, out=cells)
+    return Cells(cells[0], cells[1])
+
+
+def uniform_grid_vertices(grid: UniformGrid, positions_w: FloatArray) -> IntArray:
+    """Return the vertices (N,) of an evenly spaced general mesh horizontally nearest to positions (N, 2+) [m].
+
+    The rim is included, because patches of a general mesh may lie there. Ties go to the lower row and column.
+    """
+    offset = positions_w[:, :2] - grid.origin
+    row = np.ceil(offset @ (grid.per_row / (grid.per_row @ grid.per_row)) - 0.5)
+    column = np.ceil(offset @ (grid.per_column / (grid.per_column @ grid.per_column)) - 0.5)
+    row = np.clip(row, 0, grid.rows - 1).astype(np.int64)
+    return row * grid.columns + np.clip(column, 0, grid.columns - 1).astype(np.int64)
+
+
+def best_first_vertices(mesh: TriangleMesh, table: IntArray, positions_w: FloatArray, starts: IntArray) -> IntArray:
+    """Return the nearest vertices (N,) for positions (N, 3) [m] and starts (N,); ``table``: from `padded`."""
+    x, y = mesh.coordinates[:2]
+    found = starts.copy()
+    walking = np.arange(len(found))
+    while walking.size:
+        here = found[walking]
+        options = np.concatenate([here[:, None], table[here]], axis=1)
+        options.sort(axis=1)  # so that argmin returns the lowest index among equal distances
+        place = positions_w[walking]
+        distance = (x[options] - place[:, :1]) ** 2 + (y[options] - place[:, 1:2]) ** 2
+        best = options[np.arange(len(options)), distance.argmin(axis=1)]
+        found[walking] = best
+        walking = walking[best != here]
+    return found
+
+
+def best_first_cells(geometry: GridGeometry, grid_rc: FloatArray, starts: Cells) -> Cells:
+    """Return the vertices of a height map, without its rim, nearest to points given as fractional (row, column) (N, 2).
+
+    Walks over the eight-neighbour graph (Figure 6) from ``starts``, which must not lie on the rim.
+    """
+    rows, columns = starts.rows.copy(), starts.columns.copy()
+    walking = np.arange(len(rows))
+    while walking.size:
+        near_rows = np.clip(rows[walking, None] + _ROW_STEPS, 1, geometry.rows - 2)
+        near_columns = np.clip(columns[walking, None] + _COLUMN_STEPS, 1, geometry.columns - 2)
+        place = grid_rc[walking]
+        distance = (near_rows - place[:, :1]) ** 2 + (near_columns - place[:, 1:2]) ** 2
+        index = near_rows * geometry.columns + near_columns
+        nearest = distance.min(axis=1, keepdims=True)
+        best = np.where(distance == nearest, index, np.iinfo(np.int64).max).min(axis=1)
+        moved = best != index[:, 0]
+        rows[walking], columns[walking] = np.divmod(best, geometry.columns)
+        walking = walking[moved]
+    return Cells(rows, columns)
+
+
+class BruteForce:
+    """Search for the vertex of a general mesh nearest in 3D, without assumptions about the mesh.
+
+    Reuses buffers for one mesh size, so that a search allocates nothing.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._distance = np.empty(count)
+        self._part = np.empty(count)
+
+    def nearest(self, coordinates: FloatArray, position_w: FloatArray) -> int:
+        """Return the index of the vertex of ``coordinates`` (3, V) [m] nearest to a position (3,) [m].
+
+        Ties go to the lower index.
+        """
+        distance, part = self._distance, self._part
+        np.subtract(coordinates[0], position_w[0], out=distance)
+        np.multiply(distance, distance, out=distance)
+        for axis in (1, 2):
+            np.subtract(coordinates[axis], position_w[axis], out=part)
+            np.multiply(part, part, out=part)
+            np.add(distance, part, out=distance)
+        return int(distance.argmin())
+
+
+def brute_force_cells(geometry: GridGeometry, grid_rc: FloatArray) -> Cells:
+    """Return the vertices of a height map, without its rim, nearest to points given as fractional (row, column) (N, 2).
+
+    Compares horizontal distances to all vertices. Ties go to the lower row and column.
+    """
+    columns = np.arange(1, geometry.columns - 1, dtype=np.float64)
+    step = max(1, CHUNK // len(columns))
+    found = np.empty((2, len(grid_rc)), np.int64)
+    for index, (row, column) in enumerate(grid_rc):
+        across = (columns - column) ** 2
+        best = np.inf
+        for first in range(1, geometry.rows - 1, step):
+            rows = np.arange(first, min(first + step, geometry.rows - 1), dtype=np.float64)
+            distance = (rows - row)[:, None] ** 2 + across
+            nearest = int(distance.argmin())
+            if distance.flat[nearest] < best:
+                best = distance.flat[nearest]
+                found[:, index] = first + nearest // len(columns), 1 + nearest % len(columns)
+    return Cells(found[0], found[1])
+
+
+def ray_cast(positions_w: FloatArray, vertices_w: FloatArray, triangles: NDArray[np.integer]) -> IntArray:
+    """Return the vertex (N,) of each patch, 0 .. K - 1, nearest to the hit of a ray down from its body; -1 = no hit.
+
+    ``positions_w``: (N, 3) [m]. ``vertices_w``: (N, K, 3) [m]. ``triangles``: (T, 3) corners among the K vertices, the
+    same for all patches. Distances from the hit are horizontal; ties go to the lower vertex.
+    """
+    corners = vertices_w[:, triangles]  # (N, T, 3, 3)
+    a, b, c = (corners[:, :, corner] for corner in range(3))
+    x, y = positions_w[:, None, 0], positions_w[:, None, 1]
+    area = (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        v = ((x - a[..., 0]) * (c[..., 1] - a[..., 1]) - (y - a[..., 1]) * (c[..., 0] - a[..., 0])) / area
+        w = ((b[..., 0] - a[..., 0]) * (y - a[..., 1]) - (b[..., 1] - a[..., 1]) * (x - a[..., 0])) / area
+        u = 1.0 - v - w
+        height = u * a[..., 2] + v * b[..., 2] + w * c[..., 2]
+        hit = (u >= ON_EDGE) & (v >= ON_EDGE) & (w >= ON_EDGE) & (height <= positions_w[:, None, 2])
+    # If a patch overlaps itself, the ray hits the highest triangle first. Equally high triangles share the nearest
+    # corner.
+    first = np.where(hit, height, -np.inf).argmax(axis=1)
+    row = np.arange(len(first))
+    options = np.sort(triangles[first].astype(np.int64), axis=1)
+    place = vertices_w[row[:, None], options, :2]
+    distance = ((place - positions_w[:, None, :2]) ** 2).sum(axis=2)
+    return np.where(hit[row, first], options[row, distance.argmin(axis=1)], -1)
+
+
+def nearest_cells(
+    method: SearchMethod, geometry: GridGeometry, bodies: IntArray, grid: FloatArray, positions_w: FloatArray,
+    before: list[PatchBatch], supports: Any,
+) -> Cells:  # fmt: skip
+    """Return the vertices nearest to points given as fractional (row, column) (n, 2).
+
+    ``positions_w`` (n, 3) [m]: origins of the rays of the ray-cast search; ``before``: the patches that its rays are
+    cast at. ``supports`` (n,): of the last update; best-first search starts in their middle.
+    """
+    if method in ("auto", "grid_traversal"):
+        return nearest_vertices(geometry, grid)
+    if method == "brute_force":
+        return brute_force_cells(geometry, grid)
+    if method == "ray_cast":
+        row, column = _hits(bodies, positions_w, before)
+        missed = row < 0
+        if missed.any():
+            row[missed], column[missed] = brute_force_cells(geometry, grid[missed])
+        # A ray on a strided patch hits a vertex near the nearest one; best-first search refines the hit.
+    else:
+        row = supports["row"] + supports["rows"] // 2 * supports["stride"]
+        column = supports["column"] + supports["columns"] // 2 * supports["stride"]
+    start = Cells(np.clip(row, 1, geometry.rows - 2), np.clip(column, 1, geometry.columns - 2))
+    return best_first_cells(geometry, grid, start)
+
+
+def _hits(bodies: IntArray, positions_w: FloatArray, before: list[PatchBatch]) -> tuple[IntArray, IntArray]:
+    """Rows and columns of the vertices that rays from the bodies hit on their last patches, -1 = missed or no patch."""
+    place = {body: index for index, body in enumerate(bodies.tolist())}
+    rows, columns = np.full(len(bodies), -1), np.full(len(bodies), -1)
+    for batch in before:
+        if batch.vertices is not None:
+            continue  # of a general mesh
+        members = [i for i, body in enumerate(batch.bodies.tolist()) if body in place]
+        if not members:
+            continue
+        mine = np.array([place[body] for body in batch.bodies[members].tolist()])
+        vertex = ray_cast(positions_w[mine], batch.vertices_w[members], batch.triangles)
+        hit, side = vertex >= 0, math.isqrt(batch.vertices_w.shape[1])
+        stride = batch.stride[members]
+        rows[mine[hit]] = (batch.rows[members] + (vertex // side - side // 2) * stride)[hit]
+        columns[mine[hit]] = (batch.columns[members] + (vertex % side - side // 2) * stride)[hit]
+    return rows, columns
