@@ -16,13 +16,11 @@ from smartmesh_ros.io import files
 from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_grid
-from smartmesh_ros.node.inputs.bounds import require_name, require_tile_fits
 from smartmesh_ros.node.inputs.conversions import FloatGrid
-from smartmesh_ros.node.inputs.map_taking import take_map
+from smartmesh_ros.node.inputs.maps import Rivals, require_tile_fits, take_map
 from smartmesh_ros.node.inputs.optional_messages import find_message, require_message
-from smartmesh_ros.node.inputs.rivals import Rivals
-from smartmesh_ros.node.session import Session
-from smartmesh_ros.node.timing.pacing import Placed, StampClock
+from smartmesh_ros.node.session import Session, require_name
+from smartmesh_ros.node.timing.stamps import Placed, StampClock
 from smartmesh_ros.patches.config import ANYWHERE
 from smartmesh_ros.report.methods import require_search_on
 from smartmesh_ros.terrain.grid import GridGeometry

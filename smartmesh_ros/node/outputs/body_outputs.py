@@ -9,8 +9,7 @@ from smartmesh_msgs.msg import Contact, ContactArray, TrackedBody, TrackedBodyAr
 from std_msgs.msg import Header
 
 from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.node.outputs.array_message import ArrayMessage, by_length, stamp_fields
-from smartmesh_ros.node.outputs.cdr import text_rows
+from smartmesh_ros.node.outputs.cdr import ArrayMessage, by_length, stamp_fields, text_rows
 from smartmesh_ros.world.contacts import GroundContact
 from smartmesh_ros.world.state_table import StateTable
 

@@ -15,15 +15,13 @@ from typing import Any, Protocol
 from geometry_msgs.msg import Vector3
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.io.urdf import checked_urdf
-from smartmesh_ros.node.failures import REFUSED
-from smartmesh_ros.node.inputs import bounds, conversions
+from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.optional_messages import find_interfaces
 from smartmesh_ros.node.outputs.robot_outputs import pose_message, twist_message
 from smartmesh_ros.node.refusals import reason_of
 from smartmesh_ros.node.services.entities import own_bounds, select
 from smartmesh_ros.node.services.robot_files import robot_name, urdf_text, with_package_paths
-from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.session import REFUSED, Session, require_name
 from smartmesh_ros.world.base_frames import centre_state
 from smartmesh_ros.world.bodies import Body
 
@@ -220,14 +218,13 @@ class SimulationServices:
             raise InputError("unsupported", "entity_namespace is not supported; leave it empty")
         session.require_frame(request.initial_pose.header.frame_id)
         state = conversions.state_from(request.initial_pose.pose)
-        rules = bounds.urdf_rules(session.settings)
-        robot = await session.robots.prepared(lambda: checked_urdf(given, rules))
+        robot = await session.robots.prepared(given, session.settings)
         name = request.name or robot_name(urdf_text(robot.given))
         with session.lock:
             if request.allow_renaming:
                 name = self._free_name(name)
-            bounds.require_name(name)
-            bounds.require_room([name], session.world.bodies, session.settings)
+            require_name(name)
+            session.require_room([name])
             session.world.spawn_robot(name, robot, state)
             body = session.world.bodies[name]
             body.initial = centre_state(state, body.inertial)  # the pose is that of the base link
