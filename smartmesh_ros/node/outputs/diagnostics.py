@@ -72,15 +72,16 @@ class Diagnostics:
         if now < self._due and (now < self._connections_due or not self._connections_changed(now)):
             return
         self._due = now + DIAGNOSTICS_PERIOD
-        name = self._session.node.get_fully_qualified_name()
-        tasks = {
-            "terrain": self._terrain(),
-            "bodies": self._bodies(),
-            "physics": self._physics(),
-            "inputs": self._inputs(),
-            "connections": self._ends(),
-        }
-        message = DiagnosticArray(status=[task_status(name, task, *found) for task, found in tasks.items()])
+        node_name = self._session.node.get_fully_qualified_name()
+        message = DiagnosticArray(
+            status=[
+                task_status(node_name, "terrain", *self._terrain()),
+                task_status(node_name, "bodies", *self._bodies()),
+                task_status(node_name, "physics", *self._physics()),
+                task_status(node_name, "inputs", *self._inputs()),
+                task_status(node_name, "connections", *self._ends()),
+            ]
+        )
         message.header.stamp = self._session.stamp_now()
         self._publisher.publish(message)
         self._namesakes.check()
