@@ -11,7 +11,7 @@ from std_msgs.msg import Header
 
 from smartmesh_ros import BodyState, HeightMap, InputError, World
 from smartmesh_ros.node.inputs.joint_commands import CommandedJoint, RobotNames, joint_commands_from
-from smartmesh_ros.node.outputs.robot_outputs import joint_states
+from smartmesh_ros.node.outputs.body_outputs import joint_states
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.world.joints import JointCommand
 from tests.node.test_robot_outputs import ARM

@@ -15,7 +15,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.io import files
 from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.inputs import conversions
-from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_grid
+from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_region
 from smartmesh_ros.node.inputs.cdr_reader import Stamped
 from smartmesh_ros.node.inputs.conversions import FloatGrid, RegionInput
 from smartmesh_ros.node.inputs.maps import Rivals, require_tile_fits, take_map
@@ -124,7 +124,7 @@ class TerrainInputs:
 
     def _on_occupancy_update(self, message: Any) -> None:
         settings = self._session.settings
-        row, column, heights = occupancy_grid.region_from(message, settings.raster, settings.max_samples)
+        row, column, heights = occupancy_region(message, settings.raster, settings.max_samples)
         self._take_region(RegionInput(_start_of(message.header), row, column, heights, None))
 
     def _take_region(self, new: RegionInput) -> None:

@@ -26,7 +26,7 @@ from visualization_msgs.msg import MarkerArray
 from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
 from smartmesh_ros.node.inputs.transform_input import TransformInput
-from smartmesh_ros.node.outputs import body_outputs, patch_outputs, robot_outputs
+from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.node.outputs.body_descriptions import BodyDescriptions
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
@@ -104,11 +104,17 @@ class Publishing:
             "patches": self._output(MarkerArray, "~/patches", self._make_patches),
             "collider_patches": self._output(ColliderPatchArray, "~/collider_patches", self._make_collider_patches),
             "body_states": self._output(TrackedBodyArray, "~/body_states", self._make_body_states),
-            "contacts": self._output(ContactArray, "~/contacts", self._make_contacts),
+            "contacts": self._output(
+                ContactArray, "~/contacts", lambda: self._contacts.write(self._header(), self._world.contacts())
+            ),
             "timing": self._output(Timing, "~/timing", self._make_timing),
             "joint_states": self._output(JointState, "~/joint_states", self._make_joint_states),
             "odometry": self._output(Odometry, "~/odometry", self._make_odometry),
-            "contact_wrenches": self._output(ContactWrenchArray, "~/contact_wrenches", self._make_contact_wrenches),
+            "contact_wrenches": self._output(
+                ContactWrenchArray,
+                "~/contact_wrenches",
+                lambda: body_outputs.contact_wrenches(self._header(), self._world),
+            ),
             "pressed_ground": self._output(HeightmapUpdate, "~/pressed_ground", self._make_pressed_ground),
         }
         self._scans = [ScanOutput(session, entry, self._qos) for entry in session.settings.height_scans]
@@ -214,20 +220,14 @@ class Publishing:
         physics = self._world.config.physics
         return self._body_states.write(self._header(), self._states.read(), physics, self._session.ahead_of_stamps())
 
-    def _make_contacts(self) -> bytes:
-        return self._contacts.write(self._header(), self._world.contacts())
-
     def _make_joint_states(self) -> list[JointState]:
         """Return one message, or none if the world has no robot."""
         prefixes = self._session.robot_names.prefixes()
-        return [robot_outputs.joint_states(self._header(), self._world, prefixes)] if prefixes else []
+        return [body_outputs.joint_states(self._header(), self._world, prefixes)] if prefixes else []
 
     def _make_odometry(self) -> list[Odometry]:
         header, world, names = self._header(), self._world, self._session.robot_names
-        return [robot_outputs.odometry(header, world, robot, prefix) for robot, prefix in names.prefixes().items()]
-
-    def _make_contact_wrenches(self) -> ContactWrenchArray:
-        return robot_outputs.contact_wrenches(self._header(), self._world)
+        return [body_outputs.odometry(header, world, robot, prefix) for robot, prefix in names.prefixes().items()]
 
     def _make_pressed_ground(self) -> list[HeightmapUpdate]:
         """Return the message of what changed in the soil, if any did."""

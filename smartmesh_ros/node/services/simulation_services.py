@@ -17,7 +17,7 @@ from geometry_msgs.msg import Vector3
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.optional_messages import find_interfaces
-from smartmesh_ros.node.outputs.robot_outputs import pose_message, twist_message
+from smartmesh_ros.node.outputs.body_outputs import pose_message, twist_message
 from smartmesh_ros.node.refusals import reason_of
 from smartmesh_ros.node.services.entities import own_bounds, select
 from smartmesh_ros.node.services.robot_files import robot_name, urdf_text, with_package_paths

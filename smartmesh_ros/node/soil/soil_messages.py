@@ -11,7 +11,7 @@ from smartmesh_msgs.msg import ContactArray, HeightmapUpdate
 from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs.conversions import require_cells, require_length, yaw_from
+from smartmesh_ros.node.inputs.conversions import require_cells, require_length, require_resolution, yaw_from
 from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.soil.layer import Region
 from smartmesh_ros.soil.soil import Soil
@@ -49,8 +49,7 @@ class SoilMap(NamedTuple):
 def soil_map_from(message: Any, count: int, max_cells: int) -> SoilMap:
     """Convert a message whose cells are -1 or the places of soils in a list of ``count``. Raises `InputError`."""
     info = message.info
-    if not (math.isfinite(info.resolution) and info.resolution > 0.0):
-        raise InputError("geometry", f"resolution is {info.resolution} m; it must be finite and greater than zero")
+    require_resolution(info.resolution)
     corner = info.origin.position
     if not (math.isfinite(corner.x) and math.isfinite(corner.y)):
         raise InputError("geometry", f"the origin is ({corner.x}, {corner.y}) m; it must be finite")
