@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
 
-from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
 
+from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.scenes.moving import InwardWaves, Wave
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.tools.testing import bags, heightmap_message, pose_message
@@ -22,23 +22,18 @@ START = 1_700_000_000.0  # stamps in the past, like those of a recorded bag [s]
 SCENE = InwardWaves(GridGeometry(rows=81, columns=101, resolution=0.1, origin=(-5.0, -4.0, 0.0)), Wave(0.2, 1.5, 3.0))
 
 
-def stamp(time: float) -> Time:
-    nanoseconds = round(time * 1e9)
-    return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
-
-
 def heightmap(time: float) -> Any:
     """Return the map at ``time`` [s] after the start."""
     geometry = SCENE.geometry
     return heightmap_message(
-        SCENE.heights(time), resolution=geometry.resolution, origin=geometry.origin, stamp=stamp(START + time)
+        SCENE.heights(time), resolution=geometry.resolution, origin=geometry.origin, stamp=stamp_of(START + time)
     )
 
 
 def odometry(time: float) -> Odometry:
     """Return the rover's odometry at ``time`` [s] after the start."""
     message = Odometry(child_frame_id="base_link")
-    message.header.stamp, message.header.frame_id = stamp(START + time), "map"
+    message.header.stamp, message.header.frame_id = stamp_of(START + time), "map"
     message.pose.pose = pose_message((SPEED * time - 1.0, 0.5, 0.5))
     message.twist.twist.linear.x = SPEED
     return message

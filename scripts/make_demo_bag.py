@@ -12,10 +12,10 @@ from typing import Any, get_args
 
 import pybullet_data
 import yaml
-from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
 
 from smartmesh_ros.node.parameters.declaring import Spec
+from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.demo.demo import BODIES, ROBOT, SOURCE, WHEELS
 from smartmesh_ros.tools.demo.terrain_source import SPECS, make_scene
 from smartmesh_ros.tools.testing import bags, heightmap_message
@@ -24,11 +24,6 @@ START = 1_700_000_000.0  # stamps in the past, like those of a recorded bag [s]
 COMMAND_RATE = 4.0
 WHEEL_SPEED = 6.0  # [rad/s]
 SHAPES = ("{shape: sphere, size: [0.25]", "{shape: box, size: [0.6, 0.4, 0.3]", "{shape: cylinder, size: [0.25, 0.4]")
-
-
-def stamp(time: float) -> Time:
-    nanoseconds = round(time * 1e9)
-    return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
 
 def defaults(specs: tuple[Spec, ...]) -> dict[str, Any]:
@@ -46,7 +41,7 @@ def messages(seconds: float) -> Iterator[tuple[str, float, Any]]:
             "/terrain_collider/heightmap",
             time,
             heightmap_message(
-                scene.heights(number / rate), resolution=place.resolution, origin=place.origin, stamp=stamp(time)
+                scene.heights(number / rate), resolution=place.resolution, origin=place.origin, stamp=stamp_of(time)
             ),
         )
         if number % round(rate / COMMAND_RATE) == 0:

@@ -9,4 +9,4 @@ for name in ("fleet.front", "sensor.terrain_sensor", "soil.soil_node", "terrain_
     import_module(f"smartmesh_ros.node.{name}")
 import_module("smartmesh_ros.tools.demo.terrain_source")
 # Tests wait for diagnostics, which a node publishes once a second [s].
-import_module("smartmesh_ros.node.outputs.publishing").DIAGNOSTICS_PERIOD = 0.2
+import_module("smartmesh_ros.node.outputs.diagnostics").DIAGNOSTICS_PERIOD = 0.2

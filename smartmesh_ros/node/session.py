@@ -3,36 +3,45 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from threading import RLock
 from typing import Any
 
+import pybullet as pb
 from builtin_interfaces.msg import Time
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import FARTHEST_BODY
-from smartmesh_ros.node.endpoint_names import EndpointNames
-from smartmesh_ros.node.failures import FAILED, REFUSED
-from smartmesh_ros.node.inputs.bounds import require_name
+from smartmesh_ros.node.endpoints import EndpointNames, OwnTopics
+from smartmesh_ros.node.inputs.cdr_reader import MOST_ITEMS, message_from
 from smartmesh_ros.node.inputs.conversions import BodyInput
-from smartmesh_ros.node.inputs.decoding import MOST_ITEMS, message_from
-from smartmesh_ros.node.inputs.map_checks import MapChecks
-from smartmesh_ros.node.inputs.own_topics import OwnTopics
+from smartmesh_ros.node.inputs.joint_commands import RobotNames
+from smartmesh_ros.node.inputs.maps import MapChecks
 from smartmesh_ros.node.inputs.tracking import Tracking
-from smartmesh_ros.node.parameters.settings import Settings
+from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings
 from smartmesh_ros.node.refusals import LOG_PERIOD, Refusals, shortened
-from smartmesh_ros.node.robot_names import RobotNames
-from smartmesh_ros.node.services.robot_preparation import RobotPreparation
+from smartmesh_ros.node.services.robot_files import RobotPreparation
 from smartmesh_ros.node.services.turns import Turns, Work
-from smartmesh_ros.node.timing.clock import NodeClock, stamp_of
-from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
+from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, NodeClock, Pacer, stamp_of
 from smartmesh_ros.world.world import World
 
 # Queue depth of requests and responses. The default of ROS drops all but ten.
 SERVICES = QoSProfile(depth=2000)
+# Errors that end a message or call, and leave the world as it was.
+REFUSED = (InputError, pb.error)
+# Errors of a step or an output that the node outlives.
+FAILED = (pb.error, rclpy_implementation.RCLError)
+
+
+def require_name(name: str) -> None:
+    """Raises `InputError` if the name of a body, tile or frame is too long."""
+    if len(name) > LONGEST_NAME:
+        raise InputError("size", f"a name of {len(name)} characters; at most {LONGEST_NAME} are possible")
 
 
 class Session:
@@ -119,15 +128,6 @@ class Session:
         except FAILED as error:
             self.refusals.add(part, error)
 
-    def answer(self, kind: Any, service: str, act: Callable[[Any], str]) -> None:
-        """Serves ``~/service``: ``act`` returns the message of a successful response, or raises `InputError`."""
-
-        def handle(request: Any, response: Any) -> None:
-            response.message = act(request)
-            response.success = True
-
-        self.serve(kind, service, handle)
-
     def configure_pacer(self) -> None:
         """Configures the pacer for the settings and the clock, and restarts it."""
         simulated = self.clock.simulated
@@ -153,39 +153,26 @@ class Session:
 
         self.turns.answer_later(self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES))
 
-    def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], None]) -> None:
-        """Serves ``~/service`` with a response that has ``success`` and ``message``; ``handle`` fills it in."""
+    def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], Any]) -> None:
+        """Serves ``~/service`` with a response that has ``success`` and ``message``, as `answered` returns it."""
+        self.serve_eagerly(kind, service, partial(self.answered, service, handle))
 
-        def callback(request: Any, response: Any) -> Any:
-            self.handled += 1
-            try:
-                with self.lock:
-                    handle(request, response)
-            except REFUSED as error:
-                self.refusals.add(service, error)
-                response.message = shortened(str(error))
-            return response
+    async def answered(self, service: str, handle: Callable[[Any, Any], Any], request: Any, response: Any) -> Any:
+        """Return the response to a request; a refusal is counted and logged.
 
-        self.node.create_service(kind, f"~/{service}", callback, qos_profile=SERVICES)
-
-    def serve_in_turns(self, kind: Any, service: str, handle: Callable[[Any, Any], Coroutine[Any, Any, None]]) -> None:
-        """Serves ``~/service`` with a response that has ``success`` and ``message``. ``handle`` fills in the rest, or
-        raises `InputError`; it awaits `NextTurn` between parts of its work, so that steps are not late."""
-
-        async def answer(request: Any, response: Any) -> Any:
-            self.handled += 1
-            try:
-                await handle(request, response)
-                response.success = True
-            except REFUSED as error:
-                self.refusals.add(service, error)
-                response.message = shortened(str(error))
-            return response
-
-        def start(request: Any, response: Any) -> Work:
-            return Work(answer(request, response))
-
-        self.turns.answer_later(self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES))
+        ``handle`` fills in the rest, or raises `InputError`. It may be a coroutine, which holds the ``lock`` where it
+        needs the world, and awaits `NextTurn` between parts of its work, so that steps are not late.
+        """
+        try:
+            with self.lock:
+                rest = handle(request, response)
+            if rest is not None:
+                await rest
+            response.success = True
+        except REFUSED as error:
+            self.refusals.add(service, error)
+            response.message = shortened(str(error))
+        return response
 
     def clock_now(self) -> float:
         """Return the time to compare stamps with [s]: simulated time if the node publishes it, else its clock."""
@@ -210,6 +197,12 @@ class Session:
     def pace_at(self, age: float) -> float:
         """Return the time of the loop's clock ``age`` [s] ago [s]."""
         return self.clock.pace() - age
+
+    def require_room(self, names: Iterable[str]) -> None:
+        """Raises `InputError` if bodies of these names would be too many with those of the world."""
+        count, most = len({*self.world.bodies, *names}), self.settings.most_bodies
+        if count > most:
+            raise InputError("size", f"{count} bodies are more than bodies.most = {most}")
 
     def require_not_simulated(self, name: str) -> None:
         """Raises `InputError` if the body is simulated, because only the physics may move it."""

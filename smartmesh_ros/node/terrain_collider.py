@@ -18,21 +18,20 @@ from std_srvs.srv import SetBool, Trigger
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
 from smartmesh_ros.node.inputs.body_inputs import BodyInputs
-from smartmesh_ros.node.inputs.robot_description import RobotDescription
 from smartmesh_ros.node.inputs.terrain_inputs import TerrainInputs
 from smartmesh_ros.node.inputs.transform_input import TransformInput
-from smartmesh_ros.node.outputs.announcing import announce, announce_changes
 from smartmesh_ros.node.outputs.publishing import Publishing
 from smartmesh_ros.node.outputs.transform_outputs import require_transforms
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters import specifications as parameters
 from smartmesh_ros.node.parameters.helping import answer
+from smartmesh_ros.node.parameters.parameter_files import announce, announce_changes
 from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.services.body_services import BodyServices
 from smartmesh_ros.node.services.ground_services import GroundServices
-from smartmesh_ros.node.services.initial_bodies import InitialBodies
+from smartmesh_ros.node.services.initial_bodies import InitialBodies, RobotDescription
 from smartmesh_ros.node.services.simulation_services import serve_simulation_interfaces
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.soil.contact_soil import ContactSoil
@@ -63,10 +62,10 @@ class TerrainCollider(ParameterNode):
         self._bodies = BodyInputs(session, transforms)
         self._body_services = BodyServices(session)
         GroundServices(session, transforms)
-        session.answer(StepPhysics, "step", self._on_step)
-        session.answer(Trigger, "reset", self._on_reset)
-        session.answer(Trigger, "reset_terrain_clock", self._on_reset_terrain_clock)
-        session.answer(SetBool, "pause", self._on_pause)
+        session.serve(StepPhysics, "step", lambda request, _: self.step(request.steps))
+        session.serve(Trigger, "reset", self._on_reset)
+        session.serve(Trigger, "reset_terrain_clock", self._on_reset_terrain_clock)
+        session.serve(SetBool, "pause", self._on_pause)
         if self.settings.simulation_interfaces:
             serve_simulation_interfaces(session, self)
         self.add_on_set_parameters_callback(
@@ -164,21 +163,17 @@ class TerrainCollider(ParameterNode):
         """Removes a body, simulated or tracked."""
         self._body_services.remove(name)
 
-    def _on_step(self, request: StepPhysics.Request) -> str:
-        self.step(request.steps)
-        return ""
-
-    def _on_reset(self, _: Trigger.Request) -> str:
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> None:
         self.reset()
-        return "bodies are back where they were spawned"
+        response.message = "bodies are back where they were spawned"
 
-    def _on_reset_terrain_clock(self, _: Trigger.Request) -> str:
+    def _on_reset_terrain_clock(self, _: Trigger.Request, response: Trigger.Response) -> None:
         self._terrain.forget_stamps()
-        return "the next map may have any stamp, as the first one; bodies stay where they are"
+        response.message = "the next map may have any stamp, as the first one; bodies stay where they are"
 
-    def _on_pause(self, request: SetBool.Request) -> str:
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> None:
         self.pause(request.data)
-        return "paused" if request.data else "running"
+        response.message = "paused" if request.data else "running"
 
     def _forget_stamps(self) -> None:
         """Accepts any stamps from now on, and restarts the loop's deadlines."""

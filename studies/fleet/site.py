@@ -12,9 +12,8 @@ from time import monotonic
 import rclpy
 from smartmesh_msgs.msg import Timing
 
-from smartmesh_ros.node.fleet.layout import node_names
-from smartmesh_ros.node.fleet.plan import FleetPlan
-from smartmesh_ros.node.fleet.watcher import FleetWatcher
+from smartmesh_ros.node.fleet.command import FleetWatcher
+from smartmesh_ros.node.fleet.layout import FleetPlan, node_names
 from studies.fleet.network import Machine
 
 

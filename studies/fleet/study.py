@@ -14,8 +14,7 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from smartmesh_ros.node.fleet.layout import WAVES
-from smartmesh_ros.node.fleet.plan import FleetPlan
+from smartmesh_ros.node.fleet.layout import WAVES, FleetPlan
 from studies.fleet import network
 from studies.fleet.site import Site, load, site
 from studies.machine import short

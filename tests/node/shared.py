@@ -22,7 +22,7 @@ from smartmesh_msgs.srv import QueryGround, RemoveBodies
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.outputs.arrays import doubles
+from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, heightmap_message

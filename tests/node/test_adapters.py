@@ -16,7 +16,7 @@ from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
-from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_grid
+from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_region
 
 ROWS, COLUMNS, MOST = 5, 4, 1000
 UINT32 = [0, 1, 3, 4, 5, 7, 16, 20, 64, 2**16, 2**31, 2**32 - 1]
@@ -169,7 +169,7 @@ def test_any_occupancy_update_gives_a_region_of_its_size_or_is_refused(
 ) -> None:
     message = OccupancyGridUpdate(x=x, y=y, height=height, width=width, data=[7] * count)
     try:
-        row, column, heights = occupancy_grid.region_from(message, RasterConfig(), MOST)
+        row, column, heights = occupancy_region(message, RasterConfig(), MOST)
     except InputError:
         return
     assert heights.shape == (height, width)

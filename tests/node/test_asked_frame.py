@@ -10,7 +10,7 @@ from smartmesh_ros import BodyState, HeightMap, InputError, Sphere, World
 from smartmesh_ros.node.inputs import optional_messages
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.node.services.asked_frame import asked_frame
+from smartmesh_ros.node.services.ground_services import asked_frame
 
 
 def said(frame: str, bodies: tuple[str, ...]) -> str:

@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger
 
 from smartmesh_ros import HeightMap
 from smartmesh_ros.io.rasters import RasterConfig
-from smartmesh_ros.node.inputs.adapters.grid_map import raster_from
+from smartmesh_ros.node.inputs.adapters import grid_map_raster as raster_from
 from smartmesh_ros.terrain.noise_check import NoiseCheck
 from smartmesh_ros.tools.testing import Probe, assert_on_map, bags
 

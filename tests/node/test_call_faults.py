@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Coroutine, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from smartmesh_msgs.msg import BodySpecification, ColliderPatchArray
 from smartmesh_msgs.srv import RemoveBodies, SpawnBodies, SpawnBody
 
 from smartmesh_ros import BodyState, Box, HeightMap
-from smartmesh_ros.node.outputs import audience, transform_outputs
+from smartmesh_ros.node.outputs import publishing, transform_outputs
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from tests.faults import Faults, bullet_faults
 from tests.node.shared import made_with
@@ -60,7 +60,7 @@ class Wire:
 
 @pytest.fixture
 def wire(monkeypatch: pytest.MonkeyPatch) -> Wire:
-    monkeypatch.setattr(audience, "DISCOVERY_TIME", 0.0)
+    monkeypatch.setattr(publishing, "DISCOVERY_TIME", 0.0)
     monkeypatch.setattr(transform_outputs, "LISTENING_TIME", 0.0)
     return Wire(monkeypatch)
 
@@ -83,7 +83,7 @@ def failures(node: TerrainCollider) -> Counter[str]:
 def publish_all(node: TerrainCollider) -> None:
     """Runs a step and publishes every output, due or not."""
     outputs = node._outputs
-    outputs._diagnostics_due = outputs._descriptions._due = 0.0
+    outputs._diagnostics._due = outputs._descriptions._due = 0.0
     outputs._descriptions._described = None
     node.step(1)
 
@@ -159,7 +159,7 @@ def test_a_call_in_which_pybullet_fails_is_answered(node: TerrainCollider, monke
         request.shape.type, request.shape.dimensions = request.shape.SPHERE, [0.1]
         request.pose.orientation.w, request.pose.position.x = 1.0, -1.0
         with faults.failing(number):
-            answer = answered(node._body_services._on_spawn(request, SpawnBody.Response()))
+            answer = answered(node, node._body_services._on_spawn, request, SpawnBody.Response())
         assert answer.success == ("new" in world.bodies) == (not faults.fired)
         assert faults.fired in answer.message
         if answer.success:
@@ -176,7 +176,7 @@ def test_bodies_that_are_not_removed_are_named_and_the_others_are_gone(
         session.tracking.update("ball", 0.2, BodyState((1.0, 0.0, 0.1)), 0.0)
         answer, names = RemoveBodies.Response(), ["box", "ball", "other"]
         with faults.failing(number):
-            node._body_services._on_remove_all(RemoveBodies.Request(ids=names), answer)
+            answered(node, node._body_services._on_remove_all, RemoveBodies.Request(ids=names), answer)
         still = [name for name in names if name in session.world.bodies]
         assert [failure.id for failure in answer.failures] == still
         assert answer.success == (not still) == (not faults.fired)
@@ -184,7 +184,7 @@ def test_bodies_that_are_not_removed_are_named_and_the_others_are_gone(
         assert all(faults.fired in failure.reason for failure in answer.failures)
         assert session.tracking.names == (["ball"] if "ball" in still else [])
         if still:
-            node._body_services._on_remove_all(RemoveBodies.Request(ids=still), answer)
+            answered(node, node._body_services._on_remove_all, RemoveBodies.Request(ids=still), answer)
             assert answer.success
             assert session.tracking.names == []
 
@@ -200,9 +200,8 @@ def test_bodies_that_are_not_spawned_are_taken_back_or_named(
         body.shape.type, body.shape.dimensions, body.pose.orientation.w = body.shape.SPHERE, [0.1], 1.0
     for number in faults.runs():
         with faults.failing(number):
-            answer = answered(
-                node._body_services._on_spawn_all(SpawnBodies.Request(bodies=bodies), SpawnBodies.Response())
-            )
+            request, answer = SpawnBodies.Request(bodies=bodies), SpawnBodies.Response()
+            answered(node, node._body_services._on_spawn_all, request, answer)
         assert not answer.success
         assert "arm" in [failure.id for failure in answer.failures]
         stays = "new" in world.bodies
@@ -234,8 +233,9 @@ def test_a_reset_that_fails_names_the_bodies_that_are_not_back(
         node.reset()
 
 
-def answered(steps: Coroutine[Any, Any, Any]) -> Any:
+def answered(node: TerrainCollider, handle: Any, request: Any, response: Any) -> Any:
     """Do all turns of an answer."""
+    steps = node.session.answered("service", handle, request, response)
     try:
         while True:
             steps.send(None)

@@ -10,7 +10,7 @@ from smartmesh_msgs.msg import HeightmapUpdate
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
-from smartmesh_ros.node.fleet.requests import primitive_of
+from smartmesh_ros.node.fleet.calls import primitive_of
 from smartmesh_ros.node.inputs.conversions import map_from, region_from, shape_from
 from smartmesh_ros.tools.testing import floats, heightmap_message
 

@@ -19,8 +19,8 @@ from std_msgs.msg import Float32MultiArray, MultiArrayDimension, MultiArrayLayou
 
 from smartmesh_ros import BodyState, Sphere, World
 from smartmesh_ros.io.rasters import RasterConfig
-from smartmesh_ros.node.inputs.adapters.grid_map import raster_from
-from smartmesh_ros.node.inputs.map_taking import take_map
+from smartmesh_ros.node.inputs.adapters import grid_map_raster as raster_from
+from smartmesh_ros.node.inputs.maps import take_map
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.testing import Probe, Process, pose_message

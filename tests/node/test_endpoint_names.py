@@ -5,8 +5,7 @@ from typing import Any
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from smartmesh_ros.node.endpoint_names import NAME_TIMEOUT, NAMELESS, UNKNOWN, EndpointNames
-from smartmesh_ros.node.outputs.connections import incompatible_peers
+from smartmesh_ros.node.endpoints import NAME_TIMEOUT, NAMELESS, UNKNOWN, EndpointNames, incompatible_peers
 
 RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -22,7 +22,7 @@ from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros.node.timing.pacing import STALL_RATIO
+from smartmesh_ros.node.timing.stamps import STALL_RATIO
 from smartmesh_ros.tools.client import Patch, PatchClient, TrackedLink
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, assert_on_map, heightmap_message
 

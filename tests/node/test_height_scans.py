@@ -118,7 +118,7 @@ def test_scans_come_at_their_rate_in_simulated_time_and_only_to_subscribers(monk
         assert not measured
         watcher = Node("watcher", context=node.context)
         watcher.create_subscription(Float32MultiArray, f"/{node.get_name()}/height_scan/ball", lambda _: None, 10)
-        [output] = node._outputs._scans._outputs
+        [output] = node._outputs._scans
         wait_until(output.publisher.get_subscription_count)
         published: list[tuple[float, np.ndarray]] = []
         monkeypatch.setattr(output, "publisher", Recorder(lambda m: published.append((world.time, values(m)))))

@@ -10,9 +10,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from smartmesh_ros import BodyState, HeightMap, InputError, World
-from smartmesh_ros.node.inputs.joint_commands import CommandedJoint, joint_commands_from
-from smartmesh_ros.node.outputs.robot_outputs import joint_states
-from smartmesh_ros.node.robot_names import RobotNames
+from smartmesh_ros.node.inputs.joint_commands import CommandedJoint, RobotNames, joint_commands_from
+from smartmesh_ros.node.outputs.body_outputs import joint_states
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.world.joints import JointCommand
 from tests.node.test_robot_outputs import ARM

@@ -11,7 +11,8 @@ from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from smartmesh_msgs.srv import QueryGround
 
-from smartmesh_ros.node.timing.pacing import Pacer, StampClock
+from smartmesh_ros.node.timing.pacing import Pacer
+from smartmesh_ros.node.timing.stamps import StampClock
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig, MotionMode
 from smartmesh_ros.terrain.trimesh import TriangleMesh

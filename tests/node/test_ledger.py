@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.fleet.calls import specification_of
 from smartmesh_ros.node.fleet.ledger import Duties, LastState, Ledger, LedgerConfig, Respawning
-from smartmesh_ros.node.fleet.requests import specification_of
 from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.world.state_table import StateTable
 

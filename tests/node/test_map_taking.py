@@ -7,7 +7,7 @@ import pytest
 
 from smartmesh_ros import HeightMap, World
 from smartmesh_ros.io.rasters import Raster
-from smartmesh_ros.node.inputs.map_taking import take_map
+from smartmesh_ros.node.inputs.maps import take_map
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.terrain import Terrain

@@ -11,16 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.timing.pacing import (
-    MOST_CATCH_UP,
-    MOST_JUMP,
-    OLDEST,
-    STALL_RATIO,
-    DeadlinePolicy,
-    Pacer,
-    Placed,
-    StampClock,
-)
+from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, DeadlinePolicy, Pacer
+from smartmesh_ros.node.timing.stamps import OLDEST, STALL_RATIO, Placed, StampClock
 from smartmesh_ros.terrain.heightmap import HeightMap
 
 PERIOD = 1 / 240

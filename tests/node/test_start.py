@@ -22,10 +22,10 @@ from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import front
-from smartmesh_ros.node.outputs import publishing
+from smartmesh_ros.node.outputs import diagnostics
 from smartmesh_ros.node.parameters.declaring import checked, given_parameters, plain_value
+from smartmesh_ros.node.parameters.helping import own_arguments
 from smartmesh_ros.node.parameters.parameter_files import files_of, mismatch
-from smartmesh_ros.node.parameters.refused_arguments import own_arguments
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.sensor import terrain_sensor
 from smartmesh_ros.node.soil import soil_node
@@ -293,9 +293,9 @@ def test_a_refused_change_says_what_would_be_right(shared: Probe, name: str, wor
 
 def test_the_real_time_factor_is_of_the_time_that_the_loop_ran(monkeypatch: pytest.MonkeyPatch) -> None:
     now = 100.0
-    monkeypatch.setattr(publishing, "monotonic", lambda: now)
+    monkeypatch.setattr(diagnostics, "monotonic", lambda: now)
     session: Any = SimpleNamespace(world=SimpleNamespace(time=0.0), pacer=SimpleNamespace(misses=0))
-    window = publishing._Window(session)
+    window = diagnostics.Window(session)
     now += 0.1
     assert window.read()[:2] == pytest.approx((0.1, 1.0)), "too short to tell"
     now, session.world.time = now + 0.9, 0.5

@@ -21,17 +21,15 @@ from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.fleet.calls import Calls
+from smartmesh_ros.node.fleet.calls import Calls, same_as, specification_of
 from smartmesh_ros.node.fleet.layout import FRONT, marker_namespace, node_names
 from smartmesh_ros.node.fleet.ledger import Duties, Ledger, LedgerConfig, Respawning
-from smartmesh_ros.node.fleet.peer_names import full_names
-from smartmesh_ros.node.fleet.peer_states import PeerReader
-from smartmesh_ros.node.fleet.polling import Polled
-from smartmesh_ros.node.fleet.requests import same_as, specification_of
+from smartmesh_ros.node.fleet.peer_states import PeerReader, Polled
 from smartmesh_ros.node.outputs.diagnostics import task_status
 from smartmesh_ros.node.parameters.declaring import Spec, declare
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.parameter_node import ParameterNode
+from smartmesh_ros.node.parameters.settings import full_names
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.session import SERVICES
 

@@ -1,12 +1,19 @@
-"""Names, parameters and remappings of a fleet: nodes that share one terrain, and their front.
+"""Names, parameters, remappings and commands of a fleet: nodes that share one terrain, and their front.
 
-Used by the launch file and by ``smartmesh-fleet``. Imports nothing of ROS.
+Used by the launch file and by ``smartmesh-fleet``. Imports nothing of ROS but its index of packages.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
+import yaml
+from ament_index_python.packages import get_package_prefix
+
+PACKAGE = "smartmesh_ros"
 COLLIDER, FRONT, PRESET = "terrain_collider", "fleet", "fleet"
 # Topics under the front's name that all nodes subscribe to or publish on.
 SHARED = ("heightmap", "heightmap_update", "terrain_mesh", "terrain_mesh_update", "patches")
@@ -55,3 +62,41 @@ def remappings(namespace: str = "") -> list[tuple[str, str]]:
 def source_remappings(namespace: str = "") -> list[tuple[str, str]]:
     """Return the remappings of terrain_source."""
     return [(f"{COLLIDER}/{topic}", f"{front_of(namespace)}/{topic}") for topic in ("heightmap", "heightmap_update")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetPlan:
+    """A fleet of ``count`` nodes. ``parameters`` are for all nodes, ``front`` and ``source`` for the front and for
+    terrain_source. Each command writes its parameter file into a ``folder``."""
+
+    count: int
+    parameters: dict[str, Any] = field(default_factory=dict)
+    front: dict[str, Any] = field(default_factory=dict)
+    source: dict[str, Any] = field(default_factory=dict)
+
+    def node(self, index: int, folder: Path) -> list[str]:
+        """Return the command of node ``index``."""
+        preset = Path(get_package_prefix(PACKAGE)) / "share" / PACKAGE / "config" / f"{PRESET}.yaml"
+        own = _file(folder / f"node_{index}.yaml", {**parameters_of(index, self.count), **self.parameters})
+        return _command(COLLIDER, [preset, own], [("__ns", namespace_of(index)), *remappings()])
+
+    def front_command(self, folder: Path) -> list[str]:
+        """Return the command of the front."""
+        return _command("fleet_front", [_file(folder / "front.yaml", {"nodes": node_names(self.count), **self.front})])
+
+    def source_command(self, folder: Path) -> list[str]:
+        """Return the command of terrain_source."""
+        return _command("terrain_source", [_file(folder / "source.yaml", self.source)], source_remappings())
+
+
+def _file(path: Path, parameters: dict[str, Any]) -> Path:
+    # ROS cannot tell the type of an empty list in YAML.
+    plain = {name: value for name, value in parameters.items() if value != []}
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": plain}}))
+    return path
+
+
+def _command(name: str, files: list[Path], names: Sequence[tuple[str, str]] = ()) -> list[str]:
+    options = [part for file in files for part in ("--params-file", str(file))]
+    options += [part for old, new in names for part in ("-r", f"{old}:={new}")]
+    return [str(Path(get_package_prefix(PACKAGE)) / "lib" / PACKAGE / name), "--ros-args", *options]

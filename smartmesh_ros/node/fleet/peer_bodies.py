@@ -7,19 +7,16 @@ from functools import partial
 from time import monotonic
 from typing import Any
 
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from smartmesh_msgs.msg import TrackedBodyArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.fleet.peer_names import AUTO, TOPIC, topic_of
-from smartmesh_ros.node.fleet.peer_states import PeerReader, PeerStates
+from smartmesh_ros.node.fleet.peer_states import NEWEST_QOS, PeerReader, PeerStates
 from smartmesh_ros.node.inputs.conversions import stamp_seconds
-from smartmesh_ros.node.parameters.settings import LONGEST_NAME
+from smartmesh_ros.node.parameters.settings import AUTO, LONGEST_NAME
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.node.timing.pacing import StampClock
+from smartmesh_ros.node.timing.stamps import StampClock
 
-# Best effort and depth 1, because only the newest states are used.
-NEWEST_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+TOPIC = "body_states"
 # Period of the search for new peers [s].
 DISCOVERY_PERIOD = 1.0
 # Time between refreshes above which this node itself has stalled [s].
@@ -27,6 +24,11 @@ LEAST_STALL = 0.1
 # Relative tolerance for equal gravity and rate, which messages hold in single precision.
 RELATIVE_TOLERANCE = 1e-5
 STATES_TYPE = "smartmesh_msgs/msg/TrackedBodyArray"
+
+
+def topic_of(peer: str) -> str:
+    """Return the topic of a node's body states."""
+    return f"{peer}/{TOPIC}"
 
 
 class _Peer:

@@ -1,11 +1,19 @@
 """Body states of another node, read directly from the message's bytes, because a Python object per body would cost
-more time than simulating the body."""
+more time than simulating the body.
+
+Nodes publish their states in every step. An executor that wakes for each message spends more time on that than on
+reading the few that are needed. rclpy has no public way to take a message without an executor, so `Polled` keeps its
+subscription from the executors by a callback group and calls ``handle.take_message``, as rclpy's executors do.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
@@ -27,6 +35,8 @@ BODY_BYTES = BODY_RECORD.itemsize
 MIN_BODY_BYTES = 5 + BODY_BYTES
 # Maximum time between a stamp and the instant its states hold for [s]; states are published in the step that made them.
 MAX_AHEAD = 1.0
+# Best effort and depth 1, because only the newest states are used.
+NEWEST_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class PeerStates(NamedTuple):
@@ -101,3 +111,27 @@ def _names_in(content: bytes, count: int, max_name: int) -> list[str]:
         if len(name) > max_name:
             raise InputError("size", f"a name of {len(name)} characters; at most {max_name} are possible")
     return names
+
+
+class _Never(ReentrantCallbackGroup):
+    """Callback group that an executor never runs."""
+
+    def can_execute(self, entity: Any) -> bool:
+        return False
+
+
+class Polled:
+    """A subscription of message type ``kind`` for which DDS keeps only the newest message."""
+
+    def __init__(self, node: Node, kind: Any, topic: str) -> None:
+        self._kind, self._group = kind, _Never()
+        self._subscription = node.create_subscription(
+            kind, topic, lambda _: None, NEWEST_QOS, callback_group=self._group, raw=True
+        )
+
+    def take(self) -> bytes | None:
+        """Return the newest message as bytes; None if no message arrived since the last call."""
+        handle = self._subscription.handle
+        with handle:
+            taken = handle.take_message(self._kind, True)
+        return None if taken is None else taken[0]

@@ -233,6 +233,12 @@ def require_cells(count: int, max_samples: int) -> None:
         raise InputError("size", f"{count} samples are more than terrain.max_samples = {max_samples}")
 
 
+def require_resolution(resolution: float) -> None:
+    """Raise `InputError` if a resolution [m] is not possible."""
+    if not (math.isfinite(resolution) and resolution > 0.0):
+        raise InputError("geometry", f"resolution is {resolution} m; it must be finite and greater than zero")
+
+
 def require_length(what: str, actual: int, wanted: int) -> None:
     """Raise `InputError` if the length of the data does not match the sizes."""
     if actual != wanted:

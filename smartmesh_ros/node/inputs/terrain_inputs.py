@@ -15,14 +15,13 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.io import files
 from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.inputs import conversions
-from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_grid
-from smartmesh_ros.node.inputs.bounds import require_name, require_tile_fits
-from smartmesh_ros.node.inputs.conversions import FloatGrid
-from smartmesh_ros.node.inputs.map_taking import take_map
+from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_region
+from smartmesh_ros.node.inputs.cdr_reader import Stamped
+from smartmesh_ros.node.inputs.conversions import FloatGrid, RegionInput
+from smartmesh_ros.node.inputs.maps import Rivals, require_tile_fits, take_map
 from smartmesh_ros.node.inputs.optional_messages import find_message, require_message
-from smartmesh_ros.node.inputs.rivals import Rivals
-from smartmesh_ros.node.session import Session
-from smartmesh_ros.node.timing.pacing import Placed, StampClock
+from smartmesh_ros.node.session import Session, require_name
+from smartmesh_ros.node.timing.stamps import Placed, StampClock
 from smartmesh_ros.patches.config import ANYWHERE
 from smartmesh_ros.report.methods import require_search_on
 from smartmesh_ros.terrain.grid import GridGeometry
@@ -72,23 +71,22 @@ class TerrainInputs:
 
     def _on_map(self, data: bytes) -> None:
         new = conversions.map_from(data, self._session.settings.max_samples)
-        start = new.start
-        if self._overtaken("heightmap", start.tile, conversions.stamp_seconds(start)):
+        tile = new.start.tile
+        if self._overtaken("heightmap", new.start):
             return
-        with self._ingesting(start.tile, conversions.stamp_seconds(start), start.frame_id) as placed:
+        with self._ingesting(new.start) as placed:
             if new.geometry is None:
-                self._terrain.remove(start.tile)
-                self._session.map_checks.forget(start.tile)
+                self._terrain.remove(tile)
+                self._session.map_checks.forget(tile)
             else:
                 raster = Raster(new.geometry, new.heights, friction=new.friction)
-                self._take_map(start.tile, raster, new.velocities, placed)
+                self._take_map(tile, raster, new.velocities, placed)
 
     def _on_raster(self, convert: Callable[..., Any], message: Any) -> None:
-        settings = self._session.settings
-        stamp = conversions.stamp_seconds(message.header.stamp)
-        if self._overtaken(settings.input, "", stamp):
+        settings, start = self._session.settings, _start_of(message.header)
+        if self._overtaken(settings.input, start):
             return
-        with self._ingesting("", stamp, message.header.frame_id) as placed:
+        with self._ingesting(start) as placed:
             raster = convert(message, settings.raster, settings.max_samples)
             self._take_map("", raster, None, placed)
 
@@ -122,25 +120,21 @@ class TerrainInputs:
                 )
 
     def _on_region(self, data: bytes) -> None:
-        new = conversions.region_from(data, self._session.settings.max_samples)
-        start = new.start
-        with self._ingesting(start.tile, conversions.stamp_seconds(start), start.frame_id, update=True) as placed:
-            self._take_region(start.tile, new.row, new.column, new.heights, new.velocities, placed.time)
+        self._take_region(conversions.region_from(data, self._session.settings.max_samples))
 
     def _on_occupancy_update(self, message: Any) -> None:
         settings = self._session.settings
-        stamp = conversions.stamp_seconds(message.header.stamp)
-        with self._ingesting("", stamp, message.header.frame_id, update=True) as placed:
-            row, column, heights = occupancy_grid.region_from(message, settings.raster, settings.max_samples)
-            self._take_region("", row, column, heights, None, placed.time)
+        row, column, heights = occupancy_region(message, settings.raster, settings.max_samples)
+        self._take_region(RegionInput(_start_of(message.header), row, column, heights, None))
 
-    def _take_region(
-        self, name: str, row: int, column: int, heights: FloatGrid, velocities: FloatGrid | None, time: float
-    ) -> None:
-        tile = self._terrain.tile(name)
-        if not isinstance(tile, HeightMap):
-            raise InputError("unknown_tile", f"tile {name!r} is a general mesh; use ~/terrain_mesh_update")
-        tile.update_region(row, column, heights, time=time, velocities=velocities)
+    def _take_region(self, new: RegionInput) -> None:
+        with self._ingesting(new.start, update=True) as placed:
+            tile = self._terrain.tile(new.start.tile)
+            if not isinstance(tile, HeightMap):
+                raise InputError(
+                    "unknown_tile", f"tile {new.start.tile!r} is a general mesh; use ~/terrain_mesh_update"
+                )
+            tile.update_region(new.row, new.column, new.heights, time=placed.time, velocities=new.velocities)
 
     def _listen_to_occupancy_updates(self, qos: QoSProfile) -> None:
         kind = find_message("map_msgs", "OccupancyGridUpdate")
@@ -155,14 +149,13 @@ class TerrainInputs:
         """Loads the terrain of a file, at the start."""
         settings = self._session.settings
         raster = files.load(path, settings.raster, settings.max_samples)
-        with self._ingesting("", None, settings.frame_id) as placed:
+        with self._ingesting(Stamped(0, 0, settings.frame_id, "")) as placed:
             self._take_map("", raster, None, placed)
 
     def _on_mesh(self, data: bytes) -> None:
         settings = self._session.settings
         new = conversions.mesh_from(data, settings.max_samples)
-        stamp = conversions.stamp_seconds(new.start)
-        with self._ingesting(new.start.tile, stamp, new.start.frame_id) as placed:
+        with self._ingesting(new.start) as placed:
             if not len(new.vertices) and not len(new.triangles):
                 self._terrain.remove(new.start.tile)
                 return
@@ -176,8 +169,7 @@ class TerrainInputs:
     def _on_mesh_update(self, data: bytes) -> None:
         settings = self._session.settings
         new = conversions.mesh_update_from(data, settings.max_samples)
-        stamp = conversions.stamp_seconds(new.start)
-        with self._ingesting(new.start.tile, stamp, new.start.frame_id, update=True) as placed:
+        with self._ingesting(new.start, update=True) as placed:
             mesh = self._terrain.tile(new.start.tile)
             if not isinstance(mesh, TriangleMesh):
                 raise InputError("unknown_tile", f"tile {new.start.tile!r} is a height map; use ~/heightmap_update")
@@ -185,30 +177,28 @@ class TerrainInputs:
             check = None if method in ANYWHERE else partial(require_search_on, method)
             mesh.move(new.vertices, time=placed.time, indices=new.indices, velocities=new.velocities, check=check)
 
-    def _overtaken(self, topic: str, tile: str, stamp: float | None) -> bool:
+    def _overtaken(self, topic: str, start: Stamped) -> bool:
         """Return True, and count the map, if a newer map arrived just before it; such a map is skipped."""
-        clock = self._clocks.get(tile)
-        session = self._session
-        late = clock is not None and clock.is_overtaken(
-            stamp, session.clock_now(), session.settings.motion.max_interval
-        )
+        session, clock = self._session, self._clocks.get(start.tile)
+        stamp, longest = conversions.stamp_seconds(start), session.settings.motion.max_interval
+        late = clock is not None and clock.is_overtaken(stamp, session.clock_now(), longest)
         session.overtaken[topic] += late
         return late
 
     @contextmanager
-    def _ingesting(self, tile: str, stamp: float | None, frame_id: str, *, update: bool = False) -> Iterator[Placed]:
+    def _ingesting(self, start: Stamped, *, update: bool = False) -> Iterator[Placed]:
         """Checks the fields common to all terrain messages and yields the stamp in simulated time; records the message
         as accepted unless the block raises `InputError`."""
-        session = self._session
+        session, tile, stamp = self._session, start.tile, conversions.stamp_seconds(start)
         with session.world.stopwatch.stage("ingest"):
             if update and not self._terrain.tiles:
                 raise InputError("no_map", "an update came before any map; publish the whole map first")
             if update:
                 self._terrain.tile(tile)
-            session.require_frame(frame_id)
+            session.require_frame(start.frame_id)
             require_name(tile)
             clock = self._clocks.get(tile) or StampClock()
-            longest = self._session.settings.motion.max_interval
+            longest = session.settings.motion.max_interval
             placed = clock.place(stamp, session.clock_now(), session.time_at, longest if update else 0.0, longest)
             # Else the motion of the source during a stall of the loop would count as fast motion of the ground, and so
             # would a jump of its clock.
@@ -221,7 +211,12 @@ class TerrainInputs:
             session.stamp_ages[f"tile {tile!r}" if tile else "terrain"] = clock.age
             if tile in self._terrain.tiles:
                 self._terrain.tiles[tile].delay = clock.delay
-            session.frame_id = session.frame_id or frame_id or DEFAULT_FRAME
+            session.frame_id = session.frame_id or start.frame_id or DEFAULT_FRAME
             session.last_map_time = monotonic()
             session.maps += 1
         self._on_terrain()
+
+
+def _start_of(header: Any) -> Stamped:
+    """Return the first fields of a message that has no tile."""
+    return Stamped(header.stamp.sec, header.stamp.nanosec, header.frame_id, "")

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smartmesh_ros.ground.limits import FASTEST, FASTEST_SPIN
+from smartmesh_ros.ground.quaternions import conjugate, product
 from smartmesh_ros.ground.state import BodyState, Quaternion, Vector
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.world import World
@@ -152,17 +153,8 @@ def _length(vector: FloatArray) -> float:
 
 def _rotation_between(first: Quaternion, second: Quaternion) -> FloatArray:
     """Return the rotation vector [rad] from the first to the second orientation, in the fixed frame."""
-    x1, y1, z1, w1 = first
-    x2, y2, z2, w2 = second
-    # The second quaternion times the conjugate of the first.
-    vector = np.array(
-        [
-            -w2 * x1 + x2 * w1 - y2 * z1 + z2 * y1,
-            -w2 * y1 + x2 * z1 + y2 * w1 - z2 * x1,
-            -w2 * z1 - x2 * y1 + y2 * x1 + z2 * w1,
-        ]
-    )
-    scalar = w2 * w1 + x2 * x1 + y2 * y1 + z2 * z1
+    *vector_part, scalar = product(second, conjugate(first))
+    vector = np.array(vector_part)
     if scalar < 0.0:
         vector, scalar = -vector, -scalar
     length = float(np.linalg.norm(vector))

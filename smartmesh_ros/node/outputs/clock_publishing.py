@@ -1,7 +1,8 @@
-"""``/clock``: simulated time for other nodes, if this node is its source."""
+"""``/clock``: simulated time for other nodes if this node is its source, or else a watch on that of another node."""
 
 from __future__ import annotations
 
+from time import monotonic
 from typing import Any
 
 from rosgraph_msgs.msg import Clock
@@ -60,3 +61,36 @@ class ClockPublishing:
             self._session.node.destroy_publisher(self._publisher)
             self._publisher = None
         self.rivals = []
+
+
+# Time without a change of the clock after which the node says that it waits [s]. Longer than the pauses between the
+# messages of slow clocks.
+PATIENCE = 2.0
+
+
+class ClockWatch:
+    """Watches whether the clock that the node follows runs; without it the physics waits."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._seen, self._changed = 0.0, monotonic()  # the clock's time, and the steady time of its last change [s]
+        self._said = ""
+
+    def check(self) -> str:
+        """Return what the physics waits for, empty = nothing, and log it if it is new."""
+        clock, now = self._session.clock, monotonic()
+        seen = clock.stamp_now()
+        if not clock.simulated or seen != self._seen:
+            self._seen, self._changed = seen, now
+        said = "" if now - self._changed < PATIENCE else self._reason()
+        if said and said != self._said:
+            self._session.node.get_logger().warning(f"use_sim_time is set: the physics {said}")
+        self._said = said
+        return said
+
+    def _reason(self) -> str:
+        node = self._session.node
+        topic = node.resolve_topic_name(TOPIC)
+        if not node.count_publishers(topic):
+            return f"waits for {topic}, which nobody publishes"
+        return f"waits for {topic}, which stands still" if self._seen else f"waits for the first message on {topic}"

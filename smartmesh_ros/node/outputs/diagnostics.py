@@ -3,158 +3,190 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from time import monotonic
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.qos import QoSProfile
 
-from smartmesh_ros.world.world import World
+from smartmesh_ros.node.endpoints import Namesakes, incompatible_peers, publishers_of
+from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
+from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing, ClockWatch
+from smartmesh_ros.node.session import Session
 
 # A map older than this is stale [s].
 STALE = 2.0
 # Most inputs whose stamps are reported.
 MOST_AGES = 32
+# Period of the diagnostics, and of the check for appearing and disappearing publishers [s].
+DIAGNOSTICS_PERIOD, CONNECTIONS_PERIOD = 1.0, 0.1
+# Shortest time over which a real-time factor is measured [s].
+MIN_WINDOW = 0.5
 
 
-@dataclass(frozen=True, kw_only=True)
-class Health:
-    """Input of the diagnostics beside the world.
+class Window:
+    """Measures time, real-time factor and missed deadlines between readings.
 
-    ``map_age``: age of the last map or update [s], None before the first. ``maps``: number of accepted maps and
-    updates. ``map_sources``: number of publishers on the terrain topics. ``overtaken``: number of maps that arrived
-    after a newer one, by topic. ``publishers``: number of connected publishers by topic. ``rival_clocks``: other
-    publishers of ``/clock``. ``rival_maps``: publishers whose maps disagree. ``map_warning``: suspected misuse of the
-    maps, empty = none. ``incompatible``: peers with incompatible QoS, by topic. ``clock_wait``: what of ``/clock`` the
-    physics waits for, empty = nothing. ``unstamped``: number of transforms without stamp, by topic. ``jumps``: number
-    of jumps of tracked bodies, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s].
-    ``peers``: state of each node whose bodies may be guests here; ``silent_peers``: peers named by parameters without
-    messages.
+    The factor is 1 at first, and is updated at most every `MIN_WINDOW`, because a few steps give no reliable factor.
     """
 
-    map_age: float | None
-    maps: int
-    map_sources: int
-    overtaken: Counter[str]
-    publishers: dict[str, int]
-    real_time_factor: float
-    deadline_misses: int
-    paused: bool
-    clock_wait: str
-    refusals: Counter[str]
-    new_refusals: int
-    jumps: Counter[str]
-    unstamped: Counter[str]
-    stamp_ages: dict[str, float | None]
-    rival_clocks: list[str]
-    rival_maps: list[str]
-    map_warning: str
-    incompatible: dict[str, str]
-    peers: dict[str, str] = field(default_factory=dict)
-    silent_peers: list[str] = field(default_factory=list)
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._read, self._misses = monotonic(), 0
+        self.restart()
+
+    def restart(self) -> None:
+        """Restarts the measurement of the factor, after a pause or a reset."""
+        self._start, self._time, self._factor = monotonic(), self._session.world.time, 1.0
+
+    def read(self) -> tuple[float, float, int]:
+        """Return time since the last reading [s], real-time factor, and deadlines missed since the last reading."""
+        now, world, pacer = monotonic(), self._session.world, self._session.pacer
+        length, misses = max(now - self._read, 1e-9), pacer.misses - self._misses
+        if now - self._start >= MIN_WINDOW:
+            self._factor = max(world.time - self._time, 0.0) / (now - self._start)
+            self._start, self._time = now, world.time
+        self._read, self._misses = now, pacer.misses
+        return length, self._factor, misses
 
 
-def statuses(node_name: str, world: World, health: Health) -> list[DiagnosticStatus]:
-    """Return one status per task of the node with a fully qualified name: terrain, bodies, physics, inputs,
-    connections."""
-    return [
-        task_status(node_name, "terrain", *_terrain(world, health)),
-        task_status(node_name, "bodies", *_bodies(world, health)),
-        task_status(node_name, "physics", *_physics(health)),
-        task_status(node_name, "inputs", *_inputs(health)),
-        task_status(node_name, "connections", *_connections(health)),
-    ]
+class Diagnostics:
+    """Publishes the state of the node's tasks: terrain, bodies, physics, inputs, connections.
 
+    ``clock``: the node's output on ``/clock``. ``publishers``: of all outputs. ``window``: of the
+    real-time factor.
+    """
 
-def _terrain(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
-    tiles = world.terrain.tiles
-    values: dict[str, Any] = {"tiles": len(tiles), "samples": sum(tile.size for tile in tiles.values())}
-    for name, tile in list(tiles.items())[:16]:
-        values[f"size of {name!r}"] = tile.description
-        values[f"updates of {name!r}"] = tile.version
-    values["publishers"] = health.map_sources
-    values["overtaken by a newer one"] = health.overtaken.total()
-    values |= {f"overtaken on {topic}": count for topic, count in sorted(health.overtaken.items())}
-    if health.map_age is None:
-        return DiagnosticStatus.WARN, "no map yet", values
-    values["age [s]"] = f"{health.map_age:.3f}"
-    if health.map_age > STALE:
-        text = f"the last map is {health.map_age:.1f} s old"
-        # A single map may be static terrain; after several maps, more are expected.
-        if not health.map_sources and health.maps > 1:
-            return DiagnosticStatus.WARN, f"{text}, and nobody publishes maps any more", values
-        return DiagnosticStatus.OK, text, values
-    if health.rival_maps:
-        names = ", ".join(health.rival_maps)
-        return DiagnosticStatus.WARN, f"maps disagree; they come from {names}", values
-    if health.map_warning:
-        return DiagnosticStatus.WARN, health.map_warning, values
-    return DiagnosticStatus.OK, "maps arrive", values
+    def __init__(self, session: Session, peers: PeerBodies, clock: ClockPublishing, publishers: list[Any]) -> None:
+        self._session, self._peers, self._clock, self._publishers = session, peers, clock, publishers
+        self._world = session.world
+        self._publisher = session.node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+        self._clock_watch, self._namesakes = ClockWatch(session), Namesakes(session.node)
+        self.window = Window(session)
+        self._due, self._connections_due = 0.0, 0.0
+        self._connections: dict[str, int] = {}
+        self._refused_before = 0
 
+    def publish(self, now: float) -> None:
+        """Publish the state if it is due at the steady time ``now`` [s], or if a publisher appeared or disappeared."""
+        if now < self._due and (now < self._connections_due or not self._connections_changed(now)):
+            return
+        self._due = now + DIAGNOSTICS_PERIOD
+        node_name = self._session.node.get_fully_qualified_name()
+        message = DiagnosticArray(
+            status=[
+                task_status(node_name, "terrain", *self._terrain()),
+                task_status(node_name, "bodies", *self._bodies()),
+                task_status(node_name, "physics", *self._physics()),
+                task_status(node_name, "inputs", *self._inputs()),
+                task_status(node_name, "connections", *self._ends()),
+            ]
+        )
+        message.header.stamp = self._session.stamp_now()
+        self._publisher.publish(message)
+        self._namesakes.check()
 
-def _bodies(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
-    below = world.below_ground()
-    batches = world.shown_batches()
-    kinds: Counter[str] = Counter()
-    for batch in batches:
-        kinds[batch.kind] += len(batch.bodies)
-    patches, remote = kinds.total(), int(world.followers.table["remote"].sum())
-    values: dict[str, Any] = {
-        "simulated": sum(body.simulated for body in world.bodies.values()),
-        "tracked": sum(body.tracked for body in world.bodies.values()),
-        "asleep": sum(world.is_asleep(body.name) for body in world.bodies.values()),
-        "patches": patches,
-        "without ground": len(world.followers) - remote - patches,
-        "below ground": len(below),
-        "put back onto the ground": world.rescues,
-        **{f"jumps on {topic}": count for topic, count in sorted(health.jumps.items())},
-        **{f"patches, {kind}": count for kind, count in sorted(kinds.items())},
-        "colliders replaced": world.ground.contacts.replacements,
-        "colliders leaked": world.ground.contacts.leaked,
-    }
-    if health.peers:
-        values["guests"] = remote
-        values |= {f"peer {name}": words for name, words in health.peers.items()}
-    if below:
-        return DiagnosticStatus.ERROR, f"below the ground: {', '.join(below[:5])}", values
-    if health.silent_peers:
-        return DiagnosticStatus.WARN, f"not heard: {', '.join(health.silent_peers)}", values
-    return DiagnosticStatus.OK, f"{patches} patches", values
+    def _connections_changed(self, now: float) -> bool:
+        self._connections_due = now + CONNECTIONS_PERIOD
+        before, self._connections = self._connections, publishers_of(self._session.subscriptions)
+        return self._connections != before
 
+    def _terrain(self) -> tuple[bytes, str, dict[str, Any]]:
+        session, tiles = self._session, self._world.terrain.tiles
+        sources = sum(topic.get_publisher_count() for topic in session.terrain_subscriptions)
+        values: dict[str, Any] = {"tiles": len(tiles), "samples": sum(tile.size for tile in tiles.values())}
+        for name, tile in list(tiles.items())[:16]:
+            values[f"size of {name!r}"] = tile.description
+            values[f"updates of {name!r}"] = tile.version
+        values["publishers"] = sources
+        values["overtaken by a newer one"] = session.overtaken.total()
+        values |= {f"overtaken on {topic}": count for topic, count in sorted(session.overtaken.items())}
+        if session.last_map_time is None:
+            return DiagnosticStatus.WARN, "no map yet", values
+        age = monotonic() - session.last_map_time
+        values["age [s]"] = f"{age:.3f}"
+        if age > STALE:
+            text = f"the last map is {age:.1f} s old"
+            # A single map may be static terrain; after several maps, more are expected.
+            if not sources and session.maps > 1:
+                return DiagnosticStatus.WARN, f"{text}, and nobody publishes maps any more", values
+            return DiagnosticStatus.OK, text, values
+        if session.rival_maps:
+            names = ", ".join(session.rival_maps)
+            return DiagnosticStatus.WARN, f"maps disagree; they come from {names}", values
+        if warning := session.map_checks.warning:
+            return DiagnosticStatus.WARN, warning, values
+        return DiagnosticStatus.OK, "maps arrive", values
 
-def _physics(health: Health) -> tuple[bytes, str, dict[str, Any]]:
-    values = {
-        "real-time factor": f"{health.real_time_factor:.3f}",
-        "deadline misses": health.deadline_misses,
-        "paused": health.paused,
-    }
-    if health.paused:
-        return DiagnosticStatus.OK, "paused", values
-    if health.clock_wait:
-        return DiagnosticStatus.WARN, health.clock_wait, values
-    if health.real_time_factor < 0.95:
-        return DiagnosticStatus.WARN, f"slower than real time ({health.real_time_factor:.2f})", values
-    return DiagnosticStatus.OK, "in real time", values
+    def _bodies(self) -> tuple[bytes, str, dict[str, Any]]:
+        world, peers = self._world, self._peers.summaries()
+        below = world.below_ground()
+        batches = world.shown_batches()
+        kinds: Counter[str] = Counter()
+        for batch in batches:
+            kinds[batch.kind] += len(batch.bodies)
+        patches, remote = kinds.total(), int(world.followers.table["remote"].sum())
+        values: dict[str, Any] = {
+            "simulated": sum(body.simulated for body in world.bodies.values()),
+            "tracked": sum(body.tracked for body in world.bodies.values()),
+            "asleep": sum(world.is_asleep(body.name) for body in world.bodies.values()),
+            "patches": patches,
+            "without ground": len(world.followers) - remote - patches,
+            "below ground": len(below),
+            "put back onto the ground": world.rescues,
+            **{f"jumps on {topic}": count for topic, count in sorted(self._session.jumps.items())},
+            **{f"patches, {kind}": count for kind, count in sorted(kinds.items())},
+            "colliders replaced": world.ground.contacts.replacements,
+            "colliders leaked": world.ground.contacts.leaked,
+        }
+        if peers:
+            values["guests"] = remote
+            values |= {f"peer {name}": words for name, words in peers.items()}
+        if below:
+            return DiagnosticStatus.ERROR, f"below the ground: {', '.join(below[:5])}", values
+        if silent := self._peers.silent():
+            return DiagnosticStatus.WARN, f"not heard: {', '.join(silent)}", values
+        return DiagnosticStatus.OK, f"{patches} patches", values
 
+    def _physics(self) -> tuple[bytes, str, dict[str, Any]]:
+        session = self._session
+        (_, factor, _), clock_wait = self.window.read(), self._clock_watch.check()
+        values = {
+            "real-time factor": f"{factor:.3f}",
+            "deadline misses": session.pacer.misses,
+            "paused": session.paused,
+        }
+        if session.paused:
+            return DiagnosticStatus.OK, "paused", values
+        if clock_wait:
+            return DiagnosticStatus.WARN, clock_wait, values
+        if factor < 0.95:
+            return DiagnosticStatus.WARN, f"slower than real time ({factor:.2f})", values
+        return DiagnosticStatus.OK, "in real time", values
 
-def _inputs(health: Health) -> tuple[bytes, str, dict[str, Any]]:
-    values = {f"refused, {reason}": count for reason, count in sorted(health.refusals.items())}
-    if health.new_refusals:
-        return DiagnosticStatus.WARN, f"{health.new_refusals} refused in the last second", values
-    return DiagnosticStatus.OK, f"{health.refusals.total()} refused so far", values
+    def _inputs(self) -> tuple[bytes, str, dict[str, Any]]:
+        counts = self._session.refusals.counts
+        total, values = counts.total(), {f"refused, {reason}": count for reason, count in sorted(counts.items())}
+        new, self._refused_before = total - self._refused_before, total
+        if new:
+            return DiagnosticStatus.WARN, f"{new} refused in the last second", values
+        return DiagnosticStatus.OK, f"{total} refused so far", values
 
-
-def _connections(health: Health) -> tuple[bytes, str, dict[str, Any]]:
-    values: dict[str, Any] = {f"publishers of {topic}": count for topic, count in health.publishers.items()}
-    values |= {f"without stamp on {topic}": count for topic, count in sorted(health.unstamped.items())}
-    ages = [(source, age) for source, age in health.stamp_ages.items() if age is not None]
-    values |= {f"age of stamps on arrival, {source} [s]": f"{age:.3f}" for source, age in ages[:MOST_AGES]}
-    values |= {f"incompatible QoS on {topic}": peers for topic, peers in health.incompatible.items()}
-    if health.rival_clocks:
-        values["/clock is also published by"] = ", ".join(health.rival_clocks)
-        return DiagnosticStatus.ERROR, f"silent on /clock, which {health.rival_clocks[0]} publishes", values
-    if health.incompatible:
-        return DiagnosticStatus.WARN, f"incompatible QoS on {', '.join(health.incompatible)}", values
-    return DiagnosticStatus.OK, "no incompatible QoS", values
+    def _ends(self) -> tuple[bytes, str, dict[str, Any]]:
+        session, rivals = self._session, self._clock.rivals
+        incompatible = incompatible_peers(session.node, session.subscriptions, self._publishers, session.names)
+        publishers = publishers_of(session.subscriptions)
+        values: dict[str, Any] = {f"publishers of {topic}": count for topic, count in publishers.items()}
+        values |= {f"without stamp on {topic}": count for topic, count in sorted(session.unstamped.items())}
+        ages = [(source, age) for source, age in session.stamp_ages.items() if age is not None]
+        values |= {f"age of stamps on arrival, {source} [s]": f"{age:.3f}" for source, age in ages[:MOST_AGES]}
+        values |= {f"incompatible QoS on {topic}": peers for topic, peers in incompatible.items()}
+        if rivals:
+            values["/clock is also published by"] = ", ".join(rivals)
+            return DiagnosticStatus.ERROR, f"silent on /clock, which {rivals[0]} publishes", values
+        if incompatible:
+            return DiagnosticStatus.WARN, f"incompatible QoS on {', '.join(incompatible)}", values
+        return DiagnosticStatus.OK, "no incompatible QoS", values
 
 
 def task_name(node_name: str, task: str) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension, MultiArrayLayout
 
-from smartmesh_ros.node.outputs.arrays import floats
+from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.node.outputs.scan_entries import ScanEntry
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.terrain.height_scan import HeightScan
@@ -15,19 +15,6 @@ from smartmesh_ros.world.height_scanner import HeightScanner
 
 # Share of a step by which a scan may be early, because simulated times are sums of rounded steps.
 ROUNDING = 1e-3
-
-
-class HeightScans:
-    """The scans of the parameter ``height_scans``."""
-
-    def __init__(self, session: Session, qos: Any) -> None:
-        self._outputs = [ScanOutput(session, entry, qos) for entry in session.settings.height_scans]
-        self.publishers = [output.publisher for output in self._outputs]
-
-    def publish(self, *, now: bool) -> None:
-        """Publish the scans that are due; ``now``: scan in any case."""
-        for output in self._outputs:
-            output.publish(now=now)
 
 
 class ScanOutput:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from time import monotonic
 from typing import Any, NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -26,13 +26,11 @@ from visualization_msgs.msg import MarkerArray
 from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
 from smartmesh_ros.node.inputs.transform_input import TransformInput
-from smartmesh_ros.node.outputs import body_outputs, diagnostics, patch_outputs, robot_outputs
-from smartmesh_ros.node.outputs.audience import Audience
+from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.node.outputs.body_descriptions import BodyDescriptions
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
-from smartmesh_ros.node.outputs.clock_watch import ClockWatch
-from smartmesh_ros.node.outputs.connections import Namesakes, incompatible_peers, publishers_of
-from smartmesh_ros.node.outputs.height_scans import HeightScans
+from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
+from smartmesh_ros.node.outputs.height_scans import ScanOutput
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.soil.soil_messages import update_message
@@ -43,37 +41,43 @@ from smartmesh_ros.world.state_table import SimulatedStates
 PATCH_OUTPUTS = ("patches", "collider_patches")
 # Longest wait at the end until subscribers have the last message [s].
 LAST_WORDS = 0.5
-# Period of the diagnostics, and of the check for appearing and disappearing publishers [s].
-DIAGNOSTICS_PERIOD, CONNECTIONS_PERIOD = 1.0, 0.1
-# Shortest time over which a real-time factor is measured [s].
-MIN_WINDOW = 0.5
-RELIABLE = QoSProfile(depth=10)
+# Longest time between two messages with all patches in incremental mode [s].
+ALL_PATCHES_PERIOD = 5.0
+# Time in which a new subscriber may not have discovered the node and so misses messages [s].
+DISCOVERY_TIME = 3.0
 
 
-class _Window:
-    """Measures time, real-time factor and missed deadlines between readings.
+class Audience:
+    """Subscribers and publishers of an output. ``new``: True if some may have missed messages, or another publisher may
+    have made subscribers forget some."""
 
-    The factor is 1 at first, and is updated at most every `MIN_WINDOW`, because a few steps give no reliable factor.
-    """
+    def __init__(self) -> None:
+        self._counts = (0, 0)
+        self._new_until = -math.inf
+        self._all_due = -math.inf
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        self._read, self._misses = monotonic(), 0
-        self.restart()
+    def count(self, subscribers: int, publishers: int) -> None:
+        """Note the numbers of subscribers and publishers."""
+        if (subscribers, publishers) != self._counts:
+            self._counts, self._new_until = (subscribers, publishers), monotonic() + DISCOVERY_TIME
 
-    def restart(self) -> None:
-        """Restarts the measurement of the factor, after a pause or a reset."""
-        self._start, self._time, self._factor = monotonic(), self._session.world.time, 1.0
+    @property
+    def new(self) -> bool:
+        """True if some may have missed messages."""
+        return monotonic() < self._new_until
 
-    def read(self) -> tuple[float, float, int]:
-        """Return time since the last reading [s], real-time factor, and deadlines missed since the last reading."""
-        now, world, pacer = monotonic(), self._session.world, self._session.pacer
-        length, misses = max(now - self._read, 1e-9), pacer.misses - self._misses
-        if now - self._start >= MIN_WINDOW:
-            self._factor = max(world.time - self._time, 0.0) / (now - self._start)
-            self._start, self._time = now, world.time
-        self._read, self._misses = now, pacer.misses
-        return length, self._factor, misses
+    def needs_all(self) -> bool:
+        """Return False if the next message may contain only changes. New subscribers, and every `ALL_PATCHES_PERIOD`
+        all subscribers, receive everything."""
+        now = monotonic()
+        if self._new_until <= now < self._all_due:
+            return False
+        self._all_due = now + ALL_PATCHES_PERIOD
+        return True
+
+    def missed(self) -> None:
+        """Note that the last message was not sent: the next one has everything."""
+        self._all_due = -math.inf
 
 
 class _Output(NamedTuple):
@@ -85,7 +89,7 @@ class Publishing:
     """The node's outputs."""
 
     def __init__(self, session: Session, peers: PeerBodies, transforms: TransformInput) -> None:
-        self._session, self._peers = session, peers
+        self._session = session
         self._node, self._world = session.node, session.world
         self._markers = patch_outputs.PatchMarkers(session.settings.marker_namespace)
         self._collider_patches = patch_outputs.ColliderPatches()
@@ -94,36 +98,35 @@ class Publishing:
         self._contacts = body_outputs.Contacts()
         self._clock = ClockPublishing(session)
         self._transforms = TransformOutputs(session, transforms)
-        self._clock_watch = ClockWatch(session)
-        self._namesakes = Namesakes(session.node)
         self._descriptions = BodyDescriptions(session)
-        self._qos = QoSProfile(
-            depth=RELIABLE.depth, durability=DurabilityPolicy[session.settings.output_durability.upper()]
-        )
+        self._qos = QoSProfile(depth=10, durability=DurabilityPolicy[session.settings.output_durability.upper()])
         self._outputs = {
             "patches": self._output(MarkerArray, "~/patches", self._make_patches),
             "collider_patches": self._output(ColliderPatchArray, "~/collider_patches", self._make_collider_patches),
             "body_states": self._output(TrackedBodyArray, "~/body_states", self._make_body_states),
-            "contacts": self._output(ContactArray, "~/contacts", self._make_contacts),
+            "contacts": self._output(
+                ContactArray, "~/contacts", lambda: self._contacts.write(self._header(), self._world.contacts())
+            ),
             "timing": self._output(Timing, "~/timing", self._make_timing),
             "joint_states": self._output(JointState, "~/joint_states", self._make_joint_states),
             "odometry": self._output(Odometry, "~/odometry", self._make_odometry),
-            "contact_wrenches": self._output(ContactWrenchArray, "~/contact_wrenches", self._make_contact_wrenches),
+            "contact_wrenches": self._output(
+                ContactWrenchArray,
+                "~/contact_wrenches",
+                lambda: body_outputs.contact_wrenches(self._header(), self._world),
+            ),
             "pressed_ground": self._output(HeightmapUpdate, "~/pressed_ground", self._make_pressed_ground),
         }
-        self._diagnostics = self._node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
-        self._scans = HeightScans(session, self._qos)
+        self._scans = [ScanOutput(session, entry, self._qos) for entry in session.settings.height_scans]
+        ends: list[Any] = [self._descriptions, *self._scans, *self._outputs.values()]
+        self._diagnostics = Diagnostics(session, peers, self._clock, [end.publisher for end in ends])
         # Staggered, so that no step publishes all outputs.
         start = monotonic()
         self._due = {
             name: start + place / (len(self._outputs) * max(getattr(session.settings.publish, name), 1.0))
             for place, name in enumerate(self._outputs)
         }
-        self._diagnostics_due, self._connections_due = 0.0, 0.0
-        self._connections: dict[str, int] = {}
-        self._timing_window = _Window(session)
-        self._diagnostics_window = _Window(session)
-        self._refused_before = 0
+        self._timing_window = Window(session)
         self._audiences = {name: Audience() for name in (*PATCH_OUTPUTS, "pressed_ground")}
         self._shown = dict.fromkeys(PATCH_OUTPUTS, -1)  # the number of refreshes at the last message
 
@@ -132,7 +135,8 @@ class Publishing:
         time, enduring = monotonic(), self._session.enduring
         self._publish(self._outputs, time, now=now)
         with enduring("height_scan"):
-            self._scans.publish(now=now)
+            for scan in self._scans:
+                scan.publish(now=now)
         with enduring("clock"):
             self._clock.publish(time)
         with enduring("tf"):
@@ -140,10 +144,7 @@ class Publishing:
         with enduring("body_descriptions"):
             self._descriptions.publish()
         with enduring("diagnostics"):
-            if time >= self._diagnostics_due or (time >= self._connections_due and self._connections_changed()):
-                self._diagnostics_due = time + DIAGNOSTICS_PERIOD
-                self._diagnostics.publish(self._make_diagnostics())
-                self._namesakes.check()
+            self._diagnostics.publish(time)
 
     def close(self) -> None:
         """Deletes the patches from the displays of subscribers, which keep them else."""
@@ -157,7 +158,7 @@ class Publishing:
     def restart_measuring(self) -> None:
         """Restarts the measurement of the real-time factor."""
         self._timing_window.restart()
-        self._diagnostics_window.restart()
+        self._diagnostics.window.restart()
 
     def publish_patches(self) -> None:
         """Publishes the patch outputs that are due; called before a step, so that they do not wait for the physics."""
@@ -184,11 +185,6 @@ class Publishing:
                 output.publisher.publish(message)
         if name in self._shown:
             self._shown[name] = self._world.refreshes
-
-    def _connections_changed(self) -> bool:
-        self._connections_due = monotonic() + CONNECTIONS_PERIOD
-        before, self._connections = self._connections, publishers_of(self._session.subscriptions)
-        return self._connections != before
 
     def _output(self, kind: Any, topic: str, make: Callable[[], Any]) -> _Output:
         self._session.topics.publish(topic)
@@ -224,20 +220,14 @@ class Publishing:
         physics = self._world.config.physics
         return self._body_states.write(self._header(), self._states.read(), physics, self._session.ahead_of_stamps())
 
-    def _make_contacts(self) -> bytes:
-        return self._contacts.write(self._header(), self._world.contacts())
-
     def _make_joint_states(self) -> list[JointState]:
         """Return one message, or none if the world has no robot."""
         prefixes = self._session.robot_names.prefixes()
-        return [robot_outputs.joint_states(self._header(), self._world, prefixes)] if prefixes else []
+        return [body_outputs.joint_states(self._header(), self._world, prefixes)] if prefixes else []
 
     def _make_odometry(self) -> list[Odometry]:
         header, world, names = self._header(), self._world, self._session.robot_names
-        return [robot_outputs.odometry(header, world, robot, prefix) for robot, prefix in names.prefixes().items()]
-
-    def _make_contact_wrenches(self) -> ContactWrenchArray:
-        return robot_outputs.contact_wrenches(self._header(), self._world)
+        return [body_outputs.odometry(header, world, robot, prefix) for robot, prefix in names.prefixes().items()]
 
     def _make_pressed_ground(self) -> list[HeightmapUpdate]:
         """Return the message of what changed in the soil, if any did."""
@@ -255,44 +245,5 @@ class Publishing:
             for times in (*self._world.stopwatch.read(), *self._session.pacer.lateness.read())
         ]
         message = Timing(window_s=length, real_time_factor=factor, deadline_misses=misses, stages=stages)
-        message.header.stamp = self._session.stamp_now()
-        return message
-
-    def _make_diagnostics(self) -> DiagnosticArray:
-        _, factor, _ = self._diagnostics_window.read()
-        session = self._session
-        refused = session.refusals.counts.total()
-        publishers = [output.publisher for output in self._outputs.values()]
-        health = diagnostics.Health(
-            map_age=None if session.last_map_time is None else monotonic() - session.last_map_time,
-            maps=session.maps,
-            map_sources=sum(topic.get_publisher_count() for topic in session.terrain_subscriptions),
-            overtaken=session.overtaken,
-            real_time_factor=factor,
-            deadline_misses=session.pacer.misses,
-            paused=session.paused,
-            clock_wait=self._clock_watch.check(),
-            refusals=session.refusals.counts,
-            peers=self._peers.summaries(),
-            silent_peers=self._peers.silent(),
-            publishers=publishers_of(session.subscriptions),
-            rival_clocks=self._clock.rivals,
-            rival_maps=session.rival_maps,
-            map_warning=session.map_checks.warning,
-            incompatible=incompatible_peers(
-                self._node,
-                session.subscriptions,
-                [self._descriptions.publisher, *self._scans.publishers, *publishers],
-                session.names,
-            ),
-            new_refusals=refused - self._refused_before,
-            jumps=session.jumps,
-            unstamped=session.unstamped,
-            stamp_ages=session.stamp_ages,
-        )
-        self._refused_before = refused
-        message = DiagnosticArray(
-            status=diagnostics.statuses(self._node.get_fully_qualified_name(), self._world, health)
-        )
         message.header.stamp = self._session.stamp_now()
         return message

@@ -13,8 +13,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.frames import IDENTITY, Transform
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
-from smartmesh_ros.node.outputs.array_message import ArrayMessage, stamp_fields
-from smartmesh_ros.node.outputs.cdr import text_rows
+from smartmesh_ros.node.outputs.cdr import ArrayMessage, stamp_fields, text_rows
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.link_frames import LinkFrames

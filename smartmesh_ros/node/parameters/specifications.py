@@ -13,14 +13,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.fleet.peer_names import peer_names
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
-from smartmesh_ros.node.inputs.body_sources import body_sources
 from smartmesh_ros.node.outputs.scan_entries import scan_entries
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import Spec
-from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings, TerrainChanges
-from smartmesh_ros.node.timing.clock import require_one_clock
+from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings, TerrainChanges, body_sources, peer_names
+from smartmesh_ros.node.timing.pacing import require_one_clock
 
 ConfigT = TypeVar("ConfigT")
 

@@ -11,13 +11,10 @@ from smartmesh_msgs.msg import BodyFailure
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.io.urdf import checked_urdf
-from smartmesh_ros.node.failures import REFUSED
-from smartmesh_ros.node.inputs import bounds, conversions
+from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.refusals import shortened
-from smartmesh_ros.node.services.robot_files import with_package_paths
 from smartmesh_ros.node.services.turns import in_turns
-from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.session import REFUSED, Session, require_name
 
 # Number of failures that a response's message quotes. The list of failures in the response is complete.
 QUOTED = 3
@@ -30,9 +27,9 @@ class BodyServices:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        session.serve_eagerly(SpawnBody, "spawn_body", self._on_spawn)
-        session.answer(RemoveBody, "remove_body", self._on_remove)
-        session.serve_eagerly(SpawnBodies, "spawn_bodies", self._on_spawn_all)
+        session.serve(SpawnBody, "spawn_body", self._on_spawn)
+        session.serve(RemoveBody, "remove_body", lambda request, _: self.remove(request.id))
+        session.serve(SpawnBodies, "spawn_bodies", self._on_spawn_all)
         session.serve(RemoveBodies, "remove_bodies", self._on_remove_all)
 
     def remove(self, name: str) -> None:
@@ -46,15 +43,14 @@ class BodyServices:
         """Return the action that adds a body, and that raises `InputError` and adds nothing if the world refuses the
         body. A robot is prepared before. Raises `InputError`."""
         session, world = self._session, self._session.world
-        bounds.require_name(body.id)
-        bounds.require_room([body.id], world.bodies, session.settings)
+        require_name(body.id)
+        session.require_room([body.id])
         state = conversions.state_from(body.pose, body.twist)
         if not body.urdf:
             shape = conversions.shape_from(body.shape)
             standing = {"on_ground": body.on_ground, "clearance": body.clearance, "align": body.align}
             return lambda: world.spawn(body.id, shape, body.mass, state, **standing)
-        rules = bounds.urdf_rules(session.settings)
-        robot = await session.robots.prepared(lambda: checked_urdf(with_package_paths(body.urdf), rules))
+        robot = await session.robots.prepared(body.urdf, session.settings)
         if not body.on_ground:
             return lambda: world.spawn_robot(body.id, robot, state)
         stance = await in_turns(world.stance_of_robot(body.id, robot, state, align=body.align), session.lock)
@@ -62,22 +58,15 @@ class BodyServices:
 
     def _add(self, name: str, action: Callable[[], None]) -> None:
         """Do the action that adds a body. Raises `InputError` if there is no room."""
-        bounds.require_room([name], self._session.world.bodies, self._session.settings)
+        self._session.require_room([name])
         action()
 
-    async def _on_spawn(self, request: SpawnBody.Request, response: SpawnBody.Response) -> SpawnBody.Response:
-        session = self._session
-        try:
-            action = await self._ready(request)
-            with session.lock:
-                self._add(request.id, action)
-            response.success = True
-        except REFUSED as error:
-            session.refusals.add("spawn_body", error)
-            response.message = shortened(str(error))
-        return response
+    async def _on_spawn(self, request: SpawnBody.Request, _: SpawnBody.Response) -> None:
+        action = await self._ready(request)
+        with self._session.lock:
+            self._add(request.id, action)
 
-    async def _on_spawn_all(self, request: SpawnBodies.Request, response: SpawnBodies.Response) -> SpawnBodies.Response:
+    async def _on_spawn_all(self, request: SpawnBodies.Request, response: SpawnBodies.Response) -> None:
         world, added = self._session.world, []
         tasks: list[tuple[str, Any, Callable[[Any], None]]] = []
 
@@ -94,12 +83,8 @@ class BodyServices:
             failures = _failures_of(tasks)
             left = _failures_of((name, name, world.remove) for name in added) if failures else []
         stay = f"but some were added and stay, because PyBullet failed: {', '.join(body.id for body in left)}"
-        self._finish("spawn_bodies", response, failures, len(request.bodies), stay if left else NOTHING)
-        return response
-
-    def _on_remove(self, request: RemoveBody.Request) -> str:
-        self.remove(request.id)
-        return ""
+        response.failures = failures
+        _require_all(failures, len(request.bodies), stay if left else NOTHING)
 
     def _on_remove_all(self, request: RemoveBodies.Request, response: RemoveBodies.Response) -> None:
         world, counts = self._session.world, Counter(request.ids)
@@ -113,18 +98,16 @@ class BodyServices:
         failures, outcome = _failures_of((name, name, check) for name in counts), NOTHING
         if not failures:
             failures, outcome = _failures_of((name, name, self.remove) for name in counts), "but the others are removed"
-        self._finish("remove_bodies", response, failures, len(request.ids), outcome)
-
-    def _finish(self, service: str, response: Any, failures: list[BodyFailure], count: int, outcome: str) -> None:
-        """Fill in a response; count and log a refusal, and what its ``outcome`` is."""
-        response.success = not failures
         response.failures = failures
-        if failures:
-            quoted = "; ".join(failure.reason for failure in failures[:QUOTED])
-            more = f"; and {len(failures) - QUOTED} more" if len(failures) > QUOTED else ""
-            words = f"{len(failures)} of {count} bodies are refused, {outcome}: {quoted}{more}"
-            response.message = shortened(words)
-            self._session.refusals.add(service, InputError("batch", words))
+        _require_all(failures, len(request.ids), outcome)
+
+
+def _require_all(failures: list[BodyFailure], count: int, outcome: str) -> None:
+    """Raise `InputError` if some of ``count`` bodies are refused, and say what the ``outcome`` is."""
+    if failures:
+        quoted = "; ".join(failure.reason for failure in failures[:QUOTED])
+        more = f"; and {len(failures) - QUOTED} more" if len(failures) > QUOTED else ""
+        raise InputError("batch", f"{len(failures)} of {count} bodies are refused, {outcome}: {quoted}{more}")
 
 
 def _refuse(error: Exception) -> None:

@@ -1,16 +1,21 @@
-"""Bodies named by parameters: spawned at the start or once the terrain covers their place, and again after a full
-reset."""
+"""Bodies named by parameters, and the robot of ``robot.description`` or the latched topic ``~/robot_description``.
+
+They are spawned at the start or once the terrain covers their place, and again after a full reset.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.failures import REFUSED
-from smartmesh_ros.node.services.robot_files import with_package_paths
+from smartmesh_ros.node.services.robot_files import robot_name, with_package_paths
 from smartmesh_ros.node.services.spawning import Entry, entry_from_text, spawn, state_of
 from smartmesh_ros.node.services.turns import Work, in_turns
-from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.session import REFUSED, Session
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 
 
@@ -92,3 +97,54 @@ class InitialBodies:
             if not any(name in known for known in (self._session.world.bodies, self._waiting, self._standing)):
                 self._waiting.append(name)
         self.on_terrain()
+
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class RobotDescription:
+    """Keeps one robot, as described last.
+
+    Spawns the robot as soon as the terrain covers its start position. A different description replaces the robot at its
+    current pose; a description that does not load changes nothing.
+    """
+
+    def __init__(self, session: Session, bodies: InitialBodies) -> None:
+        self._session, self._bodies = session, bodies
+        self._urdf = ""
+        self._received = self._applied = 0  # numbers of descriptions
+        if session.settings.robot.description:
+            self._take(prepare_robot(with_package_paths(session.settings.robot.description)))
+        session.listen(String, "robot_description", self._on_description, LATCHED)
+
+    def _on_description(self, message: Any) -> None:
+        robot_name(message.data)  # refuses all but URDF text, such as the path of a file
+        self._received += 1
+        self._session.turns.add(Work(self._describe(message.data, self._received)), lambda _: None)
+
+    async def _describe(self, text: str, number: int) -> None:
+        """Prepare a description and take it, unless a later one was taken meanwhile."""
+        session = self._session
+        try:
+            robot = await session.robots.prepared(text, session.settings)
+            with session.lock:
+                if number > self._applied:
+                    self._take(robot)
+                    self._applied = number
+        except REFUSED as error:
+            session.refusals.add("robot_description", error)
+
+    def _take(self, robot: PreparedRobot) -> None:
+        settings, world = self._session.settings.robot, self._session.world
+        if robot.given == self._urdf:
+            return
+        entry = Entry(
+            settings.name, urdf=robot.given, robot=robot, xy=settings.xy, above=settings.above, yaw=settings.yaw
+        )
+        known = world.bodies.get(settings.name)
+        if self._urdf and known is not None and known.is_robot:
+            world.replace_robot(settings.name, robot)
+            self._bodies.replace(entry)
+        else:
+            self._bodies.add(entry)
+        self._urdf = robot.given

@@ -1,12 +1,21 @@
-"""URDF from ROS: robot names, files, and ``package://`` paths, resolved before the core loads the robot."""
+"""Robots from ROS: names, files and ``package://`` paths of URDF, and their preparation while the physics steps."""
 
 from __future__ import annotations
 
+import os
 import re
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import pybullet_data
+
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.io.urdf import UrdfRules, checked_urdf
+from smartmesh_ros.node.parameters.settings import Settings
+from smartmesh_ros.node.services.turns import Waiting
 from smartmesh_ros.world.robots.description import is_text, package_folder, xml_of
+from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
+from smartmesh_ros.world.robots.workshop import WORKSHOP
 
 
 def robot_name(urdf: str) -> str:
@@ -37,3 +46,31 @@ def with_package_paths(urdf: str) -> str:
         raise InputError("urdf_package", f"package {match[1]!r} is not installed, or not sourced")
 
     return re.sub(r"package://([^/\"'<>\s]+)", folder, urdf).replace("file://", "")
+
+
+def _folders(settings: Settings) -> tuple[Path, ...]:
+    """Return the folders from which peers may let robots be loaded."""
+    if settings.urdf_folders:
+        return tuple(Path(folder) for folder in settings.urdf_folders)
+    prefixes = [prefix for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+    return Path(pybullet_data.getDataPath()), *(Path(prefix) / "share" for prefix in prefixes)
+
+
+class RobotPreparation:
+    """Prepares robots one after another in a thread."""
+
+    def __init__(self) -> None:
+        self._threads = ThreadPoolExecutor(max_workers=1, thread_name_prefix="robots")
+
+    async def prepared(self, urdf: str, settings: Settings) -> PreparedRobot:
+        """Return the robot of a URDF text or path that a peer sent. Raises `InputError`."""
+        rules = UrdfRules(folders=_folders(settings), longest=settings.longest_urdf)
+        future = self._threads.submit(lambda: prepare_robot(checked_urdf(with_package_paths(urdf), rules)))
+        while not future.done():
+            await Waiting()
+        return future.result()
+
+    def close(self) -> None:
+        """Give up all work."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        WORKSHOP.close()

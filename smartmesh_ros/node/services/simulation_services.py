@@ -10,22 +10,23 @@ import signal
 from collections.abc import Callable, Mapping
 from itertools import chain, count
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from geometry_msgs.msg import Vector3
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.io.urdf import checked_urdf
-from smartmesh_ros.node.failures import REFUSED
-from smartmesh_ros.node.inputs import bounds, conversions
+from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.optional_messages import find_interfaces
-from smartmesh_ros.node.outputs.robot_outputs import pose_message, twist_message
+from smartmesh_ros.node.outputs.body_outputs import pose_message, twist_message
 from smartmesh_ros.node.refusals import reason_of
 from smartmesh_ros.node.services.entities import own_bounds, select
 from smartmesh_ros.node.services.robot_files import robot_name, urdf_text, with_package_paths
-from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.session import REFUSED, Session, require_name
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.link_frames import centre_state
+
+if TYPE_CHECKING:
+    from smartmesh_ros.node.terrain_collider import TerrainCollider
 
 PACKAGE = "simulation_interfaces"
 FEATURES = (
@@ -57,23 +58,7 @@ _TRANSITION_REASONS = {"in_state": "ALREADY_IN_TARGET_STATE", "state": "STATE_TR
 _STATE_REASONS = dict.fromkeys(("frame", "non_finite", "quaternion"), "INVALID_POSE")
 
 
-class Controls(Protocol):
-    """Operations of the node that the services call."""
-
-    def pause(self, paused: bool) -> None:
-        """Pause or resume the physics."""
-
-    def step(self, count: int) -> None:
-        """Run steps while the physics is paused."""
-
-    def reset(self, *, time: bool = True, bodies: bool = True, spawned: bool = False) -> None:
-        """Reset the time, the states of bodies, and the set of bodies (``spawned``)."""
-
-    def remove(self, name: str) -> None:
-        """Remove a body from the world."""
-
-
-def serve_simulation_interfaces(session: Session, controls: Controls) -> bool:
+def serve_simulation_interfaces(session: Session, node: TerrainCollider) -> bool:
     """Create the services. Return False, and log an error, if the package is not installed."""
     services = find_interfaces(PACKAGE, "srv")
     messages = find_interfaces(PACKAGE, "msg")
@@ -83,15 +68,15 @@ def serve_simulation_interfaces(session: Session, controls: Controls) -> bool:
             "apt install ros-jazzy-simulation-interfaces"
         )
         return False
-    SimulationServices(session, controls, services, messages)
+    SimulationServices(session, node, services, messages)
     return True
 
 
 class SimulationServices:
     """Answers each service from the world. ``services``, ``messages``: the modules of simulation_interfaces."""
 
-    def __init__(self, session: Session, controls: Controls, services: Any, messages: Any) -> None:
-        self._session, self._controls = session, controls
+    def __init__(self, session: Session, node: TerrainCollider, services: Any, messages: Any) -> None:
+        self._session, self._node = session, node
         self._results, self._states = messages.Result, messages.SimulationState
         self._features, self._bounds = messages.SimulatorFeatures, messages.Bounds
         self._messages, self._services = messages, services
@@ -170,13 +155,13 @@ class SimulationServices:
         if wanted == states.STATE_QUITTING:
             signal.raise_signal(signal.SIGINT)  # ends the node's loop once this call is answered
         elif wanted == states.STATE_PLAYING:
-            self._controls.pause(False)
+            self._node.pause(False)
         elif wanted == states.STATE_PAUSED:
-            self._controls.pause(True)
+            self._node.pause(True)
             self._stopped = False
         elif wanted == states.STATE_STOPPED:
-            self._controls.pause(True)
-            self._controls.reset(spawned=True)
+            self._node.pause(True)
+            self._node.reset(spawned=True)
             self._stopped = True
         else:
             raise InputError("state", f"state {wanted} cannot be set; use STOPPED, PLAYING, PAUSED or QUITTING")
@@ -184,11 +169,11 @@ class SimulationServices:
     def _step(self, request: Any, _: Any) -> None:
         if self._state() != self._states.STATE_PAUSED:
             raise InputError("not_paused", "only a paused simulation can be stepped; set STATE_PAUSED first")
-        self._controls.step(request.steps)
+        self._node.step(request.steps)
 
     def _reset(self, request: Any, _: Any) -> None:
         scope = request.scope or request.SCOPE_ALL
-        self._controls.reset(
+        self._node.reset(
             time=bool(scope & request.SCOPE_TIME),
             bodies=bool(scope & request.SCOPE_STATE),
             spawned=bool(scope & request.SCOPE_SPAWNED),
@@ -220,14 +205,13 @@ class SimulationServices:
             raise InputError("unsupported", "entity_namespace is not supported; leave it empty")
         session.require_frame(request.initial_pose.header.frame_id)
         state = conversions.state_from(request.initial_pose.pose)
-        rules = bounds.urdf_rules(session.settings)
-        robot = await session.robots.prepared(lambda: checked_urdf(given, rules))
+        robot = await session.robots.prepared(given, session.settings)
         name = request.name or robot_name(urdf_text(robot.given))
         with session.lock:
             if request.allow_renaming:
                 name = self._free_name(name)
-            bounds.require_name(name)
-            bounds.require_room([name], session.world.bodies, session.settings)
+            require_name(name)
+            session.require_room([name])
             session.world.spawn_robot(name, robot, state)
             body = session.world.bodies[name]
             body.initial = centre_state(state, body.inertial)  # the pose is that of the base link
@@ -240,7 +224,7 @@ class SimulationServices:
         return next(name for name in names if name not in self._session.world.bodies)
 
     def _delete(self, request: Any, _: Any) -> None:
-        self._controls.remove(request.entity)
+        self._node.remove(request.entity)
 
     def _get_entities(self, request: Any, response: Any) -> None:
         response.entities = select(self._session.world, request.filters, self._bounds)

@@ -29,8 +29,13 @@ from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.soil.message_bodies import MessageBodies
-from smartmesh_ros.node.soil.soil_map import SoilMap, soil_map_from
-from smartmesh_ros.node.soil.soil_messages import contacts_from, grid_map_message, update_message
+from smartmesh_ros.node.soil.soil_messages import (
+    SoilMap,
+    contacts_from,
+    grid_map_message,
+    soil_map_from,
+    update_message,
+)
 from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.layer import Region
 from smartmesh_ros.soil.soil import Soil, loads_of

@@ -11,14 +11,13 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.outputs.arrays import floats
+from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.node.parameters.declaring import Spec, declare
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import ExecutorKind, run
-from smartmesh_ros.node.timing.clock import NodeClock
-from smartmesh_ros.node.timing.pacing import Pacer
+from smartmesh_ros.node.timing.pacing import NodeClock, Pacer
 from smartmesh_ros.scenes import SCENES
 from smartmesh_ros.scenes.elevation import jacksboro_fault
 from smartmesh_ros.scenes.moving import Crater, Heave, InwardWaves, Region, Rut, Scene, Wave, WaveOnRelief

@@ -13,7 +13,7 @@ docs/testing.md is the guide. With pytest, import the fixtures and request them:
 All functions wait for conditions, with generous timeouts; none sleeps for a fixed time.
 """
 
-from smartmesh_ros.node.outputs.arrays import floats
+from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.startup.domains import isolated
 from smartmesh_ros.tools.testing.fixtures import domain, probe
 from smartmesh_ros.tools.testing.messages import (

@@ -13,7 +13,7 @@ from shape_msgs.msg import MeshTriangle
 from smartmesh_msgs.msg import Heightmap, TerrainMesh
 from visualization_msgs.msg import Marker
 
-from smartmesh_ros.node.outputs.arrays import floats
+from smartmesh_ros.node.outputs.cdr import floats
 
 
 def heightmap_message(

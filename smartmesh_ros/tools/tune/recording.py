@@ -20,13 +20,13 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
+from smartmesh_ros.node.inputs.cdr_reader import message_from
 from smartmesh_ros.node.inputs.conversions import BodyInput
-from smartmesh_ros.node.inputs.decoding import message_from
 from smartmesh_ros.node.inputs.frames import FrameBuffer
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import transforms_from
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.node.timing.pacing import StampClock
+from smartmesh_ros.node.timing.stamps import StampClock
 from smartmesh_ros.tools.testing.bags import Record
 from smartmesh_ros.tools.tune.bag import Bag
 from smartmesh_ros.tools.tune.case import BodiesCame, Change, Event, JointsCame, MapCame, RegionCame

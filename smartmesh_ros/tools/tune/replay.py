@@ -9,11 +9,10 @@ from typing import Any
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import SIZES, require_between
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.node.inputs.joint_commands import joint_commands_from
-from smartmesh_ros.node.inputs.map_taking import take_map
+from smartmesh_ros.node.inputs.joint_commands import RobotNames, joint_commands_from
+from smartmesh_ros.node.inputs.maps import take_map
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.node.robot_names import RobotNames
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.tools.tune.case import BodiesCame, Case, Change, Event, JointsCame, MapCame, RegionCame, Start

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
 
-from smartmesh_ros.node.timing.clock import stamp_of
+from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.testing import bags, heightmap_message, pose_message
 from smartmesh_ros.tools.tune import cli
 

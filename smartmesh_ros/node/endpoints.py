@@ -1,0 +1,131 @@
+"""The ends of the node's topics: its own inputs and outputs, the names of peers, and those with an incompatible quality
+of service (QoS).
+
+DDS discovery finds a publisher or subscription before its node's name arrives. DDS programs without ROS never send one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from itertools import product
+from time import monotonic
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import QoSCompatibility, qos_check_compatible
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.parameters.settings import Settings
+
+# Name in the ROS graph of a node whose name has not arrived.
+UNKNOWN = "_NODE_NAME_UNKNOWN_"
+# Time without a name after which an endpoint counts as a program without ROS [s].
+NAME_TIMEOUT = 5.0
+NAMELESS = "a DDS participant without a ROS name"
+# Most nameless endpoints to remember; a higher number costs memory only.
+MOST_REMEMBERED = 1000
+
+
+class EndpointNames:
+    """Looks up full node names, and stores when each nameless endpoint was first seen, on the clock ``now`` [s]."""
+
+    def __init__(self, now: Callable[[], float] = monotonic) -> None:
+        self._now = now
+        self._first_seen: dict[tuple[int, ...], float] = {}
+
+    def of(self, endpoint: Any) -> str | None:
+        """Return the full node name of a `TopicEndpointInfo`; None while the name may still arrive."""
+        key = tuple(endpoint.endpoint_gid)
+        if UNKNOWN not in (endpoint.node_name, endpoint.node_namespace):
+            self._first_seen.pop(key, None)
+            return f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
+        if len(self._first_seen) >= MOST_REMEMBERED:
+            self._first_seen.clear()
+        waited = self._now() - self._first_seen.setdefault(key, self._now())
+        return NAMELESS if waited > NAME_TIMEOUT else None
+
+    def of_publishers(self, node: Node, topics: Iterable[str]) -> list[str] | None:
+        """Return the distinct names of the nodes that publish on ``topics``, as ``node`` sees them, sorted; None while
+        one of them may still arrive."""
+        names = {self.of(peer) for topic in topics for peer in node.get_publishers_info_by_topic(topic)}
+        return None if None in names else sorted(name for name in names if name is not None)
+
+
+class OwnTopics:
+    """The node's input and output topics. An input on an own output is refused, because a tracked body would then
+    overlap the simulated robot that it copies.
+
+    ``taken``, ``published``: full name -> name in the node or its parameters.
+    ``resolve``: returns the full, remapped name of a topic."""
+
+    def __init__(self, resolve: Callable[[str], str], settings: Settings) -> None:
+        self.taken: dict[str, str] = {}
+        self.published: dict[str, str] = {}
+        self._resolve = resolve
+        self._bodies = {source: name for name, source in (*settings.poses, *settings.odometry)}
+
+    def take(self, given: str) -> None:
+        """Registers an input before its subscription; raises `InputError` if the node publishes there."""
+        self._register(given, self.taken)
+
+    def publish(self, given: str) -> None:
+        """Registers an output before its publisher; raises `InputError` if the node subscribes there."""
+        self._register(given, self.published)
+
+    def _register(self, given: str, names: dict[str, str]) -> None:
+        topic = self._resolve(given)
+        names[topic] = given
+        if topic in self.taken and topic in self.published:
+            taken, advice = self.taken[topic], "remap one of them elsewhere"
+            if taken in self._bodies:
+                taken = f"{taken!r} of body {self._bodies[taken]!r}"
+                advice = "give the body a topic of its own, such as ~/tracked_odometry remapped to the real robot's"
+            words = f"the input {taken} is {topic}, which this node publishes as {self.published[topic]}; {advice}"
+            raise InputError("own_topic", words)
+
+
+def incompatible_peers(
+    node: Node, subscriptions: Iterable[Any], publishers: Iterable[Any], names: EndpointNames
+) -> dict[str, str]:
+    """Return a description of the peers whose QoS is incompatible with the node's, by topic.
+
+    Costs two counts per topic if all peers are connected. A peer that is about to connect is not reported, because the
+    policies themselves are compared. A peer is left out until its name has arrived.
+    """
+    heard = ((end.topic_name, end.get_publisher_count(), node.count_publishers) for end in subscriptions)
+    told = ((end.topic_name, end.get_subscription_count(), node.count_subscribers) for end in publishers)
+    own = (node.get_name(), node.get_namespace())
+    found: dict[str, list[str]] = {}
+    for topic in [topic for topic, connected, count in (*heard, *told) if count(topic) > connected]:
+        # The node's own policies also come from the graph, because only the graph resolves defaults.
+        ends = product(node.get_publishers_info_by_topic(topic), node.get_subscriptions_info_by_topic(topic))
+        for pair in ends:
+            peers = [end for end in pair if (end.node_name, end.node_namespace) != own]
+            compatible, reason = qos_check_compatible(*(end.qos_profile for end in pair))
+            if len(peers) == 1 and compatible == QoSCompatibility.ERROR and (name := names.of(peers[0])) is not None:
+                found.setdefault(topic, []).append(f"{name}: {reason.replace('ERROR: ', '').strip('; ')}")
+    return {topic: "; ".join(peers) for topic, peers in found.items()}
+
+
+def publishers_of(subscriptions: Iterable[Any]) -> dict[str, int]:
+    """Return the number of connected publishers by topic."""
+    return {endpoint.topic_name: endpoint.get_publisher_count() for endpoint in subscriptions}
+
+
+class Namesakes:
+    """Logs a warning whenever another node of the same full name appears, which hears and answers the same calls."""
+
+    def __init__(self, node: Node) -> None:
+        self._node, self._known = node, 0
+
+    def check(self) -> None:
+        """Checks for such nodes; once a second is often enough."""
+        node = self._node
+        count = node.get_node_names_and_namespaces().count((node.get_name(), node.get_namespace())) - 1
+        if count > self._known:
+            node.get_logger().warning(
+                f"another node is called {node.get_fully_qualified_name()}, or was until seconds ago: both hear the "
+                "same topics, and either answers calls meant for the other; give one a namespace (-r __ns:=/name) or "
+                "another ROS_DOMAIN_ID"
+            )
+        self._known = count

@@ -1,0 +1,183 @@
+"""Terrain messages of other stacks, each converted to a `Raster`. Their packages are imported on first use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.io.rasters import (
+    Raster,
+    RasterConfig,
+    from_cells,
+    from_grid_map,
+    from_image,
+    from_points,
+    occupancy_heights,
+)
+from smartmesh_ros.node.inputs.conversions import FloatGrid, require_cells, require_length, require_resolution, yaw_from
+
+# Largest difference of a grid map's length from a whole number of cells [cells].
+OFF_GRID = 0.01
+# Types of pixels by encoding of an image.
+ENCODINGS = {"32FC1": "f4", "16UC1": "u2", "mono16": "u2", "mono8": "u1", "8UC1": "u1"}
+# Types of the fields of a point cloud: FLOAT32 and FLOAT64 of sensor_msgs/PointField.
+TYPES = {7: "f4", 8: "f8"}
+
+
+def grid_map_raster(message: Any, config: RasterConfig, max_samples: int) -> Raster:
+    """Convert a grid_map_msgs/GridMap: the layer ``config.layer`` and, unless empty, ``config.variance_layer`` and
+    ``config.friction_layer``.
+
+    The map's orientation and z are ignored, as grid_map itself does.
+    """
+    info = message.info
+    layers = list(message.layers)
+    for name, parameter in (
+        (config.layer, "raster.layer"), (config.variance_layer, "raster.variance_layer"),
+        (config.friction_layer, "terrain.friction_layer"),
+    ):  # fmt: skip
+        if name not in layers and (name or parameter == "raster.layer"):
+            raise InputError("layer", f"there is no layer {name!r}; {parameter} may be one of {', '.join(layers)}")
+    require_length("the list of layers' data", len(message.data), len(message.layers))
+    require_resolution(info.resolution)
+    along_x = _whole_cells(info.length_x, info.resolution)
+    along_y = _whole_cells(info.length_y, info.resolution)
+    require_cells(along_x * along_y, max_samples)
+    variances, friction = (
+        _layer(message.data[layers.index(name)], along_x, along_y) if name else None
+        for name in (config.variance_layer, config.friction_layer)
+    )
+    return from_grid_map(
+        _layer(message.data[layers.index(config.layer)], along_x, along_y),
+        start=(message.outer_start_index, message.inner_start_index),
+        centre=(info.pose.position.x, info.pose.position.y),
+        resolution=info.resolution,
+        config=config,
+        variances=variances,
+        friction=friction,
+    )
+
+
+def _whole_cells(length: float, resolution: float) -> int:
+    cells = length / resolution
+    if not (0.0 < cells < 2.0**31) or abs(cells - round(cells)) > OFF_GRID:
+        raise InputError("geometry", f"a length of {length} m is no whole number of cells of {resolution} m")
+    return round(cells)
+
+
+def _layer(data: Any, along_x: int, along_y: int) -> NDArray[np.float32]:
+    """Return a layer's cells (along -x, along -y); its labels tell whether columns or rows are contiguous."""
+    dims = data.layout.dim
+    labels = tuple(dim.label for dim in dims)
+    sizes = {"column_index": along_y, "row_index": along_x}
+    if sorted(labels) != sorted(sizes):
+        raise InputError("length", f"a layer's dimensions are {labels}; they must be column_index and row_index")
+    for dim in dims:
+        if dim.size != sizes[dim.label]:
+            raise InputError(
+                "length", f"{dim.label} has size {dim.size}, but the map's lengths make it {sizes[dim.label]}"
+            )
+    values = np.frombuffer(data.data, np.float32)
+    require_length("the layer", len(values) - data.layout.data_offset, along_x * along_y)
+    cells = values[data.layout.data_offset :].reshape([sizes[label] for label in labels])
+    return cells if labels[0] == "row_index" else cells.T
+
+
+def image_raster(message: Any, config: RasterConfig, max_samples: int) -> Raster:
+    """Convert a sensor_msgs/Image: its pixels are heights, placed and scaled by the parameters ``raster.*``. Those of a
+    32FC1 image that are not finite become holes."""
+    if message.encoding not in ENCODINGS:
+        raise InputError(
+            "encoding", f"encoding {message.encoding!r} holds no heights; use one of {', '.join(ENCODINGS)}"
+        )
+    require_cells(message.height * message.width, max_samples)
+    dtype = np.dtype((">" if message.is_bigendian else "<") + ENCODINGS[message.encoding])
+    if message.step < message.width * dtype.itemsize:
+        raise InputError("length", f"{message.step} bytes a row cannot hold {message.width} pixels of {dtype.itemsize}")
+    if len(message.data) != message.height * message.step:
+        raise InputError(
+            "length",
+            f"{len(message.data)} bytes for {message.height} rows; there must be {message.step} for each",
+        )
+    shape, strides = (message.height, message.width), (message.step, dtype.itemsize)
+    return from_image(np.ndarray(shape, dtype, message.data, strides=strides), config)
+
+
+def occupancy_raster(message: Any, config: RasterConfig, max_samples: int) -> Raster:
+    """Convert a nav_msgs/OccupancyGrid: occupied cells stand ``raster.scale`` metres high. ``info.origin`` is the outer
+    corner of the first cell."""
+    info = message.info
+    require_resolution(info.resolution)
+    corner = info.origin.position
+    return from_cells(
+        occupancy_heights(_cells(message.data, info.height, info.width, max_samples), config),
+        corner=(corner.x, corner.y, corner.z),
+        yaw=yaw_from(info.origin.orientation),
+        resolution=float(info.resolution),
+    )
+
+
+def occupancy_region(message: Any, config: RasterConfig, max_samples: int) -> tuple[int, int, FloatGrid]:
+    """Return first row, first column and heights [m] of a map_msgs/OccupancyGridUpdate."""
+    if message.x < 0 or message.y < 0:
+        raise InputError("region", f"the update starts at ({message.x}, {message.y}), outside the map")
+    cells = _cells(message.data, message.height, message.width, max_samples)
+    return message.y, message.x, occupancy_heights(cells, config)
+
+
+def _cells(data: Any, rows: int, columns: int, max_samples: int) -> Any:
+    require_cells(rows * columns, max_samples)
+    require_length("the grid", len(data), rows * columns)
+    return np.frombuffer(data, np.int8).reshape(rows, columns)
+
+
+def cloud_raster(message: Any, config: RasterConfig, max_samples: int) -> Raster:
+    """Convert an organised sensor_msgs/PointCloud2, which has rows and columns of equally spaced points: their x and y
+    give the grid, their z the heights."""
+    if message.height < 2 or message.width < 2:
+        raise InputError(
+            "not_a_grid",
+            f"a cloud of {message.height} x {message.width} points is not organised in rows and columns",
+        )
+    require_cells(message.height * message.width, max_samples)
+    if message.row_step < message.width * message.point_step or len(message.data) != message.height * message.row_step:
+        raise InputError(
+            "length",
+            f"{len(message.data)} bytes for {message.height} rows of {message.row_step}, {message.width} points of "
+            f"{message.point_step} each",
+        )
+    fields = {field.name: field for field in message.fields}
+    points = np.empty((message.height, message.width, 3))
+    for axis, name in enumerate("xyz"):
+        if name not in fields or fields[name].datatype not in TYPES or fields[name].count > 1:
+            raise InputError(
+                "fields", f"the cloud has no single field {name!r} of FLOAT32 or FLOAT64; it has {list(fields)}"
+            )
+        dtype = np.dtype((">" if message.is_bigendian else "<") + TYPES[fields[name].datatype])
+        offset = fields[name].offset
+        if offset + dtype.itemsize > message.point_step:
+            raise InputError("fields", f"field {name!r} at byte {offset} leaves a point of {message.point_step} bytes")
+        strides = (message.row_step, message.point_step)
+        points[..., axis] = np.ndarray(points.shape[:2], dtype, message.data, offset, strides)
+    return from_points(points, config)
+
+
+class Adapter(NamedTuple):
+    """A message type by package and name, and its conversion, whose last argument is the most samples allowed."""
+
+    package: str
+    message: str
+    convert: Callable[[Any, RasterConfig, int], Raster]
+
+
+# Keys: values of the parameter ``terrain.input``, also the names of the topics in the node's namespace.
+ADAPTERS = {
+    "grid_map": Adapter("grid_map_msgs", "GridMap", grid_map_raster),
+    "image": Adapter("sensor_msgs", "Image", image_raster),
+    "occupancy_grid": Adapter("nav_msgs", "OccupancyGrid", occupancy_raster),
+    "point_cloud": Adapter("sensor_msgs", "PointCloud2", cloud_raster),
+}

@@ -1,0 +1,151 @@
+"""Conversion of stamps of any clock to simulated time."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+from smartmesh_ros.errors import InputError
+
+# A first stamp whose age on arrival [s] is within these limits is on this node's clock; any other comes from another
+# clock. A source of another clock changes to this node's clock if its stamps are at most half as old.
+OLDEST, NEWEST = 1.0, -0.05
+# The loop has stalled if stamps of a source are more than this many times as far apart as their simulated times [-]. A
+# loop that is overloaded for good may run that much slower than real time: its ground moves faster, but evenly.
+STALL_RATIO = 4.0
+# Gain of the filter that measures the steady delay of a source: share of the deviation of a message's age.
+DELAY_GAIN = 0.05
+# The delay in use follows the measured one at this distance [s], so that jitter leaves the intervals between stamps as
+# they are.
+DELAY_SLACK = 0.05
+# Number of messages whose longest delay is expected of the next one.
+DELAYS_KEPT = 30
+
+
+class Placed(NamedTuple):
+    """A stamp in simulated time.
+
+    ``stamp`` [s] of the source's clock, None = the message has none. ``time`` [s]: simulated time. ``own``: the source
+    uses this node's clock. ``fresh``: no stamp before is on the same clock. ``lost`` [s]: simulated time that a stall
+    of the loop took out since the last stamp. ``measured``, ``used`` [s]: steady age of the source's stamps, as
+    measured and as in use. ``late`` [s]: simulated time from ``time`` to the arrival.
+    """
+
+    stamp: float | None
+    time: float
+    own: bool = False
+    fresh: bool = False
+    lost: float = 0.0
+    measured: float = 0.0
+    used: float = 0.0
+    late: float = 0.0
+
+    @property
+    def source_time(self) -> float:
+        """The stamp [s], or the simulated time if there is none: intervals between messages, whatever the loop did."""
+        return self.time if self.stamp is None else self.stamp
+
+
+class StampClock:
+    """Converts the stamps of one source to simulated times; stamps on one clock must not decrease.
+
+    Stamps on this node's clock are converted exactly. Stamps of another clock (of a simulator or a bag) keep their
+    intervals, and their steady age is added, so that they hold on arrival. Messages without stamps get their time of
+    arrival. A source that changes to or from this node's clock starts anew.
+    """
+
+    def __init__(self) -> None:
+        self._last: Placed | None = None  # with a stamp
+        self._late: deque[float] = deque(maxlen=DELAYS_KEPT)
+
+    @property
+    def delay(self) -> float:
+        """Expected time from the instant of the next message to its arrival [s]: the longest of the last messages."""
+        return max(self._late, default=0.0)
+
+    @property
+    def age(self) -> float | None:
+        """Steady age of the stamps on arrival, on this node's clock [s]; None without stamps."""
+        return None if self._last is None else self._last.measured
+
+    def is_overtaken(self, stamp: float | None, clock_now: float, most: float) -> bool:
+        """Return True if a stamp that arrives at ``clock_now`` [s] is older than the last one of the same clock by up
+        to ``most`` [s], because messages were reordered."""
+        last = self._last
+        if stamp is None or last is None or self._is_own(clock_now - stamp) != last.own:
+            return False
+        return 0.0 < last.source_time - stamp <= most
+
+    def place(
+        self,
+        stamp: float | None,
+        clock_now: float,
+        time_at: Callable[[float], float],
+        most: float = 0.0,
+        horizon: float = math.inf,
+    ) -> Placed:
+        """Return the simulated time of a stamp [s] that arrives at ``clock_now`` [s] of the node's clock.
+
+        ``time_at(age)``: simulated time of an instant ``age`` [s] ago. A stamp that is older than the last one by up to
+        ``most`` [s] gets the last one's time; an older one raises `InputError`. A source that is steadily late by more
+        than the ``horizon`` [s] holds that much before its arrival. Changes nothing; see `accept`.
+        """
+        now = time_at(0.0)
+        if stamp is None:
+            return Placed(None, now)
+        last, own = self._last, self._is_own(clock_now - stamp)
+        fresh = last is None or last.own != own
+        if last is not None and not fresh:
+            stamp = self._in_order(stamp, clock_now, last.source_time, most)
+        age = clock_now - stamp
+        measured, used = self._delays(age, own)
+        added = min(max(used - horizon, 0.0), max(age, 0.0)) if own else used
+        # Equal stamps are at equal times, whatever rounding.
+        again = last is not None and not fresh and stamp == last.source_time
+        time = last.time if again and last is not None else time_at(age - added)
+        lost = 0.0 if fresh else self._lost(stamp, time)
+        return Placed(stamp, time, own, fresh, lost, measured, used, now - time)
+
+    def accept(self, placed: Placed) -> None:
+        """Record that the message with this stamp was accepted."""
+        if placed.stamp is None:
+            return
+        if placed.fresh:
+            self._late.clear()
+        self._late.append(min(max(placed.late, 0.0), OLDEST))
+        self._last = placed
+
+    def _is_own(self, age: float) -> bool:
+        """Return True if a stamp of this ``age`` [s] is on this node's clock."""
+        if self._last is None:
+            return NEWEST <= age <= OLDEST
+        # A stamp between the last one of this node's clock and now is late, not of another clock.
+        return age >= NEWEST and (self._last.own or age <= 0.5 * OLDEST)
+
+    def _delays(self, age: float, own: bool) -> tuple[float, float]:
+        """Return the steady age of the stamps after one of this ``age``, as measured and as in use [s]."""
+        last = self._last
+        if last is None or last.own != own or (not own and abs(age - last.measured) >= OLDEST):
+            return age, age
+        measured = last.measured + DELAY_GAIN * min(max(age - last.measured, -OLDEST), OLDEST)
+        return measured, min(max(last.used, measured - DELAY_SLACK), measured + DELAY_SLACK)
+
+    def _in_order(self, stamp: float, clock_now: float, last: float, most: float) -> float:
+        """Return a stamp [s], or the ``last`` one if that overtook it; raise `InputError` if it is older still."""
+        if self.is_overtaken(stamp, clock_now, most):
+            return last
+        if stamp < last:
+            raise InputError(
+                "stamp_backwards",
+                f"stamp {stamp:.9f} s is older than the last one, {last:.9f} s; if the source's clock was set "
+                "back, call ~/reset_terrain_clock for maps, or ~/reset for maps and bodies",
+            )
+        return stamp
+
+    def _lost(self, stamp: float, time: float) -> float:
+        """Return the simulated time [s] that a stall took out between the last stamp and one at ``time`` [s]."""
+        assert self._last is not None
+        interval, simulated = stamp - self._last.source_time, time - self._last.time
+        return interval - simulated if interval > STALL_RATIO * simulated else 0.0
