@@ -24,8 +24,6 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 # Ground drawn beyond the outermost bodies [m], and most quadrilaterals along a side of it, which matplotlib sorts.
 MARGIN, MOST_CELLS = 2.0, 150
-# Time by which all bodies have fallen onto the ground [s]; the picture shows a later frame.
-FALLEN = 2.5
 # Height above the ground at which patches are drawn [m].
 LIFT = 0.05
 COLOURS = plt.get_cmap("gist_earth")
@@ -48,30 +46,15 @@ class Window(NamedTuple):
 
 @dataclass(frozen=True)
 class Frame:
-    """The recorded scene at one time: ground, triangles of the patches (T, 3, 3) [m], and positions
-    [m] of the bodies by name."""
+    """The recorded scene at one time: ``heights`` (n, m) [m] of the ground in rows at ``y`` (n,) and columns at ``x``
+    (m,) [m], ``triangles`` of the patches (T, 3, 3) [m], and positions [m] of the ``bodies`` by name."""
 
     time: float
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
     heights: NDArray[np.float32]
-    resolution: float
-    origin: tuple[float, float]
     triangles: NDArray[np.float64]
     bodies: dict[str, tuple[float, float, float]]
-
-    @property
-    def x(self) -> NDArray[np.float64]:
-        """x of the columns (m,) [m]."""
-        return np.asarray(self.origin[0] + np.arange(self.heights.shape[1]) * self.resolution, np.float64)
-
-    @property
-    def y(self) -> NDArray[np.float64]:
-        """y of the rows (n,) [m]."""
-        return np.asarray(self.origin[1] + np.arange(self.heights.shape[0]) * self.resolution, np.float64)
-
-    @property
-    def places(self) -> NDArray[np.float64]:
-        """x and y of the bodies (B, 2) [m]."""
-        return np.array([place[:2] for place in self.bodies.values()]).reshape(-1, 2)
 
     def within(self, window: Window) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
         """Return x (m,), y (n,) and heights (n, m) [m] of the ground in a window, at most `MOST_CELLS` along a side."""
@@ -97,12 +80,13 @@ def frame_of(snapshot: Snapshot) -> Frame:
     """Return the frame of a snapshot."""
     heightmap, patches, states = (deserialize_message(snapshot.messages[topic], kind) for topic, kind in DRAWN.items())
     info = heightmap.info
+    x = info.origin.position.x + info.resolution * np.arange(info.width)
+    y = info.origin.position.y + info.resolution * np.arange(info.height)
     heights = np.frombuffer(heightmap.heights, np.float32).reshape(info.height, info.width)
-    points = [(p.x, p.y, p.z) for marker in patches.markers for p in marker.points]
+    points = np.array([(p.x, p.y, p.z) for marker in patches.markers for p in marker.points]).reshape(-1, 3, 3)
     places = {body.id: body.pose.position for body in states.bodies}
     bodies = {name: (place.x, place.y, place.z) for name, place in places.items()}
-    origin = (info.origin.position.x, info.origin.position.y)
-    return Frame(snapshot.time, heights, info.resolution, origin, np.array(points).reshape(-1, 3, 3), bodies)
+    return Frame(snapshot.time, x, y, heights, points, bodies)
 
 
 def draw(snapshots: list[Snapshot], folder: Path) -> list[Path]:
@@ -110,23 +94,17 @@ def draw(snapshots: list[Snapshot], folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     frames = [frame_of(snapshot) for snapshot in snapshots]
     return [
-        _picture(best_of(frames), folder / "demo.png"),
+        _picture(frames[-1], folder / "demo.png"),
         _strip(frames, folder / "demo_frames.png"),
         _clip(frames, folder / "demo.gif"),
     ]
 
 
-def best_of(frames: list[Frame]) -> Frame:
-    """Return the frame after `FALLEN` in which the bodies span the least ground, so that they are drawn largest."""
-    fallen = [frame for frame in frames if frame.time >= FALLEN]
-    return min(fallen or frames, key=lambda frame: window_of([frame]).right - window_of([frame]).left)
-
-
 def window_of(frames: list[Frame]) -> Window:
     """Return the square of ground around all bodies of the frames, or the whole map if there are no bodies."""
-    places = np.concatenate([frame.places for frame in frames])
-    if not len(places):
-        places = np.array([(frames[0].x[0], frames[0].y[0]), (frames[0].x[-1], frames[0].y[-1])])
+    first = frames[0]
+    corners = [(first.x[0], first.y[0]), (first.x[-1], first.y[-1])]
+    places = np.array([place[:2] for frame in frames for place in frame.bodies.values()] or corners)
     low, high = places.min(axis=0), places.max(axis=0)
     (x, y), half = 0.5 * (low + high), 0.5 * float((high - low).max()) + MARGIN
     return Window(float(x) - half, float(x) + half, float(y) - half, float(y) + half)
@@ -140,7 +118,11 @@ def _picture(frame: Frame, path: Path) -> Path:
     relief: Any = figure.add_axes((-0.04, -0.01, 0.82, 0.97), projection="3d", computed_zorder=False)
     _relief(relief, frame, window)
     plan: Any = figure.add_axes((0.72, 0.08, 0.26, 0.42))
-    _whole(plan, frame, window)
+    whole = Window(frame.x[0], frame.x[-1], frame.y[0], frame.y[-1])
+    _plan(plan, frame, whole, 0.5)
+    width, height = window.right - window.left, window.high - window.low
+    plan.add_patch(Rectangle((window.left, window.low), width, height, fill=False, linewidth=1.2))
+    plan.set_title(f"The whole terrain, {whole.right - whole.left:.0f} m x {whole.high - whole.low:.0f} m", fontsize=10)
     for kind in dict.fromkeys(map(_kind, frame.bodies)):
         relief.plot([], [], linestyle="", label=kind, **_mark(kind, 2.0))
     relief.plot([], [], "s", color=PATCH_COLOUR, label="patch")
@@ -170,27 +152,6 @@ def _relief(axes: Any, frame: Frame, window: Window) -> None:
     axes.set_axis_off()
 
 
-def _whole(axes: Any, frame: Frame, window: Window) -> None:
-    """Draw a plan of the whole terrain with every body and the outline of the relief's window."""
-    whole = Window(frame.x[0], frame.x[-1], frame.y[0], frame.y[-1])
-    _ground_plan(axes, frame, whole)
-    for name, (left, low, _) in frame.bodies.items():
-        axes.plot(left, low, ".", color=BODY_COLOURS.get(_kind(name), OTHER_COLOUR), markersize=3)
-    corner = (window.left, window.low)
-    axes.add_patch(Rectangle(corner, window.right - window.left, window.high - window.low, fill=False, linewidth=1.2))
-    axes.set_title(f"The whole terrain, {whole.right - whole.left:.0f} m x {whole.high - whole.low:.0f} m", fontsize=10)
-
-
-def _ground_plan(axes: Any, frame: Frame, window: Window) -> None:
-    """Draw the ground of a window from above."""
-    x, y, z = frame.within(window)
-    image = _shade(z, float(x[1] - x[0]))
-    axes.imshow(image, origin="lower", extent=(x[0], x[-1], y[0], y[-1]), interpolation="bilinear")
-    axes.set(xlim=window[:2], ylim=window[2:])
-    axes.set_xticks([])
-    axes.set_yticks([])
-
-
 def _shade(heights: NDArray[np.float32], step: float) -> NDArray[np.float64]:
     """Return colours (n, m, 4) of heights (n, m) [m] at spacing ``step`` [m], lit from the north-west."""
     low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
@@ -208,18 +169,21 @@ def _mark(name: str, scale: float = 1.0) -> dict[str, Any]:
     kind = _kind(name)
     return {
         "marker": "s" if kind in ("box", "husky") else "o", "color": BODY_COLOURS.get(kind, OTHER_COLOUR),
-        "markersize": scale * (9 if kind == "husky" else 4), "markeredgecolor": "white", "markeredgewidth": 0.5,
+        "markersize": scale * (9 if kind == "husky" else 4), "markeredgecolor": "white", "markeredgewidth": 0.5 * scale,
     }  # fmt: skip
 
 
-def _plan(axes: Any, frame: Frame, window: Window) -> None:
+def _plan(axes: Any, frame: Frame, window: Window, scale: float = 1.0) -> None:
     """Draw the ground, the patches and the bodies of a window from above."""
-    _ground_plan(axes, frame, window)
+    x, y, z = frame.within(window)
+    image = _shade(z, float(x[1] - x[0]))
+    axes.imshow(image, origin="lower", extent=(x[0], x[-1], y[0], y[-1]), interpolation="bilinear")
     outlines = [*frame.triangles[:, :, :2]]
     axes.add_collection(PolyCollection(outlines, facecolor=PATCH_COLOUR, edgecolor=EDGES, linewidth=0.2, alpha=0.75))
     for name, (left, low, _) in frame.bodies.items():
-        axes.plot(left, low, **_mark(name))
-    axes.set_title(f"{frame.time:.1f} s", fontsize=10)
+        axes.plot(left, low, **_mark(name, scale))
+    axes.set(xlim=window[:2], ylim=window[2:], xticks=[], yticks=[], title=f"{frame.time:.1f} s")
+    axes.title.set_fontsize(10)
 
 
 def _strip(frames: list[Frame], path: Path) -> Path:
