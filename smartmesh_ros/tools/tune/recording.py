@@ -123,16 +123,13 @@ class Recording:
             gone, self._of_poses = self._of_poses - names, names
         stamp, frame = conversions.stamp_seconds(message.header.stamp), message.header.frame_id
         self.frames[f"bodies on {record.topic} in frame {frame!r}"] += 1
-        terrain = self.frame
-        if terrain and frame and frame != terrain:
-            transform = self._frames.lookup(terrain, frame, stamp)[0]
+        if self.frame and frame and frame != self.frame:
+            transform = self._frames.lookup(self.frame, frame, stamp)[0]
             bodies = [body._replace(state=transform.apply(body.state)) for body in bodies]
         for body in bodies:
             require_possible(body.name, body.state)
         at = self._place(record.topic, stamp, now, record.time)
-        yield BodiesCame(
-            arrives=now, at=at, stamped=stamp is not None, bodies=tuple(bodies), gone=tuple(sorted(gone))
-        )  # fmt: skip
+        yield BodiesCame(arrives=now, at=at, bodies=tuple(bodies), gone=tuple(sorted(gone)))
 
     def _take_joints(self, record: Record, now: float) -> Iterator[Event]:
         """Convert a command to robots' joints."""
@@ -156,14 +153,13 @@ class Recording:
         self, tile: str, stamp: Any, frame: str, record: Record, now: float, late: float = 0.0
     ) -> dict[str, Any]:
         """Return when a map arrives and is valid; raise `InputError` if it is in another frame than those before."""
-        seconds = conversions.stamp_seconds(stamp)
-        at = self._place(tile, seconds, now, record.time, late, self._settings.motion.max_interval)
-        known = self.frame
+        horizon, known = self._settings.motion.max_interval, self.frame
+        at = self._place(tile, conversions.stamp_seconds(stamp), now, record.time, late, horizon)
         self.frames[f"maps in frame {frame!r}"] += 1
         if known and frame and frame != known:
             raise InputError("frame", f"frame {frame!r} is not the terrain's frame {known!r}")
         self.frame = known or frame
-        return {"arrives": now, "at": at, "stamped": seconds is not None, "delay": self._clocks[tile].delay}
+        return {"arrives": now, "at": at, "delay": self._clocks[tile].delay}
 
     def _place(
         self, source: str, stamp: float | None, now: float, clock: float, late: float = 0.0, horizon: float = math.inf

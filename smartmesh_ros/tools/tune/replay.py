@@ -29,16 +29,11 @@ SLACK = 1e-6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Event:
-    """An input that arrives at ``arrives`` [s] of simulated time and is valid for its stamp ``at`` [s]. Without a stamp
-    (``stamped`` False) it is valid for the time of the step that applies it."""
+    """An input that arrives at ``arrives`` [s] of simulated time and is valid for its stamp ``at`` [s], without a stamp
+    for its arrival."""
 
     arrives: float
     at: float
-    stamped: bool = True
-
-    def time(self, now: float) -> float:
-        """Return the time [s] for which the event is valid if it is applied at ``now`` [s]."""
-        return self.at if self.stamped else now
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -124,7 +119,7 @@ class Replay:
 
     def _take(self, event: Event) -> None:
         if isinstance(event, Change):
-            change_terrain(self.world.terrain, self.settings, event, self.world.time)
+            change_terrain(self.world.terrain, self.settings, event)
             self._spawn()
         elif isinstance(event, BodiesCame):
             self._track(event)
@@ -140,8 +135,7 @@ class Replay:
                 raise InputError("duplicate_id", f"{body.name!r} is simulated; a tracked body needs another name")
             require_between(f"radius of {body.name!r}", radius, SIZES, "m")
         for body, radius in zip(event.bodies, radii, strict=True):
-            time = event.time(self.world.time)
-            self.tracking.update(body.name, radius, body.state, time, self.world.time, stated=body.stated)
+            self.tracking.update(body.name, radius, body.state, event.at, self.world.time, stated=body.stated)
         for name in event.gone:
             self.tracking.forget(name)
 
@@ -151,17 +145,16 @@ class Replay:
         self._waiting = [start for start in waiting if not start(self.world)]
 
 
-def change_terrain(terrain: Terrain, settings: Settings, change: Change, now: float) -> None:
-    """Apply a change at ``now`` [s]; raise `InputError` if the node would refuse it."""
-    time = change.time(now)
+def change_terrain(terrain: Terrain, settings: Settings, change: Change) -> None:
+    """Apply a change; raise `InputError` if the node would refuse it."""
     if isinstance(change, RegionCame):
         tile = terrain.tile(change.tile)
         if not isinstance(tile, HeightMap):
             raise InputError("unknown_tile", f"tile {change.tile!r} is a general mesh")
-        tile.update_region(change.row, change.column, change.heights, time=time, velocities=change.velocities)
+        tile.update_region(change.row, change.column, change.heights, time=change.at, velocities=change.velocities)
         tile.delay = change.delay
     elif isinstance(change, MapCame) and change.raster is not None:
-        take_map(terrain, settings, change.tile, change.raster, change.velocities, time)
+        take_map(terrain, settings, change.tile, change.raster, change.velocities, change.at)
         terrain.tiles[change.tile].delay = change.delay
     else:
         terrain.remove(change.tile)

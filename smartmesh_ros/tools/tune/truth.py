@@ -85,7 +85,7 @@ class _Corrected:
             change = self._changes.pop()
             self._show(change.arrives)
             with suppress(InputError):  # what the node refuses leaves its ground as it was
-                change_terrain(self._terrain, self._settings, change, change.arrives)
+                change_terrain(self._terrain, self._settings, change)
         return {name: self._raster(tile, time) for name, tile in self._show(time).items()}
 
     def _show(self, time: float) -> dict[str, Any]:
