@@ -1,17 +1,22 @@
-"""``ColliderPatchArray`` read directly from its bytes, without a Python object for each vertex."""
+"""Messages of the client: ``ColliderPatchArray`` read directly from its bytes, without a Python object for each vertex,
+and links of a simulator as tracked bodies."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from smartmesh_msgs.msg import ColliderPatch
+from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
+from smartmesh_msgs.msg import ColliderPatch, TrackedBody, TrackedBodyArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.node.outputs import patch_outputs
 from smartmesh_ros.tools.client.patch import Patch
 
+Vector = tuple[float, float, float]
 KINDS = {ColliderPatch.PLANE: "plane", **{number: kind for kind, number in patch_outputs.KINDS.items()}}
 
 
@@ -49,3 +54,36 @@ def _patch(reader: CdrReader) -> Patch:
         name=name, kind=KINDS.get(kind, "trimesh"), tile=tile, row=row, column=column, stride=stride,
         deviation=deviation, linear_w=twist[:3], angular_w=twist[3:], vertices_w=vertices, triangles=triangles,
     )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackedLink:
+    """A link that gets a patch, in the terrain's frame: ``position`` of its centre [m], ``radius`` of its bounding
+    sphere [m], ``orientation`` (x, y, z, w), ``linear`` [m/s] and ``angular`` [rad/s] velocity. If all velocities of
+    a link have been zero so far, the node estimates them from successive poses."""
+
+    name: str
+    position: Vector
+    radius: float
+    orientation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    linear: Vector = (0.0, 0.0, 0.0)
+    angular: Vector = (0.0, 0.0, 0.0)
+
+
+def tracked_bodies(links: Iterable[TrackedLink], frame_id: str, stamp: Any) -> TrackedBodyArray:
+    """Return the message with the states of links at ``stamp``."""
+    message = TrackedBodyArray(bodies=[_body(link) for link in links])
+    message.header.frame_id, message.header.stamp = frame_id, stamp
+    return message
+
+
+def _body(link: TrackedLink) -> TrackedBody:
+    x, y, z, w = map(float, link.orientation)
+    pose = Pose(position=_of(Point, link.position), orientation=Quaternion(x=x, y=y, z=z, w=w))
+    twist = Twist(linear=_of(Vector3, link.linear), angular=_of(Vector3, link.angular))
+    return TrackedBody(id=link.name, pose=pose, twist=twist, radius=float(link.radius))
+
+
+def _of(kind: Any, values: Vector) -> Any:
+    x, y, z = map(float, values)
+    return kind(x=x, y=y, z=z)

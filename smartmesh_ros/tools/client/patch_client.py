@@ -17,9 +17,8 @@ from rclpy.time import Time
 from smartmesh_msgs.msg import ColliderPatchArray, TrackedBodyArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.client.messages import PatchesMessage, read_patches
+from smartmesh_ros.tools.client.messages import PatchesMessage, TrackedLink, read_patches, tracked_bodies
 from smartmesh_ros.tools.client.patch import Patch
-from smartmesh_ros.tools.client.tracked import TrackedLink, tracked_bodies
 
 # Reliable, because an incremental message must not be lost.
 QOS = QoSProfile(depth=10)

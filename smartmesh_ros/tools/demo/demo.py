@@ -42,11 +42,9 @@ from smartmesh_msgs.msg import (
 from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.node.inputs.conversions import map_from
 from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.domains import isolated_unless_chosen
-from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.demo import demo_pictures
 from smartmesh_ros.tools.demo.demo_pictures import Snapshot
 
@@ -124,11 +122,6 @@ class Demo(Node):
             rclpy.spin_once(self, timeout_sec=0.1)
         return value
 
-    def terrain(self) -> HeightMap:
-        """Return the newest map."""
-        new = map_from(self._latest["heightmap"], 2**31)
-        return HeightMap(new.heights, geometry=new.geometry)
-
     def spawn_all(self) -> None:
         """Spawn two dozen bodies of three shapes in rings, and a wheeled robot."""
         self.wait_for(lambda: "heightmap" in self._latest, "map")
@@ -155,22 +148,14 @@ class Demo(Node):
         """Return the number of bodies put back onto the ground so far, from the node's diagnostics."""
         return int(self._value("bodies", "put back onto the ground"))
 
-    def real_time(self) -> float:
-        """Return the node's real-time factor."""
-        return float(self.latest("timing").real_time_factor)
-
-    def summary(self, task: str) -> str:
-        """Return the summary of a task of the node's diagnostics."""
-        return str(self._status(task).message)
-
-    def _value(self, task: str, key: str) -> str:
-        """Return the value of a key in a task of the node's diagnostics."""
-        return next(str(pair.value) for pair in self._status(task).values if pair.key == key)
-
-    def _status(self, task: str) -> Any:
+    def status(self, task: str) -> Any:
         """Return a task of the node's diagnostics."""
         [status] = [status for status in self.latest("diagnostics").status if status.name.endswith(f": {task}")]
         return status
+
+    def _value(self, task: str, key: str) -> str:
+        """Return the value of a key in a task of the node's diagnostics."""
+        return next(str(pair.value) for pair in self.status(task).values if pair.key == key)
 
     def line(self) -> str:
         """Return numbers of bodies and patches, real-time factor and stage times in one line."""
@@ -221,10 +206,10 @@ def watch(demo: Demo, seconds: float) -> tuple[list[Snapshot], int]:
             demo.drive()
         if now >= next_line:
             next_line += 1.0
-            lost, slowest = max(lost, demo.lost()), min(slowest, demo.real_time())
+            lost, slowest = max(lost, demo.lost()), min(slowest, demo.latest("timing").real_time_factor)
             print(f"{now - start:5.1f} s  {demo.line()}", flush=True)
             if demo.lost():
-                print(f"         {demo.summary('bodies')}", flush=True)
+                print(f"         {demo.status('bodies').message}", flush=True)
     if slowest >= REAL_TIME:
         lost += demo.put_back()
     return snapshots, max(lost, demo.lost())

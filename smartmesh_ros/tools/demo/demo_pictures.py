@@ -24,8 +24,6 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 # Ground drawn beyond the outermost bodies [m], and most quadrilaterals along a side of it, which matplotlib sorts.
 MARGIN, MOST_CELLS = 2.0, 150
-# Time by which all bodies have fallen onto the ground [s]; the picture shows a later frame.
-FALLEN = 2.5
 # Height above the ground at which patches are drawn [m].
 LIFT = 0.05
 COLOURS = plt.get_cmap("gist_earth")
@@ -35,25 +33,6 @@ BLUE_SHARE = 0.6
 PATCH_COLOUR = "#f28c28"
 BODY_COLOURS = {"ball": "#1f4e9c", "box": "#7a1f6b", "can": "#0b6b4f", "husky": "#c1121f"}
 OTHER_COLOUR, EDGES = "#202020", "#4d2600"
-
-
-class Placed(NamedTuple):
-    """A body's position [m] and orientation (x, y, z, w)."""
-
-    position: tuple[float, float, float]
-    orientation: tuple[float, float, float, float]
-
-    def points(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Transform points (..., 3) [m] from the body's frame to the terrain's frame."""
-        x, y, z, w = self.orientation
-        turn = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-            ]
-        )
-        return np.asarray(local @ turn.T + self.position)
 
 
 class Window(NamedTuple):
@@ -67,29 +46,15 @@ class Window(NamedTuple):
 
 @dataclass(frozen=True)
 class Frame:
-    """The recorded scene at one time: ground, triangles of the patches (T, 3, 3) [m], and bodies by name."""
+    """The recorded scene at one time: ``heights`` (n, m) [m] of the ground in rows at ``y`` (n,) and columns at ``x``
+    (m,) [m], ``triangles`` of the patches (T, 3, 3) [m], and positions [m] of the ``bodies`` by name."""
 
     time: float
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
     heights: NDArray[np.float32]
-    resolution: float
-    origin: tuple[float, float]
     triangles: NDArray[np.float64]
-    bodies: dict[str, Placed]
-
-    @property
-    def x(self) -> NDArray[np.float64]:
-        """x of the columns (m,) [m]."""
-        return np.asarray(self.origin[0] + np.arange(self.heights.shape[1]) * self.resolution, np.float64)
-
-    @property
-    def y(self) -> NDArray[np.float64]:
-        """y of the rows (n,) [m]."""
-        return np.asarray(self.origin[1] + np.arange(self.heights.shape[0]) * self.resolution, np.float64)
-
-    @property
-    def places(self) -> NDArray[np.float64]:
-        """x and y of the bodies (B, 2) [m]."""
-        return np.array([body.position[:2] for body in self.bodies.values()]).reshape(-1, 2)
+    bodies: dict[str, tuple[float, float, float]]
 
     def within(self, window: Window) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
         """Return x (m,), y (n,) and heights (n, m) [m] of the ground in a window, at most `MOST_CELLS` along a side."""
@@ -115,14 +80,13 @@ def frame_of(snapshot: Snapshot) -> Frame:
     """Return the frame of a snapshot."""
     heightmap, patches, states = (deserialize_message(snapshot.messages[topic], kind) for topic, kind in DRAWN.items())
     info = heightmap.info
+    x = info.origin.position.x + info.resolution * np.arange(info.width)
+    y = info.origin.position.y + info.resolution * np.arange(info.height)
     heights = np.frombuffer(heightmap.heights, np.float32).reshape(info.height, info.width)
-    points = [(p.x, p.y, p.z) for marker in patches.markers for p in marker.points]
-    bodies = {}
-    for body in states.bodies:
-        p, q = body.pose.position, body.pose.orientation
-        bodies[body.id] = Placed((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
-    origin = (info.origin.position.x, info.origin.position.y)
-    return Frame(snapshot.time, heights, info.resolution, origin, np.array(points).reshape(-1, 3, 3), bodies)
+    points = np.array([(p.x, p.y, p.z) for marker in patches.markers for p in marker.points]).reshape(-1, 3, 3)
+    places = {body.id: body.pose.position for body in states.bodies}
+    bodies = {name: (place.x, place.y, place.z) for name, place in places.items()}
+    return Frame(snapshot.time, x, y, heights, points, bodies)
 
 
 def draw(snapshots: list[Snapshot], folder: Path) -> list[Path]:
@@ -130,45 +94,20 @@ def draw(snapshots: list[Snapshot], folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     frames = [frame_of(snapshot) for snapshot in snapshots]
     return [
-        _picture(best_of(frames), folder / "demo.png"),
+        _picture(frames[-1], folder / "demo.png"),
         _strip(frames, folder / "demo_frames.png"),
         _clip(frames, folder / "demo.gif"),
     ]
 
 
-def best_of(frames: list[Frame]) -> Frame:
-    """Return the frame after `FALLEN` in which the bodies span the least ground, so that they are drawn largest."""
-    fallen = [frame for frame in frames if frame.time >= FALLEN]
-    return min(fallen or frames, key=lambda frame: window_of([frame]).right - window_of([frame]).left)
-
-
 def window_of(frames: list[Frame]) -> Window:
     """Return the square of ground around all bodies of the frames, or the whole map if there are no bodies."""
-    places = np.concatenate([frame.places for frame in frames])
-    if not len(places):
-        places = np.array([(frames[0].x[0], frames[0].y[0]), (frames[0].x[-1], frames[0].y[-1])])
+    first = frames[0]
+    corners = [(first.x[0], first.y[0]), (first.x[-1], first.y[-1])]
+    places = np.array([place[:2] for frame in frames for place in frame.bodies.values()] or corners)
     low, high = places.min(axis=0), places.max(axis=0)
     (x, y), half = 0.5 * (low + high), 0.5 * float((high - low).max()) + MARGIN
     return Window(float(x) - half, float(x) + half, float(y) - half, float(y) + half)
-
-
-def _solid(kind: str) -> NDArray[np.float64]:
-    """Return the faces (F, 4, 3) [m] of a body of the demo, in the body's frame."""
-    if kind == "ball":
-        polar, around = np.linspace(0.0, np.pi, 9), np.linspace(0.0, 2 * np.pi, 13)
-        p, a = np.meshgrid(polar, around, indexing="ij")
-        surface = 0.25 * np.stack([np.sin(p) * np.cos(a), np.sin(p) * np.sin(a), np.cos(p)], axis=-1)
-    elif kind == "can":
-        around = np.linspace(0.0, 2 * np.pi, 17)
-        rings = [(0.0, 0.2), (0.25, 0.2), (0.25, -0.2), (0.0, -0.2)]
-        surface = np.array([[(r * np.cos(a), r * np.sin(a), z) for a in around] for r, z in rings])
-    else:
-        size = np.array((0.6, 0.4, 0.3) if kind == "box" else (1.0, 0.65, 0.3)) / 2
-        corners = [(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]
-        rings = [(0.0, 1.0), (1.0, 1.0), (1.0, -1.0), (0.0, -1.0)]
-        surface = np.array([[(r * x, r * y, z) for x, y in corners] for r, z in rings]) * size
-    quads = np.stack([surface[:-1, :-1], surface[1:, :-1], surface[1:, 1:], surface[:-1, 1:]], axis=2)
-    return quads.reshape(-1, 4, 3)
 
 
 def _picture(frame: Frame, path: Path) -> Path:
@@ -179,10 +118,13 @@ def _picture(frame: Frame, path: Path) -> Path:
     relief: Any = figure.add_axes((-0.04, -0.01, 0.82, 0.97), projection="3d", computed_zorder=False)
     _relief(relief, frame, window)
     plan: Any = figure.add_axes((0.72, 0.08, 0.26, 0.42))
-    _whole(plan, frame, window)
-    kinds = dict.fromkeys(_kind(name) for name in frame.bodies)
-    for kind in kinds:
-        relief.plot([], [], "o", color=BODY_COLOURS.get(kind, OTHER_COLOUR), label=kind)
+    whole = Window(frame.x[0], frame.x[-1], frame.y[0], frame.y[-1])
+    _plan(plan, frame, whole, 0.5)
+    width, height = window.right - window.left, window.high - window.low
+    plan.add_patch(Rectangle((window.left, window.low), width, height, fill=False, linewidth=1.2))
+    plan.set_title(f"The whole terrain, {whole.right - whole.left:.0f} m x {whole.high - whole.low:.0f} m", fontsize=10)
+    for kind in dict.fromkeys(map(_kind, frame.bodies)):
+        relief.plot([], [], linestyle="", label=kind, **_mark(kind, 2.0))
     relief.plot([], [], "s", color=PATCH_COLOUR, label="patch")
     figure.legend(loc="upper left", bbox_to_anchor=(0.76, 0.86), frameon=False, fontsize=12)
     figure.suptitle("A wave travels over a real elevation model: patches follow the bodies", y=0.96)
@@ -192,50 +134,22 @@ def _picture(frame: Frame, path: Path) -> Path:
 
 
 def _relief(axes: Any, frame: Frame, window: Window) -> None:
-    """Draw the ground of a window, then its patches, then the bodies, each over the layer before. Ground in front hides
-    no patch or body: matplotlib sorts faces by their centres, and would hide halves of patches and bodies."""
+    """Draw the ground of a window, then its patches, then the bodies, each over the layer before: matplotlib sorts
+    faces by their centres, and would hide halves of patches."""
     x, y, z = frame.within(window)
     shade = _shade(z, float(x[1] - x[0]))
-    grid = np.stack([*np.meshgrid(x, y), z], axis=-1)
-    cells = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=2).reshape(-1, 4, 3)
-    _add(axes, cells, shade[:-1, :-1].reshape(-1, 4), None)
-    _add(axes, frame.triangles + np.array([0.0, 0.0, LIFT]), PATCH_COLOUR, EDGES)
-    solids = {name: body.points(_solid(_kind(name))) for name, body in frame.bodies.items()}
-    lit = [_lit(solid, BODY_COLOURS.get(_kind(name), OTHER_COLOUR)) for name, solid in solids.items()]
-    if solids:
-        _add(axes, np.concatenate([*solids.values()]), np.concatenate(lit), EDGES)
+    axes.plot_surface(*np.meshgrid(x, y), z, rstride=1, cstride=1, facecolors=shade, shade=False)
+    lifted = [*(frame.triangles + np.array([0.0, 0.0, LIFT]))]
+    axes.add_collection3d(Poly3DCollection(lifted, facecolors=PATCH_COLOUR, edgecolors=EDGES, linewidths=0.25))
+    for name, place in frame.bodies.items():
+        axes.plot(*([value] for value in place), **_mark(name, 2.0))
+    for layer in (*axes.collections, *axes.lines):  # else they end at the edges of the axes
+        layer.set_clip_on(False)
     low, high = float(np.nanmin(z)), max(float(np.nanmax(z)), float(np.nanmin(z)) + 0.1)
     axes.set(xlim=window[:2], ylim=window[2:], zlim=(low, high))
     axes.set_box_aspect((window.right - window.left, window.high - window.low, high - low), zoom=1.2)
     axes.view_init(elev=48, azim=-60)
     axes.set_axis_off()
-
-
-def _add(axes: Any, faces: NDArray[np.float64], colours: Any, edges: str | None) -> None:
-    """Draw faces (F, K, 3) [m] back to front, over all earlier faces."""
-    made = Poly3DCollection([*faces], facecolors=colours, edgecolors=edges or colours, linewidths=0.25, clip_on=False)
-    axes.add_collection3d(made)
-
-
-def _whole(axes: Any, frame: Frame, window: Window) -> None:
-    """Draw a plan of the whole terrain with every body and the outline of the relief's window."""
-    whole = Window(frame.x[0], frame.x[-1], frame.y[0], frame.y[-1])
-    _ground_plan(axes, frame, whole)
-    for name, body in frame.bodies.items():
-        axes.plot(*body.position[:2], ".", color=BODY_COLOURS.get(_kind(name), OTHER_COLOUR), markersize=3)
-    corner = (window.left, window.low)
-    axes.add_patch(Rectangle(corner, window.right - window.left, window.high - window.low, fill=False, linewidth=1.2))
-    axes.set_title(f"The whole terrain, {whole.right - whole.left:.0f} m x {whole.high - whole.low:.0f} m", fontsize=10)
-
-
-def _ground_plan(axes: Any, frame: Frame, window: Window) -> None:
-    """Draw the ground of a window from above."""
-    x, y, z = frame.within(window)
-    image = _shade(z, float(x[1] - x[0]))
-    axes.imshow(image, origin="lower", extent=(x[0], x[-1], y[0], y[-1]), interpolation="bilinear")
-    axes.set(xlim=window[:2], ylim=window[2:])
-    axes.set_xticks([])
-    axes.set_yticks([])
 
 
 def _shade(heights: NDArray[np.float32], step: float) -> NDArray[np.float64]:
@@ -250,29 +164,26 @@ def _kind(name: str) -> str:
     return name.split("_")[0]
 
 
-def _lit(faces: NDArray[np.float64], colour: str) -> NDArray[np.float64]:
-    """Return colours (F, 4) of faces (F, 4, 3) lit from above."""
-    normal = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
-    length = np.linalg.norm(normal, axis=1)
-    up = np.divide(np.abs(normal[:, 2]), length, out=np.zeros_like(length), where=length > 0.0)
-    shaded = np.tile(np.array(mpl.colors.to_rgba(colour)), (len(faces), 1))
-    shaded[:, :3] *= (0.55 + 0.45 * up)[:, None]
-    return shaded
+def _mark(name: str, scale: float = 1.0) -> dict[str, Any]:
+    """Return the look of a body's marker, ``scale`` times as large as in a plan."""
+    kind = _kind(name)
+    return {
+        "marker": "s" if kind in ("box", "husky") else "o", "color": BODY_COLOURS.get(kind, OTHER_COLOUR),
+        "markersize": scale * (9 if kind == "husky" else 4), "markeredgecolor": "white", "markeredgewidth": 0.5 * scale,
+    }  # fmt: skip
 
 
-def _plan(axes: Any, frame: Frame, window: Window) -> None:
+def _plan(axes: Any, frame: Frame, window: Window, scale: float = 1.0) -> None:
     """Draw the ground, the patches and the bodies of a window from above."""
-    _ground_plan(axes, frame, window)
-    outlines = frame.triangles[:, :, :2]
-    axes.add_collection(
-        PolyCollection(list(outlines), facecolor=PATCH_COLOUR, edgecolor="#5b3000", linewidth=0.2, alpha=0.75)
-    )
-    for name, body in frame.bodies.items():
-        kind = _kind(name)
-        axes.plot(*body.position[:2], "s" if kind in ("box", "husky") else "o",
-                  color=BODY_COLOURS.get(kind, OTHER_COLOUR), markersize=9 if kind == "husky" else 4,
-                  markeredgecolor="white", markeredgewidth=0.5)  # fmt: skip
-    axes.set_title(f"{frame.time:.1f} s", fontsize=10)
+    x, y, z = frame.within(window)
+    image = _shade(z, float(x[1] - x[0]))
+    axes.imshow(image, origin="lower", extent=(x[0], x[-1], y[0], y[-1]), interpolation="bilinear")
+    outlines = [*frame.triangles[:, :, :2]]
+    axes.add_collection(PolyCollection(outlines, facecolor=PATCH_COLOUR, edgecolor=EDGES, linewidth=0.2, alpha=0.75))
+    for name, (left, low, _) in frame.bodies.items():
+        axes.plot(left, low, **_mark(name, scale))
+    axes.set(xlim=window[:2], ylim=window[2:], xticks=[], yticks=[], title=f"{frame.time:.1f} s")
+    axes.title.set_fontsize(10)
 
 
 def _strip(frames: list[Frame], path: Path) -> Path:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -15,9 +14,7 @@ from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.node.parameters.declaring import Spec, declare
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.parameter_node import ParameterNode
-from smartmesh_ros.node.refusals import Refusals
-from smartmesh_ros.node.running import ExecutorKind, run
-from smartmesh_ros.node.timing.pacing import NodeClock, Pacer
+from smartmesh_ros.node.running import spin
 from smartmesh_ros.scenes import SCENES
 from smartmesh_ros.scenes.elevation import jacksboro_fault
 from smartmesh_ros.scenes.moving import Crater, Heave, InwardWaves, Region, Rut, Scene, Wave, WaveOnRelief
@@ -47,34 +44,23 @@ SPECS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class SourceSettings:
-    """Settings that `running.run` reads."""
-
-    executor: ExecutorKind = "single_threaded"
-
-
 class TerrainSource(ParameterNode):
     """Publishes a scene, centred on the frame's origin, on ``terrain_collider/heightmap`` and ``..._update``."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
         values = declare(self, SPECS)
-        self.settings = SourceSettings()
-        self.pacer = Pacer(1.0 / values["rate"], "skip", NodeClock(self).pace)
-        self.refusals = Refusals(self.get_logger())
         self._frame_id, self._tile, self._mode = values["frame_id"], values["tile"], values["mode"]
         self._scene = make_scene(values)
         qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._maps = self.create_publisher(Heightmap, "terrain_collider/heightmap", qos)
-        self._regions = self.create_publisher(
-            HeightmapUpdate, "terrain_collider/heightmap_update", QoSProfile(depth=100)
-        )
+        self._regions = self.create_publisher(HeightmapUpdate, "terrain_collider/heightmap_update", 100)
         self._start = self.get_clock().now()
         self._listeners = 0
         self._full_due = 0.0
+        self.create_timer(1.0 / values["rate"], self._tick)
 
-    def tick(self, _: int = 0) -> None:
+    def _tick(self) -> None:
         """Publish the terrain at the present time."""
         now = self.get_clock().now()
         time = (now - self._start).nanoseconds * 1e-9
@@ -85,19 +71,6 @@ class TerrainSource(ParameterNode):
         else:
             self._publish_region(self._scene.changed(time), now.to_msg())
         self._listeners = listeners
-
-    handled = 0  # number of messages handled: the node has no subscriptions
-
-    def restart(self) -> None:
-        """Restart the pacer."""
-        self.pacer.restart()
-
-    def idle(self) -> None:
-        """Do nothing while time stands still."""
-
-    def turn(self) -> bool:
-        """Return False: this node has no long answers."""
-        return False
 
     def _publish_map(self, time: float, stamp: Any) -> None:
         geometry = self._scene.geometry
@@ -155,4 +128,4 @@ def centred_grid(rows: int, columns: int, resolution: float, yaw: float) -> Grid
 def main(args: list[str] | None = None) -> None:
     """Run the node until SIGINT or SIGTERM."""
     answer(NAME, __doc__, SPECS, args)
-    run(TerrainSource, args)
+    spin(TerrainSource, args)

@@ -22,7 +22,7 @@ CHUNK = 2_000_000
 
 @dataclass(frozen=True)
 class Surface:
-    """The main mesh at one instant: ``heights`` (rows, columns) [m], NaN = no ground, on ``geometry`` without yaw."""
+    """The main mesh at one instant: ``heights`` (rows, columns) [m], NaN = no ground, on ``geometry``."""
 
     geometry: GridGeometry
     heights: FloatArray
@@ -55,7 +55,7 @@ class Nearest(NamedTuple):
     """Distances and normals of N points.
 
     ``distance``: to the surface (N,) [m], positive above it, at most the given reach. ``normal``: unit vector from the
-    nearest point of the surface outwards (N, 3), NaN beyond the reach.
+    nearest point of the surface outwards (N, 3), in the axes of the grid, NaN beyond the reach.
     """
 
     distance: FloatArray
@@ -79,8 +79,11 @@ def nearest(surface: Surface, points: FloatArray, reach: float) -> Nearest:
 
 
 def _nearest(surface: Surface, points: FloatArray, reach: float, half: int) -> Nearest:
+    geometry = surface.geometry
     gap = points[:, 2] - surface.below(points)
     sign = np.where(gap < 0.0, -1.0, 1.0)
+    along = geometry.to_grid(points[:, :2])[:, ::-1] * geometry.resolution
+    points = np.column_stack([along, points[:, 2] - geometry.origin[2]])  # in the grid's frame
     owner, corners = _candidates(surface, points, np.abs(gap), reach, half)
     distance = np.full(len(points), reach)
     normal = np.full((len(points), 3), np.nan)
@@ -105,51 +108,36 @@ def _nearest(surface: Surface, points: FloatArray, reach: float, half: int) -> N
 def _candidates(
     surface: Surface, points: FloatArray, gap: FloatArray, reach: float, half: int
 ) -> tuple[IntArray, FloatArray]:
-    """Return the triangles that may contain the nearest point: indices of the points (P,), and corners (P, 3, 3).
+    """Return the triangles that may contain the nearest point: indices of the points (P,), and corners (P, 3, 3); all
+    points in the grid's frame.
 
     The nearest vertex and the vertical gap are upper bounds of the distance. Every point of a triangle is at most the
     longest edge over the square root of three from one of its corners. Triangles whose corners are all farther away
     than the sum of both are skipped.
     """
-    geometry = surface.geometry
-    middle = np.rint(geometry.to_grid(points[:, :2])).astype(np.int64)
-    offsets = np.arange(-half, half + 1)
-    rows, columns = middle[:, :1] + offsets, middle[:, 1:] + offsets
-    inside = ((rows >= 0) & (rows < geometry.rows))[:, :, None] & ((columns >= 0) & (columns < geometry.columns))[
-        :, None
-    ]
-    r, c = np.clip(rows, 0, geometry.rows - 1)[:, :, None], np.clip(columns, 0, geometry.columns - 1)[:, None]
-    z = np.where(inside, surface.heights[r, c], np.nan) + geometry.origin[2]
-    dx = geometry.origin[0] + columns * geometry.resolution - points[:, :1]
-    dy = geometry.origin[1] + rows * geometry.resolution - points[:, 1:2]
-    vertex = np.sqrt(dx[:, None] ** 2 + dy[:, :, None] ** 2 + (z - points[:, 2, None, None]) ** 2)
-    vertex[np.isnan(vertex)] = np.inf
-    bound = np.fmin(np.fmin(vertex.min(axis=(1, 2)), gap), reach)
-    # The four corners of each cell. A missing corner removes one or both of the cell's triangles.
-    corners = np.stack([z[:, :-1, :-1], z[:, :-1, 1:], z[:, 1:, 1:], z[:, 1:, :-1]])
+    (rows, columns), resolution = surface.heights.shape, surface.geometry.resolution
+    middle = np.rint(points[:, :2] / resolution).astype(np.int64)
+    window = np.arange(-half, half + 1)
+    c, r = (middle[:, :1] + window)[:, None, :], (middle[:, 1:] + window)[:, :, None]
+    inside = (r >= 0) & (r < rows) & (c >= 0) & (c < columns)
+    z = np.where(inside, surface.heights[np.clip(r, 0, rows - 1), np.clip(c, 0, columns - 1)], np.nan)
+    vertices = np.stack(np.broadcast_arrays(c * resolution, r * resolution, z), axis=-1)
+    away = np.nan_to_num(np.linalg.norm(vertices - points[:, None, None], axis=-1), nan=np.inf)
+    bound = np.fmin(np.fmin(away.min(axis=(1, 2)), gap), reach)
     with np.errstate(invalid="ignore"):
-        drop = np.fmax.reduce(corners) - np.fmin.reduce(corners)
-    longest = np.sqrt(2.0 * geometry.resolution**2 + drop**2)
-    near = np.minimum(
-        np.minimum(vertex[:, :-1, :-1], vertex[:, :-1, 1:]), np.minimum(vertex[:, 1:, 1:], vertex[:, 1:, :-1])
-    )
-    body, row, column = np.nonzero(near <= bound[:, None, None] + longest / math.sqrt(3.0) + 1e-9)
-    a, b, d, e = (
-        _vertex(geometry, z, body, row + i, column + j, middle, half) for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
-    )
-    owner = np.concatenate([body, body])
-    found = np.concatenate([np.stack([a, b, d], axis=1), np.stack([a, d, e], axis=1)])
+        drop = np.fmax.reduce(_corners(z)) - np.fmin.reduce(_corners(z))
+    longest = np.sqrt(2.0 * resolution**2 + drop**2)
+    near = np.min(_corners(away), axis=0) <= bound[:, None, None] + longest / math.sqrt(3.0) + 1e-9
+    # A missing corner removes one or both of the cell's triangles.
+    first, second, third, fourth = (corner[near] for corner in _corners(vertices))
+    found = np.concatenate([np.stack([first, second, third], axis=1), np.stack([first, third, fourth], axis=1)])
     whole = np.isfinite(found[:, :, 2]).all(axis=1)
-    return owner[whole], found[whole]
+    return np.tile(np.nonzero(near)[0], 2)[whole], found[whole]
 
 
-def _vertex(
-    geometry: GridGeometry, z: FloatArray, body: IntArray, row: IntArray, column: IntArray, middle: IntArray, half: int
-) -> FloatArray:
-    """Return the positions (P, 3) [m] of vertices given by row and column in the windows around the points."""
-    x = geometry.origin[0] + (middle[body, 1] + column - half) * geometry.resolution
-    y = geometry.origin[1] + (middle[body, 0] + row - half) * geometry.resolution
-    return np.stack([x, y, z[body, row, column]], axis=1)
+def _corners(samples: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the values at the four corners of each cell, counter-clockwise, from those of samples (B, R, C, ...)."""
+    return samples[:, :-1, :-1], samples[:, :-1, 1:], samples[:, 1:, 1:], samples[:, 1:, :-1]
 
 
 def closest_points(points: FloatArray, corners: FloatArray) -> FloatArray:

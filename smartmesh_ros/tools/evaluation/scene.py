@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -138,19 +138,11 @@ def lowest(surface: Surface, shape: Shape, xy: FloatArray) -> FloatArray:
 def read_scene(path: Path) -> Scene:
     """Return the scene of a YAML file; raises `InputError` for missing or unknown fields."""
     loaded = yaml.safe_load(path.read_text())
-    if not isinstance(loaded, dict) or not {"title", "ground", "grid"} <= set(loaded):
-        raise InputError("scene", f"{path.name} lacks title, ground or grid; see {FOLDER}/flat.yaml")
-    _require_known(path, loaded, Scene)
-    _require_known(path, loaded.get("bodies", {}), Bodies)
-    bodies = Bodies(**_as_tuples(loaded.pop("bodies", {})))
-    return Scene(name=path.stem, bodies=bodies, **_as_tuples(loaded))
-
-
-def _require_known(path: Path, mapping: dict[str, Any], target: type[Scene] | type[Bodies]) -> None:
-    known = {entry.name for entry in fields(target)} - {"name"}
-    unknown = set(mapping) - known
-    if unknown:
-        raise InputError("scene", f"{path.name} has unknown fields {sorted(unknown)}; known are {sorted(known)}")
+    try:
+        bodies = Bodies(**_as_tuples(loaded.pop("bodies", {})))
+        return Scene(name=path.stem, bodies=bodies, **_as_tuples(loaded))
+    except (AttributeError, TypeError) as error:
+        raise InputError("scene", f"{path.name} is no scene such as {FOLDER}/flat.yaml: {error}") from None
 
 
 def _as_tuples(mapping: dict[str, Any]) -> dict[str, Any]:

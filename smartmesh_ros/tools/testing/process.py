@@ -8,10 +8,8 @@ import subprocess
 import sys
 import tempfile
 import weakref
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from threading import current_thread, main_thread
 from typing import IO, Any, ClassVar
 
 import yaml
@@ -21,11 +19,13 @@ from ament_index_python.packages import get_package_prefix
 TIMEOUT = 120.0
 # Limit of a collider's start [s], for busy machines.
 START_TIMEOUT = 300.0
-# Requests SIGKILL (9) from Linux when the parent ends (PR_SET_PDEATHSIG = 1), then executes the command unless the
-# parent has ended already.
+# Lets the command receive SIGINT, even if this process ignores it, as a shell's background jobs do. Requests SIGKILL
+# (9) from Linux when the parent ends (PR_SET_PDEATHSIG = 1), then executes the command unless the parent has ended.
 _EXIT_WITH_PARENT = """
-import ctypes, os, sys
-ctypes.CDLL(None).prctl(1, 9)
+import ctypes, os, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+if sys.platform == "linux":
+    ctypes.CDLL(None).prctl(1, 9)
 if os.getppid() == int(sys.argv[1]):
     os.execv(sys.argv[2], sys.argv[2:])
 """
@@ -42,10 +42,8 @@ def executable(name: str, package: str = "smartmesh_ros") -> Path:
 
 def start_command(command: list[str], log: IO[bytes], environment: dict[str, str]) -> subprocess.Popen[bytes]:
     """Start a command as a child that ends with this process at the latest, on Linux even if that is killed."""
-    with _receiving_sigint():
-        return subprocess.Popen(
-            _exiting_with_this_process(command), stdout=log, stderr=subprocess.STDOUT, env=environment
-        )
+    starter = [sys.executable, "-I", "-S", "-c", _EXIT_WITH_PARENT, str(os.getpid())]
+    return subprocess.Popen([*starter, *command], stdout=log, stderr=subprocess.STDOUT, env=environment)
 
 
 class Process:
@@ -132,26 +130,3 @@ def _end(process: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[s
         process.kill()
         process.wait()
     folder.cleanup()
-
-
-@contextmanager
-def _receiving_sigint() -> Iterator[None]:
-    """Let a child that is started in the block receive SIGINT, even if this process ignores it.
-
-    A shell starts background jobs with SIGINT ignored, and children inherit that.
-    """
-    if signal.getsignal(signal.SIGINT) != signal.SIG_IGN or current_thread() is not main_thread():
-        yield
-        return
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _exiting_with_this_process(command: list[str]) -> list[str]:
-    """Return a command whose process ends with this one: on Linux, a Python that calls prctl, then executes it."""
-    if sys.platform != "linux":
-        return command
-    return [sys.executable, "-I", "-S", "-c", _EXIT_WITH_PARENT, str(os.getpid()), *command]

@@ -16,24 +16,25 @@ from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.node.parameters.settings import RobotConfig, Settings
 from smartmesh_ros.node.services.robot_files import with_package_paths
 from smartmesh_ros.node.services.spawning import Entry, entry_from_text, spawn
+from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.tune.bag import Bag
-from smartmesh_ros.tools.tune.case import BodiesCame, Case, Event, MapCame, Span, Start, Truth
-from smartmesh_ros.tools.tune.recording import HEIGHTMAP_UPDATE, Recording, read_recording
+from smartmesh_ros.tools.tune.case import LONGER, Case, Span, Truth
+from smartmesh_ros.tools.tune.recording import HEIGHTMAP_UPDATE, Recording
+from smartmesh_ros.tools.tune.replay import BodiesCame, Event, MapCame, Start
 from smartmesh_ros.tools.tune.start import NODE, settings_of
-from smartmesh_ros.tools.tune.truth import RecordedGround
+from smartmesh_ros.tools.tune.truth import recorded_ground
 
 
 @dataclass(frozen=True, kw_only=True)
 class BagLimits:
     """How much of a bag is replayed.
 
-    ``search`` [s]: maximum length of a searching run, which is also at most half of the bag. ``longer``: length of the
-    confirming run, in searching runs. ``balls``: maximum number of test balls beside tracked bodies. ``truth_rate``
-    [Hz]: rate of the reference's maps. ``shortest`` [s]: minimum length of a bag.
+    ``search`` [s]: maximum length of a searching run, which is also at most half of the bag. ``balls``: maximum number
+    of test balls beside tracked bodies. ``truth_rate`` [Hz]: rate of the reference's maps. ``shortest`` [s]: minimum
+    length of a bag.
     """
 
     search: float = 3.0
-    longer: float = 2.0
     balls: int = 8
     truth_rate: float = 240.0
     shortest: float = 0.1
@@ -52,10 +53,10 @@ class BagCase(Case):
         self.start = dict(start)
         self._settings = settings = settings_of(start)
         longest = LIMITS.search if seconds is None else seconds
-        self._recording = recording = read_recording(bag, settings, terrain_topic, LIMITS.longer * longest)
+        self._recording = recording = Recording(bag, settings, terrain_topic, LONGER * longest)
         _require_enough(bag, recording)
         search = min(longest, 0.5 * recording.length)
-        confirm = min(recording.length, LIMITS.longer * search)
+        confirm = min(recording.length, LONGER * search)
         self.span = Span(search=search, confirm=confirm, settle=min(0.5, 0.25 * search))
         self._bodies = _entries(settings)
         balls = [] if self._bodies else _test_balls(recording, settings)
@@ -84,12 +85,15 @@ class BagCase(Case):
         return heapq.merge(self._finest_maps(), others, key=lambda event: event.arrives)
 
     def truth(self) -> Truth:
-        return RecordedGround(self._recording.changes, self._settings).at
+        tiles = recorded_ground(self._recording.changes, self._settings)
+        return lambda time: [
+            Surface(raster.geometry, raster.heights.astype(np.float64)) for raster in tiles(time).values()
+        ]
 
     def _finest_maps(self) -> Iterator[Event]:
-        ground = RecordedGround(self._recording.changes, self._settings)
+        tiles = recorded_ground(self._recording.changes, self._settings)
         for time in (number / LIMITS.truth_rate for number in itertools.count()):
-            for tile, raster in ground.rasters(time):
+            for tile, raster in tiles(time).items():
                 yield MapCame(arrives=time, at=time, tile=tile, raster=raster)
 
 

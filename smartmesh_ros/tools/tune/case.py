@@ -1,84 +1,38 @@
-"""The case of a search: moving terrain, bodies, and the true ground for measurements."""
+"""The case of a search: moving terrain, bodies, and the true ground for measurements; and that of a scene."""
 
 from __future__ import annotations
 
+import hashlib
+import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
-from smartmesh_ros.io.rasters import FloatGrid, Raster
-from smartmesh_ros.node.inputs.conversions import BodyInput
+import numpy as np
+
+from smartmesh_ros.ground.state import BodyState, Vector
+from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.tools.evaluation.distance import Surface
+from smartmesh_ros.tools.evaluation.scene import Scene
+from smartmesh_ros.tools.tune.replay import Event, MapCame, Replay, Start
+from smartmesh_ros.tools.tune.start import settings_of
 from smartmesh_ros.world.world import World
 
-# Spawns a body; returns False if there is no ground below it yet.
-Start = Callable[[World], bool]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Event:
-    """An input that arrives at ``arrives`` [s] of simulated time and is valid for its stamp ``at`` [s]. Without a stamp
-    (``stamped`` False) it is valid for the time of the step that applies it."""
-
-    arrives: float
-    at: float
-    stamped: bool = True
-
-    def time(self, now: float) -> float:
-        """Return the time [s] for which the event is valid if it is applied at ``now`` [s]."""
-        return self.at if self.stamped else now
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Change(Event):
-    """A change of a tile. ``delay`` [s]: see `HeightMap.delay`."""
-
-    tile: str
-    velocities: FloatGrid | None = None
-    delay: float = 0.0
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MapCame(Change):
-    """A whole map; ``raster`` None = the tile is removed."""
-
-    raster: Raster | None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RegionCame(Change):
-    """New heights [m] of a rectangle."""
-
-    row: int
-    column: int
-    heights: FloatGrid
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class BodiesCame(Event):
-    """Dictated poses in the terrain's frame; ``gone``: bodies that are no longer in the message."""
-
-    bodies: tuple[BodyInput, ...]
-    gone: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class JointsCame(Event):
-    """A command to robots' joints, as a sensor_msgs/JointState."""
-
-    message: Any
-
-
-class Ground(NamedTuple):
-    """The true surface of one tile at an instant: a surface without yaw, and its yaw [rad] around its origin."""
-
-    surface: Surface
-    yaw: float = 0.0
-
-
-# The true ground at a time [s]; from call to call the time never decreases.
-Truth = Callable[[float], Sequence[Ground]]
+# The true surfaces of all tiles at a time [s]; from call to call the time never decreases.
+Truth = Callable[[float], Sequence[Surface]]
+# Rate of the reference run [Hz]: eight times the default.
+FINE_RATE = 8 * 240.0
+FINEST: Mapping[str, Any] = {
+    "physics.rate": FINE_RATE,
+    "patch.kind": "auto",
+    "patch.rate": 0.0,
+    "terrain.motion": "extrapolate",
+    "terrain.min_interval": 0.0,  # maps come with every step, and each gives a velocity of its own
+}
+# Length of a confirming run, in searching runs.
+LONGER = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,3 +81,55 @@ class Case(ABC):
     @abstractmethod
     def truth(self) -> Truth:
         """Return the true ground for a run."""
+
+
+class SceneCase(Case):
+    """A scene with its own rate of maps and initial states of bodies."""
+
+    def __init__(self, scene: Scene, start: Mapping[str, Any]) -> None:
+        self.name, self.title = scene.name, scene.title
+        self.start = {**start, "physics.friction": scene.bodies.friction}
+        self.identity = hashlib.sha256(f"{scene!r} {sorted(self.start.items())!r}".encode()).hexdigest()[:12]
+        self.span = Span(search=scene.duration, confirm=LONGER * scene.duration, settle=scene.settle)
+        self._scene = scene
+        self._states = scene.starts()
+
+    def bodies(self) -> Sequence[Start]:
+        return [partial(self._spawn, f"body_{index}", state) for index, state in enumerate(self._states)]
+
+    def events(self) -> Iterator[Event]:
+        return self._maps(self._scene.map_rate)
+
+    def finest_events(self) -> Iterator[Event] | None:
+        if self._scene.reference == "none":
+            return None
+        return self._maps(FINE_RATE if self._scene.moves else 0.0)
+
+    def truth(self) -> Truth:
+        scene, ground = self._scene, self._scene.make_ground()
+        return lambda time: [scene.surface(np.array(ground.heights(time if scene.moves else 0.0)), time)]
+
+    def _maps(self, rate: float) -> Iterator[Event]:
+        """Yield a map at every 1 / ``rate`` [s], 0 = a single one."""
+        scene, ground = self._scene, self._scene.make_ground()
+        for time in (number / rate for number in itertools.count()) if rate else (0.0,):
+            geometry = replace(scene.geometry, origin=(scene.slide[0] * time, scene.slide[1] * time, 0.0))
+            heights: Any = ground.heights(time)
+            yield MapCame(arrives=time, at=time, tile="", raster=Raster(geometry, heights))
+
+    def _spawn(self, name: str, state: BodyState, world: World) -> bool:
+        world.spawn(name, self._scene.bodies.make_shape(), 1.0, state)
+        return True
+
+
+def reference(case: Case) -> dict[str, Vector] | None:
+    """Return positions by simulated body [m] at the span's horizon, from a run at an eighth of the step with patches
+    that are refreshed in every step; None = unknown."""
+    events = case.finest_events()
+    if events is None:
+        return None
+    with Replay(settings_of({**case.start, **FINEST}), case.bodies(), events) as replay:
+        for _ in range(round(case.span.horizon * FINE_RATE)):
+            replay.step(replay.due())
+        world = replay.world
+        return {name: world.state(name).position for name, body in world.bodies.items() if not body.tracked}

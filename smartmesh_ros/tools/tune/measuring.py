@@ -4,26 +4,49 @@ from __future__ import annotations
 
 import gc
 import math
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import groupby
 from time import process_time
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import pybullet as pb
 
-from smartmesh_ros.ground.quaternions import product
-from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.state import Quaternion, Vector
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.clearance import clearances
+from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.measures import HELD_UP, penetration
-from smartmesh_ros.tools.tune.case import Case, Ground
+from smartmesh_ros.tools.tune.case import Case
 from smartmesh_ros.tools.tune.figures import Figures
-from smartmesh_ros.tools.tune.parts import Part, Pose, parts_of, pose_of
 from smartmesh_ros.tools.tune.replay import Replay
+from smartmesh_ros.world.world import World
 
+# Shapes from PyBullet's sizes. The surface of a mesh is not measured.
+_SHAPES: Mapping[int, Callable[[Sequence[float]], Shape]] = {
+    pb.GEOM_SPHERE: lambda size: Sphere(size[0]),
+    pb.GEOM_BOX: lambda size: Box(*size),
+    pb.GEOM_CYLINDER: lambda size: Cylinder(size[1], size[0]),
+    pb.GEOM_CAPSULE: lambda size: Capsule(size[1], size[0]),
+}
+
+
+class Part(NamedTuple):
+    """A measured shape of a body: that of the whole body (``link`` -1, ``number`` 0), or one of a robot's link."""
+
+    body: str
+    link: int
+    number: int
+    shape: Shape
+
+
+# Position [m] and orientation of a part.
+Pose = tuple[Vector, Quaternion]
 # For each part at an instant: clearance [m], centre below the ground, body supported.
 Measurements = dict[Part, tuple[float, bool, bool]]
 
@@ -45,10 +68,11 @@ MEASURING = Measuring()
 
 @dataclass
 class Snapshot:
-    """Poses of all parts at ``time`` [s]; ``held``: supported bodies; ``positions``: of the bodies [m]."""
+    """Poses of all parts at ``time`` [s]; ``held``: supported bodies without joints, which only the ground supports;
+    ``positions``: of the bodies [m]."""
 
     time: float
-    poses: list[tuple[Part, Pose]]
+    poses: dict[Part, Pose]
     held: set[str]
     positions: dict[str, Vector]
 
@@ -92,13 +116,30 @@ class Runner:
 
     def _take_snapshot(self, before: Mapping[str, Vector]) -> None:
         world = self.replay.world
-        poses = [(part, pose_of(world.client, part)) for part in parts_of(world)]
         after = self._velocities()
         held = set()
         for name in before.keys() & after.keys():
             felt = (np.array(after[name]) - before[name]) * self.rate - self._gravity
-            held |= {name} if np.linalg.norm(felt) > HELD_UP * math.hypot(*self._gravity) else set()
-        self.snapshots.append(Snapshot(self.time, poses, held, {name: world.state(name).position for name in after}))
+            if world.bodies[name].shape is not None and np.linalg.norm(felt) > HELD_UP * math.hypot(*self._gravity):
+                held.add(name)
+        positions = {name: world.state(name).position for name in after}
+        self.snapshots.append(Snapshot(self.time, dict(_parts_of(world)), held, positions))
+
+
+def _parts_of(world: World) -> Iterator[tuple[Part, Pose]]:
+    """Yield the parts of simulated bodies that are spheres, boxes, cylinders or capsules, and their poses."""
+    client: Any = world.client
+    for body in (body for body in world.bodies.values() if not body.tracked):
+        base = client.getBasePositionAndOrientation(body.uid)
+        if body.shape is not None:
+            yield Part(body.name, -1, 0, body.shape), base
+            continue
+        for link in body.links:
+            pose = base if link < 0 else client.getLinkState(body.uid, link, computeForwardKinematics=1)[:2]
+            for number, (_, _, kind, size, _, *offset) in enumerate(client.getCollisionShapeData(body.uid, link)):
+                if kind in _SHAPES:
+                    with suppress(InputError):  # outside the range of sizes that is measured
+                        yield Part(body.name, link, number, _SHAPES[kind](size)), pb.multiplyTransforms(*pose, *offset)
 
 
 def run(case: Case, settings: Sequence[Settings], duration: float, repeats: int = 1) -> list[Runner]:
@@ -135,9 +176,9 @@ def measure(case: Case, runners: Sequence[Runner], reference: Mapping[str, Vecto
     measured: list[list[Measurements]] = [[] for _ in runners]
     snapshots = [(taken.time, index, taken) for index, runner in enumerate(runners) for taken in runner.snapshots]
     for time, group in groupby(sorted(snapshots, key=lambda entry: entry[:2]), key=lambda entry: entry[0]):
-        grounds = truth(time)
+        surfaces = truth(time)
         for _, index, snapshot in group:
-            measured[index].append(_measure_parts(snapshot, grounds))
+            measured[index].append(_measure_parts(snapshot, surfaces))
     return [_figures(case, *pair, reference) for pair in zip(runners, measured, strict=True)]
 
 
@@ -173,43 +214,22 @@ def _deviation(runner: Runner, horizon: float, reference: Mapping[str, Vector]) 
     return float(np.median(apart)) if apart else math.nan
 
 
-def _measure_parts(snapshot: Snapshot, grounds: Sequence[Ground]) -> Measurements:
-    """Measure all parts of a snapshot."""
+def _measure_parts(snapshot: Snapshot, surfaces: Sequence[Surface]) -> Measurements:
+    """Measure all parts of a snapshot against the nearest tile at their x and y."""
+    shapes: dict[Shape, list[Part]] = defaultdict(list)
+    for part in snapshot.poses:
+        shapes[part.shape].append(part)
     found: Measurements = {}
-    shapes: dict[Shape, list[tuple[Part, Pose]]] = {}
-    for part, pose in snapshot.poses:
-        shapes.setdefault(part.shape, []).append((part, pose))
-    for shape, members in shapes.items():
-        clearance, below = _over(grounds, shape, [pose for _, pose in members])
-        for (part, _), gap, under in zip(members, clearance.tolist(), below.tolist(), strict=True):
-            found[part] = (gap, under, part.free and part.body in snapshot.held)
+    for shape, parts in shapes.items():
+        positions, orientations = (np.array(column) for column in zip(*map(snapshot.poses.get, parts), strict=True))
+        clearance, below = np.full(len(parts), np.nan), np.zeros(len(parts), bool)
+        for surface in surfaces:
+            heights = surface.below(positions)
+            over = np.flatnonzero(np.isfinite(heights))
+            if len(over):
+                gaps = clearances(surface, shape, positions[over], orientations[over])
+                clearance[over] = np.fmin(clearance[over], gaps)
+                below[over] |= positions[over, 2] < heights[over]
+        for part, gap, under in zip(parts, clearance.tolist(), below.tolist(), strict=True):
+            found[part] = gap, under, part.body in snapshot.held
     return found
-
-
-def _over(grounds: Sequence[Ground], shape: Shape, poses: Sequence[Pose]) -> tuple[FloatArray, Any]:
-    """Return the clearance (N,) [m] of bodies from the nearest tile at their x and y, NaN = none, and a mask (N,) of
-    bodies whose centre is below the ground."""
-    clearance = np.full(len(poses), np.nan)
-    below = np.zeros(len(poses), bool)
-    for ground in grounds:
-        placed = [_in_tile_frame(pose, ground) for pose in poses]
-        positions = np.array([pose.position for pose in placed])
-        heights = ground.surface.below(positions)
-        over = np.flatnonzero(np.isfinite(heights))
-        if len(over):
-            orientations = np.array([placed[index].orientation for index in over])
-            gaps = clearances(ground.surface, shape, positions[over], orientations)
-            clearance[over] = np.fmin(clearance[over], gaps)
-            below[over] |= positions[over, 2] < heights[over]
-    return clearance, below
-
-
-def _in_tile_frame(pose: Pose, ground: Ground) -> Pose:
-    """Return a pose in the frame of a tile that is rotated about z around its origin."""
-    if not ground.yaw:
-        return pose
-    x0, y0, _ = ground.surface.geometry.origin
-    cos, sin = math.cos(ground.yaw), math.sin(ground.yaw)
-    x, y, z = pose.position[0] - x0, pose.position[1] - y0, pose.position[2]
-    half = (0.0, 0.0, math.sin(-0.5 * ground.yaw), math.cos(0.5 * ground.yaw))
-    return Pose((x0 + x * cos + y * sin, y0 - x * sin + y * cos, z), product(half, pose.orientation))

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
@@ -29,7 +28,7 @@ from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.timing.stamps import StampClock
 from smartmesh_ros.tools.testing.bags import Record
 from smartmesh_ros.tools.tune.bag import Bag
-from smartmesh_ros.tools.tune.case import BodiesCame, Change, Event, JointsCame, MapCame, RegionCame
+from smartmesh_ros.tools.tune.replay import BodiesCame, Change, Event, JointsCame, MapCame, RegionCame
 
 HEIGHTMAP, HEIGHTMAP_UPDATE = "smartmesh_msgs/msg/Heightmap", "smartmesh_msgs/msg/HeightmapUpdate"
 TRACKED, POSES = "smartmesh_msgs/msg/TrackedBodyArray", "geometry_msgs/msg/PoseArray"
@@ -40,19 +39,27 @@ JOINTS, TRANSFORMS = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
 Take = Callable[[Record, float], Iterator[Event]]
 
 
-@dataclass
 class Recording:
-    """Events of a bag in order of arrival; time zero is the first record that gives an event.
+    """The first ``seconds`` [s] of a bag as ``events`` in order of arrival; time zero is the first record that gives
+    an event. Raises `InputError` if the bag is damaged or lacks a topic.
 
-    ``frame``: the terrain's frame. ``refused``: counts of refused records, by the node's message. ``frames``: counts of
-    records, by "what in frame". ``map_topics``: topics that changed the terrain.
+    Records are converted with the same state between them as in the node. ``frame``: the terrain's frame. ``refused``:
+    counts of refused records, by the node's message. ``frames``: counts of records, by "what in frame".
+    ``map_topics``: topics that changed the terrain.
     """
 
-    frame: str
-    events: list[Event] = field(default_factory=list)
-    refused: Counter[str] = field(default_factory=Counter)
-    frames: Counter[str] = field(default_factory=Counter)
-    map_topics: set[str] = field(default_factory=set)
+    def __init__(self, bag: Bag, settings: Settings, terrain_topic: str, seconds: float) -> None:
+        self.frame = settings.frame_id.strip("/")
+        self.events: list[Event] = []
+        self.refused: Counter[str] = Counter()
+        self.frames: Counter[str] = Counter()
+        self.map_topics: set[str] = set()
+        self._settings = settings
+        self._clocks: dict[str, StampClock] = {}
+        self._frames = FrameBuffer()
+        self._of_poses: set[str] = set()
+        takes = {**self._body_takes(bag), **self._terrain_takes(bag, terrain_topic)}
+        self._read((record for record in bag.records() if record.topic in takes), takes, seconds)
 
     @property
     def changes(self) -> list[Change]:
@@ -64,50 +71,31 @@ class Recording:
         """Time from the first record to the last [s]."""
         return max((event.arrives for event in self.events), default=0.0)
 
+    def _read(self, records: Iterator[Record], takes: Mapping[str, Take], seconds: float) -> None:
+        start = None
+        for record in records:
+            begun = record.time if start is None else start
+            if record.time - begun > seconds:
+                break
+            try:
+                events = list(takes[record.topic](record, record.time - begun))
+            except InputError as error:
+                self.refused[f"{record.topic}: {error}"] += 1
+                continue
+            if events:
+                start = begun
+                self.events += events
+                if isinstance(events[0], Change):
+                    self.map_topics.add(record.topic)
 
-def read_recording(bag: Bag, settings: Settings, terrain_topic: str, seconds: float) -> Recording:
-    """Return the first ``seconds`` [s] of a bag; raise `InputError` if it is damaged or lacks a topic."""
-    reader = Reader(settings)
-    takes = {**_body_takes(reader, bag, settings), **_terrain_takes(reader, bag, settings, terrain_topic)}
-    found, start = reader.recording, None
-    for record in bag.records():
-        take = takes.get(record.topic)
-        if take is None:
-            continue
-        begun = record.time if start is None else start
-        if record.time - begun > seconds:
-            break
-        try:
-            events = list(take(record, record.time - begun))
-        except InputError as error:
-            found.refused[f"{record.topic}: {error}"] += 1
-            continue
-        if events:
-            start = begun
-            found.events += events
-            if isinstance(events[0], Change):
-                found.map_topics.add(record.topic)
-    return found
-
-
-class Reader:
-    """Converts records to events, with the same state between records as in the node."""
-
-    def __init__(self, settings: Settings) -> None:
-        self.recording = Recording(settings.frame_id.strip("/"))
-        self._settings = settings
-        self._clocks: dict[str, StampClock] = {}
-        self._frames = FrameBuffer()
-        self._of_poses: set[str] = set()
-
-    def take_map(self, record: Record, now: float) -> Iterator[Event]:
+    def _take_map(self, record: Record, now: float) -> Iterator[Event]:
         """Convert a Heightmap."""
         new = conversions.map_from(record.data, self._settings.max_samples)
         raster = None if new.geometry is None else Raster(new.geometry, new.heights, friction=new.friction)
         placed = self._placed(new.start.tile, new.start, new.start.frame_id, record, now)
         yield MapCame(**placed, tile=new.start.tile, raster=raster, velocities=new.velocities)
 
-    def take_region(self, record: Record, now: float) -> Iterator[Event]:
+    def _take_region(self, record: Record, now: float) -> Iterator[Event]:
         """Convert a HeightmapUpdate."""
         new = conversions.region_from(record.data, self._settings.max_samples)
         late = self._settings.motion.max_interval
@@ -117,14 +105,14 @@ class Reader:
             velocities=new.velocities,
         )  # fmt: skip
 
-    def take_raster(self, kind: Any, convert: Callable[..., Raster], record: Record, now: float) -> Iterator[Event]:
+    def _take_raster(self, kind: Any, convert: Callable[..., Raster], record: Record, now: float) -> Iterator[Event]:
         """Convert a message that an adapter reads as heights."""
         message = message_from(record.data, kind)
         placed = self._placed("", message.header.stamp, message.header.frame_id, record, now)
         raster = convert(message, self._settings.raster, self._settings.max_samples)
         yield MapCame(**placed, tile="", raster=raster)
 
-    def take_bodies(
+    def _take_bodies(
         self, kind: Any, convert: Callable[[Any], list[BodyInput]], record: Record, now: float
     ) -> Iterator[Event]:
         """Convert dictated poses to the terrain's frame. Bodies of the previous PoseArray that are missing are gone."""
@@ -134,33 +122,30 @@ class Reader:
             names = {body.name for body in bodies}
             gone, self._of_poses = self._of_poses - names, names
         stamp, frame = conversions.stamp_seconds(message.header.stamp), message.header.frame_id
-        self.recording.frames[f"bodies on {record.topic} in frame {frame!r}"] += 1
-        terrain = self.recording.frame
-        if terrain and frame and frame != terrain:
-            transform = self._frames.lookup(terrain, frame, stamp)[0]
+        self.frames[f"bodies on {record.topic} in frame {frame!r}"] += 1
+        if self.frame and frame and frame != self.frame:
+            transform = self._frames.lookup(self.frame, frame, stamp)[0]
             bodies = [body._replace(state=transform.apply(body.state)) for body in bodies]
         for body in bodies:
             require_possible(body.name, body.state)
         at = self._place(record.topic, stamp, now, record.time)
-        yield BodiesCame(
-            arrives=now, at=at, stamped=stamp is not None, bodies=tuple(bodies), gone=tuple(sorted(gone))
-        )  # fmt: skip
+        yield BodiesCame(arrives=now, at=at, bodies=tuple(bodies), gone=tuple(sorted(gone)))
 
-    def take_joints(self, record: Record, now: float) -> Iterator[Event]:
+    def _take_joints(self, record: Record, now: float) -> Iterator[Event]:
         """Convert a command to robots' joints."""
         yield JointsCame(arrives=now, at=now, message=message_from(record.data, JointState))
 
-    def take_transforms(self, static: bool, record: Record, now: float) -> Iterator[Event]:
+    def _take_transforms(self, static: bool, record: Record, now: float) -> Iterator[Event]:
         """Store a TFMessage, and yield the poses of bodies that are frames."""
         for stamp, parent, child, transform in transforms_from(record.data):
             time = None if static else conversions.stamp_seconds(stamp) or record.time
             self._frames.add(parent.strip("/"), child.strip("/"), transform, time)
-        for name, frame in self._settings.frames if self.recording.frame else ():
+        for name, frame in self._settings.frames if self.frame else ():
             try:
-                pose, known = self._frames.lookup(self.recording.frame, frame)
+                pose, known = self._frames.lookup(self.frame, frame)
                 at = self._place(f"frame {name}", known, now, record.time)
             except InputError as error:  # a transform between the frames is still missing
-                self.recording.refused[f"bodies.frames: {error}"] += 1
+                self.refused[f"bodies.frames: {error}"] += 1
                 continue
             yield BodiesCame(arrives=now, at=at, bodies=(BodyInput(name, BodyState(*pose), 0.0),))
 
@@ -168,14 +153,13 @@ class Reader:
         self, tile: str, stamp: Any, frame: str, record: Record, now: float, late: float = 0.0
     ) -> dict[str, Any]:
         """Return when a map arrives and is valid; raise `InputError` if it is in another frame than those before."""
-        seconds = conversions.stamp_seconds(stamp)
-        at = self._place(tile, seconds, now, record.time, late, self._settings.motion.max_interval)
-        known = self.recording.frame
-        self.recording.frames[f"maps in frame {frame!r}"] += 1
+        horizon, known = self._settings.motion.max_interval, self.frame
+        at = self._place(tile, conversions.stamp_seconds(stamp), now, record.time, late, horizon)
+        self.frames[f"maps in frame {frame!r}"] += 1
         if known and frame and frame != known:
             raise InputError("frame", f"frame {frame!r} is not the terrain's frame {known!r}")
-        self.recording.frame = known or frame
-        return {"arrives": now, "at": at, "stamped": seconds is not None, "delay": self._clocks[tile].delay}
+        self.frame = known or frame
+        return {"arrives": now, "at": at, "delay": self._clocks[tile].delay}
 
     def _place(
         self, source: str, stamp: float | None, now: float, clock: float, late: float = 0.0, horizon: float = math.inf
@@ -186,26 +170,46 @@ class Reader:
         known.accept(placed)
         return placed.time
 
+    def _body_takes(self, bag: Bag) -> dict[str, Take]:
+        """Return the converter of each topic of bodies, joints and transforms."""
+        takes: dict[str, Take] = {}
+        for topic in bag.of_type(TRACKED):
+            if not topic.endswith("/body_states"):  # an output of the node, in a recording of all topics
+                takes[topic] = partial(self._take_bodies, TrackedBodyArray, conversions.bodies_from)
+        for topic in bag.of_type(POSES, "/body_poses"):
+            takes[topic] = partial(self._take_bodies, PoseArray, conversions.poses_from)
+        for name, topic in self._settings.poses:
+            bag.require(topic, POSE, f"bodies.poses names {name!r}")
+            takes[topic] = partial(self._take_bodies, PoseStamped, partial(_from_pose, name))
+        for name, topic in self._settings.odometry:
+            bag.require(topic, ODOMETRY, f"bodies.odometry names {name!r}")
+            takes[topic] = partial(self._take_bodies, Odometry, partial(_from_odometry, name))
+        for topic in bag.of_type(JOINTS, "/joint_commands"):
+            takes[topic] = self._take_joints
+        for topic in bag.of_type(TRANSFORMS):
+            takes[topic] = partial(self._take_transforms, topic.endswith("static"))
+        return takes
 
-def _body_takes(reader: Reader, bag: Bag, settings: Settings) -> dict[str, Take]:
-    """Return the converter of each topic of bodies, joints and transforms."""
-    takes: dict[str, Take] = {}
-    for topic in bag.of_type(TRACKED):
-        if not topic.endswith("/body_states"):  # an output of the node, which a recording of all topics contains too
-            takes[topic] = partial(reader.take_bodies, TrackedBodyArray, conversions.bodies_from)
-    for topic in bag.of_type(POSES, "/body_poses"):
-        takes[topic] = partial(reader.take_bodies, PoseArray, conversions.poses_from)
-    for name, topic in settings.poses:
-        bag.require(topic, POSE, f"bodies.poses names {name!r}")
-        takes[topic] = partial(reader.take_bodies, PoseStamped, partial(_from_pose, name))
-    for name, topic in settings.odometry:
-        bag.require(topic, ODOMETRY, f"bodies.odometry names {name!r}")
-        takes[topic] = partial(reader.take_bodies, Odometry, partial(_from_odometry, name))
-    for topic in bag.of_type(JOINTS, "/joint_commands"):
-        takes[topic] = reader.take_joints
-    for topic in bag.of_type(TRANSFORMS):
-        takes[topic] = partial(reader.take_transforms, topic.endswith("static"))
-    return takes
+    def _terrain_takes(self, bag: Bag, chosen: str) -> dict[str, Take]:
+        """Return the converter of each topic of maps; raise `InputError` if there is none, or a choice of several."""
+        kinds = {"heightmap": HEIGHTMAP, **{name: f"{a.package}/msg/{a.message}" for name, a in ADAPTERS.items()}}
+        kind = kinds[self._settings.input]
+        topics = [chosen] if chosen else bag.of_type(kind)
+        if chosen:
+            bag.require(chosen, kind, "--terrain")
+        elif not topics:
+            other = [name for name, type_name in kinds.items() if bag.of_type(type_name)]
+            hint = f"; it has maps for terrain.input {' or '.join(other)}: give --set terrain.input=" if other else ""
+            message = f"no maps: terrain.input {self._settings.input!r} needs {kind}{hint}{''.join(other[:1])}"
+            raise bag.refusal("maps", message)
+        if self._settings.input == "heightmap":
+            updates = bag.of_type(HEIGHTMAP_UPDATE)
+            return {**dict.fromkeys(topics, self._take_map), **dict.fromkeys(updates, self._take_region)}
+        if len(topics) > 1:
+            raise bag.refusal("topic", f"the bag has {kind} on {', '.join(topics)}; choose one with --terrain TOPIC")
+        adapter = ADAPTERS[self._settings.input]
+        made = require_message(adapter.package, adapter.message, f"terrain.input {self._settings.input!r}")
+        return {topics[0]: partial(self._take_raster, made, adapter.convert)}
 
 
 def _from_pose(name: str, message: PoseStamped) -> list[BodyInput]:
@@ -214,25 +218,3 @@ def _from_pose(name: str, message: PoseStamped) -> list[BodyInput]:
 
 def _from_odometry(name: str, message: Odometry) -> list[BodyInput]:
     return [BodyInput(name, conversions.odometry_from(message), 0.0, stated=True)]
-
-
-def _terrain_takes(reader: Reader, bag: Bag, settings: Settings, chosen: str) -> dict[str, Take]:
-    """Return the converter of each topic of maps; raise `InputError` if there is none, or a choice among several."""
-    kinds = {"heightmap": HEIGHTMAP, **{name: f"{a.package}/msg/{a.message}" for name, a in ADAPTERS.items()}}
-    kind = kinds[settings.input]
-    topics = [chosen] if chosen else bag.of_type(kind)
-    if chosen:
-        bag.require(chosen, kind, "--terrain")
-    elif not topics:
-        other = [name for name, type_name in kinds.items() if bag.of_type(type_name)]
-        hint = f"; it has maps for terrain.input {' or '.join(other)}: give --set terrain.input=" if other else ""
-        message = f"no maps: terrain.input {settings.input!r} needs {kind}{hint}{''.join(other[:1])}"
-        raise bag.refusal("maps", message)
-    if settings.input == "heightmap":
-        updates = bag.of_type(HEIGHTMAP_UPDATE)
-        return {**dict.fromkeys(topics, reader.take_map), **dict.fromkeys(updates, reader.take_region)}
-    if len(topics) > 1:
-        raise bag.refusal("topic", f"the bag has {kind} on {', '.join(topics)}; choose one with --terrain TOPIC")
-    adapter = ADAPTERS[settings.input]
-    made = require_message(adapter.package, adapter.message, f"terrain.input {settings.input!r}")
-    return {topics[0]: partial(reader.take_raster, made, adapter.convert)}

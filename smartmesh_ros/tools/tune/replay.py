@@ -1,35 +1,78 @@
-"""Replay of a case through the core in this process, in simulated time, with the node's order of inputs."""
+"""Inputs of a recording or a scene, and their replay through the core in this process, in simulated time, with the
+node's order of inputs."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import SIZES, require_between
-from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.io.rasters import FloatGrid, Raster
+from smartmesh_ros.node.inputs.conversions import BodyInput
 from smartmesh_ros.node.inputs.joint_commands import RobotNames, joint_commands_from
 from smartmesh_ros.node.inputs.maps import take_map
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.tools.tune.case import BodiesCame, Case, Change, Event, JointsCame, MapCame, RegionCame, Start
-from smartmesh_ros.tools.tune.start import settings_of
 from smartmesh_ros.world.world import World
 
+# Spawns a body; returns False if there is no ground below it yet.
+Start = Callable[[World], bool]
 # Tolerance of comparisons between times [s], because sums of steps have rounding errors.
 SLACK = 1e-6
-# Rate of the reference run [Hz]: eight times the default.
-FINE_RATE = 8 * 240.0
-FINEST: Mapping[str, Any] = {
-    "physics.rate": FINE_RATE,
-    "patch.kind": "auto",
-    "patch.rate": 0.0,
-    "terrain.motion": "extrapolate",
-    "terrain.min_interval": 0.0,  # maps come with every step, and each gives a velocity of its own
-}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Event:
+    """An input that arrives at ``arrives`` [s] of simulated time and is valid for its stamp ``at`` [s], without a stamp
+    for its arrival."""
+
+    arrives: float
+    at: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Change(Event):
+    """A change of a tile. ``delay`` [s]: see `HeightMap.delay`."""
+
+    tile: str
+    velocities: FloatGrid | None = None
+    delay: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MapCame(Change):
+    """A whole map; ``raster`` None = the tile is removed."""
+
+    raster: Raster | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RegionCame(Change):
+    """New heights [m] of a rectangle."""
+
+    row: int
+    column: int
+    heights: FloatGrid
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BodiesCame(Event):
+    """Dictated poses in the terrain's frame; ``gone``: bodies that are no longer in the message."""
+
+    bodies: tuple[BodyInput, ...]
+    gone: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JointsCame(Event):
+    """A command to robots' joints, as a sensor_msgs/JointState."""
+
+    message: Any
 
 
 class Replay:
@@ -75,7 +118,7 @@ class Replay:
 
     def _take(self, event: Event) -> None:
         if isinstance(event, Change):
-            change_terrain(self.world.terrain, self.settings, event, self.world.time)
+            change_terrain(self.world.terrain, self.settings, event)
             self._spawn()
         elif isinstance(event, BodiesCame):
             self._track(event)
@@ -91,8 +134,7 @@ class Replay:
                 raise InputError("duplicate_id", f"{body.name!r} is simulated; a tracked body needs another name")
             require_between(f"radius of {body.name!r}", radius, SIZES, "m")
         for body, radius in zip(event.bodies, radii, strict=True):
-            time = event.time(self.world.time)
-            self.tracking.update(body.name, radius, body.state, time, self.world.time, stated=body.stated)
+            self.tracking.update(body.name, radius, body.state, event.at, self.world.time, stated=body.stated)
         for name in event.gone:
             self.tracking.forget(name)
 
@@ -102,30 +144,16 @@ class Replay:
         self._waiting = [start for start in waiting if not start(self.world)]
 
 
-def change_terrain(terrain: Terrain, settings: Settings, change: Change, now: float) -> None:
-    """Apply a change at ``now`` [s]; raise `InputError` if the node would refuse it."""
-    time = change.time(now)
+def change_terrain(terrain: Terrain, settings: Settings, change: Change) -> None:
+    """Apply a change; raise `InputError` if the node would refuse it."""
     if isinstance(change, RegionCame):
         tile = terrain.tile(change.tile)
         if not isinstance(tile, HeightMap):
             raise InputError("unknown_tile", f"tile {change.tile!r} is a general mesh")
-        tile.update_region(change.row, change.column, change.heights, time=time, velocities=change.velocities)
+        tile.update_region(change.row, change.column, change.heights, time=change.at, velocities=change.velocities)
         tile.delay = change.delay
     elif isinstance(change, MapCame) and change.raster is not None:
-        take_map(terrain, settings, change.tile, change.raster, change.velocities, time)
+        take_map(terrain, settings, change.tile, change.raster, change.velocities, change.at)
         terrain.tiles[change.tile].delay = change.delay
     else:
         terrain.remove(change.tile)
-
-
-def reference(case: Case) -> dict[str, Vector] | None:
-    """Return positions by simulated body [m] at the span's horizon, from a run at an eighth of the step with patches
-    that are refreshed in every step; None = unknown."""
-    events = case.finest_events()
-    if events is None:
-        return None
-    with Replay(settings_of({**case.start, **FINEST}), case.bodies(), events) as replay:
-        for _ in range(round(case.span.horizon * FINE_RATE)):
-            replay.step(replay.due())
-        world = replay.world
-        return {name: world.state(name).position for name, body in world.bodies.items() if not body.tracked}

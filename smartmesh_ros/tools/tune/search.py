@@ -18,10 +18,9 @@ from optuna.trial import FrozenTrial, TrialState
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.tools.tune import space
-from smartmesh_ros.tools.tune.case import Case
+from smartmesh_ros.tools.tune.case import Case, reference
 from smartmesh_ros.tools.tune.figures import FLOOR, Asked, Figures, Limits, Point
 from smartmesh_ros.tools.tune.measuring import measure, run
-from smartmesh_ros.tools.tune.replay import reference
 from smartmesh_ros.tools.tune.start import PRESETS, preset_values, settings_of
 
 # Names of what is stored with the study and with a trial.

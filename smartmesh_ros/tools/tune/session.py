@@ -15,11 +15,10 @@ from smartmesh_ros.tools.evaluation.scene import FOLDER, read_scene
 from smartmesh_ros.tools.tune import chart, report
 from smartmesh_ros.tools.tune.bag import Bag
 from smartmesh_ros.tools.tune.bag_case import BagCase
-from smartmesh_ros.tools.tune.case import Case
+from smartmesh_ros.tools.tune.case import Case, SceneCase
 from smartmesh_ros.tools.tune.cli import take_part
 from smartmesh_ros.tools.tune.confirm import Verdict, confirm
 from smartmesh_ros.tools.tune.figures import Asked, require_positive
-from smartmesh_ros.tools.tune.scene_case import SceneCase
 from smartmesh_ros.tools.tune.search import Search, open_study
 from smartmesh_ros.tools.tune.start import read_start
 

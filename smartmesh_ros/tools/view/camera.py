@@ -22,7 +22,6 @@ class CameraConfig:
     a fraction of the picture's width and height. ``nearest`` [m]: minimum distance, so that a small body is shown with
     some ground around. ``far``: bodies further than this many median distances from the median position are ignored,
     because a few that rolled away would make all others too small to see.
-    ``halvings``: bisection steps in the search for the middle of the picture.
     """
 
     bearing: float = math.radians(-130.0)
@@ -30,7 +29,6 @@ class CameraConfig:
     spare: float = 0.06
     nearest: float = 4.0
     far: float = 1.5
-    halvings: int = 30
 
 
 CONFIG = CameraConfig()
@@ -72,37 +70,25 @@ def camera_on(positions: FloatArray, radii: FloatArray, lens: Lens, ground: Grou
 
 
 def _fitted(positions: FloatArray, radii: FloatArray, lens: Lens, elevation: float) -> Camera:
-    """Return the nearest camera at an ``elevation`` [rad] that shows all bodies.
+    """Return the nearest camera at an ``elevation`` [rad] that shows the ball around all bodies.
 
-    Seen by the camera a body is ``across`` x [m] beside the middle of the bodies and ``along`` y [m] behind it. From a
-    distance d and with a shift s of the camera it fits between the edges of the picture, tangents low and high, if
-    low (d + y) <= x - s - r and x - s + r <= high (d + y). At the least d the bounds on s are equal.
+    Between two edges of the picture, ``low`` and ``high`` [rad] from the line of sight, a ball of radius R in the
+    middle of both fits from a distance of R / sin((high - low) / 2).
     """
     b, e = CONFIG.bearing, elevation
     forward = -np.array([math.cos(e) * math.cos(b), math.cos(e) * math.sin(b), math.sin(e)])
     right = np.array([-math.sin(b), math.cos(b), 0.0])
-    up = np.cross(right, forward)
-    middle = positions.mean(axis=0)
-    along = (positions - middle) @ forward
+    middle = 0.5 * ((positions - radii[:, None]).min(axis=0) + (positions + radii[:, None]).max(axis=0))
+    radius = float((np.linalg.norm(positions - middle, axis=1) + radii).max())
     tall, edge = math.tan(0.5 * lens.field_of_view), 1.0 - CONFIG.spare
-    wide = lens.aspect * tall
-    sides = [
-        (right, (positions - middle) @ right, -edge * wide, (edge - 2.0 * lens.covered) * wide),
-        (up, (positions - middle) @ up, -edge * tall, edge * tall),
-    ]
-    distance = max(CONFIG.nearest, float((radii - along).max()))
-    for _, across, low, high in sides:
-        least, most = (across + radii - high * along).max(), (across - radii - low * along).min()
-        distance = max(distance, float(least - most) / (high - low))
-    position, depth = middle - distance * forward, np.maximum(distance + along, 1e-6)
-    for axis, across, low, high in sides:
-        least, most = float((across + radii - high * depth).max()), float((across - radii - low * depth).min())
-        for _ in range(CONFIG.halvings):  # until the margins at both edges are equal
-            shift = 0.5 * (least + most)
-            room = float(((across + radii - shift) / depth).max() + ((across - radii - shift) / depth).min())
-            least, most = (shift, most) if room > low + high else (least, shift)
-        position = position + 0.5 * (least + most) * axis
-    return Camera(position, position + distance * forward)
+    low, high = (math.atan(share * lens.aspect * tall) for share in (-edge, edge - 2.0 * lens.covered))
+    beside = 0.5 * (low + high)
+    distance = max(
+        CONFIG.nearest, radius / math.sin(math.atan(edge * tall)),
+        math.cos(beside) * radius / math.sin(0.5 * (high - low)),
+    )  # fmt: skip
+    target = middle - distance * math.tan(beside) * right
+    return Camera(target - distance * forward, target)
 
 
 def _hidden(camera: Camera, positions: FloatArray, radii: FloatArray, ground: Ground) -> int:

@@ -12,10 +12,9 @@ from smartmesh_ros.tools.client.patch import Patch
 from smartmesh_ros.tools.view import looks
 from smartmesh_ros.tools.view.ground import Ground
 from smartmesh_ros.tools.view.looks import PatchLook
-from smartmesh_ros.tools.view.meshes import Mesh, Meshes
 from smartmesh_ros.tools.view.robots import Robot
 from smartmesh_ros.tools.view.sight import DEFAULT_RADIUS, ROBOT_RADIUS, Sight, Vector
-from smartmesh_ros.tools.view.terrain_scene import TerrainScene
+from smartmesh_ros.tools.view.terrain_scene import Mesh, Meshes, TerrainScene
 
 # Height at which patches are drawn above the ground [m], and length of the longest arrow, in radii of a body.
 LIFT = (0.0, 0.0, 0.006)

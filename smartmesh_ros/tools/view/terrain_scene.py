@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from time import monotonic
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,7 @@ from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.view.decimation import decimate
 from smartmesh_ros.tools.view.ground import Ground
-from smartmesh_ros.tools.view.looks import GROUND, Entry
-from smartmesh_ros.tools.view.meshes import Mesh, Meshes
+from smartmesh_ros.tools.view.looks import GROUND, Colour, Entry
 
 # Height at which the colours of ground are drawn above it [m], below patches.
 LIFT = np.array([0.0, 0.0, 0.003], np.float32)
@@ -43,11 +42,40 @@ class Grip(Entry, Enum):
 Bands = type[Depth] | type[Grip]
 
 
+class Mesh(NamedTuple):
+    """``vertices`` (V, 3) [m] and ``triangles`` (T, 3) of one ``colour``, seen from the front or from both sides."""
+
+    vertices: NDArray[Any]
+    triangles: NDArray[Any]
+    colour: Colour
+    side: Literal["front", "double"] = "front"
+
+
+class Meshes:
+    """The meshes of one part of a scene, by path. Only changes are sent to browsers."""
+
+    def __init__(self, scene: Any) -> None:
+        self._scene = scene
+        self._handles: dict[str, Any] = {}
+
+    def show(self, meshes: Mapping[str, Mesh]) -> None:
+        """Show these meshes and no others."""
+        for path in self._handles.keys() - meshes.keys():
+            self._handles.pop(path).remove()
+        for path, mesh in meshes.items():
+            known = self._handles.get(path)
+            if known is not None and np.array_equal(known.faces, mesh.triangles):
+                known.vertices = mesh.vertices
+            else:
+                self._handles[path] = self._scene.add_mesh_simple(
+                    path, mesh.vertices, mesh.triangles, color=mesh.colour, side=mesh.side, cast_shadow=False
+                )
+
+
 @dataclass(frozen=True)
 class TerrainConfig:
     """``margin``: distance around each body with full resolution, in radii. ``least``: minimum of that distance
-    [samples]. ``period`` [s]: minimum time between two decimations, each of which takes tens of milliseconds for a
-    large map, and between two refreshes of the colours of ground."""
+    [samples]. ``period`` [s]: minimum time between two decimations, which take tens of milliseconds for a large map."""
 
     margin: float = 2.0
     least: float = 8.0
@@ -72,65 +100,53 @@ class TerrainScene:
                 continue
             relief = self._reliefs.get(name)
             if relief is None or relief.geometry != tile.geometry:
-                relief = self._reliefs[name] = _Relief(tile.geometry, self._config)
-            meshes[path] = relief.mesh(tile, bodies, radii)
-            if tile.has_friction:
-                meshes |= {f"/grip{path}/{grip}": mesh for grip, mesh in relief.grip(tile.friction)}
-            if sunk:
-                meshes |= {f"/sunk{path}/{depth}": mesh for depth, mesh in relief.sunk(ground.first[name])}
+                relief = self._reliefs[name] = _Relief(path, tile.geometry, self._config)
+            meshes |= relief.meshes(tile, bodies, radii, ground.first[name] if sunk else None)
         self._meshes.show(meshes)
 
 
 class _Relief:
     """A height map as a decimated mesh. What was made is kept while neither the map nor the bodies have changed."""
 
-    def __init__(self, geometry: GridGeometry, config: TerrainConfig) -> None:
-        self.geometry, self._config = geometry, config
+    def __init__(self, path: str, geometry: GridGeometry, config: TerrainConfig) -> None:
+        self._path, self.geometry, self._config = path, geometry, config
         self._centres, self._due = np.full((1, 2), np.inf), 0.0
-        self._mesh = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int64), GROUND)
-        self._made_from, self._cuts = -1, 0  # revision of the map, and how often it was decimated
-        # By kind of colours: what they were made from, when they may be made again [s], and their names and meshes.
-        self._coloured: dict[Bands, tuple[Any, float, list[tuple[str, Mesh]]]] = {}
+        self._made: dict[str, Mesh] = {}
+        self._made_from: tuple[int, bool] | None = None  # revision of the map, and whether sunk ground was coloured
 
-    def mesh(self, tile: HeightMap, bodies: FloatArray, radii: FloatArray) -> Mesh:
-        """Return the mesh for bodies at (B, 3) [m] of ``radii`` (B,) [m]."""
-        if self._cut(bodies, radii) or self._made_from != tile.revision:
-            self._made_from, self._heights = tile.revision, tile.heights[self._surface.rows, self._surface.columns]
-            holes = np.isnan(self._heights)
-            z = np.where(holes, 0.0, self._heights + self.geometry.origin[2])
-            triangles = self._surface.triangles
-            if holes.any():
-                triangles = triangles[~holes[triangles].any(axis=1)]
-            self._mesh = Mesh(np.column_stack([self._xy, z]).astype(np.float32), triangles, GROUND)
-        return self._mesh
+    def meshes(
+        self, tile: HeightMap, bodies: FloatArray, radii: FloatArray, first: NDArray[np.float32] | None
+    ) -> dict[str, Mesh]:
+        """Return the ground with bodies at (B, 3) [m] of ``radii`` (B,) [m], the colours of its friction, and of what
+        lies below the heights of its ``first`` map (rows, columns) [m], by path."""
+        wanted = tile.revision, first is not None
+        if self._cut(bodies, radii) or wanted != self._made_from:
+            self._made_from, self._made = wanted, dict(self._make(tile, first))
+        return self._made
 
-    def sunk(self, first: NDArray[np.float32]) -> list[tuple[str, Mesh]]:
-        """Return the colours of the ground that lies below the heights of its ``first`` map (rows, columns) [m]."""
-        return self._colours(Depth, lambda place: first[place].astype(np.float64) - self._heights)
-
-    def grip(self, friction: float | NDArray[np.float32]) -> list[tuple[str, Mesh]]:
-        """Return the colours of the ground whose ``friction``, one number or (rows, columns), is not 1."""
-
-        def values(place: tuple[Any, Any]) -> FloatArray:
-            shape = self.geometry.rows, self.geometry.columns
-            found: FloatArray = np.broadcast_to(friction, shape)[place].astype(np.float64)
-            found[np.isnan(found) | (found == 1.0)] = -1.0  # below all entries
-            found[np.isnan(self._heights)] = np.nan
-            return found
-
-        return self._colours(Grip, values)
-
-    def _colours(self, bands: Bands, values: Callable[[tuple[Any, Any]], FloatArray]) -> list[tuple[str, Mesh]]:
-        """Return the colours by the ``values`` at places (rows, columns), by name."""
-        made_from, due, meshes = self._coloured.get(bands, (None, 0.0, []))
-        if made_from != (self._made_from, self._cuts) and monotonic() >= due:
-            found = values((self._surface.rows, self._surface.columns))
-            vertices, meshes = self._mesh.vertices + LIFT, []
-            for band, chosen in triangles_by_band(found, self._surface.triangles, bands):
+    def _make(self, tile: HeightMap, first: NDArray[np.float32] | None) -> Iterator[tuple[str, Mesh]]:
+        place, triangles = (self._surface.rows, self._surface.columns), self._surface.triangles
+        heights = tile.heights[place]
+        holes = np.isnan(heights)
+        z = np.where(holes, 0.0, heights + self.geometry.origin[2])
+        if holes.any():
+            triangles = triangles[~holes[triangles].any(axis=1)]
+        vertices = np.column_stack([self._xy, z]).astype(np.float32)
+        yield self._path, Mesh(vertices, triangles, GROUND)
+        coloured: list[tuple[str, Bands, FloatArray]] = []
+        if tile.has_friction:
+            friction = np.broadcast_to(tile.friction, tile.heights.shape)[place].astype(np.float64)
+            friction[np.isnan(friction) | (friction == 1.0)] = -1.0  # below all entries
+            coloured.append(("grip", Grip, friction))
+        if first is not None:
+            coloured.append(("sunk", Depth, first[place].astype(np.float64) - heights))
+        for kind, bands, values in coloured:
+            for band, chosen in triangles_by_band(values, triangles, bands):
                 used, places = np.unique(chosen, return_inverse=True)
-                meshes.append((band.name, Mesh(vertices[used], places.reshape(-1, 3), band.colour)))
-            self._coloured[bands] = (self._made_from, self._cuts), monotonic() + self._config.period, meshes
-        return meshes
+                yield (
+                    f"/{kind}{self._path}/{band.name}",
+                    Mesh(vertices[used] + LIFT, places.reshape(-1, 3), band.colour),
+                )
 
     def _cut(self, bodies: FloatArray, radii: FloatArray) -> bool:
         """Decimate the map again if bodies have moved far; return True if it was decimated."""
@@ -140,7 +156,7 @@ class _Relief:
         same = len(centres) == len(self._centres) and (np.abs(centres - self._centres) < 0.25 * near[:, None]).all()
         if same or monotonic() < self._due:
             return False
-        self._due, self._centres, self._cuts = monotonic() + config.period, centres, self._cuts + 1
+        self._due, self._centres = monotonic() + config.period, centres
         self._surface = decimate((geometry.rows, geometry.columns), centres, near)
         self._xy = geometry.to_world(self._surface.rows, self._surface.columns)
         return True

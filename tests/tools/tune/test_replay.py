@@ -20,10 +20,11 @@ from smartmesh_ros.tools.testing import bags, heightmap_message
 from smartmesh_ros.tools.tune import measuring, space
 from smartmesh_ros.tools.tune.bag import Bag
 from smartmesh_ros.tools.tune.bag_case import BagCase
+from smartmesh_ros.tools.tune.case import reference
 from smartmesh_ros.tools.tune.confirm import Verdict
 from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits, Point
 from smartmesh_ros.tools.tune.measuring import Measuring, measure, run
-from smartmesh_ros.tools.tune.replay import Replay, reference
+from smartmesh_ros.tools.tune.replay import Replay
 from smartmesh_ros.tools.tune.report import parameter_file
 from smartmesh_ros.tools.tune.search import Search, open_study
 from smartmesh_ros.tools.tune.start import settings_of

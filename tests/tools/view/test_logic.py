@@ -27,11 +27,11 @@ pytest.importorskip("viser", reason="viser is not installed; scripts/workspace r
 import trimesh
 
 from smartmesh_ros.tools.view import looks
-from smartmesh_ros.tools.view.chart import CUT, chart_data
 from smartmesh_ros.tools.view.ground import Ground
 from smartmesh_ros.tools.view.knobs import knob_of, nice_step, parameter_of, shown_value
 from smartmesh_ros.tools.view.looks import PatchLook, patch_look
 from smartmesh_ros.tools.view.page import Page, start_server, stop_server
+from smartmesh_ros.tools.view.panel import CUT, chart_data
 from smartmesh_ros.tools.view.robots import GAP, Robot
 from smartmesh_ros.tools.view.scene import Scene
 from smartmesh_ros.tools.view.sight import Pose, Sight
