@@ -2,48 +2,53 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
-from smartmesh_ros.report.collect import TopologyCache, queue_bfs, topology_around, union_bfs
+from smartmesh_ros.report.collect import queue_bfs, union_bfs
 from smartmesh_ros.terrain.graph import GridGraph
+from smartmesh_ros.terrain.grid import IntArray
 from studies.bench.measure import Bench, Case
-from studies.bench.moving import Waves, general_mesh
 from studies.bench.report import BATCHES, RINGS
-from studies.bench.template import patch_template
 
 SIDE = 200
 REPEATS = 10
 RINGS_OF_BATCHES = 2
 
 
+def patch_template(rings: int, columns: int) -> IntArray:
+    """Return the offsets (K,) of a patch's samples from its nearest vertex, in a row-major map of ``columns`` columns:
+    the cache of the report's Chapter 3 (its Figure 10), which is one for every vertex of a map."""
+    offsets = np.arange(-rings, rings + 1)
+    return np.asarray((offsets[:, None] * columns + offsets).ravel())
+
+
 def measure_one(bench: Bench) -> None:
-    """Measure the report's methods on the grid's graph, and on a general mesh with its triangles."""
+    """Measure the report's methods on the grid's graph."""
     graph = GridGraph(SIDE, SIDE)
-    mesh = general_mesh(Waves(SIDE))
-    cache = TopologyCache(mesh)
     vertex = SIDE * SIDE // 2 + SIDE // 2
     for rings in RINGS:
-        template = patch_template(rings)
-        bench.time(Case("collect", "queue_bfs", SIDE, rings=rings), lambda n=rings: queue_bfs(graph, vertex, n))  # type: ignore[misc]
-        bench.time(Case("collect", "union_bfs", SIDE, rings=rings), lambda n=rings: union_bfs(graph, vertex, n))  # type: ignore[misc]
-        bench.time(Case("collect", "cached", SIDE, rings=rings), lambda t=template: t.indices(SIDE) + vertex)  # type: ignore[misc]
-        bench.time(
-            Case("collect", "mesh_triangles", SIDE, rings=rings),
-            lambda n=rings: topology_around(mesh, vertex, n),  # type: ignore[misc]
-        )
-        bench.time(Case("collect", "mesh_cached", SIDE, rings=rings), lambda n=rings: cache.around(vertex, n))  # type: ignore[misc]
+        template = patch_template(rings, SIDE)
+        methods = {
+            "queue_bfs": partial(queue_bfs, graph, vertex, rings),
+            "union_bfs": partial(union_bfs, graph, vertex, rings),
+            "cached": partial(np.add, template, vertex),
+        }
+        for method, run in methods.items():
+            bench.time(Case("collect", method, SIDE, rings=rings), run)
 
 
 def measure_batches(bench: Bench) -> None:
     """The grid's template for batches: indices of all samples of all patches."""
-    template = patch_template(RINGS_OF_BATCHES)
+    template = patch_template(RINGS_OF_BATCHES, SIDE)
     for count in BATCHES:
         centres = np.linspace(5 * SIDE, SIDE * SIDE - 5 * SIDE, count).astype(np.int64)
         stride = np.ones(count, np.int64)
 
         def run(centres: np.ndarray = centres, stride: np.ndarray = stride) -> None:
             for _ in range(REPEATS):
-                indices = template.indices(SIDE) * stride[:, None]
+                indices = template * stride[:, None]
                 indices += centres[:, None]
 
         bench.time(Case("collect_batch", "cached", SIDE, count, RINGS_OF_BATCHES), run)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,11 +13,11 @@ import pybullet as pb
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
-from studies.bench.handing import Handing, handing
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import (
     RADIUS,
     RESOLUTION,
+    Cycle,
     Player,
     Waves,
     crowd_positions,
@@ -26,8 +27,7 @@ from studies.bench.moving import (
     height_map,
 )
 from studies.bench.report import RINGS
-from studies.engines.engine import Engine, EngineBody, Setup
-from studies.engines.registry import build, missing
+from studies.engines.engine import EngineBody, Setup, build, missing
 
 SIDE = 1024
 BATCH = 100
@@ -145,13 +145,10 @@ def measure_engines(bench: Bench, scale: Scale, count: int) -> None:
         ]
         setup = Setup(heights=doubles(waves.now), resolution=scale.resolution, bodies=bodies, dt=DT)
         with build(name, setup) as engine:
-            map_ = handing(name, engine, waves)
-            bench.time(Case("engines", name, scale.side, count), _step(map_, engine), map_.advance)
+            maps = waves.converted(engine.ready)
+            bench.time(Case("engines", name, scale.side, count), partial(_step, engine, maps), maps.next)
 
 
-def _step(map_: Handing, engine: Engine) -> Callable[[], None]:
-    def run() -> None:
-        map_.give()
-        engine.step()
-
-    return run
+def _step(engine: Any, maps: Cycle[Any]) -> None:
+    engine.set_ground(maps.now)
+    engine.step()

@@ -9,10 +9,11 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.scenes.moving import FloatGrid
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
-from studies.engines.engine import Simulation
+from smartmesh_ros.scenes.moving import Scene
+from smartmesh_ros.terrain.grid import FloatArray
+from studies.engines.engine import GroundSetup, Simulation
 from studies.robots.robot import Robot
+from studies.robots.urdf import prepared
 
 # Time constant [s] of the servos that hold joints: the error shrinks by a tenth in a step of 1 / 240 s, which is
 # PyBullet's default.
@@ -22,20 +23,26 @@ FRICTION = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RobotSetup:
+class RobotSetup(GroundSetup):
     """Robots of one kind on a height map.
 
-    ``text``: the `prepared` URDF. ``starts`` (N, 3) [m]: of the frames of their root links, all level. ``heights``
-    (R, C) [m] on ``geometry``. ``dt`` [s]: of a step. ``speed`` [rad/s]: of the wheels, 0 = braked.
+    ``text``: the `prepared` URDF. ``starts`` (N, 3) [m]: of the frames of their root links, all level. ``speed``
+    [rad/s]: of the wheels, 0 = braked.
     """
 
     robot: Robot
     text: str
     starts: FloatArray
-    heights: FloatGrid
-    geometry: GridGeometry
-    dt: float
     speed: float = 0.0
+
+
+def setup_of(robot: Robot, ground: Scene, starts: FloatArray, rate: float, speed: float) -> RobotSetup:
+    """Return robots on a ground as it is at the beginning, for steps at a ``rate`` [Hz]."""
+    x, y, _ = ground.geometry.origin
+    return RobotSetup(
+        robot=robot, text=prepared(robot.urdf), starts=starts, speed=speed, heights=ground.heights(0.0), origin=(x, y),
+        resolution=ground.geometry.resolution, dt=1.0 / rate,
+    )  # fmt: skip
 
 
 class Links(NamedTuple):
@@ -51,16 +58,12 @@ class RobotEngine(Simulation):
 
     ``names``: of the links with collision shapes (L,). All joints of the robot's stance are servos of time constant
     `SERVO` and the robot's torque; its wheels keep their speed with the same torque; other joints turn freely. Links of
-    robots do not collide with one another.
+    robots do not collide with one another. Velocities are those of the centres of mass.
     """
 
     names: tuple[str, ...]
     # True if the engine collides cylinders as prisms of 32 sides.
     has_prisms: ClassVar[bool] = False
-
-    @abstractmethod
-    def set_ground(self, heights: FloatGrid) -> None:
-        """Replace the map by the current heights (R, C) [m]."""
 
     @abstractmethod
     def hold(self, positions: Mapping[str, float]) -> None:
@@ -69,10 +72,6 @@ class RobotEngine(Simulation):
     @abstractmethod
     def links(self) -> Links:
         """Return the frames of the links ``names``."""
-
-    @abstractmethod
-    def velocities(self) -> FloatArray:
-        """Return the velocities of the robots' centres of mass (N, 3) [m/s]."""
 
 
 def xyzw(wxyz: FloatArray) -> FloatArray:
