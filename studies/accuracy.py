@@ -14,8 +14,7 @@ from studies.body_contest import run_scene
 from studies.chart import README_SCENE, draw_readme
 from studies.configurations import configurations
 from studies.machine import describe, measured_on
-from studies.matrix.picture import draw_matrix, matrix_table
-from studies.matrix.real_maps_picture import draw_box
+from studies.matrix.picture import draw_box, draw_matrix, matrix_table
 from studies.matrix.row import METHODS
 from studies.matrix.run import run_matrix
 from studies.pages import fill

@@ -10,7 +10,7 @@ from pathlib import Path
 from shutil import copyfile
 from typing import Any, NamedTuple
 
-from studies.bench import collecting, crowds, searching, simple_mesh, smart_mesh
+from studies.bench import crowds, searching, simple_mesh, smart_mesh
 from studies.bench.figures import draw_all
 from studies.bench.measure import FULL, QUICK, Bench, Results
 from studies.bench.report import BATCHES
@@ -49,19 +49,15 @@ def jobs(*, quick: bool) -> list[Job]:
         for side in searching.map_sides(quick)
     ]
     found.append(Job("searches in batches", 2.0, searching.measure_batches))
-    found.append(Job("collecting", 1.0, collecting.measure_one))
-    found.append(Job("collecting in batches", 1.0, collecting.measure_batches))
+    found.append(Job("collecting", 1.0, searching.measure_collecting))
+    found.append(Job("collecting in batches", 1.0, searching.measure_collecting_batches))
     found.append(Job("collider updates", 5.0, crowds.measure_updates))
-    for count, rate in ((100, 240.0), (1000, 60.0)):
-        if not quick or count <= crowds.BATCH:
-            found.append(Job(f"steps of {count} bodies", 3.0, crowds.measure_steps, (count, rate)))
     for count in BATCHES[:1] if quick else BATCHES:
         if count != crowds.BATCH:
             found.append(Job(f"updates of {count}", 1.0, crowds.measure_batches, (count,)))
         found.append(Job(f"engines, {count} bodies", 15.0, crowds.measure_engines, (crowds.COARSE, count)))
         if count <= crowds.BATCH:  # more do not fit on it
             found.append(Job(f"fine map, {count} bodies", 4.0, crowds.measure_engines, (crowds.FINE, count)))
-    found.append(Job("taking maps in", 1.0, crowds.measure_ingest))
     found.append(Job("general mesh", 1.0, crowds.measure_general))
     return found
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from studies.bench import collecting, crowds, report, searching
+from studies.bench import crowds, report, searching
 from studies.bench.measure import LONGEST_FRAME, Results
 from studies.bench.report_tables import (
     SEARCHES,
@@ -88,7 +88,7 @@ def general(results: Results) -> str:
 
 def batches(results: Results) -> str:
     """What a body costs by how many there are."""
-    rings = collecting.RINGS_OF_BATCHES
+    rings = searching.RINGS_OF_BATCHES
     rows = []
     for count in report.BATCHES:
         searches = [
@@ -96,8 +96,8 @@ def batches(results: Results) -> str:
             for side in searching.EQUAL_SIDES
         ]
         best_first = results.us("search_batch", "best_first", side=200, bodies=count) / count
-        collect = results.us("collect_batch", "cached", side=collecting.SIDE, bodies=count, rings=rings)
-        per_body = [*searches, best_first, collect / collecting.REPEATS / count, update_per_body(results, 2, count)]
+        collect = results.us("collect_batch", "cached", side=searching.COLLECT_SIDE, bodies=count, rings=rings)
+        per_body = [*searches, best_first, collect / searching.REPEATS / count, update_per_body(results, 2, count)]
         rows.append([f"{count}", *map(number, per_body)])
     names = [f"grid traversal on {size(side)}" for side in searching.EQUAL_SIDES]
     return table(["bodies", *names, "best-first, general mesh 200x200", "collect 5x5", "update 5x5 on 1024x1024"], rows)

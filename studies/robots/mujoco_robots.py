@@ -12,8 +12,7 @@ import numpy as np
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.engines.engine import Contacts
 from studies.engines.mujoco_hfield import BODY, GROUND, MujocoGround, MujocoOptions
-from studies.robots.engine import FRICTION, SERVO, Links, RobotEngine, RobotSetup, xyzw
-from studies.robots.urdf import root_link
+from studies.robots.engine import FRICTION, SERVO, Links, RobotEngine, RobotSetup, root_link, xyzw
 
 
 class MujocoRobots(MujocoGround, RobotEngine):

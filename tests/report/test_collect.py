@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from smartmesh_ros.report.collect import TopologyCache, queue_bfs, topology_around, union_bfs
 from smartmesh_ros.terrain.graph import GridGraph, TriangleGraph
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from studies.bench.collecting import patch_template
+from studies.bench.searching import patch_template
 
 
 def flat_mesh(rows: int, columns: int) -> TriangleMesh:

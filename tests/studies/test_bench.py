@@ -30,7 +30,7 @@ def test_one_json_with_every_kind_of_figure(folder: Path) -> None:
     data = json.loads((folder / cli.RESULTS).read_text())
     assert set(data["machine"]) == {"cores", "cpu", "load", "versions"}
     measured = {entry["what"] for entry in data["timings_us"]}
-    assert measured >= {"simple", "smart", "local", "search", "search_batch", "collect", "update", "step", "ingest"}
+    assert measured >= {"simple", "smart", "local", "search", "search_batch", "collect", "update", "ingest"}
     for entry in data["timings_us"]:
         assert 0.0 < entry["low"] <= entry["median"] <= entry["high"]
     assert Results.from_json(data).as_json() == {name: data[name] for name in ("left_out", "timings_us")}

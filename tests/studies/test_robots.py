@@ -20,13 +20,11 @@ from studies.engines.engine import missing
 from studies.matrix.arena import square
 from studies.robots import study
 from studies.robots.contest import shapes_of
-from studies.robots.engine import SERVO, RobotEngine, RobotSetup
+from studies.robots.engine import MASSLESS, SERVO, RobotEngine, RobotSetup, prepared
 from studies.robots.geometry import GroundPrisms, Part, cylinder, hull, placed, pose_of, read_links, sphere
-from studies.robots.robot import HUSKY, LAIKAGO, LEGS, RACECAR, ROVER, Robot, laikago_joints
+from studies.robots.robot import HUSKY, LAIKAGO, LEGS, PHASES, RACECAR, ROVER, Robot, Trot, laikago_joints
 from studies.robots.scene import RobotScene, scenes
 from studies.robots.strangers import Stranger, run_stranger
-from studies.robots.trot import PHASES, Trot
-from studies.robots.urdf import MASSLESS, prepared
 
 LEVEL = square(51, 0.04)
 FLAT = GroundPrisms(LEVEL, np.zeros((51, 51)))
