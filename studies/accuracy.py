@@ -5,52 +5,50 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from smartmesh_ros.tools.evaluation.scene import read_scenes
 from studies.body_contest import run_scene
-from studies.chart import draw_all, draw_scene
+from studies.chart import README_SCENE, draw_readme
 from studies.configurations import configurations
-from studies.contest import Result
 from studies.machine import describe, measured_on
-from studies.matrix.picture import draw_matrix, matrix_table
-from studies.matrix.real_maps_picture import draw_box
-from studies.matrix.row import METHODS, Outcome
+from studies.matrix.picture import draw_box, draw_matrix, matrix_table
+from studies.matrix.row import METHODS
 from studies.matrix.run import run_matrix
 from studies.pages import fill
-from studies.patch_tables import choosing_table, rates_table
 from studies.progress import Progress
-from studies.readme_chart import SCENE, draw_panel
-from studies.results_file import read_results, records, save_results
-from studies.tables import all_tables, front_table, summary_table
+from studies.results_file import save_results
+from studies.scene_charts import Charts
+from studies.tables import choosing_table, rates_table
+
+CHARTS = Charts(
+    "accuracy", "make studies", "[accuracy](accuracy.md)", "body", data="accuracy.json", tables="accuracy_tables.md"
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the scenes and the stability matrix; writes JSON, pictures and tables."""
     options = _parser().parse_args(arguments)
     out = folder_of(options)
-    images = out / "images" / "accuracy"
-    images.mkdir(parents=True, exist_ok=True)
+    CHARTS.images(out)
     say = Progress()
-
     found = describe()
-    blocks: dict[str, str] = {"machine": f"{measured_on(found)}."}
-    data: dict[str, Any] = {"machine": found, "quick": options.quick}
+    machine = f"{measured_on(found)}."
+    save_results(out / CHARTS.data, {"machine": found, "quick": options.quick})
+    blocks = {"machine": machine}
     if not options.charts_only:  # before the charts, whose replaced meshes PyBullet keeps in memory
-        _matrix(options, images, blocks, data, say)
-        _write(out, blocks, data)
+        blocks |= _matrix(options, out, say)
+        _fill(out, blocks)
     if not options.matrix_only:
-        _charts(options, images, blocks, data, say)
-        _write(out, blocks, data)
-    print(f"\nwrote {out / 'accuracy.json'} and {images} in {say.elapsed:.0f} s")
+        blocks |= _charts(options, out, machine, say)
+        _fill(out, blocks)
+    print(f"\nwrote {out / CHARTS.data} and {CHARTS.images(out)} in {say.elapsed:.0f} s")
     return 0
 
 
-def _write(out: Path, blocks: dict[str, str], data: dict[str, Any]) -> None:
-    """Write what is known by now."""
-    save_results(out / "accuracy.json", data)
+def _fill(out: Path, blocks: dict[str, str]) -> None:
     if (page := out / "accuracy.md").exists():
         fill(page, blocks)
 
@@ -63,79 +61,41 @@ def folder_of(options: argparse.Namespace) -> Path:
     return folder
 
 
-def _measured_before(path: Path) -> dict[str, dict[str, Result]]:
-    """Return the results of an earlier run by scene."""
-    scenes = read_results(path).get("scenes", {})
-    return {
-        scene: {name: Result(**{**values, "spread": tuple(values["spread"])}) for name, values in found.items()}
-        for scene, found in scenes.items()
-    }
-
-
-def _beside_those_before(outcomes: list[Outcome], path: Path) -> list[Outcome]:
-    """Merge new cells of the matrix with an earlier run's cells of other methods, row by row."""
-    written = read_results(path).get("stability", [])
-    new = {(outcome.row, outcome.method): outcome for outcome in outcomes}
-    before = {(cell["row"], cell["method"]): Outcome(**cell) for cell in written}
-    cells = before | new
-    methods = [method for method in METHODS if any(method == known for _, known in cells)]
-    return [
-        cells.get((outcome.row, method)) or replace(outcome, method=method, figure=None)
-        for outcome in {outcome.row: outcome for outcome in outcomes}.values()
-        for method in methods
-    ]
-
-
-def _matrix(options: argparse.Namespace, images: Path, blocks: dict[str, str], data: dict[str, Any], say: Any) -> None:
+def _matrix(options: argparse.Namespace, out: Path, say: Any) -> dict[str, str]:
+    """Run the matrix; return its block."""
     outcomes = run_matrix(say, quick=options.quick, methods=options.methods)
-    if options.methods:
-        outcomes = _beside_those_before(outcomes, images.parent.parent / "accuracy.json")
-    draw_matrix(images / "stability.png", outcomes)
-    real_maps = images.parent / "real_maps"
+    draw_matrix(CHARTS.images(out) / "stability.png", outcomes)
+    real_maps = out / "images" / "real_maps"
     real_maps.mkdir(exist_ok=True)
     draw_box(real_maps / "box.png")
-    blocks["stability"] = matrix_table(outcomes)
-    data["stability"] = [asdict(outcome) for outcome in outcomes]
+    save_results(out / CHARTS.data, {"stability": [asdict(outcome) for outcome in outcomes]})
+    return {"stability": matrix_table(outcomes)}
 
 
-def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], data: dict[str, Any], say: Any) -> None:
-    path = images.parent.parent / "accuracy.json"
+def _charts(options: argparse.Namespace, out: Path, machine: str, say: Any) -> dict[str, str]:
+    """Run the scenes; return their blocks."""
     scenes = [scene for scene in read_scenes() if scene.quick or not options.quick]
-    results: dict[str, dict[str, Result]] = {}
     if options.scenes:
-        results = _measured_before(path)
         scenes = [scene for scene in read_scenes() if scene.name in options.scenes]
-    chosen = configurations(options.quick)
-    families = {configuration.name: configuration.family for configuration in chosen}
-    for scene in scenes:
-        results[scene.name] = run_scene(scene, chosen, say)
-        title = f"{scene.title} ({scene.bodies.count} bodies)"
-        draw_scene(images / f"{scene.name}.png", title, results[scene.name], families)
-        data["scenes"] = records(results)
-        save_results(path, data)
-    titles = {scene.name: scene.title for scene in read_scenes() if scene.name in results}
-    draw_all(images / "all.png", titles, results, families)
-    if SCENE in results:
-        draw_panel(images / "readme.png", results[SCENE])
-    blocks["summary"] = summary_table(titles, results, families)
-    blocks["front"] = front_table(titles, results, families)
+    chosen = configurations(quick=options.quick)
+    captions = {f"{scene.title} ({scene.bodies.count} bodies)": scene for scene in scenes}
+    results = CHARTS.run(out, captions, chosen, lambda scene: run_scene(scene, chosen, say))
+    titles = {scene.name: scene.title for scene in scenes}
+    blocks = CHARTS.write(out, titles, chosen, results, machine)
+    if README_SCENE in results:
+        draw_readme(CHARTS.images(out) / "readme.png", results[README_SCENE])
     if not options.quick:  # a quick run lacks configurations of these tables
-        blocks["patch rates"] = rates_table(titles, results)
-        blocks["choosing"] = choosing_table(titles, results)
-    head = f"# Accuracy: every figure of every scene\n\nWritten by `make studies`. {blocks['machine']}\n"
-    head += "See [accuracy](accuracy.md) for what the figures mean.\n\n"
-    (images.parent.parent / "accuracy_tables.md").write_text(head + all_tables("accuracy", titles, results))
+        blocks |= {"patch rates": rates_table(titles, results), "choosing": choosing_table(titles, results)}
     print("\n" + blocks["summary"])
+    return blocks
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a few scenes and rows, under two minutes")
     parser.add_argument("--out", type=Path, help="folder to write to (docs; out/studies for a part of a run)")
-    parser.add_argument("--scenes", nargs="+", default=[], help="these scenes only; what was measured of others stays")
-    parser.add_argument(
-        "--methods", nargs="+", default=[], choices=list(METHODS), help="these columns of the matrix; others stay"
-    )
+    parser.add_argument("--scenes", nargs="+", default=[], help="these scenes only")
+    parser.add_argument("--methods", nargs="+", default=[], choices=list(METHODS), help="these columns of the matrix")
     parser.add_argument("--charts-only", action="store_true", help="no stability matrix")
     parser.add_argument("--matrix-only", action="store_true", help="the stability matrix alone")
     return parser

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.scene import Scene
 from studies.configurations import Configuration
-from studies.contest import Contest, Result, Rules, Runner, run
-from studies.engines.engine import Engine, EngineBody, Setup
-from studies.engines.registry import build
-from studies.reference import reference_positions
+from studies.contest import FINE_RATE, HORIZON, Contest, Result, Rules, Runner, run
+from studies.engines.bullet import BulletOptions
+from studies.engines.engine import Engine, EngineBody, Setup, build
+from studies.engines.smartmesh import SmartMeshOptions
 
 # Number of pieces of a run, and processor time in one scene after which an engine is stopped [s].
 PIECES, PATIENCE = 12, 2.5
@@ -25,6 +30,14 @@ class Poses(NamedTuple):
 
     positions: FloatArray
     orientations: FloatArray
+
+
+def setup_of(scene: Scene, heights: Any, rate: float, starts: Sequence[BodyState]) -> Setup:
+    """Return the bodies of a scene at ``starts``, on ground of ``heights`` (R, C) [m] that does not slide, for steps at
+    a ``rate`` [Hz]."""
+    shape: Any = scene.bodies.make_shape()
+    bodies = [EngineBody(shape=shape, state=state, friction=scene.bodies.friction) for state in starts]
+    return Setup(heights=heights, resolution=scene.grid[1], bodies=bodies, dt=1.0 / rate)
 
 
 class BodyContest(Contest):
@@ -40,21 +53,9 @@ class BodyContest(Contest):
         self._truth = scene.make_ground()
 
     def enter(self, configuration: Configuration) -> Engine:
-        scene, shape = self._scene, self._shape
-        bodies = [EngineBody(shape=shape, state=state, friction=scene.bodies.friction) for state in scene.starts()]  # type: ignore[arg-type]
-        setup = Setup(
-            heights=self.maps(0), resolution=scene.grid[1], bodies=bodies, dt=1.0 / configuration.rate,
-            slide=scene.slide,
-        )  # fmt: skip
-        return build(configuration.engine, setup, configuration.options)
-
-    def handing(self, configuration: Configuration, engine: Any, heights: Any) -> Callable[[], None]:
-        if configuration.engine == "mujoco":
-            stored = engine.normalised(heights)
-            return lambda: engine.write(stored)
-        own = configuration.engine in ("smartmesh", "checkout")
-        ready = heights if own else np.array(heights, np.float64)
-        return lambda: engine.set_ground(ready)
+        setup = setup_of(self._scene, self.maps(0), configuration.rate, self._scene.starts())
+        engine: Engine = configuration.build(replace(setup, slide=self._scene.slide))
+        return engine
 
     def state(self, engine: Engine) -> Poses:
         return Poses(engine.positions(), engine.orientations())
@@ -82,3 +83,30 @@ def run_scene(
     """Run a scene in every configuration that suits it."""
     suited = [configuration for configuration in chosen if scene.slide != (0.0, 0.0) or not configuration.for_sliding]
     return run(BodyContest(scene, pieces), suited, say)
+
+
+def reference_positions(scene: Scene) -> FloatArray | None:
+    """Return the positions (N, 3) [m] of the bodies after `HORIZON`; None if the scene has no reference.
+
+    The collider is a filtered trimesh of the whole map on rigid ground. On moving ground, where a whole collider cannot
+    carry the velocity, it is ours with an eighth of the step and a map at every step. Sliding rigid ground is
+    simulated in the frame of the ground, where the ground is at rest and the bodies have the opposite velocity.
+    """
+    if scene.reference == "none":
+        return None
+    ground = scene.make_ground()
+    against = (-scene.slide[0], -scene.slide[1], 0.0)
+    starts = [replace(state, linear=tuple(np.add(state.linear, against).tolist())) for state in scene.starts()]
+    setup = setup_of(scene, ground.heights(0.0), FINE_RATE, starts)
+    if scene.reference == "whole":
+        found = build("bullet_trimesh", setup, BulletOptions(edge_filter=True))
+    else:
+        # A map arrives at every step, so short intervals must not merge maps.
+        motion = MotionConfig(min_interval=0.0)
+        found = build("smartmesh", setup, SmartMeshOptions(patch=PatchConfig(rate=0.0), motion=motion))
+    with found as engine:
+        for step in range(math.floor(HORIZON * FINE_RATE + 0.5)):
+            if scene.moves and scene.reference == "finest":
+                engine.set_ground(engine.ready(ground.heights(step / FINE_RATE)))
+            engine.step()
+        return np.asarray(engine.positions() + (*((HORIZON * slide) for slide in scene.slide), 0.0))

@@ -1,14 +1,19 @@
-"""Configurations of the accuracy study: our settings, the report's methods, and other engines."""
+"""Configurations of the charts: our settings, the report's methods, and other engines."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Literal
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
+import yaml
+
+from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.patches.config import PatchConfig
-from studies.engines.registry import missing
+from smartmesh_ros.tools.tune.start import PRESETS, preset_folder
+from studies.engines.engine import GroundSetup, build, missing
 from studies.engines.smartmesh import SmartMeshOptions
-from studies.presets import read_presets
 
 Family = Literal["ours", "ours, less", "report", "whole map", "MuJoCo", "PhysX", "Rapier"]
 
@@ -17,8 +22,8 @@ RATE = 240.0
 
 @dataclass(frozen=True, kw_only=True)
 class Configuration:
-    """One point of the chart: an ``engine`` of the registry with ``options``, stepped at ``rate`` [Hz]. ``quick``: part
-    of the quick run. ``for_sliding``: part of scenes only whose ground slides."""
+    """One point of the chart: an ``engine`` by its name with ``options``, stepped at ``rate`` [Hz]. ``quick``: part of
+    the quick run. ``for_sliding``: part of scenes only whose ground slides."""
 
     name: str
     family: Family
@@ -27,6 +32,10 @@ class Configuration:
     rate: float = RATE
     quick: bool = False
     for_sliding: bool = False
+
+    def build(self, setup: GroundSetup) -> Any:
+        """Return a scene in the engine; raises `InputError` if it cannot run it."""
+        return build(self.engine, setup, self.options)
 
 
 def _patch(name: str, family: Family, physics: float = RATE, quick: bool = False, **settings: Any) -> Configuration:
@@ -58,15 +67,51 @@ REPORT = (
 )
 
 
-def presets() -> list[Configuration]:
-    """The parameter files that come with the package."""
+class Preset(NamedTuple):
+    """Name of a preset of the package, and its configurations of patches and physics."""
+
+    name: str
+    patch: PatchConfig
+    physics: PhysicsConfig
+
+
+def read_presets() -> list[Preset]:
+    """Return all presets; an empty list if they are not installed."""
+    found = preset_folder()
+    return [_read_preset(found / f"{name}.yaml") for name in PRESETS] if found else []
+
+
+def _read_preset(path: Path) -> Preset:
+    nodes: dict[str, Any] = yaml.safe_load(path.read_text())
+    values = next(iter(nodes.values()))["ros__parameters"]
+
+    def given(group: str, config: type) -> dict[str, Any]:
+        names = {field.name: f"{group}.{field.name}" for field in fields(config)}
+        return {name: values[parameter] for name, parameter in names.items() if parameter in values}
+
+    patch, physics = given("patch", PatchConfig), given("physics", PhysicsConfig)
+    return Preset(path.stem, PatchConfig(**patch), PhysicsConfig(**physics))
+
+
+def _presets(engine: str) -> list[Configuration]:
+    """Return the parameter files that come with the package."""
     return [
         Configuration(
-            name=f"preset {preset.name}", family="ours", engine="smartmesh", rate=preset.physics.rate,
+            name=f"preset {preset.name}", family="ours", engine=engine, rate=preset.physics.rate,
             options=SmartMeshOptions(patch=preset.patch, physics=preset.physics),
         )
         for preset in read_presets()
     ]  # fmt: skip
+
+
+def _at_rates(words: str, family: Family, engine: str, rates: Sequence[float], **more: Any) -> list[Configuration]:
+    """Return an engine, named by ``words``, at several ``rates`` [Hz]; the quick run has that of `RATE`."""
+    return [
+        Configuration(
+            name=f"{words}, {rate:.0f} Hz", family=family, engine=engine, rate=rate, quick=rate == RATE, **more
+        )
+        for rate in rates
+    ]
 
 
 def rivals() -> list[Configuration]:
@@ -78,42 +123,52 @@ def rivals() -> list[Configuration]:
     if not missing("mujoco"):
         from studies.engines.mujoco_hfield import MujocoOptions
 
-        default = MujocoOptions(time_constant=0.02)  # MuJoCo's own
-        found.append(
-            Configuration(name="MuJoCo, 240 Hz", family="MuJoCo", engine="mujoco", options=default, quick=True)
+        default, surface = MujocoOptions(time_constant=0.02), MujocoOptions(surface_velocity=True)
+        found += _at_rates("MuJoCo", "MuJoCo", "mujoco", [RATE], options=default)  # its own defaults
+        found += _at_rates("MuJoCo tuned", "MuJoCo", "mujoco", (120.0, 240.0, 480.0, 960.0, 1920.0, 7680.0))
+        found += _at_rates(
+            "MuJoCo tuned, surfacevel", "MuJoCo", "mujoco", (240.0, 480.0, 960.0), options=surface, for_sliding=True
         )
-        found += [
-            Configuration(
-                name=f"MuJoCo tuned, {rate:.0f} Hz", family="MuJoCo", engine="mujoco", rate=rate, quick=rate == RATE
-            )
-            for rate in (120.0, 240.0, 480.0, 960.0, 1920.0, 7680.0)
-        ]
-        found += [
-            Configuration(
-                name=f"MuJoCo tuned, surfacevel, {rate:.0f} Hz", family="MuJoCo", engine="mujoco", rate=rate,
-                options=MujocoOptions(surface_velocity=True), quick=rate == RATE, for_sliding=True,
-            )
-            for rate in (240.0, 480.0, 960.0)
-        ]  # fmt: skip
     if not missing("physx"):
-        found += [
-            Configuration(name=f"PhysX, {rate:.0f} Hz", family="PhysX", engine="physx", rate=rate, quick=rate == RATE)
-            for rate in (240.0, 480.0)
-        ]
+        found += _at_rates("PhysX", "PhysX", "physx", (240.0, 480.0))
     if not missing("rapier"):
         from studies.engines.rapier import RapierOptions
 
-        soft = RapierOptions(stiff=False)  # Rapier's own
-        found.append(Configuration(name="Rapier, 240 Hz", family="Rapier", engine="rapier", options=soft, quick=True))
-        found += [
-            Configuration(
-                name=f"Rapier stiff, {rate:.0f} Hz", family="Rapier", engine="rapier", rate=rate, quick=rate == RATE
-            )
-            for rate in (240.0, 480.0, 960.0)
-        ]  # fmt: skip
+        soft = RapierOptions(stiff=False)  # its own defaults
+        found += _at_rates("Rapier", "Rapier", "rapier", [RATE], options=soft)
+        found += _at_rates("Rapier stiff", "Rapier", "rapier", (240.0, 480.0, 960.0))
     return found
 
 
-def configurations(quick: bool) -> list[Configuration]:
-    """All points of the chart, or those of the quick run."""
-    return [one for one in (*OURS, *presets(), *REPORT, *rivals()) if one.quick or not quick]
+def configurations(*, quick: bool) -> list[Configuration]:
+    """All points of the chart of bodies, or those of the quick run."""
+    return [one for one in (*OURS, *_presets("smartmesh"), *REPORT, *rivals()) if one.quick or not quick]
+
+
+def robot_configurations(*, quick: bool) -> list[Configuration]:
+    """All points of the charts of robots, or those of the quick run."""
+    ours, awake = "smartmesh robots", PhysicsConfig(sleep=False)
+    never, whole = SmartMeshOptions(physics=awake), PatchConfig(kind="whole_heightfield")
+    found = [
+        Configuration(name="defaults", family="ours", engine=ours, quick=True),
+        Configuration(name="defaults, never asleep", family="ours", engine=ours, options=never, quick=True),
+        *_presets(ours),
+        Configuration(
+            name="whole heightfield", family="whole map", engine=ours, quick=True,
+            options=SmartMeshOptions(patch=whole, physics=awake),
+        ),
+    ]  # fmt: skip
+    if not missing("mujoco"):
+        from studies.engines.mujoco_hfield import MujocoOptions
+
+        default = MujocoOptions(time_constant=0.02)  # its own
+        found.append(Configuration(name="MuJoCo, 240 Hz", family="MuJoCo", engine="mujoco robots", options=default))
+        found += _at_rates("MuJoCo tuned", "MuJoCo", "mujoco robots", (240.0, 480.0, 960.0))
+    if not missing("physx"):
+        from studies.robots.physx_robots import PhysxRobotOptions
+
+        sleeps = PhysxRobotOptions(sleeps=True)
+        one, another = _at_rates("PhysX", "PhysX", "physx robots", (240.0, 480.0))
+        asleep = Configuration(name="PhysX, 240 Hz, sleeps", family="PhysX", engine="physx robots", options=sleeps)
+        found += [one, asleep, another]
+    return [one for one in found if one.quick or not quick]

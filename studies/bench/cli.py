@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from shutil import copyfile
 from typing import Any, NamedTuple
 
-from studies import machine
-from studies.bench import collecting, crowds, document, searching, simple_mesh, smart_mesh, tables
+from studies.bench import crowds, searching, simple_mesh, smart_mesh
+from studies.bench.figures import draw_all
 from studies.bench.measure import FULL, QUICK, Bench, Results
 from studies.bench.report import BATCHES
-from studies.bench.targets import TARGETS
+from studies.bench.tables import all_tables
+from studies.machine import describe, measured_on
+from studies.pages import fill
 from studies.progress import Progress
+
+RESULTS, TABLES, PICTURES = "bench.json", "tables.md", Path("images/bench")
 
 
 class Job(NamedTuple):
@@ -43,19 +49,15 @@ def jobs(*, quick: bool) -> list[Job]:
         for side in searching.map_sides(quick)
     ]
     found.append(Job("searches in batches", 2.0, searching.measure_batches))
-    found.append(Job("collecting", 1.0, collecting.measure_one))
-    found.append(Job("collecting in batches", 1.0, collecting.measure_batches))
+    found.append(Job("collecting", 1.0, searching.measure_collecting))
+    found.append(Job("collecting in batches", 1.0, searching.measure_collecting_batches))
     found.append(Job("collider updates", 5.0, crowds.measure_updates))
-    for count, rate in ((100, 240.0), (1000, 60.0)):
-        if not quick or count <= crowds.BATCH:
-            found.append(Job(f"steps of {count} bodies", 3.0, crowds.measure_steps, (count, rate)))
     for count in BATCHES[:1] if quick else BATCHES:
         if count != crowds.BATCH:
             found.append(Job(f"updates of {count}", 1.0, crowds.measure_batches, (count,)))
         found.append(Job(f"engines, {count} bodies", 15.0, crowds.measure_engines, (crowds.COARSE, count)))
         if count <= crowds.BATCH:  # more do not fit on it
             found.append(Job(f"fine map, {count} bodies", 4.0, crowds.measure_engines, (crowds.FINE, count)))
-    found.append(Job("taking maps in", 1.0, crowds.measure_ingest))
     found.append(Job("general mesh", 1.0, crowds.measure_general))
     return found
 
@@ -73,22 +75,42 @@ def measure(*, quick: bool) -> Results:
     return bench.results
 
 
+def summary(data: dict[str, Any], results: Results) -> str:
+    """Return the machine and all tables of a run, from its JSON ``data`` and its results."""
+    machine = data["machine"]
+    frames = [timing.frames for timing in results.timings.values()]
+    most, least = max(frames, default=0), min(frames, default=0)
+    words = (
+        f"{measured_on(machine)}, under a load of {machine['load']} "
+        f"(this bench alone: about 1). Medians of {most} frames; of as few as {least} where a frame takes long."
+    )
+    if data["quick"]:
+        words += " A quick run: too few frames to go by."
+    return f"{words}\n\n{all_tables(results)}"
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
+    """Measure, or read an earlier run; write JSON, tables and pictures; return the exit status."""
     parser = argparse.ArgumentParser(prog="bench", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="few frames, less than a minute: whether it runs at all")
     parser.add_argument("--out", type=Path, default=Path("out/bench"), help="folder of the results (%(default)s)")
     parser.add_argument("--from", type=Path, dest="earlier", help="a bench.json, to write tables and pictures from")
-    parser.add_argument("--document", type=Path, help="a markdown file whose generated section is to be written anew")
+    parser.add_argument("--document", type=Path, help="a markdown file whose block ``tables`` is to be written anew")
     given = parser.parse_args(arguments)
     if given.earlier:
-        run = document.read(given.earlier)
+        data = json.loads(given.earlier.read_text())
     else:
-        run = document.Run(measure(quick=given.quick), machine.describe(), given.quick)
-    files = document.write(run, given.out)
+        data = {"machine": describe(), "quick": given.quick, **measure(quick=given.quick).as_json()}
+    results = Results.from_json(data)
+    given.out.mkdir(parents=True, exist_ok=True)
+    (given.out / RESULTS).write_text(json.dumps(data, indent=1) + "\n")
+    (given.out / TABLES).write_text(summary(data, results))
+    pictures = draw_all(results, given.out)
     if given.document:
-        document.update(given.document, document.summary(run), files.pictures)
-    print(tables.targets(run.results))
-    reached = [target.reached(run.results) for target in TARGETS]
-    print(f"\n{sum(reached)} of {len(reached)} figures reached; see {files.tables} and {files.results}")
+        fill(given.document, {"tables": summary(data, results)})
+        folder = given.document.parent / PICTURES
+        folder.mkdir(parents=True, exist_ok=True)
+        for picture in pictures:
+            copyfile(picture, folder / picture.name)
+    print(f"wrote {given.out / TABLES} and {given.out / RESULTS}")
     return 0

@@ -1,9 +1,11 @@
-"""Many bodies at once: collider updates, whole steps, map updates, and other engines."""
+"""Many bodies at once: collider updates, a general mesh, and other engines."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from itertools import count
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,11 +14,11 @@ import pybullet as pb
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
-from studies.bench.handing import Handing, handing
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import (
     RADIUS,
     RESOLUTION,
+    Cycle,
     Player,
     Waves,
     crowd_positions,
@@ -26,13 +28,11 @@ from studies.bench.moving import (
     height_map,
 )
 from studies.bench.report import RINGS
-from studies.engines.engine import Engine, EngineBody, Setup
-from studies.engines.registry import build, missing
+from studies.engines.engine import EngineBody, Setup, build, missing
 
 SIDE = 1024
 BATCH = 100
 MESH_SIDE = 200
-REGION = 64
 DT = 1.0 / 240.0
 
 
@@ -79,14 +79,6 @@ def _replacements(client: Any, rings: int) -> Callable[[], None]:
     return run
 
 
-def measure_steps(bench: Bench, count: int, rate: float) -> None:
-    """Update and step of ``count`` bodies with the default patches, on maps that come at 60 Hz and are not timed."""
-    waves = Waves(SIDE)
-    player = Player(waves, height_map(waves), PatchConfig(), count, rate)
-    with player.world as world:
-        bench.time(Case("step", f"{rate:g} Hz", SIDE, count), world.step, player.move_ground)
-
-
 def measure_batches(bench: Bench, count: int) -> None:
     """The update of 5 x 5 patches by the number of bodies."""
     waves = Waves(SIDE)
@@ -95,32 +87,14 @@ def measure_batches(bench: Bench, count: int) -> None:
         bench.time(Case("update", "heightfield", SIDE, count, 2), world.refresh, player.next_frame)
 
 
-def measure_ingest(bench: Bench) -> None:
-    """Measure the update of a whole map, a region of a map, and the vertices of a general mesh."""
-    waves = Waves(SIDE)
-    heightmap = height_map(waves)
-    region = np.full((REGION, REGION), 0.1, np.float32)
-    time = [0.0]
-
-    def advance() -> None:
-        time[0] += 0.05
-
-    bench.time(Case("ingest", "map", SIDE), lambda: heightmap.replace(waves.next(), time=time[0]), advance)
-    bench.time(Case("ingest", "region", SIDE), lambda: heightmap.update_region(401, 333, region, time=time[0]), advance)
+def measure_general(bench: Bench) -> None:
+    """Measure, on a general mesh whose vertices all move, taking them in, and the update of one body with each suitable
+    search."""
     waves = Waves(MESH_SIDE)
     mesh = general_mesh(waves)
-    frames = [grid_vertices(waves.next()) for _ in range(2)]
-
-    def next_vertices() -> None:
-        advance()
-        frames.reverse()
-
-    bench.time(Case("ingest", "mesh", MESH_SIDE), lambda: mesh.move(frames[0], time=time[0]), next_vertices)
-
-
-def measure_general(bench: Bench) -> None:
-    """Measure the update of one body on a general mesh whose vertices all move, with each suitable search."""
-    waves = Waves(MESH_SIDE)
+    frames = waves.converted(grid_vertices)
+    times = count()
+    bench.time(Case("ingest", "mesh", MESH_SIDE), lambda: mesh.move(frames.now, time=0.05 * next(times)), frames.next)
     base = PatchConfig(kind="trimesh", rings=1)
     for search in ("brute_force", "best_first"):
         for collect in ("cached", "union_bfs"):
@@ -145,13 +119,10 @@ def measure_engines(bench: Bench, scale: Scale, count: int) -> None:
         ]
         setup = Setup(heights=doubles(waves.now), resolution=scale.resolution, bodies=bodies, dt=DT)
         with build(name, setup) as engine:
-            map_ = handing(name, engine, waves)
-            bench.time(Case("engines", name, scale.side, count), _step(map_, engine), map_.advance)
+            maps = waves.converted(engine.ready)
+            bench.time(Case("engines", name, scale.side, count), partial(_step, engine, maps), maps.next)
 
 
-def _step(map_: Handing, engine: Engine) -> Callable[[], None]:
-    def run() -> None:
-        map_.give()
-        engine.step()
-
-    return run
+def _step(engine: Any, maps: Cycle[Any]) -> None:
+    engine.set_ground(maps.now)
+    engine.step()

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from time import perf_counter
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -68,14 +68,6 @@ class Results:
     def ms(self, what: str, method: str, *, side: int = 0, bodies: int = 1, rings: int = 0) -> float:
         """The same [ms]."""
         return self.us(what, method, side=side, bodies=bodies, rings=rings) / 1e3
-
-    def at(self, percentile: Literal["low", "high"]) -> Results:
-        """The same with the 10th or 90th percentile in place of the median."""
-        other = Results()
-        other.timings = {
-            case: timing._replace(median=getattr(timing, percentile)) for case, timing in self.timings.items()
-        }
-        return other
 
     def as_json(self) -> dict[str, Any]:
         """Return a JSON object for `from_json`."""

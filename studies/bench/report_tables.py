@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from studies.bench import report
+from studies.bench import crowds, report
 from studies.bench.measure import Results
-from studies.bench.targets import update_per_body
 from studies.markdown import RATIO, beside, number, size, table, times
 
 SEARCHES = {
@@ -17,6 +16,11 @@ SEARCHES = {
     "grid_traversal": "grid traversal",
     "grid_traversal_worst": "grid traversal, worst",
 }
+
+
+def update_per_body(results: Results, rings: int, count: int = crowds.BATCH) -> float:
+    """Update of a heightfield patch in a batch, all in, per body [us]."""
+    return results.us("update", "heightfield", side=crowds.SIDE, bodies=count, rings=rings) / count
 
 
 def table_1(results: Results) -> str:

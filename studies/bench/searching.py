@@ -1,12 +1,14 @@
-"""Nearest-vertex searches (Table 4), for one body and for batches."""
+"""Nearest-vertex searches (Table 4) and collecting the vertices of a local collider (Table 5), for one body and for
+batches."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
-from smartmesh_ros.report.collect import topology_around
+from smartmesh_ros.report.collect import queue_bfs, topology_around, union_bfs
 from smartmesh_ros.report.search import (
     BruteForce,
     Cells,
@@ -16,11 +18,12 @@ from smartmesh_ros.report.search import (
     nearest_vertices,
     ray_cast,
 )
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.graph import GridGraph
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import RESOLUTION, Waves, crowd_positions, general_mesh
-from studies.bench.report import BATCHES, LARGER, SEARCH
+from studies.bench.report import BATCHES, LARGER, RINGS, SEARCH
 
 # Sizes over which a search of a uniform grid is to cost the same.
 EQUAL_SIDES = (50, 100, 200, 512, 1024, 2048, 4096)
@@ -163,3 +166,43 @@ class _Walk:
             self.position[:2] = share * self._extent
         else:
             self.position[:2] = (0.3 * self._extent + self._frame * self._stride) % self._extent
+
+
+COLLECT_SIDE, RINGS_OF_BATCHES = 200, 2
+
+
+def patch_template(rings: int, columns: int) -> IntArray:
+    """Return the offsets (K,) of a patch's samples from its nearest vertex, in a row-major map of ``columns`` columns:
+    the cache of the report's Chapter 3 (its Figure 10), which is one for every vertex of a map."""
+    offsets = np.arange(-rings, rings + 1)
+    return np.asarray((offsets[:, None] * columns + offsets).ravel())
+
+
+def measure_collecting(bench: Bench) -> None:
+    """Measure the report's methods on the grid's graph."""
+    graph = GridGraph(COLLECT_SIDE, COLLECT_SIDE)
+    vertex = COLLECT_SIDE * COLLECT_SIDE // 2 + COLLECT_SIDE // 2
+    for rings in RINGS:
+        template = patch_template(rings, COLLECT_SIDE)
+        methods = {
+            "queue_bfs": partial(queue_bfs, graph, vertex, rings),
+            "union_bfs": partial(union_bfs, graph, vertex, rings),
+            "cached": partial(np.add, template, vertex),
+        }
+        for method, run in methods.items():
+            bench.time(Case("collect", method, COLLECT_SIDE, rings=rings), run)
+
+
+def measure_collecting_batches(bench: Bench) -> None:
+    """The grid's template for batches: indices of all samples of all patches."""
+    template = patch_template(RINGS_OF_BATCHES, COLLECT_SIDE)
+    for count in BATCHES:
+        centres = np.linspace(5 * COLLECT_SIDE, COLLECT_SIDE * (COLLECT_SIDE - 5), count).astype(np.int64)
+        stride = np.ones(count, np.int64)
+
+        def run(centres: np.ndarray = centres, stride: np.ndarray = stride) -> None:
+            for _ in range(REPEATS):
+                indices = template * stride[:, None]
+                indices += centres[:, None]
+
+        bench.time(Case("collect_batch", "cached", COLLECT_SIDE, count, RINGS_OF_BATCHES), run)

@@ -6,12 +6,10 @@ from typing import Any
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from studies.bench.handing import handing
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import FRAME, RESOLUTION, Waves, doubles, grid_vertices
 from studies.bench.report import LARGER, SIMPLE_PHYSX
-from studies.engines.engine import Setup
-from studies.engines.registry import build, missing
+from studies.engines.engine import Setup, build, missing
 
 ENGINES = ("physx", "bullet_trimesh", "bullet_heightfield", "mujoco")
 
@@ -43,10 +41,10 @@ def _measure_update(bench: Bench, case: Case) -> None:
     waves = Waves(case.side)
     setup = Setup(heights=doubles(waves.now), resolution=RESOLUTION, bodies=(), dt=FRAME)
     with build(case.method, setup) as engine:
-        map_ = handing(case.method, engine, waves)
+        maps = waves.converted(engine.ready)
         in_report = case.method in ("physx", "bullet_trimesh") and case.side in SIMPLE_PHYSX
         seconds = bench.effort.report_seconds if in_report else None
-        bench.time(case, map_.give, map_.advance, seconds)
+        bench.time(case, lambda: engine.set_ground(maps.now), maps.next, seconds)
 
 
 def measure_trees(bench: Bench) -> None:

@@ -10,8 +10,7 @@ from smartmesh_ros.patches.config import PatchConfig
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import FRAME, RADIUS, RESOLUTION, Player, Waves, general_mesh, height_map
 from studies.bench.report import LARGER, RINGS
-from studies.engines.engine import Setup
-from studies.engines.registry import build, missing
+from studies.engines.engine import Setup, build, missing
 
 # Main mesh of the measurements that vary the collider [vertices on a side].
 SIDE = 200

@@ -6,8 +6,16 @@ import math
 
 from studies.bench import crowds, report, searching
 from studies.bench.measure import LONGEST_FRAME, Results
-from studies.bench.report_tables import SEARCHES, table_1, table_2, table_3, table_4, table_5, table_6
-from studies.bench.targets import TARGETS, collect_per_body, search_per_body, update_per_body
+from studies.bench.report_tables import (
+    SEARCHES,
+    table_1,
+    table_2,
+    table_3,
+    table_4,
+    table_5,
+    table_6,
+    update_per_body,
+)
 from studies.markdown import RATIO, beside, number, size, table
 
 _SIMPLE = {
@@ -40,29 +48,6 @@ def all_tables(results: Results) -> str:
         ("Left out", left_out(results)),
     )
     return "\n".join(f"### {heading}\n\n{body}\n" for heading, body in parts if body)
-
-
-def targets(results: Results) -> str:
-    """Return the table of targets, which the study prints and no page shows."""
-    rows = []
-    low, high = results.at("low"), results.at("high")
-    for target in TARGETS:
-        value = target.value(results)
-        # The percentiles of a ratio are not ratios of percentiles.
-        spread = [] if target.unit == "x" else sorted((target.value(low), target.value(high)))
-        verdict = "not measured" if math.isnan(value) else "reached" if target.reached(results) else "**missed**"
-        sign = ">=" if target.at_least else "<="
-        rows.append(
-            [
-                target.text,
-                target.reported,
-                f"{sign} {target.limit:g} {target.unit}",
-                number(value),
-                " - ".join(map(number, spread)),
-                verdict,
-            ]
-        )
-    return table(["figure", "report", "to reach", "median", "10 % - 90 %", ""], rows)
 
 
 def larger_maps(results: Results) -> str:
@@ -103,22 +88,19 @@ def general(results: Results) -> str:
 
 def batches(results: Results) -> str:
     """What a body costs by how many there are."""
+    rings = searching.RINGS_OF_BATCHES
     rows = []
     for count in report.BATCHES:
+        searches = [
+            results.us("search_batch", "grid_traversal", side=side, bodies=count) / searching.REPEATS / count
+            for side in searching.EQUAL_SIDES
+        ]
         best_first = results.us("search_batch", "best_first", side=200, bodies=count) / count
-        rows.append(
-            [
-                f"{count}",
-                *(number(search_per_body(results, side, count)) for side in searching.EQUAL_SIDES),
-                number(best_first),
-                number(collect_per_body(results, count)),
-                number(update_per_body(results, 2, count)),
-            ]
-        )
-    searches = [f"grid traversal on {size(side)}" for side in searching.EQUAL_SIDES]
-    return table(
-        ["bodies", *searches, "best-first, general mesh 200x200", "collect 5x5", "update 5x5 on 1024x1024"], rows
-    )
+        collect = results.us("collect_batch", "cached", side=searching.COLLECT_SIDE, bodies=count, rings=rings)
+        per_body = [*searches, best_first, collect / searching.REPEATS / count, update_per_body(results, 2, count)]
+        rows.append([f"{count}", *map(number, per_body)])
+    names = [f"grid traversal on {size(side)}" for side in searching.EQUAL_SIDES]
+    return table(["bodies", *names, "best-first, general mesh 200x200", "collect 5x5", "update 5x5 on 1024x1024"], rows)
 
 
 def engines(results: Results, scale: crowds.Scale) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pybullet as pb
@@ -26,175 +26,134 @@ QUARTER_TURN = (0.0, 0.0, math.sin(0.25 * math.pi), math.cos(0.25 * math.pi))
 
 
 @dataclass(frozen=True, kw_only=True)
-class BulletTrimeshOptions:
+class BulletOptions:
     """``edge_filter``: no ghost collisions at inner edges."""
 
     edge_filter: bool = False
-    contact_erp: float = CONTACT_ERP
 
 
-@dataclass(frozen=True, kw_only=True)
-class BulletHeightfieldOptions:
-    """``edge_filter``: no ghost collisions at inner edges. ``carry_velocity``: the collider moves with the mean
-    velocity of the map, which is only useful if all ground has the same velocity."""
+class BulletEngine(Engine):
+    """Bodies ``uids`` of a PyBullet ``client``."""
 
-    edge_filter: bool = False
-    carry_velocity: bool = False
-    contact_erp: float = CONTACT_ERP
+    client: Any
+    uids: list[int]
+    setup: Setup
+
+    def positions(self) -> FloatArray:
+        poses = [self.client.getBasePositionAndOrientation(uid) for uid in self.uids]
+        return np.array([position for position, _ in poses]).reshape(-1, 3)
+
+    def orientations(self) -> FloatArray:
+        poses = [self.client.getBasePositionAndOrientation(uid) for uid in self.uids]
+        return np.array([orientation for _, orientation in poses]).reshape(-1, 4)
+
+    def velocities(self) -> FloatArray:
+        twists = [self.client.getBaseVelocity(uid) for uid in self.uids]
+        return np.array([[*linear, *angular] for linear, angular in twists]).reshape(-1, 6)
+
+    def contacts(self) -> Contacts:
+        parts = {(uid, -1): index for index, uid in enumerate(self.uids)}
+        return bullet_contacts(self.client, parts, self.setup.dt)
 
 
-class _Bullet(Engine):
+class _WholeMap(BulletEngine):
     """Common part of both engines: the client and the bodies."""
 
-    def __init__(self, setup: Setup, contact_erp: float) -> None:
-        self._setup = setup
+    def __init__(self, setup: Setup, options: BulletOptions | None = None) -> None:
+        self.setup, self._options = setup, options or BulletOptions()
         self._steps = 0
-        self._client: Any = BulletClient(pb.DIRECT)
-        self._client.setGravity(*setup.gravity)
-        self._client.setTimeStep(setup.dt)
-        self._client.setPhysicsEngineParameter(contactERP=contact_erp, erp=contact_erp)
-        self._uids = [self._add(body) for body in setup.bodies]
+        self.client = BulletClient(pb.DIRECT)
+        self.client.setGravity(*setup.gravity)
+        self.client.setTimeStep(setup.dt)
+        self.client.setPhysicsEngineParameter(contactERP=CONTACT_ERP, erp=CONTACT_ERP)
+        self.uids = [self._add(body) for body in setup.bodies]
 
     def step(self) -> None:
-        self._client.stepSimulation()
+        self.client.stepSimulation()
         self._steps += 1
 
     def _slid(self) -> tuple[float, float]:
         """Return the current displacement of the map along x and y [m]."""
-        return self._setup.offset(self._steps * self._setup.dt)
-
-    def positions(self) -> FloatArray:
-        return body_arrays(self._client, self._uids)[0]
-
-    def orientations(self) -> FloatArray:
-        return body_arrays(self._client, self._uids)[1]
-
-    def velocities(self) -> FloatArray:
-        return body_arrays(self._client, self._uids)[2]
-
-    def contacts(self) -> Contacts:
-        return bullet_contacts(self._client, base_parts(self._uids), self._setup.dt)
+        return self.setup.offset(self._steps * self.setup.dt)
 
     def close(self) -> None:
-        if self._client.isConnected():
-            self._client.disconnect()
+        if self.client.isConnected():
+            self.client.disconnect()
 
     def _add(self, body: EngineBody) -> int:
-        client, state = self._client, body.state
+        client, state = self.client, body.state
         shape = client.createCollisionShape(**body.shape.bullet())
         uid = client.createMultiBody(
             body.mass, shape, basePosition=state.position, baseOrientation=state.orientation, useMaximalCoordinates=1
         )
         client.changeDynamics(
-            uid,
-            -1,
-            lateralFriction=body.friction,
-            restitution=body.restitution,
-            linearDamping=0.0,
-            angularDamping=0.0,
+            uid, -1, lateralFriction=body.friction, restitution=body.restitution, linearDamping=0.0, angularDamping=0.0
         )
         client.resetBaseVelocity(uid, state.linear, state.angular)
         return int(uid)
 
     def _ground(self, shape: int, position: Any, orientation: Any) -> int:
-        uid = self._client.createMultiBody(0.0, shape, basePosition=position, baseOrientation=orientation)
+        uid = self.client.createMultiBody(0.0, shape, basePosition=position, baseOrientation=orientation)
         # PyBullet multiplies the coefficients of both bodies. With 1 here, those of the moving body apply.
-        self._client.changeDynamics(uid, -1, lateralFriction=1.0, restitution=1.0)
+        self.client.changeDynamics(uid, -1, lateralFriction=1.0, restitution=1.0)
         return int(uid)
 
 
-class BulletTrimesh(_Bullet):
+class BulletTrimesh(_WholeMap):
     """A triangle mesh of the whole map, rebuilt for every map. PyBullet leaks some memory of each mesh."""
 
-    name: ClassVar[str] = "bullet_trimesh"
-
-    def __init__(self, setup: Setup, options: BulletTrimeshOptions | None = None) -> None:
-        chosen = options or BulletTrimeshOptions()
+    def __init__(self, setup: Setup, options: BulletOptions | None = None) -> None:
         rows, columns = setup.heights.shape
         triangles = grid_triangles(rows, columns)
         if rows * columns > MOST_VERTICES or triangles.size > MOST_INDICES:
             raise InputError("size", f"PyBullet takes no trimesh of {rows} x {columns} vertices; take a smaller map")
-        super().__init__(setup, chosen.contact_erp)
-        self._flags = pb.GEOM_FORCE_CONCAVE_TRIMESH | (pb.GEOM_CONCAVE_INTERNAL_EDGE if chosen.edge_filter else 0)
+        super().__init__(setup, options)
+        edge_filter = pb.GEOM_CONCAVE_INTERNAL_EDGE if self._options.edge_filter else 0
+        self._flags = pb.GEOM_FORCE_CONCAVE_TRIMESH | edge_filter
         self._indices = triangles.ravel().tolist()
-        self._vertices = np.empty((rows * columns, 3))
-        row, column = np.divmod(np.arange(rows * columns), columns)
-        self._vertices[:, 0], self._vertices[:, 1] = column * setup.resolution, row * setup.resolution
+        self._vertices = setup.vertices()
         self._uid = -1
-        self.set_ground(setup.heights)
+        self.set_ground(self.ready(setup.heights))
 
-    def set_ground(self, heights: FloatArray, velocities: FloatArray | None = None) -> None:
-        self._vertices[:, 2] = heights.ravel()
+    def set_ground(self, ready: FloatArray) -> None:
+        self._vertices[:, 2] = ready.ravel()
         if self._uid >= 0:
-            self._client.removeBody(self._uid)
-        shape = self._client.createCollisionShape(
+            self.client.removeBody(self._uid)
+        shape = self.client.createCollisionShape(
             pb.GEOM_MESH, vertices=self._vertices.tolist(), indices=self._indices, flags=self._flags
         )
         self._uid = self._ground(shape, (*self._slid(), 0.0), (0.0, 0.0, 0.0, 1.0))
 
 
-class BulletHeightfield(_Bullet):
+class BulletHeightfield(_WholeMap):
     """A heightfield of the whole map, replaced in place for every map."""
 
-    name: ClassVar[str] = "bullet_heightfield"
-
-    def __init__(self, setup: Setup, options: BulletHeightfieldOptions | None = None) -> None:
-        chosen = options or BulletHeightfieldOptions()
-        super().__init__(setup, chosen.contact_erp)
+    def __init__(self, setup: Setup, options: BulletOptions | None = None) -> None:
+        super().__init__(setup, options)
         rows, columns = setup.heights.shape
         # With the quarter turn, PyBullet's rows run along x.
         self._layout = {"numHeightfieldRows": rows, "numHeightfieldColumns": columns}
-        self._flags = pb.GEOM_CONCAVE_INTERNAL_EDGE if chosen.edge_filter else 0
-        self._carry = chosen.carry_velocity
+        self._flags = pb.GEOM_CONCAVE_INTERNAL_EDGE if self._options.edge_filter else 0
         bounds = np.zeros(rows * columns)
-        bounds[0], bounds[-1] = (
-            -HOLE,
-            HOLE,
-        )  # PyBullet never updates the bounds of a heightfield
-        self._shape: int = self._client.createCollisionShape(
-            pb.GEOM_HEIGHTFIELD,
-            meshScale=[setup.resolution, setup.resolution, 1.0],
-            heightfieldData=bounds.tolist(),
+        bounds[0], bounds[-1] = -HOLE, HOLE  # PyBullet never updates the bounds of a heightfield
+        self._shape: int = self.client.createCollisionShape(
+            pb.GEOM_HEIGHTFIELD, meshScale=[setup.resolution, setup.resolution, 1.0], heightfieldData=bounds.tolist(),
             **self._layout,
-        )
-        width, length = setup.size
-        self._pose = ((0.5 * width, 0.5 * length, 0.0), QUARTER_TURN)
-        self._uid = self._ground(self._shape, *self._pose)
-        self.set_ground(setup.heights)
+        )  # fmt: skip
+        self._uid = self._ground(self._shape, *self._pose())
+        self.set_ground(self.ready(setup.heights))
 
-    def set_ground(self, heights: FloatArray, velocities: FloatArray | None = None) -> None:
-        self._client.createCollisionShape(
-            pb.GEOM_HEIGHTFIELD,
-            flags=self._flags,
-            heightfieldData=np.rot90(heights).ravel().tolist(),
-            replaceHeightfieldIndex=self._shape,
-            **self._layout,
-        )
-        if self._setup.slides:
-            x, y = self._slid()
-            (base_x, base_y, base_z), orientation = self._pose
-            self._client.resetBasePositionAndOrientation(self._uid, (base_x + x, base_y + y, base_z), orientation)
-        if self._carry and velocities is not None:
-            # A step moves a body that has a velocity. Resetting its pose also sets the velocity to zero, so the pose
-            # comes first.
-            self._client.resetBasePositionAndOrientation(self._uid, *self._pose)
-            self._client.resetBaseVelocity(self._uid, (0.0, 0.0, float(velocities.mean())), (0.0, 0.0, 0.0))
+    def _pose(self) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+        (width, length), (x, y) = self.setup.size, self._slid()
+        return (0.5 * width + x, 0.5 * length + y, 0.0), QUARTER_TURN
 
-
-def body_arrays(client: Any, uids: list[int]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return positions (N, 3) [m], orientations (N, 4) and velocities (N, 6) [m/s, rad/s] of PyBullet's bodies."""
-    poses = [client.getBasePositionAndOrientation(uid) for uid in uids]
-    twists = [client.getBaseVelocity(uid) for uid in uids]
-    return (
-        np.array([pose[0] for pose in poses]).reshape(-1, 3),
-        np.array([pose[1] for pose in poses]).reshape(-1, 4),
-        np.array([[*linear, *angular] for linear, angular in twists]).reshape(-1, 6),
-    )
-
-
-def base_parts(uids: list[int]) -> dict[tuple[int, int], int]:
-    """Return the bases of PyBullet's bodies with their indices."""
-    return {(uid, -1): index for index, uid in enumerate(uids)}
+    def set_ground(self, ready: FloatArray) -> None:
+        self.client.createCollisionShape(
+            pb.GEOM_HEIGHTFIELD, flags=self._flags, heightfieldData=np.rot90(ready).ravel().tolist(),
+            replaceHeightfieldIndex=self._shape, **self._layout,
+        )  # fmt: skip
+        if self.setup.slides:
+            self.client.resetBasePositionAndOrientation(self._uid, *self._pose())
 
 
 def bullet_contacts(client: Any, parts: Mapping[tuple[int, int], int], dt: float) -> Contacts:

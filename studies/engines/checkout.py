@@ -8,7 +8,7 @@ import subprocess
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import smartmesh_ros
 from smartmesh_ros.errors import InputError
@@ -30,8 +30,6 @@ class CheckoutOptions:
 class Checkout(Engine):
     """`World` with its defaults, by the package of a folder. Raises `InputError` if the folder holds no package, or if
     its code cannot run the scene."""
-
-    name: ClassVar[str] = "checkout"
 
     def __init__(self, setup: Setup, options: CheckoutOptions | None = None) -> None:
         chosen = options or CheckoutOptions()
@@ -58,8 +56,11 @@ class Checkout(Engine):
             self.close()
             raise
 
-    def set_ground(self, heights: FloatArray, velocities: FloatArray | None = None) -> None:
-        self._call("set_ground", heights=heights, velocities=velocities)
+    def ready(self, heights: Any) -> Any:
+        return heights
+
+    def set_ground(self, ready: Any) -> None:
+        self._call("set_ground", heights=ready)
 
     def step(self) -> None:
         self._call("step")

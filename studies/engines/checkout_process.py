@@ -50,7 +50,7 @@ class Run:
             self._client.changeDynamics(uid, -1, lateralFriction=friction, restitution=restitution)
         self._client.stepSimulation = self._timed(self._client.stepSimulation)
 
-    def set_ground(self, *, heights: Any, velocities: Any) -> None:
+    def set_ground(self, *, heights: Any) -> None:
         """Take a map."""
         import smartmesh_ros as package
 
@@ -58,10 +58,10 @@ class Run:
         if any(self._slide):
             # A new map at another position tells the terrain that the ground slides.
             origin = (self._slide[0] * time, self._slide[1] * time)
-            moved = package.HeightMap(heights, origin=origin, time=time, velocities=velocities, **self._map)
+            moved = package.HeightMap(heights, origin=origin, time=time, **self._map)
             self._world.terrain.put("", moved)
         else:
-            self._heightmap.replace(heights, time=time, velocities=velocities)
+            self._heightmap.replace(heights, time=time)
         self._taken[0] += process_time() - begin
 
     def step(self) -> None:

@@ -1,7 +1,7 @@
-"""Interface of the physics engines that are compared.
+"""Interface of the physics engines that are compared, and the engines by name.
 
 To add an engine, write one file with a subclass of `Engine` and a frozen dataclass of its options, and add a line to
-`studies.engines.registry`.
+`_ENTRIES`. An engine whose package is not installed is left out, with a reason.
 """
 
 from __future__ import annotations
@@ -9,10 +9,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple, Self
+from functools import cache
+from importlib import import_module
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import Box, Sphere
 from smartmesh_ros.ground.state import BodyState, Vector
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
@@ -30,18 +33,18 @@ class EngineBody:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Setup:
-    """Bodies on a height map.
+class GroundSetup:
+    """A height map.
 
-    ``heights``: (R, C) float64 [m], finite; sample (row r, column c) lies at (c, r) * ``resolution`` [m], and every
+    ``heights``: (R, C) [m], finite; sample (row r, column c) lies at ``origin`` + (c, r) * ``resolution`` [m], and each
     cell is cut along the diagonal from (r, c) to (r + 1, c + 1). ``dt``: duration of a step [s]. ``slide``: velocity of
     the whole map along x and y [m/s]; every `set_ground` places the samples at their current positions.
     """
 
-    heights: FloatArray
+    heights: Any
     resolution: float
-    bodies: Sequence[EngineBody]
     dt: float
+    origin: tuple[float, float] = (0.0, 0.0)
     gravity: Vector = (0.0, 0.0, -9.81)
     slide: tuple[float, float] = (0.0, 0.0)
 
@@ -59,6 +62,19 @@ class Setup:
         """Extent of the map along x and y [m]."""
         rows, columns = self.heights.shape
         return (columns - 1) * self.resolution, (rows - 1) * self.resolution
+
+    def vertices(self) -> FloatArray:
+        """Return the samples as vertices (R * C, 3) [m], row by row."""
+        row, column = np.divmod(np.arange(self.heights.size), self.heights.shape[1])
+        (x, y), step = self.origin, self.resolution
+        return np.column_stack([x + column * step, y + row * step, self.heights.ravel()])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Setup(GroundSetup):
+    """Bodies on a height map."""
+
+    bodies: Sequence[EngineBody]
 
 
 class Contacts(NamedTuple):
@@ -88,18 +104,34 @@ class Contacts(NamedTuple):
 
 
 class Simulation(ABC):
-    """A simulation in one engine. Call `close`, or use it as a context manager."""
+    """A simulation on moving ground in one engine. Call `close`, or use it as a context manager.
+
+    The time of `set_ground` is the cost of updating the collider, because no other method does that; `step` runs the
+    physics. Only an engine whose colliders follow the bodies also moves its colliders in `step`.
+    """
+
+    def ready(self, heights: Any) -> Any:
+        """Return a map of heights (R, C) [m] in the engine's own format, for `set_ground`."""
+        return np.asarray(heights, np.float64)
+
+    @abstractmethod
+    def set_ground(self, ready: Any) -> None:
+        """Replace the map by what `ready` made of the current heights."""
 
     @abstractmethod
     def step(self) -> None:
         """Run one step of the setup's ``dt``."""
 
+    @abstractmethod
+    def velocities(self) -> FloatArray:
+        """Return the velocities of the bodies in the world frame, linear (N, 3) [m/s] in front, angular [rad/s]
+        after."""
+
     def contacts(self) -> Contacts | None:
         """Return the contacts with the ground in the last step, None if the engine does not tell their forces."""
         return None
 
-    @abstractmethod
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027  most engines leave nothing open
         """Release the simulation."""
 
     def __enter__(self) -> Self:
@@ -110,21 +142,7 @@ class Simulation(ABC):
 
 
 class Engine(Simulation):
-    """Simulation of bodies on moving ground in one engine.
-
-    The time of `set_ground` is the cost of updating the collider, because no other method does that; `step` runs the
-    physics. Only an engine whose colliders follow the bodies also moves its colliders in `step`.
-    """
-
-    name: ClassVar[str]
-
-    @abstractmethod
-    def __init__(self, setup: Setup, options: Any = None) -> None:
-        """Create the simulation; ``options``: the engine's own dataclass, None = defaults."""
-
-    @abstractmethod
-    def set_ground(self, heights: FloatArray, velocities: FloatArray | None = None) -> None:
-        """Replace the map by the current heights (R, C) [m]; ``velocities``: vertical (R, C) [m/s], None = unknown."""
+    """Simulation of the bodies of a `Setup`, with the engine's own dataclass of options, None = defaults."""
 
     @abstractmethod
     def positions(self) -> FloatArray:
@@ -134,6 +152,39 @@ class Engine(Simulation):
     def orientations(self) -> FloatArray:
         """Return the orientations of the bodies (N, 4) as (x, y, z, w)."""
 
-    @abstractmethod
-    def velocities(self) -> FloatArray:
-        """Return linear and angular velocities of the bodies in the world frame (N, 6) [m/s, rad/s]."""
+
+# Module and class of each engine, by its name: of bodies, and of robots.
+_ENTRIES = {
+    "smartmesh": ("studies.engines.smartmesh", "SmartMesh"),
+    "bullet_trimesh": ("studies.engines.bullet", "BulletTrimesh"),
+    "bullet_heightfield": ("studies.engines.bullet", "BulletHeightfield"),
+    "mujoco": ("studies.engines.mujoco_hfield", "MujocoHfield"),
+    "physx": ("studies.engines.physx", "PhysxTrimesh"),
+    "rapier": ("studies.engines.rapier", "RapierHeightfield"),
+    "checkout": ("studies.engines.checkout", "Checkout"),
+    "smartmesh robots": ("studies.robots.bullet_robots", "WorldRobots"),
+    "mujoco robots": ("studies.robots.mujoco_robots", "MujocoRobots"),
+    "physx robots": ("studies.robots.physx_robots", "PhysxRobots"),
+}
+ENGINES = tuple(_ENTRIES)
+
+
+@cache
+def missing(name: str) -> str:
+    """Return the reason why an engine cannot be used here, "" = none; raise `InputError` for an unknown name."""
+    if name not in _ENTRIES:
+        raise InputError("engine", f"there is no engine {name!r}; choose {', '.join(ENGINES)}")
+    try:
+        import_module(_ENTRIES[name][0])
+    except (ImportError, OSError) as error:  # OSError: a library of the package's does not load
+        return f"{type(error).__name__}: {error}"
+    return ""
+
+
+def build(name: str, setup: GroundSetup, options: Any = None) -> Any:
+    """Return a scene in the engine of that name; raises `InputError` if it is unknown or not installed."""
+    reason = missing(name)
+    if reason:
+        raise InputError("engine", f"engine {name!r} is not available ({reason}); install requirements/studies.txt")
+    module, kind = _ENTRIES[name]
+    return getattr(import_module(module), kind)(setup, options)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
@@ -14,27 +14,23 @@ from numpy.typing import NDArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
-from studies.engines.engine import Contacts, Engine, EngineBody, Setup
+from studies.engines.engine import Contacts, Engine, EngineBody, GroundSetup, Setup, Simulation
 
-# Memory for the contacts of one body [bytes]: MuJoCo takes up to 50 between it and the ground.
-_ARENA = 1 << 20
+# Bits of bodies and of the ground, so that robots may touch the ground alone.
+BODY, GROUND = 1, 2
 
 
 @dataclass(frozen=True, kw_only=True)
 class MujocoOptions:
     """``time_constant`` [s]: of the contact (MuJoCo's solref, at least two steps), None = two steps, the tuned value;
-    MuJoCo's own default is 0.02. ``substeps``: MuJoCo's steps in one ``dt``. ``lowest``, ``highest`` [m]: range of the
-    ground, which is fixed when the model is built. ``surface_velocity``: True = sliding ground has MuJoCo's
-    ``surfacevel``; False = the ground has no velocity in contacts."""
+    MuJoCo's own default is 0.02. ``surface_velocity``: True = sliding ground has MuJoCo's ``surfacevel``; False = the
+    ground has no velocity in contacts."""
 
     time_constant: float | None = None
-    substeps: int = 1
     surface_velocity: bool = False
-    lowest: float = -20.0
-    highest: float = 20.0
 
 
-class MujocoHfield(Engine):
+class MujocoGround(Simulation):
     """MuJoCo stores heights as float32 from 0 to 1 of a fixed range; heights outside the range are refused.
 
     The ground has no velocity in contacts. MuJoCo's ``surfacevel`` is one velocity field for the whole map (a constant
@@ -42,63 +38,88 @@ class MujocoHfield(Engine):
     cannot describe waves, whose velocity differs at every sample.
     """
 
-    name: ClassVar[str] = "mujoco"
+    reach: ClassVar[float] = 20.0  # of heights, up and down [m]
 
-    def __init__(self, setup: Setup, options: MujocoOptions | None = None) -> None:
-        self._options = chosen = options or MujocoOptions()
+    def __init__(self, setup: GroundSetup, options: MujocoOptions | None, memory: int) -> None:
+        """``memory``: for contacts [bytes], of which MuJoCo takes up to 50 between a body and the ground."""
+        chosen = options or MujocoOptions()
         rows, columns = setup.heights.shape
-        width, length = setup.size
-        spec = mujoco.MjSpec()
-        spec.option.timestep = setup.dt / chosen.substeps
+        (width, length), (x, y) = setup.size, setup.origin
+        self.setup = setup
+        # The tightest contact that MuJoCo takes, unless another is asked for.
+        self.time_constant = chosen.time_constant or 2.0 * setup.dt
+        self.spec = spec = mujoco.MjSpec()
+        spec.option.timestep = setup.dt
         spec.option.gravity = setup.gravity
-        spec.memory = _ARENA * (16 + len(setup.bodies))
+        spec.memory = memory
         spec.add_hfield(
-            name="ground",
-            nrow=rows,
-            ncol=columns,
-            size=[0.5 * width, 0.5 * length, chosen.highest - chosen.lowest, 1.0],
-            userdata=np.zeros(rows * columns, np.float32),
-        )
-        self._setup = setup
+            name="ground", nrow=rows, ncol=columns, userdata=np.zeros(rows * columns, np.float32),
+            size=[0.5 * width, 0.5 * length, 2.0 * self.reach, 1.0],
+        )  # fmt: skip
         # Ground that slides hangs on a body that is placed anew with every map; other ground needs none.
         holder = spec.worldbody.add_body(mocap=True) if setup.slides else spec.worldbody
         # The model takes it only where it is not zero when compiled; `geom_surfacevel` may change from then on.
         velocity = [*setup.slide, 0.0, 0.0, 0.0, 0.0] if chosen.surface_velocity else [0.0] * 6
         holder.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_HFIELD,
-            hfieldname="ground",
-            pos=[0.5 * width, 0.5 * length, chosen.lowest],
-            condim=3,
-            surfacevel=velocity,
-        )
-        for body in setup.bodies:
-            self._add(spec, body)
-        self.model = spec.compile()
+            type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="ground", condim=3, contype=GROUND, conaffinity=BODY,
+            pos=[x + 0.5 * width, y + 0.5 * length, -self.reach], surfacevel=velocity,
+        )  # fmt: skip
+
+    def touch(self, geom: Any, friction: float, damping_ratio: float = 1.0) -> None:
+        """Give a body's shape its friction, and its contacts. Priority: these hold, not a mixture with the ground's."""
+        geom.priority, geom.condim, geom.friction = 1, 3, [friction, 0.0, 0.0]
+        geom.solref = [self.time_constant, damping_ratio]
+
+    def compile(self) -> None:
+        """Make the model of all that was added."""
+        self.model = self.spec.compile()
         self.data = mujoco.MjData(self.model)
-        self._heights = self.model.hfield_data.reshape(rows, columns)
-        for index, body in enumerate(setup.bodies):
-            self._place(index, body)
-        self.set_ground(setup.heights)
+        self._heights = self.model.hfield_data.reshape(self.setup.heights.shape)
 
-    def set_ground(self, heights: FloatArray, velocities: FloatArray | None = None) -> None:
-        self.write(self.normalised(heights))
-
-    def normalised(self, heights: FloatArray) -> NDArray[np.float32]:
+    def ready(self, heights: Any) -> NDArray[np.float32]:
         """Return heights (R, C) [m] as MuJoCo stores them: 0 to 1 of the range; raise `InputError` outside the
         range."""
-        low, high = self._options.lowest, self._options.highest
-        if not (heights.min() >= low and heights.max() <= high):
-            raise InputError("height", f"heights leave {low} to {high} m; build the engine with a wider range")
-        return np.asarray((heights - low) / (high - low), np.float32)
+        if not (heights.min() >= -self.reach and heights.max() <= self.reach):
+            raise InputError("height", f"heights leave {-self.reach} to {self.reach} m")
+        return np.asarray((heights + self.reach) / (2.0 * self.reach), np.float32)
 
-    def write(self, data: NDArray[np.float32]) -> None:
-        """Write heights that are `normalised` already: the cheapest possible update of MuJoCo."""
-        self._heights[...] = data
-        if self._setup.slides:
-            self.data.mocap_pos[0, :2] = self._setup.offset(self.data.time)
+    def set_ground(self, ready: NDArray[np.float32]) -> None:
+        self._heights[...] = ready
+        if self.setup.slides:
+            self.data.mocap_pos[0, :2] = self.setup.offset(self.data.time)
+
+    def contacts_of(self, parts: Mapping[int, int]) -> Contacts:
+        """Return the contacts of ``parts``, MuJoCo's bodies by their indices, with the ground, in the last step."""
+        model, data = self.model, self.data
+        rows, force, jacobian = [], np.zeros(6), np.zeros((3, model.nv))
+        for index, contact in enumerate(data.contact):
+            ground, body = model.geom_bodyid[contact.geom]  # sorted by kind: a height field comes first
+            if ground in parts:
+                continue
+            mujoco.mj_contactForce(model, data, index, force)
+            normal, tangents = contact.frame[:3], contact.frame[3:].reshape(2, 3)
+            point = contact.pos + 0.5 * contact.dist * normal
+            mujoco.mj_jac(model, data, jacobian, None, point, body)  # of the poses before the step
+            velocity, friction = jacobian @ data.qvel, force[1:3] @ tangents
+            rows.append((parts[body], *point, *normal, contact.dist, *velocity, force[0], *friction))
+        return Contacts.of(rows)
+
+
+class MujocoHfield(MujocoGround, Engine):
+    """Balls and boxes."""
+
+    def __init__(self, setup: Setup, options: MujocoOptions | None = None) -> None:
+        super().__init__(setup, options, (16 + len(setup.bodies)) << 20)
+        self._bodies = setup.bodies
+        for body in setup.bodies:
+            self._add(body)
+        self.compile()
+        for index, body in enumerate(setup.bodies):
+            self._place(index, body)
+        self.set_ground(self.ready(setup.heights))
 
     def step(self) -> None:
-        mujoco.mj_step(self.model, self.data, self._options.substeps)
+        mujoco.mj_step(self.model, self.data)
 
     def positions(self) -> FloatArray:
         return np.array(self.data.qpos).reshape(-1, 7)[:, :3]
@@ -115,31 +136,20 @@ class MujocoHfield(Engine):
         return twists
 
     def contacts(self) -> Contacts:
-        count = len(self._setup.bodies)
+        count = len(self._bodies)
         bodies = range(self.model.nbody - count, self.model.nbody)
-        return mujoco_contacts(self.model, self.data, dict(zip(bodies, range(count), strict=True)))
+        return self.contacts_of(dict(zip(bodies, range(count), strict=True)))
 
-    def close(self) -> None:
-        """Nothing is left open."""
-
-    def _add(self, spec: mujoco.MjSpec, body: EngineBody) -> None:
-        ball = isinstance(body.shape, Sphere)
-        size = [body.shape.radius, 0.0, 0.0] if isinstance(body.shape, Sphere) else _half(body)
-        # The tightest contact that MuJoCo takes, unless another is asked for.
-        step = spec.option.timestep
-        time_constant = self._options.time_constant or 2.0 * step
-        # Priority: the body's friction and contact hold, not a mixture with the ground's.
-        part = spec.worldbody.add_body(pos=body.state.position)
+    def _add(self, body: EngineBody) -> None:
+        shape = body.shape
+        part = self.spec.worldbody.add_body(pos=body.state.position)
         part.add_freejoint()
-        part.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_SPHERE if ball else mujoco.mjtGeom.mjGEOM_BOX,
-            size=size,
-            mass=body.mass,
-            friction=[body.friction, 0.0, 0.0],
-            condim=3,
-            priority=1,
-            solref=[time_constant, _damping_ratio(body.restitution)],
-        )
+        if isinstance(shape, Sphere):
+            kind, size = mujoco.mjtGeom.mjGEOM_SPHERE, [shape.radius, 0.0, 0.0]
+        else:
+            kind, size = mujoco.mjtGeom.mjGEOM_BOX, [0.5 * shape.x, 0.5 * shape.y, 0.5 * shape.z]
+        geom = part.add_geom(type=kind, size=size, mass=body.mass)
+        self.touch(geom, body.friction, _damping_ratio(body.restitution))
 
     def _place(self, index: int, body: EngineBody) -> None:
         state = body.state
@@ -148,27 +158,6 @@ class MujocoHfield(Engine):
         turned = np.empty(3)
         mujoco.mju_rotVecQuat(turned, np.array(state.angular), np.array([w, -x, -y, -z]))
         self.data.qvel[6 * index : 6 * index + 6] = [*state.linear, *turned]
-
-
-def mujoco_contacts(model: mujoco.MjModel, data: mujoco.MjData, parts: Mapping[int, int]) -> Contacts:
-    """Return the contacts of ``parts``, MuJoCo's bodies by their indices, with a height field, in the last step."""
-    rows, force, jacobian = [], np.zeros(6), np.zeros((3, model.nv))
-    for index, contact in enumerate(data.contact):
-        ground, body = model.geom_bodyid[contact.geom]  # sorted by kind: a height field comes first
-        if ground in parts:
-            continue
-        mujoco.mj_contactForce(model, data, index, force)
-        normal, tangents = contact.frame[:3], contact.frame[3:].reshape(2, 3)
-        point = contact.pos + 0.5 * contact.dist * normal
-        mujoco.mj_jac(model, data, jacobian, None, point, body)  # of the poses before the step
-        velocity, friction = jacobian @ data.qvel, force[1:3] @ tangents
-        rows.append((parts[body], *point, *normal, contact.dist, *velocity, force[0], *friction))
-    return Contacts.of(rows)
-
-
-def _half(body: EngineBody) -> list[float]:
-    assert not isinstance(body.shape, Sphere)
-    return [0.5 * body.shape.x, 0.5 * body.shape.y, 0.5 * body.shape.z]
 
 
 def _damping_ratio(restitution: float) -> float:

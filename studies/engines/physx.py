@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from studies.engines.engine import Contacts, Engine, EngineBody, Setup
+from studies.engines.engine import Contacts, Engine, EngineBody, GroundSetup, Setup, Simulation
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # about pictures, which are not wanted here
@@ -19,65 +18,69 @@ with warnings.catch_warnings():
     from sapien import physx
 
 
-@dataclass(frozen=True, kw_only=True)
-class PhysxOptions:
-    """``contact_offset`` [m]: distance at which contacts begin. ``bounce_threshold`` [m/s]: slower impacts do not
-    bounce. ``ccd``: continuous collision detection."""
-
-    contact_offset: float = 0.01
-    bounce_threshold: float = 0.2
-    ccd: bool = False
+Pose = sapien.Pose
+# Distance at which contacts begin [m].
+CONTACT_OFFSET = 0.01
+# Groups of bodies and of the ground: robots touch the ground, and not one another.
+BODY, GROUND = 1, 2
 
 
-class PhysxTrimesh(Engine):
-    """PhysX mixes the coefficients of a contact by their mean, and the ground has one material: bodies of different
-    friction or restitution get a mixture of theirs and the mean of all. Bodies never sleep."""
+class PhysxGround(Simulation):
+    """The mesh of the ground has one material. Contacts have no velocity of the ground. ``bounce_threshold`` [m/s]:
+    slower impacts do not bounce. Bodies below ``sleep_threshold`` fall asleep."""
 
-    name: ClassVar[str] = "physx"
+    bounce_threshold: ClassVar[float] = 2.0
 
-    def __init__(self, setup: Setup, options: PhysxOptions | None = None) -> None:
-        chosen = options or PhysxOptions()
-        self._setup = setup
+    def __init__(self, setup: GroundSetup, friction: float, restitution: float, sleep_threshold: float = 0.0) -> None:
+        self.setup = setup
         self._steps = 0
         # These are global to SAPIEN and read when a scene, a shape or a body is made.
-        physx.set_scene_config(
-            gravity=np.array(setup.gravity, np.float32), bounce_threshold=chosen.bounce_threshold, enable_ccd=chosen.ccd
-        )
-        self._contact_offset = chosen.contact_offset
-        physx.set_shape_config(contact_offset=self._contact_offset)
-        physx.set_body_config(sleep_threshold=0.0)
-        self._scene = sapien.Scene([physx.PhysxCpuSystem()])
-        self._scene.set_timestep(setup.dt)
-        friction = float(np.mean([body.friction for body in setup.bodies])) if setup.bodies else 0.5
-        restitution = float(np.mean([body.restitution for body in setup.bodies])) if setup.bodies else 0.0
+        physx.set_scene_config(gravity=np.array(setup.gravity, np.float32), bounce_threshold=self.bounce_threshold)
+        physx.set_shape_config(contact_offset=CONTACT_OFFSET)
+        physx.set_body_config(sleep_threshold=sleep_threshold)
+        self.scene = sapien.Scene([physx.PhysxCpuSystem()])
+        self.scene.set_timestep(setup.dt)
         self._material = physx.PhysxMaterial(friction, friction, restitution)
-        self._bodies = [self._add(body) for body in setup.bodies]
-        rows, columns = setup.heights.shape
-        self._triangles = grid_triangles(rows, columns).astype(np.uint32)
-        self._vertices = np.empty((rows * columns, 3), np.float32)
-        row, column = np.divmod(np.arange(rows * columns), columns)
-        self._vertices[:, 0], self._vertices[:, 1] = column * setup.resolution, row * setup.resolution
-        self._scale = np.ones(3, np.float32)
+        self._triangles = grid_triangles(*setup.heights.shape).astype(np.uint32)
+        self._vertices = setup.vertices().astype(np.float32)
         self._ground: Any = None
-        self.set_ground(setup.heights)
 
-    def set_ground(self, heights: FloatArray, velocities: FloatArray | None = None) -> None:
-        self._vertices[:, 2] = heights.ravel()
+    def set_ground(self, ready: FloatArray) -> None:
+        self._vertices[:, 2] = ready.ravel()
         if self._ground is not None:
-            self._scene.remove_entity(self._ground)
-        physx.set_shape_config(contact_offset=self._contact_offset)
-        shape = physx.PhysxCollisionShapeTriangleMesh(self._vertices, self._triangles, self._scale, self._material)
+            self.scene.remove_entity(self._ground)
+        physx.set_shape_config(contact_offset=CONTACT_OFFSET)
+        scale = np.ones(3, np.float32)
+        shape = physx.PhysxCollisionShapeTriangleMesh(self._vertices, self._triangles, scale, self._material)
+        shape.set_collision_groups([GROUND, BODY, 0, 0])
         collider = physx.PhysxRigidStaticComponent()
         collider.attach(shape)
         self._ground = sapien.Entity()
         self._ground.add_component(collider)
-        x, y = self._setup.offset(self._steps * self._setup.dt)
-        self._ground.pose = sapien.Pose((x, y, 0.0))
-        self._scene.add_entity(self._ground)
+        self._ground.pose = Pose((*self.setup.offset(self._steps * self.setup.dt), 0.0))
+        self.scene.add_entity(self._ground)
 
     def step(self) -> None:
-        self._scene.step()
+        self.scene.step()
         self._steps += 1
+
+    def close(self) -> None:
+        self._ground = None
+        self.scene = None
+
+
+class PhysxTrimesh(PhysxGround, Engine):
+    """PhysX mixes the coefficients of a contact by their mean, and the ground has one material: bodies of different
+    friction or restitution get a mixture of theirs and the mean of all. Bodies never sleep."""
+
+    bounce_threshold: ClassVar[float] = 0.2
+
+    def __init__(self, setup: Setup, _: None = None) -> None:
+        friction = float(np.mean([body.friction for body in setup.bodies])) if setup.bodies else 0.5
+        restitution = float(np.mean([body.restitution for body in setup.bodies])) if setup.bodies else 0.0
+        super().__init__(setup, friction, restitution)
+        self._bodies = [self._add(body) for body in setup.bodies]
+        self.set_ground(self.ready(setup.heights))
 
     def positions(self) -> FloatArray:
         return np.array([body.entity_pose.p for body in self._bodies], np.float64).reshape(-1, 3)
@@ -93,12 +96,12 @@ class PhysxTrimesh(Engine):
     def contacts(self) -> Contacts:
         """Return the contacts of the last step; SAPIEN tells their normal forces only."""
         rows, index = [], {body.entity.per_scene_id: number for number, body in enumerate(self._bodies)}
-        for contact in self._scene.get_contacts():
+        for contact in self.scene.get_contacts():
             first, second = (index.get(part.entity.per_scene_id) for part in contact.bodies)
             if first is not None and second is not None:
                 continue
             own, sign = (first, 1.0) if first is not None else (second or 0, -1.0)
-            body, dt = self._bodies[own], self._setup.dt
+            body, dt = self._bodies[own], self.setup.dt
             before = body.entity_pose.p - dt * body.linear_velocity
             for point in contact.points:
                 velocity = body.linear_velocity + np.cross(body.angular_velocity, point.position - before)
@@ -108,8 +111,7 @@ class PhysxTrimesh(Engine):
 
     def close(self) -> None:
         self._bodies.clear()
-        self._ground = None
-        self._scene = None
+        super().close()
 
     def _add(self, body: EngineBody) -> Any:
         material = physx.PhysxMaterial(body.friction, body.friction, body.restitution)
@@ -128,8 +130,8 @@ class PhysxTrimesh(Engine):
         entity = sapien.Entity()
         entity.add_component(part)
         x, y, z, w = state.orientation
-        entity.pose = sapien.Pose(state.position, (w, x, y, z))
-        self._scene.add_entity(entity)
+        entity.pose = Pose(state.position, (w, x, y, z))
+        self.scene.add_entity(entity)
         part.linear_velocity = np.array(state.linear, np.float32)
         part.angular_velocity = np.array(state.angular, np.float32)
         return part

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import rapier3d as rapier
@@ -33,8 +33,6 @@ class RapierHeightfield(Engine):
     without clusters boxes that land tip over. Contacts do not tell their impulses, only pairs of bodies their sum.
     """
 
-    name: ClassVar[str] = "rapier"
-
     def __init__(self, setup: Setup, options: RapierOptions | None = None) -> None:
         chosen = options or RapierOptions()
         self._setup = setup
@@ -56,8 +54,8 @@ class RapierHeightfield(Engine):
         self._ground = world.add_collider(ground.rotation(UPRIGHT).friction(0.0).restitution(0.0))
         self._move_ground()
 
-    def set_ground(self, heights: FloatArray, velocities: FloatArray | None = None) -> None:
-        self._world.colliders[self._ground].shape = rapier.SharedShape.heightfield(self._flipped(heights), self._scale)
+    def set_ground(self, ready: FloatArray) -> None:
+        self._world.colliders[self._ground].shape = rapier.SharedShape.heightfield(self._flipped(ready), self._scale)
         if self._setup.slides:
             self._move_ground()
 

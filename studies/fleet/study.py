@@ -15,8 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from smartmesh_ros.node.fleet.layout import WAVES, FleetPlan
-from studies.fleet import network
-from studies.fleet.site import Site, load, site
+from studies.fleet.site import Site, enter, load, site
 from studies.machine import short
 
 # Real time, as far as it counts; bodies start so far apart [m], in squares of so many on a side, one to a quarter of
@@ -128,7 +127,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="a minute, and one figure")
     parser.add_argument("--out", type=Path, default=Path("out/fleet"), help="folder of figures and pictures")
     options = parser.parse_args()
-    network.enter()
+    enter()
     options.out.mkdir(parents=True, exist_ok=True)
     fleets = ((2, True),) if options.quick else ((1, True), (2, True), (4, True), (4, False))
     start, most, seconds = (100, 100, 4.0) if options.quick else (200, 2200, 6.0)

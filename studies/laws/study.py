@@ -10,14 +10,21 @@ import numpy as np
 
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.terrain.grid import FloatArray
-from studies.configurations import OURS, RATE, Configuration, rivals
+from studies.configurations import OURS, RATE, Configuration, rivals, robot_configurations
 from studies.engines.smartmesh import SmartMeshOptions
-from studies.laws.husky import end_of_husky, residuals_of_husky
-from studies.laws.measures import Residuals, joined, spread
-from studies.laws.trials import COURSES, TRIALS, end_in, residuals_in
+from studies.laws.trials import (
+    COURSES,
+    TRIALS,
+    Residuals,
+    end_in,
+    end_of_husky,
+    joined,
+    residuals_in,
+    residuals_of_husky,
+    spread,
+)
 from studies.markdown import number, table
 from studies.pages import ROOT, fill
-from studies.robots.configurations import configurations as robot_configurations
 
 PAGE = ROOT / "docs" / "accuracy.md"
 # Runs, and how far their starts are from the middle one at most [m].

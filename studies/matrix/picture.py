@@ -5,11 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.motion import MotionConfig
+from studies.configurations import BARE
 from studies.markdown import table
+from studies.matrix.real_maps import CELLS, STEP, Site
 from studies.matrix.row import Outcome
 
 PASS, FAIL, NONE = "#cfe8d5", "#f4c7c3", "#eeeeee"
@@ -71,3 +79,65 @@ def _cell(x: int, y: int, colour: str):  # type: ignore[no-untyped-def]
     from matplotlib.patches import Rectangle
 
     return Rectangle((x, y), 1, 1, facecolor=colour, edgecolor="white", linewidth=1.5)
+
+
+class Way(NamedTuple):
+    """A way to process maps, and its physics and colliders."""
+
+    name: str
+    colour: str
+    motion: MotionConfig
+    physics: PhysicsConfig = PhysicsConfig()
+    patch: PatchConfig = PatchConfig()
+
+
+def ways(noise: float) -> tuple[Way, ...]:
+    """Ours as corrections of such a noise [m], ours as motion of exact heights, and PyBullet whose heightfield is
+    replaced by each map."""
+    return (
+        Way("PyBullet, heightfield replaced", "#9a9a9a", MotionConfig(mode="hold"),
+            PhysicsConfig(guard=False), PatchConfig(kind="whole_heightfield", **BARE)),
+        Way("as motion (before)", "#d1605e", MotionConfig()),
+        Way("as corrections (now)", "#2f6fab", MotionConfig(changes="correction", noise=noise)),
+    )  # fmt: skip
+
+
+def corrected(way: Way, by: float, kind: str = "box") -> FloatArray:
+    """Height of a body over where it was [m], for 0.2 s before its ground is corrected and 1.3 s after."""
+    with Site(way.patch, kind, motion=way.motion, physics=way.physics) as site:
+        rest = [state.position[2] for state in site.run(1.0)][-1]
+        site.tell(site.level)
+        before = [state.position[2] for state in site.run(0.2)]
+        site.tell(site.level + by)
+        return np.array(before + [state.position[2] for state in site.run(1.3)]) - rest
+
+
+def noisy(way: Way, noise: float, seconds: float, rate: float = 20.0, kind: str = "box") -> FloatArray:
+    """Return the height of a body over its true rest [m] on ground whose maps have white noise [m]."""
+    rng = np.random.default_rng(2)
+    heights: list[float] = []
+    with Site(way.patch, kind, motion=way.motion, physics=way.physics) as site:
+        rest = site.state.position[2]
+        for _ in range(round(seconds * rate)):
+            site.tell(rng.normal(0.0, noise, (CELLS, CELLS)))
+            heights += [state.position[2] for state in site.run(1.0 / rate)]
+    return np.array(heights) - rest
+
+
+def draw_box(path: Path, by: float = 0.1, noise: float = 0.01, seconds: float = 5.0) -> None:
+    """A correction and noise, each in the three ways."""
+    figure = Figure((9.0, 3.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2)
+    for way in ways(0.0):
+        moved = 1e3 * corrected(way, by)
+        left.plot(STEP * np.arange(len(moved)) - 0.2, moved, color=way.colour, label=way.name, linewidth=1.4)
+    left.axhline(1e3 * by, color="black", linewidth=0.6, linestyle=":")
+    left.set(title=f"a loop closure corrects the ground by {100 * by:g} cm", xlabel="time [s]",
+             ylabel="box over its old rest [mm]")  # fmt: skip
+    for way in ways(noise):
+        moved = 1e3 * noisy(way, noise, seconds)
+        right.plot(STEP * np.arange(len(moved)), moved, color=way.colour, linewidth=1.0)
+    right.set(title=f"white noise of {1e3 * noise:g} mm at 20 Hz", xlabel="time [s]", ylabel="box over its rest [mm]")
+    left.legend(frameon=False, fontsize=8)
+    figure.savefig(path, dpi=90)

@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from smartmesh_ros.errors import InputError
 from studies.matrix import (
     changes,
-    edges,
     moving_ground,
     real_maps,
     rules,
@@ -26,7 +25,6 @@ ROWS: tuple[Row, ...] = (
     *changes.ROWS,
     *rules.ROWS,
     *touching.ROWS,
-    *edges.ROWS,
     *real_maps.ROWS,
     *uneven_maps.ROWS,
     *sleeping.ROWS,

@@ -3,42 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import pybullet as pb
 
-from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.scenes.moving import FloatGrid
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.world.world import World, WorldConfig
 from studies.engines.bullet import bullet_contacts
 from studies.engines.engine import Contacts
+from studies.engines.smartmesh import SmartMeshOptions, world_on
 from studies.robots.engine import FRICTION, SERVO, Links, RobotEngine, RobotSetup
-
-
-@dataclass(frozen=True, kw_only=True)
-class WorldOptions:
-    """Configurations of patches, of motion between maps, and of physics; the study overrides the step rate."""
-
-    patch: PatchConfig = field(default_factory=PatchConfig)
-    physics: PhysicsConfig = field(default_factory=PhysicsConfig)
-    motion: MotionConfig = field(default_factory=MotionConfig)
 
 
 class WorldRobots(RobotEngine):
     """`World` as it is, with the patches, rates and sleep of the options."""
 
-    def __init__(self, setup: RobotSetup, options: WorldOptions | None = None) -> None:
-        chosen = options or WorldOptions()
-        self.heightmap = HeightMap(setup.heights, geometry=setup.geometry, motion=chosen.motion)
-        physics = replace(chosen.physics, rate=1.0 / setup.dt)
-        self.world = World(self.heightmap, WorldConfig(physics=physics, patch=chosen.patch))
+    def __init__(self, setup: RobotSetup, options: SmartMeshOptions | None = None) -> None:
+        self.heightmap, self.world = world_on(setup, options or SmartMeshOptions())
         self._robot, self._dt = setup.robot, setup.dt
         for index, start in enumerate(setup.starts.tolist()):
             self._add(f"robot_{index}", setup.text, start, setup.speed)
@@ -77,8 +59,11 @@ class WorldRobots(RobotEngine):
             force=self._robot.torque, positionGain=self._dt / SERVO, velocityGain=1.0,
         )  # fmt: skip
 
-    def set_ground(self, heights: FloatGrid) -> None:
-        self.heightmap.replace(heights, time=self.world.time)
+    def ready(self, heights: Any) -> Any:
+        return heights
+
+    def set_ground(self, ready: Any) -> None:
+        self.heightmap.replace(ready, time=self.world.time)
 
     def hold(self, positions: Mapping[str, float]) -> None:
         for body in self.world.bodies.values():

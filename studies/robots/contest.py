@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from tempfile import NamedTemporaryFile
 from typing import Any, ClassVar
 
+import numpy as np
 import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.configurations import Configuration
-from studies.contest import Contest, Result, Rules, Runner, run
+from studies.contest import FINE_RATE, HORIZON, Contest, Result, Rules, Runner, run
+from studies.engines.smartmesh import SmartMeshOptions
 from studies.robots.bullet_robots import WorldRobots
-from studies.robots.configurations import build
-from studies.robots.engine import Links, RobotEngine, RobotSetup
+from studies.robots.engine import Links, RobotEngine, RobotSetup, setup_of
 from studies.robots.geometry import GroundPrisms, Part, read_links
-from studies.robots.reference import centres_of, reference_centres
 from studies.robots.scene import STARTS, RobotScene
-from studies.robots.urdf import prepared
 
 # Length of a run, and its beginning that is not measured [s]; pieces, and processor time until an engine is stopped
 # [s]. Measurements in a second [Hz]: no multiple of the rate of the maps, so that they see maps of every age.
 SECONDS, SETTLE, PIECES, PATIENCE, SAMPLES = 2.0, 1.0, 8, 6.0, 30.0
+# Rate of the reference's maps, and of its patches [Hz]. The ground's velocity carries them in between.
+MAPS = 240.0
 
 
 class RobotContest(Contest):
@@ -38,21 +42,17 @@ class RobotContest(Contest):
         )  # fmt: skip
         super().__init__(rules, scene.ground)
         self._scene = scene
-        self._text = prepared(scene.robot.urdf)
         self._parts: dict[str, list[list[Part]]] = {}  # of the links, by configuration
 
     def enter(self, configuration: Configuration) -> RobotEngine:
         setup = self._setup(configuration.rate)
         try:
-            engine = build(configuration, setup)
+            engine: RobotEngine = configuration.build(setup)
         except (ValueError, RuntimeError) as error:
             raise InputError("robot", f"does not load: {error}") from error
         parts = _parts_of(engine, setup)
         self._parts[configuration.name] = [parts[name] for name in engine.names]
         return engine
-
-    def handing(self, configuration: Configuration, engine: Any, heights: Any) -> Callable[[], None]:
-        return lambda: engine.set_ground(heights)
 
     def act(self, engine: Any, time: float) -> None:
         if self._scene.trot is not None:
@@ -76,15 +76,12 @@ class RobotContest(Contest):
         return centres_of(state)
 
     def reference(self) -> FloatArray:
-        return reference_centres(self._scene, self._setup(8.0 * 240.0))
+        return reference_centres(self._scene, self._setup(FINE_RATE))
 
     def _setup(self, rate: float) -> RobotSetup:
         """Return the robots for an engine that steps at ``rate`` [Hz]."""
-        scene, ground = self._scene, self._scene.ground
-        return RobotSetup(
-            robot=scene.robot, text=self._text, starts=scene.starts, heights=ground.heights(0.0),
-            geometry=ground.geometry, dt=1.0 / rate, speed=scene.speed,
-        )  # fmt: skip
+        scene = self._scene
+        return setup_of(scene.robot, scene.ground, scene.starts, rate, scene.speed)
 
 
 def run_scene(scene: RobotScene, chosen: Sequence[Configuration], say: Callable[[str], None]) -> dict[str, Result]:
@@ -116,3 +113,27 @@ def shapes_of(text: str, *, prisms: bool) -> Mapping[str, list[Part]]:
         return dict(zip(names, read_links(client, uid, links), strict=True))
     finally:
         client.disconnect()
+
+
+def centres_of(links: Links) -> FloatArray:
+    """Return where robots are (N, 3) [m]: the mean of the frames of their links."""
+    return np.asarray(links.positions.mean(axis=1))
+
+
+def reference_centres(scene: RobotScene, setup: RobotSetup) -> FloatArray:
+    """Return where robots are after `HORIZON` (N, 3) [m].
+
+    On ground at rest the collider is a triangle mesh of the whole map, without a filter of inner edges. On moving
+    ground, where a whole collider has no velocity, it is ours, with an eighth of the step.
+    """
+    patch = PatchConfig(kind="whole_trimesh") if scene.motion == "rest" else PatchConfig(rate=MAPS)
+    options = SmartMeshOptions(patch=patch, physics=PhysicsConfig(sleep=False))
+    with WorldRobots(setup, options) as engine:
+        for step in range(math.floor(HORIZON / setup.dt + 0.5)):
+            time = step * setup.dt
+            if scene.trot is not None:
+                engine.hold(scene.joints(time))
+            if scene.map_rate and step and step % round(1.0 / (setup.dt * MAPS)) == 0:
+                engine.set_ground(scene.ground.heights(time))
+            engine.step()
+        return centres_of(engine.links())

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import re
+import xml.etree.ElementTree as ET
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.scenes.moving import FloatGrid
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
-from studies.engines.engine import Simulation
+from smartmesh_ros.scenes.moving import Scene
+from smartmesh_ros.terrain.grid import FloatArray
+from studies.engines.engine import GroundSetup, Simulation
 from studies.robots.robot import Robot
 
 # Time constant [s] of the servos that hold joints: the error shrinks by a tenth in a step of 1 / 240 s, which is
@@ -22,20 +25,26 @@ FRICTION = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RobotSetup:
+class RobotSetup(GroundSetup):
     """Robots of one kind on a height map.
 
-    ``text``: the `prepared` URDF. ``starts`` (N, 3) [m]: of the frames of their root links, all level. ``heights``
-    (R, C) [m] on ``geometry``. ``dt`` [s]: of a step. ``speed`` [rad/s]: of the wheels, 0 = braked.
+    ``text``: the `prepared` URDF. ``starts`` (N, 3) [m]: of the frames of their root links, all level. ``speed``
+    [rad/s]: of the wheels, 0 = braked.
     """
 
     robot: Robot
     text: str
     starts: FloatArray
-    heights: FloatGrid
-    geometry: GridGeometry
-    dt: float
     speed: float = 0.0
+
+
+def setup_of(robot: Robot, ground: Scene, starts: FloatArray, rate: float, speed: float) -> RobotSetup:
+    """Return robots on a ground as it is at the beginning, for steps at a ``rate`` [Hz]."""
+    x, y, _ = ground.geometry.origin
+    return RobotSetup(
+        robot=robot, text=prepared(robot.urdf), starts=starts, speed=speed, heights=ground.heights(0.0), origin=(x, y),
+        resolution=ground.geometry.resolution, dt=1.0 / rate,
+    )  # fmt: skip
 
 
 class Links(NamedTuple):
@@ -51,16 +60,12 @@ class RobotEngine(Simulation):
 
     ``names``: of the links with collision shapes (L,). All joints of the robot's stance are servos of time constant
     `SERVO` and the robot's torque; its wheels keep their speed with the same torque; other joints turn freely. Links of
-    robots do not collide with one another.
+    robots do not collide with one another. Velocities are those of the centres of mass.
     """
 
     names: tuple[str, ...]
     # True if the engine collides cylinders as prisms of 32 sides.
     has_prisms: ClassVar[bool] = False
-
-    @abstractmethod
-    def set_ground(self, heights: FloatGrid) -> None:
-        """Replace the map by the current heights (R, C) [m]."""
 
     @abstractmethod
     def hold(self, positions: Mapping[str, float]) -> None:
@@ -70,11 +75,55 @@ class RobotEngine(Simulation):
     def links(self) -> Links:
         """Return the frames of the links ``names``."""
 
-    @abstractmethod
-    def velocities(self) -> FloatArray:
-        """Return the velocities of the robots' centres of mass (N, 3) [m/s]."""
-
 
 def xyzw(wxyz: FloatArray) -> FloatArray:
     """Return quaternions (..., 4) whose scalar comes first with the scalar last."""
     return np.asarray(wxyz)[..., [1, 2, 3, 0]]
+
+
+# Mass of links whose description gives none [kg]. Loaders differ: PyBullet takes 1 kg, others nothing.
+MASSLESS = 0.01
+# What a file of husky has kept of its macros: the value of an environment variable, or what stands behind its name.
+_OPTIONAL = re.compile(r"\$\(optenv \w+ ([^)]*)\)")
+
+
+def prepared(urdf: str) -> str:
+    """Return the text of a URDF file or text with what loaders agree about: links, joints and collision shapes.
+
+    Paths of meshes are absolute. Pictures and extensions are left out. Links without a mass get a small one.
+    """
+    is_text = urdf.lstrip().startswith("<")
+    root = ET.fromstring(urdf) if is_text else ET.parse(urdf).getroot()
+    for part in list(root):
+        if part.tag not in ("link", "joint"):
+            root.remove(part)
+    for link in root.iter("link"):
+        for tag in ("visual", "contact"):
+            for part in link.findall(tag):
+                link.remove(part)
+        if link.find("inertial") is None:
+            link.append(_inertial(MASSLESS))
+    for part in root.iter():
+        for name, value in part.attrib.items():
+            part.set(name, _OPTIONAL.sub(r"\1", value))
+    folder = Path() if is_text else Path(urdf).parent
+    for mesh in root.iter("mesh"):
+        mesh.set("filename", str((folder / mesh.attrib["filename"]).resolve()))
+    return ET.tostring(root, encoding="unicode")
+
+
+def _inertial(mass: float) -> ET.Element:
+    """Return the inertia of a ball of 0.1 m."""
+    moment = f"{0.4 * mass * 0.1**2:g}"
+    found = ET.Element("inertial")
+    ET.SubElement(found, "mass", value=f"{mass:g}")
+    ET.SubElement(found, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0")
+    return found
+
+
+def root_link(text: str) -> str:
+    """Return the name of the link that is no child of any joint."""
+    root = ET.fromstring(text)
+    children = {child.attrib["link"] for joint in root.iter("joint") for child in joint.findall("child")}
+    [name] = [link.attrib["name"] for link in root.iter("link") if link.attrib["name"] not in children]
+    return name

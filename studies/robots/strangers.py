@@ -14,8 +14,8 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.world import World, WorldConfig
 from studies.matrix.arena import square
-from studies.robots.ground import HEAVING, STILL, RoughHills
 from studies.robots.robot import DATA
+from studies.robots.scene import HEAVING, STILL, RoughHills
 
 # Descriptions that come with PyBullet.
 STRANGERS = {

@@ -5,30 +5,27 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from smartmesh_ros.errors import InputError
-from studies.chart import draw_all, draw_scene
-from studies.configurations import Family
-from studies.contest import Result
+from studies.configurations import robot_configurations
 from studies.machine import describe, measured_on
 from studies.markdown import table
 from studies.pages import fill
 from studies.progress import Progress
-from studies.results_file import records, save_results
-from studies.robots.configurations import configurations
+from studies.results_file import save_results
 from studies.robots.contest import run_scene
 from studies.robots.scene import RobotScene, scenes
 from studies.robots.strangers import MOST_RESCUES, Stranger, run_strangers
-from studies.tables import all_tables, front_table, summary_table
+from studies.scene_charts import Charts, Results
 
-Results = dict[str, dict[str, Result]]
-# Largest penetration of the deepest link, 99 % [m], by motion of the ground.
-DEEPEST = {"rest": 0.001, "wave": 0.003, "maps": 0.003}
-PAGE, DATA, TABLES = "robot_charts.md", "robots.json", "robot_tables.md"
+CHARTS = Charts(
+    "robots", "make robots", "[robots in the charts](robot_charts.md)", "robot", data="robots.json",
+    tables="robot_tables.md",
+)  # fmt: skip
+PAGE = "robot_charts.md"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -39,27 +36,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"robots: there is no scene {', '.join(sorted(unknown))}; choose {', '.join(known)}", file=sys.stderr)
         return 2
     out = folder_of(options)
-    images = out / "images" / "robots"
-    images.mkdir(parents=True, exist_ok=True)
-    say = Progress()
-
-    chosen = [known[name] for name in options.scenes] or scenes(quick=options.quick)
-    configured = configurations(quick=options.quick)
-    families: dict[str, Family] = {one.name: one.family for one in configured}
-    results: Results = {}
-    data: dict[str, Any] = {"machine": describe(), "quick": options.quick}
-    for scene in chosen:
-        results[scene.name] = run_scene(scene, configured, say)
-        draw_scene(images / f"{scene.name}.png", scene.title, results[scene.name], families, unit="robot")
-        data["scenes"] = records(results)
-        save_results(out / DATA, data)
+    images, say = CHARTS.images(out), Progress()
+    found = describe()
+    save_results(out / CHARTS.data, {"machine": found, "quick": options.quick})
+    todo = [known[name] for name in options.scenes] or scenes(quick=options.quick)
+    chosen = robot_configurations(quick=options.quick)
+    by_title = {scene.title: scene for scene in todo}
+    results = CHARTS.run(out, by_title, chosen, lambda scene: run_scene(scene, chosen, say))
     strangers = [] if options.scenes else run_strangers(say, quick=options.quick)
-    data["strangers"] = [asdict(one) for one in strangers]
-    save_results(out / DATA, data)
+    save_results(out / CHARTS.data, {"strangers": [asdict(one) for one in strangers]})
     print(file=sys.stderr)
-    blocks = _blocks(chosen, results, families, strangers)
-    draw_all(images / "all.png", _titles(chosen), results, families, unit="robot")
-    (out / TABLES).write_text(_tables_page(chosen, results, blocks["machine"]))
+    machine = f"{measured_on(found)}."
+    blocks = {
+        "machine": machine,
+        **CHARTS.write(out, {scene.name: scene.title for scene in todo}, chosen, results, machine),
+        "depths": depths_table(todo, results),
+        "refused": refused(results),
+        "strangers": strangers_table(strangers),
+    }
     try:
         if (out / PAGE).exists():
             fill(out / PAGE, blocks)
@@ -68,8 +62,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except InputError as error:
         print(f"robots: {error}", file=sys.stderr)
         return 2
-    print(limits_table(chosen, results))
-    print(f"\nwrote {out}/{PAGE}, {TABLES}, {DATA} and {images} in {say.elapsed:.0f} s")
+    print(
+        f"{blocks['depths']}\n\nwrote {out}/{PAGE}, {CHARTS.tables}, {CHARTS.data} and {images} in {say.elapsed:.0f} s"
+    )
     return 0
 
 
@@ -79,42 +74,11 @@ def folder_of(options: argparse.Namespace) -> Path:
     return folder
 
 
-def _titles(chosen: Sequence[RobotScene]) -> dict[str, str]:
-    return {scene.name: scene.title for scene in chosen}
-
-
-def _blocks(
-    chosen: Sequence[RobotScene], results: Results, families: Mapping[str, Family], strangers: Sequence[Stranger]
-) -> dict[str, str]:
-    """Return the blocks of the page by name."""
-    titles = _titles(chosen)
-    return {
-        "machine": f"{measured_on(describe())}.",
-        "summary": summary_table(titles, results, families),
-        "front": front_table(titles, results, families),
-        "depths": depths_table(chosen, results),
-        "refused": refused(results),
-        "strangers": strangers_table(strangers),
-    }
-
-
 def depths_table(chosen: Sequence[RobotScene], results: Results) -> str:
     """Return the penetration of the defaults' deepest links."""
     names = ("defaults", "defaults, never asleep")
     rows = [[scene.title, *(f"{1e3 * results[scene.name][name].p99:.2f}" for name in names)] for scene in chosen]
     return table(["deepest link, 99 % [mm]", "defaults", "never asleep"], rows)
-
-
-def limits_table(chosen: Sequence[RobotScene], results: Results) -> str:
-    """Return the penetration of the defaults' deepest links beside its limit, which the study prints."""
-    rows = []
-    for scene in chosen:
-        own, awake = (results[scene.name][name] for name in ("defaults", "defaults, never asleep"))
-        limit = DEEPEST[scene.motion]
-        worst = max(own.p99, awake.p99)
-        verdict = "yes" if worst <= limit else "**no**"
-        rows.append([scene.title, f"{1e3 * own.p99:.2f}", f"{1e3 * awake.p99:.2f}", f"{1e3 * limit:g}", verdict])
-    return table(["deepest link, 99 % [mm]", "defaults", "never asleep", "limit", "kept"], rows)
 
 
 def refused(results: Results) -> str:
@@ -142,12 +106,6 @@ def strangers_table(strangers: Sequence[Stranger]) -> str:
         for one in strangers
     ]
     return table(["robot", "drift [mm]", "rescues", "limit", "kept"], rows)
-
-
-def _tables_page(chosen: Sequence[RobotScene], results: Results, machine: str) -> str:
-    head = f"# Robots: every figure of every scene\n\nWritten by `make robots`. {machine}\n"
-    head += "See [robots in the charts](robot_charts.md) for what the figures mean.\n\n"
-    return head + all_tables("robots", _titles(chosen), results)
 
 
 def _parser() -> argparse.ArgumentParser:

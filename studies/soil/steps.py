@@ -15,9 +15,8 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.world.world import World
 from studies.markdown import table
 from studies.soil.arcs import free_slip, undamped, wheel_forces
-from studies.soil.measured import K10, SMOOTH
 from studies.soil.rig import roll
-from studies.soil.trials import Wheel, plate_sinkage
+from studies.soil.trials import K10, SMOOTH, Wheel, plate_sinkage
 from studies.soil.vehicles import GRAVITY, WARTHOG, Cart, drive, set_down
 
 # Damping at which boxes do not sink beyond their depth of rest [Pa s/m].

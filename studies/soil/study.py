@@ -19,9 +19,10 @@ from smartmesh_ros.world.world import World
 from studies.markdown import table
 from studies.pages import ROOT, fill
 from studies.soil import steps
-from studies.soil.measured import K10, SMOOTH
 from studies.soil.trials import (
+    K10,
     RIGID,
+    SMOOTH,
     TOWED,
     PlateTrial,
     TowedWheel,

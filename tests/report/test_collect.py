@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from smartmesh_ros.report.collect import cached_topology, queue_bfs, topology_around, union_bfs
 from smartmesh_ros.terrain.graph import GridGraph, TriangleGraph
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from studies.bench.template import patch_template
+from studies.bench.searching import patch_template
 
 
 def flat_mesh(rows: int, columns: int) -> TriangleMesh:
@@ -70,8 +70,7 @@ def test_counts_of_the_triangle_graph(rings: int) -> None:
 def test_the_template_is_what_a_search_collects(rings: int, stride: int, row: int, column: int) -> None:
     rows, columns = 40, 35
     collected = queue_bfs(GridGraph(rows, columns, stride), row * columns + column, rings)
-    template = patch_template(rings)
-    expected = row * columns + column + template.indices(columns)[0] * stride
+    expected = row * columns + column + patch_template(rings, columns) * stride
     np.testing.assert_array_equal(collected, expected)
 
 

@@ -14,7 +14,7 @@ from studies.contest import Result
 from studies.front import beyond_all, cheapest_as_accurate, only_by, pareto_front
 from studies.matrix.row import Outcome
 from studies.matrix.run import ROWS, run_cell
-from studies.patch_tables import choosing_table, rates_table
+from studies.tables import choosing_table, rates_table
 
 
 @pytest.mark.parametrize("row", [row for row in ROWS if row.quick], ids=lambda row: row.name)
@@ -81,7 +81,7 @@ def small_scene() -> Scene:
 @pytest.fixture(scope="module")
 def results() -> dict[str, Result]:
     """The small scene in every engine."""
-    return run_scene(small_scene(), configurations(True), lambda _: None, pieces=3)
+    return run_scene(small_scene(), configurations(quick=True), lambda _: None, pieces=3)
 
 
 def test_a_scene_runs_in_every_engine_and_bodies_stay_on_level_ground(results: dict[str, Result]) -> None:

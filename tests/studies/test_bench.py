@@ -9,11 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from smartmesh_ros.errors import InputError
-from studies.bench import cli, document, report
+from studies.bench import cli, report
 from studies.bench.measure import QUICK, Bench, Case, Effort, Results, Timing
-from studies.bench.tables import targets
-from studies.bench.targets import TARGETS
 from studies.markdown import number, times
 
 PNG = b"\x89PNG"
@@ -30,24 +27,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_one_json_with_every_kind_of_figure(folder: Path) -> None:
-    data = json.loads((folder / document.RESULTS).read_text())
+    data = json.loads((folder / cli.RESULTS).read_text())
     assert set(data["machine"]) == {"cores", "cpu", "load", "versions"}
     measured = {entry["what"] for entry in data["timings_us"]}
-    assert measured >= {"simple", "smart", "local", "search", "search_batch", "collect", "update", "step", "ingest"}
+    assert measured >= {"simple", "smart", "local", "search", "search_batch", "collect", "update", "ingest"}
     for entry in data["timings_us"]:
         assert 0.0 < entry["low"] <= entry["median"] <= entry["high"]
-    run = document.read(folder / document.RESULTS)
-    assert run.results.as_json() == {name: data[name] for name in ("left_out", "timings_us")}
+    assert Results.from_json(data).as_json() == {name: data[name] for name in ("left_out", "timings_us")}
 
 
 def test_a_table_and_a_picture_for_each_of_the_reports(folder: Path) -> None:
-    tables = (folder / document.TABLES).read_text()
+    tables = (folder / cli.TABLES).read_text()
     for heading in [f"Table {index}" for index in range(1, 7)]:
         assert f"### {heading}:" in tables
-    printed = targets(document.read(folder / document.RESULTS).results)
-    for target in TARGETS:
-        assert target.text in printed
-        assert target.text not in tables, "a page shows no targets"
     pictures = sorted(folder.glob("figure_*.png"))
     assert [picture.stem for picture in pictures] == [f"figure_{n:02d}" for n in (2, 12, 13, 14, 15, 16, 17)]
     assert all(picture.read_bytes().startswith(PNG) for picture in pictures)
@@ -56,22 +48,14 @@ def test_a_table_and_a_picture_for_each_of_the_reports(folder: Path) -> None:
 def test_tables_anew_from_an_earlier_run(folder: Path, tmp_path: Path) -> None:
     words = tmp_path / "benchmarks.md"
     words.write_text("# By hand\n\n<!-- generated: tables of core, code old -->\nold\n<!-- end -->\n\nBy hand, too.\n")
-    arguments = ["--from", str(folder / document.RESULTS), "--out", str(tmp_path), "--document", str(words)]
+    arguments = ["--from", str(folder / cli.RESULTS), "--out", str(tmp_path), "--document", str(words)]
     assert cli.main(arguments) == 0
     text = words.read_text()
     assert text.startswith("# By hand\n\n<!-- generated: tables of core")
     assert text.endswith("<!-- end -->\n\nBy hand, too.\n")
-    assert (folder / document.TABLES).read_text() in text
+    assert (folder / cli.TABLES).read_text() in text
     assert "old" not in text
-    assert len(list((tmp_path / document.PICTURES).glob("*.png"))) == 7
-
-
-def test_a_document_without_marks_is_refused(tmp_path: Path) -> None:
-    words = tmp_path / "other.md"
-    words.write_text("# Other\n")
-    with pytest.raises(InputError, match="no block"):
-        document.update(words, "tables")
-    assert words.read_text() == "# Other\n"
+    assert len(list((tmp_path / cli.PICTURES).glob("*.png"))) == 7
 
 
 def test_each_run_is_prepared_and_enough_frames_are_measured() -> None:
@@ -97,7 +81,6 @@ def test_sizes_that_would_take_too_long_are_known_before() -> None:
 def test_what_was_not_measured_is_no_figure() -> None:
     results = Results()
     assert math.isnan(results.us("simple", "physx", side=3))
-    assert not any(target.reached(results) for target in TARGETS)
     assert number(math.nan) == times(math.nan) == "-"
 
 

@@ -13,8 +13,19 @@ from smartmesh_ros.terrain.grid import FloatArray
 from studies.configurations import Configuration
 from studies.engines.engine import Contacts, Simulation
 from studies.laws import study
-from studies.laws.measures import GRAVITY, PRESSED, SLIPS, Residuals, residuals, spread
-from studies.laws.trials import COURSES, TRIALS, completed, end_in, entered
+from studies.laws.trials import (
+    COURSES,
+    GRAVITY,
+    PRESSED,
+    SLIPS,
+    TRIALS,
+    Residuals,
+    completed,
+    end_in,
+    entered,
+    residuals,
+    spread,
+)
 
 MU, WEIGHT, DT = 0.4, GRAVITY, 1.0 / 240.0
 FALL = GRAVITY * DT**2  # of a body in a step from rest [m]

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from studies.matrix.real_maps_picture import corrected, draw_box, noisy, ways
+from studies.matrix.picture import corrected, draw_box, noisy, ways
 
 
 def test_the_picture_is_drawn(tmp_path: Path) -> None:

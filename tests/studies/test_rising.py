@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros.terrain.grid import FloatArray
-from studies.rising import WAYS, grid, height, simulated
+from studies.rising_picture import WAYS, grid, height, simulated
 
 README = (Path(__file__).parents[2] / "README.md").read_text()
 

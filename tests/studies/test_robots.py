@@ -15,19 +15,16 @@ from pybullet_utils.bullet_client import BulletClient
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.tools.evaluation.distance import Surface, nearest
 from smartmesh_ros.world.world import World
-from studies.contest import Result
-from studies.engines.registry import missing
+from studies.configurations import robot_configurations
+from studies.engines.engine import missing
 from studies.matrix.arena import square
 from studies.robots import study
-from studies.robots.configurations import build, configurations
 from studies.robots.contest import shapes_of
-from studies.robots.engine import SERVO, RobotEngine, RobotSetup
+from studies.robots.engine import MASSLESS, SERVO, RobotEngine, RobotSetup, prepared
 from studies.robots.geometry import GroundPrisms, Part, cylinder, hull, placed, pose_of, read_links, sphere
-from studies.robots.robot import HUSKY, LAIKAGO, LEGS, RACECAR, ROVER, Robot, laikago_joints
+from studies.robots.robot import HUSKY, LAIKAGO, LEGS, PHASES, RACECAR, ROVER, Robot, Trot, laikago_joints
 from studies.robots.scene import RobotScene, scenes
 from studies.robots.strangers import Stranger, run_stranger
-from studies.robots.trot import PHASES, Trot
-from studies.robots.urdf import MASSLESS, prepared
 
 LEVEL = square(51, 0.04)
 FLAT = GroundPrisms(LEVEL, np.zeros((51, 51)))
@@ -138,15 +135,15 @@ def test_prepared_descriptions_stay_as_they_are_and_have_a_mass_for_every_link(r
 
 @pytest.mark.parametrize("engine", ["defaults", "whole heightfield", "MuJoCo tuned, 240 Hz", "PhysX, 240 Hz"])
 def test_every_engine_holds_a_braked_rover_up(engine: str) -> None:
-    [chosen] = [one for one in configurations(quick=True) if one.name == engine] or [None]
+    [chosen] = [one for one in robot_configurations(quick=True) if one.name == engine] or [None]
     if chosen is None:
         pytest.skip(f"{engine}: {missing('mujoco') or missing('physx')}")
     setup = RobotSetup(
         robot=ROVER, text=prepared(ROVER.urdf), starts=np.array([[-0.5, -0.4, 0.13], [0.5, 0.4, 0.13]]),
-        heights=np.zeros((51, 51), np.float32), geometry=LEVEL, dt=1.0 / 240.0,
+        heights=np.zeros((51, 51), np.float32), resolution=0.04, origin=(-1.0, -1.0), dt=1.0 / 240.0,
     )  # fmt: skip
     shapes = shapes_of(setup.text, prisms=False)
-    with build(chosen, setup) as robots:
+    with chosen.build(setup) as robots:
         for _ in range(180):
             robots.step()
         links = robots.links()
@@ -202,14 +199,7 @@ def test_scenes_have_names_of_their_own_and_all_robots_start_above_the_ground() 
         assert (scene.starts[:, 2] - scene.robot.height >= levels).all(), scene.name
 
 
-def test_what_is_too_deep_or_needs_rescues_is_marked() -> None:
-    scene = RobotScene(robot=ROVER, motion="rest", resolution=0.25)
-
-    def row(p99: float) -> str:
-        results = {name: Result(cost=1.0, p99=p99) for name in ("defaults", "defaults, never asleep")}
-        return study.limits_table([scene], {scene.name: results}).splitlines()[-1]
-
-    assert "**no**" in row(0.0011) and "**no**" not in row(0.0009)
+def test_what_needs_rescues_or_leaves_the_map_is_marked() -> None:
     good = Stranger(name="r2d2", moving=False, braked=True, drift=0.001, rescues=0)
     gone = Stranger(name="r2d2", moving=True, braked=True, drift=math.nan, rescues=0)
     saved = Stranger(name="r2d2", moving=False, braked=False, drift=0.001, rescues=1)
@@ -236,12 +226,12 @@ def test_a_part_of_a_run_changes_no_document(part: str) -> None:
 @pytest.mark.parametrize("engine", ["defaults", "MuJoCo tuned, 240 Hz", "PhysX, 240 Hz"])
 def test_servos_of_all_engines_approach_their_position_alike(engine: str) -> None:
     """In the air the error of a joint shrinks with the time constant of the servo."""
-    [chosen] = [one for one in configurations(quick=True) if one.name == engine] or [None]
+    [chosen] = [one for one in robot_configurations(quick=True) if one.name == engine] or [None]
     if chosen is None:
         pytest.skip(f"{engine}: {missing('mujoco') or missing('physx')}")
     setup = RobotSetup(
         robot=LAIKAGO, text=prepared(LAIKAGO.urdf), starts=np.array([[0.0, 0.0, 5.0]]),
-        heights=np.zeros((51, 51), np.float32), geometry=LEVEL, dt=1.0 / 240.0,
+        heights=np.zeros((51, 51), np.float32), resolution=0.04, origin=(-1.0, -1.0), dt=1.0 / 240.0,
     )  # fmt: skip
     knee = laikago_joints("FR")[2]
 
@@ -250,7 +240,7 @@ def test_servos_of_all_engines_approach_their_position_alike(engine: str) -> Non
         positions = robots.links().positions[0]
         return math.dist(*(positions[robots.names.index(name)] for name in ("toeFR", "FR_upper_leg")))
 
-    with build(chosen, setup) as robots:
+    with chosen.build(setup) as robots:
         robots.hold(LAIKAGO.stance)
         path = []
         for step in range(96):

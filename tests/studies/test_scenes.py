@@ -11,8 +11,8 @@ from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.grounds import GROUNDS, make_ground
 from smartmesh_ros.tools.evaluation.scene import read_scene, read_scenes
 from smartmesh_ros.tools.tune.start import PRESETS
-from studies.presets import read_presets
-from studies.reference import reference_positions
+from studies.body_contest import reference_positions
+from studies.configurations import read_presets
 
 SCENES = read_scenes()
 
