@@ -21,21 +21,6 @@ from smartmesh_ros import (
 from smartmesh_ros.node.inputs.tracking import Tracking
 
 HUSKY = f"{pybullet_data.getDataPath()}/husky/husky.urdf"
-CART = """
-<robot name="cart">
-  <link name="body">
-    <inertial><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><geometry><box size="0.6 0.3 0.1"/></geometry></collision>
-  </link>
-  <link name="wheel">
-    <inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><geometry><sphere radius="0.2"/></geometry></collision>
-  </link>
-  <joint name="axle" type="continuous">
-    <parent link="body"/><child link="wheel"/><origin xyz="0.2 0 -0.1"/><axis xyz="0 1 0"/>
-  </joint>
-</robot>
-"""
 
 
 @pytest.mark.parametrize(
@@ -95,16 +80,6 @@ def test_a_robot_has_a_patch_for_each_link_that_can_touch_the_ground(world: Worl
     assert math.dist(world.state("husky").position, rest) > 0.3
     world.remove("husky")
     assert not any(world.followers.names)
-
-
-def test_a_robot_from_text_rolls_freely(world: World) -> None:
-    world.spawn_robot("cart", CART, BodyState((0.0, 0.0, 0.35)))
-    assert world.followers.names == ["cart/body", "cart/wheel"]
-    world.drive("cart", "axle", 3.0)
-    world.step(240)
-    assert world.state("cart").position[0] > 0.2
-    with pytest.raises(InputError, match="axle"):
-        world.drive("cart", "steering", 1.0)
 
 
 def test_simulated_bodies_are_pushed_by_tracked_ones(world: World) -> None:
