@@ -7,14 +7,19 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pybullet as pb
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from smartmesh_ros import BodyState, Box, Capsule, Cylinder, InputError, PhysicsConfig, Sphere
+from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.shapes import Shape, padded_dimensions, shape_of
 from smartmesh_ros.world.guest_config import GuestConfig
 from smartmesh_ros.world.guests import Guests
 from smartmesh_ros.world.state_table import StateTable
 from smartmesh_ros.world.states import simulated_states
+from tests.bodies import random_turn, rotation
 from tests.peers import RATE, Peers, Start, flat_world, peers
 
 BALL = Sphere(0.2)
@@ -279,6 +284,23 @@ def test_worlds_with_guests_are_saved_and_reset_without_them() -> None:
         made.step(5)
         made.worlds[0].reset()
         assert list(made.worlds[0].bodies) == ["b0"]
+
+
+@given(seed=st.integers(0, 2**32 - 1), duration=st.floats(-0.2, 0.2))
+def test_states_move_on_at_their_velocities(seed: int, duration: float) -> None:
+    rng = np.random.default_rng(seed)
+    numbers = rng.normal(scale=5.0, size=(3, 13))
+    numbers[:, 3:7] = [random_turn(rng) for _ in range(3)]
+    moved = CORE.extrapolated(numbers, duration)
+    for before, after in zip(numbers, moved, strict=True):
+        assert np.allclose(after[:3], before[:3] + duration * before[7:10])
+        spin = pb.getQuaternionFromAxisAngle(before[10:], duration * float(np.linalg.norm(before[10:])))
+        _, turned = pb.multiplyTransforms((0.0, 0.0, 0.0), spin, (0.0, 0.0, 0.0), before[3:7])
+        assert np.allclose(rotation(after[3:7]), rotation(np.array(turned)), atol=1e-6)
+        assert np.array_equal(after[7:], before[7:])
+    assert np.allclose(CORE.blended(numbers, moved, 1.0)[:, :3], moved[:, :3])
+    half = CORE.blended(numbers, -moved, 0.5)[:, 3:7]  # the same rotations by the other quaternion
+    assert np.allclose(np.linalg.norm(half, axis=1), 1.0)
 
 
 def test_a_world_without_peers_does_nothing_for_them() -> None:
