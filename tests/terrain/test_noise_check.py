@@ -12,10 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck, NoiseCheckConfig
+from smartmesh_ros.terrain.noise_check import NO_FINDINGS, Lattice, NoiseCheck, NoiseCheckConfig
 from smartmesh_ros.tools.evaluation.grounds import make_ground
 from smartmesh_ros.tools.evaluation.scene import Scene, read_scenes
 from studies.matrix.arena import square
@@ -277,6 +278,30 @@ def test_maps_that_are_too_far_apart_or_of_another_grid_start_anew() -> None:
         for time, grid in zip(at_rate(10.0), islice(grids, 40), strict=True)
     )
     assert check_of(feed).findings == NO_FINDINGS
+
+
+@given(seed=st.integers(0, 10**6), rows=st.integers(1, 9), columns=st.integers(1, 9))
+def test_counts_are_those_of_whole_arrays(seed: int, rows: int, columns: int) -> None:
+    """Every sample is a place of the lattice, and three maps with holes are compared."""
+    rng = np.random.default_rng(seed)
+    maps = rng.normal(0.0, 0.01, (3, rows, columns)).astype(np.float32)
+    maps[rng.random(maps.shape) < 0.1] = np.nan
+    lattice = Lattice(
+        np.zeros((rows, columns, 2), np.int64), np.full((rows, columns, 3), np.nan), np.zeros((rows, columns)), (1, 1)
+    )
+    for heights in maps:
+        found, step = CORE.compare_maps(*lattice, heights, 0.0, (0, 0), 0.002)
+    first, last = np.diff(maps.astype(np.float64), axis=0)
+    both = (np.abs(first) >= 0.002) & (np.abs(last) >= 0.002)
+    tilts = np.diff(last, axis=1)
+    left, right = tilts[:, :-1], tilts[:, 1:]
+    counted = (np.abs(left) >= 0.002) & (np.abs(right) >= 0.002)
+    expected = (
+        np.isfinite(last).sum(), both.sum(), (both & (first * last < 0.0)).sum(), counted.sum(),
+        (counted & (left * right > 0.0)).sum(), np.abs(left[counted]).sum(),
+    )  # fmt: skip
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    assert step == pytest.approx(np.median(np.abs(last[np.isfinite(last)])) if np.isfinite(last).any() else 0.0)
 
 
 def test_the_check_holds_few_samples_of_a_large_map() -> None:
