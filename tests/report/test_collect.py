@@ -91,3 +91,13 @@ def test_the_cache_is_bounded() -> None:
         cache.around(vertex, 2)
     assert 1 <= len(cache) <= 500 // 6
     assert sum(len(patch.vertices) for patch in cache._patches.values()) <= 500
+
+
+def test_vertices_beyond_16_bits_are_counted_right() -> None:
+    rows = columns = 300
+    graph = TriangleGraph(grid_triangles(rows, columns), rows * columns)
+    vertex = 250 * columns + 251
+    steps = (-columns - 1, -columns, -1, 1, columns, columns + 1)
+    assert graph.neighbours(vertex) == [vertex + step for step in steps]
+    padded = graph.padded()[vertex].tolist()
+    assert sorted(set(padded) - {vertex}) == graph.neighbours(vertex)

@@ -109,20 +109,6 @@ def test_tracked_bodies_report_depth_and_normal_of_their_contact() -> None:
         assert world.contacts() == []
 
 
-def test_tracking_estimates_velocity_and_forgets_what_it_does_not_hear_of(world: World) -> None:
-    tracking = Tracking(world, timeout=0.5)
-    half = 0.5 * 0.1
-    tracking.update("rover", 0.3, BodyState((0.0, 0.0, 0.3)), 10.0)
-    turned = (0.0, 0.0, math.sin(half), math.cos(half))
-    tracking.update("rover", 0.3, BodyState((0.1, 0.0, 0.3), turned), 10.1)
-    state = world.state("rover")
-    np.testing.assert_allclose(state.linear, (1.0, 0.0, 0.0), atol=1e-6)
-    np.testing.assert_allclose(state.angular, (0.0, 0.0, 1.0), atol=1e-6)
-    assert tracking.expire(10.55) == []
-    assert tracking.expire(10.65) == ["rover"]
-    assert world.bodies == {}
-
-
 def test_a_tracked_body_that_is_not_heard_of_goes_no_farther(world: World) -> None:
     """However long its time-out is: its last velocity says nothing about so much later."""
     tracking = Tracking(world, timeout=60.0)
