@@ -26,8 +26,8 @@ if settings.get_current_profile_name() == "steady":
 
 Process.starter = staticmethod(preloaded.start)
 
-# Processor time of a file's tests, and of the processes that they start [s], of files that take long. Measured once, on
-# two cores; only their order counts.
+# Processor time of a file's tests, and of the processes that they start [s], of files that take 10 s and more. Measured
+# once, on two cores; only their order counts.
 COSTS = {
     "newcomer/test_workspace.py": 45,
     "node/test_processes.py": 35,
@@ -60,37 +60,7 @@ COSTS = {
     "node/test_robot_outputs.py": 10,
     "node/test_terrain_adapters.py": 10,
     "node/test_terrain_sensor.py": 10,
-    "node/test_batches.py": 9,
-    "node/test_partition.py": 9,
-    "node/test_terrain_collider.py": 9,
-    "newcomer/test_core.py": 8,
-    "node/test_client.py": 8,
-    "node/test_robot_descriptions.py": 8,
-    "ground/test_belts.py": 8,
-    "ground/test_waking.py": 8,
-    "soil/test_closed_forms.py": 8,
-    "terrain/test_noise_check.py": 8,
-    "studies/test_load.py": 8,
-    "node/test_connections.py": 7,
-    "node/test_tutorial.py": 7,
-    "world/test_robot_descriptions.py": 7,
-    "ground/test_moving_ground.py": 7,
-    "studies/test_robots.py": 7,
-    "node/test_bags.py": 6,
-    "node/test_ground_services.py": 6,
-    "node/test_mujoco_field.py": 6,
-    "node/test_own_topics.py": 6,
-    "studies/test_engines.py": 6,
-    "node/test_meshes_and_tiles.py": 5,
-    "node/test_outputs.py": 5,
-    "node/test_real_maps.py": 5,
-    "node/test_security.py": 5,
-    "ground/test_sleep.py": 5,
     "soil/test_contact_soil.py": 13,
-    "soil/test_soil_world.py": 5,
-    "studies/test_before_after.py": 5,
-    "node/test_height_scans.py": 5,
-    "world/test_height_scan.py": 5,
 }
 
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from smartmesh_ros.core import _core
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.coal_shapes import coal_hull, coal_triangle
-from tests.core.test_bindings import grid_of
+from tests.core.entries import grid_of
 
 IDENTITY = coal.Transform3s(np.eye(3), np.zeros(3))
 # Sides of the polygon that stands for a circle where coal gives cylinders no depth [-]. Its error is 0.1 mm at a radius

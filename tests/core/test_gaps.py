@@ -1,4 +1,4 @@
-"""Distances of triangles from bodies against the library coal and against points sampled densely, and their depths."""
+"""Distances of triangles from bodies against the library coal, and their depths."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros.patches.shapes import MOST_GROWTH, BodyShape, ball, box, capsule, compound, cylinder, hull
-from tests.bodies import FORMS, Form, foot_on, lowest_of, random_turn, rotation
+from tests.bodies import foot_on, lowest_of, random_turn, rotation
 from tests.coal_shapes import coal_hull, coal_triangle
 from tests.examples import examples
 
@@ -63,25 +63,6 @@ def test_the_foot_of_a_ball_is_on_the_triangle_and_no_point_is_closer(seed: int,
     assert support.gap == pytest.approx(np.linalg.norm(found - p) - 0.2, abs=1e-12 + 1e-9 * size)
 
 
-@pytest.mark.parametrize(
-    ("p", "expected"),
-    [
-        ((0.6, 0.2, 5.0), (0.6, 0.2, 0.0)),  # over its inside
-        ((0.5, -2.0, 1.0), (0.5, 0.0, 0.0)),  # beside an edge
-        ((-1.0, -1.0, 0.0), (0.0, 0.0, 0.0)),
-        ((3.0, -1.0, 0.0), (1.0, 0.0, 0.0)),
-        ((1.5, 2.0, -3.0), (1.0, 1.0, 0.0)),
-        ((0.0, 1.0, 0.0), (0.5, 0.5, 0.0)),  # beside the diagonal
-    ],
-)
-def test_the_foot_on_each_part_of_a_triangle(
-    p: tuple[float, float, float], expected: tuple[float, float, float]
-) -> None:
-    support = foot_on(CELL, ball(0.5), np.array(p), UNTURNED)
-    assert tuple(foot(support)) == pytest.approx(expected)
-    assert support.gap == pytest.approx(np.linalg.norm(np.subtract(p, expected)) - 0.5)
-
-
 def test_a_ball_whose_centre_is_on_a_facet_is_as_deep_as_its_radius() -> None:
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 1.0], [1.0, 1.0, 1.0]])
     support = foot_on(corners, ball(0.5), np.array([0.6, 0.2, 0.6]), UNTURNED)
@@ -119,59 +100,6 @@ def test_a_box_is_never_said_to_be_farther_than_it_is_and_its_depth_is_exact(see
     if gap <= 0.0:
         assert sampled <= 2.0 * STEP * size, "it says that they overlap"
         assert gap == pytest.approx(separation((corners - centre) @ rotation(turn), half), abs=1e-9 * (1.0 + size))
-
-
-@pytest.mark.parametrize(
-    ("centre", "expected"),
-    [
-        ((0.6, 0.3, 1.5), 1.0),  # a side of the box over the inside of the triangle
-        ((3.0, 0.5, 0.0), 1.5),  # beside an edge
-        ((0.6, 0.3, 0.2), -0.3),  # in it
-    ],
-)
-def test_the_gap_of_boxes_of_which_it_is_known(centre: tuple[float, float, float], expected: float) -> None:
-    assert gap_to(CELL, box((1.0, 1.0, 1.0)), np.array(centre), UNTURNED) == pytest.approx(expected)
-
-
-@examples(400)
-@given(seeds, st.sampled_from(FORMS), st.booleans())
-def test_the_gap_of_a_form_is_none_where_points_of_the_triangle_are_inside(seed: int, name: str, upright: bool) -> None:
-    """And no point of its surface is nearer than a gap."""
-    rng = np.random.default_rng(seed)
-    corners = triangle(rng, upright=upright)
-    size = np.abs(corners - corners.mean(axis=0)).max()
-    form = Form(name, size * float(np.exp(rng.uniform(-2.0, 0.5))), rng)
-    centre = corners.mean(axis=0) + rng.normal(size=3) * (size + form.radius) * rng.choice([0.3, 0.8])
-    turn = random_turn(rng)
-    gap = gap_to(corners, form.shape, centre, turn)
-    if form.inside(SHARES @ corners, centre, rotation(turn)).any():
-        assert gap <= 1e-9 * size
-    surface = form.surface(rng, 100) @ rotation(turn).T + centre
-    away = surface[:, None] - (SHARES @ corners)[None]
-    assert gap <= np.sqrt((away**2).sum(axis=-1).min()) + 1e-9 * (1.0 + size)
-
-
-@examples(100)
-@given(seeds, st.sampled_from(FORMS))
-def test_the_nearest_of_many_triangles_is_that_of_the_smallest_gap(seed: int, name: str) -> None:
-    rng = np.random.default_rng(seed)
-    form, turn = Form(name, 0.3, rng), random_turn(rng)
-    corners = rng.normal(size=(40, 1, 3)) * 0.5 + rng.normal(size=(40, 3, 3)) * 0.1
-    gaps = [gap_to(each, form.shape, np.zeros(3), turn) for each in corners]
-    # Distances of the foot from the centre break ties; they weigh a millionth.
-    assert gap_to(corners, form.shape, np.zeros(3), turn) == pytest.approx(min(gaps), abs=5e-6)
-
-
-@examples(100)
-@given(seeds, st.sampled_from(FORMS))
-def test_a_body_reaches_as_far_down_as_its_surface(seed: int, name: str) -> None:
-    rng = np.random.default_rng(seed)
-    form = Form(name, 0.3, rng)
-    position, turn = rng.normal(size=3), random_turn(rng)
-    points = form.surface(rng, 4000) @ rotation(turn).T + position
-    assert np.linalg.norm(points - position, axis=1).max() <= form.radius + 1e-9
-    lowest, found = points[:, 2].min(), lowest_of(form.shape, position, turn)
-    assert lowest - 0.15 * form.radius <= found <= lowest + 1e-9  # between the points
 
 
 def wheel(radius: float, width: float) -> np.ndarray:
@@ -271,3 +199,26 @@ def test_hulls_without_volume_have_distances(count: int) -> None:
     support = foot_on(facet, hull(corners), np.zeros(3), UNTURNED)
     assert support.gap == pytest.approx(1.0, abs=1e-5)
     np.testing.assert_allclose((support.facet_x, support.facet_y, support.facet_z), (0.0, 0.0, 1.0), atol=1e-5)
+
+
+@examples(100)
+@given(seeds, st.sampled_from(SHAPES))
+def test_the_nearest_of_many_triangles_is_that_of_the_smallest_gap(seed: int, name: str) -> None:
+    rng = np.random.default_rng(seed)
+    (made, _), turn = shape_named(name, rng), random_turn(rng)
+    corners = rng.normal(size=(40, 1, 3)) * 0.5 + rng.normal(size=(40, 3, 3)) * 0.1
+    gaps = [gap_to(each, made, np.zeros(3), turn) for each in corners]
+    # Distances of the foot from the centre break ties; they weigh a millionth.
+    assert gap_to(corners, made, np.zeros(3), turn) == pytest.approx(min(gaps), abs=5e-6)
+
+
+@examples(100)
+@given(seeds, st.sampled_from(SHAPES))
+def test_a_body_reaches_as_far_down_as_its_distance_from_a_floor_says(seed: int, name: str) -> None:
+    rng = np.random.default_rng(seed)
+    made, parts = shape_named(name, rng)
+    position, turn = rng.normal(scale=0.2, size=3), random_turn(rng)
+    floor = np.array([[-20.0, -20.0, -3.0], [20.0, -20.0, -3.0], [0.0, 30.0, -3.0]])
+    lowest = lowest_of(made, position, turn)
+    assert lowest == pytest.approx(true_distance(parts, position, turn)(floor) - 3.0, abs=1e-5)
+    assert lowest >= position[2] - made.radius - 1e-9

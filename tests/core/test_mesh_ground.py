@@ -7,7 +7,6 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from smartmesh_ros.core import _core
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts
@@ -291,28 +290,3 @@ def test_a_ball_is_held_back_before_what_it_meets_in_the_step() -> None:
             is_held = np.any(contacts[:, 6] + contacts[:, 3:6] @ way * first < 0.0)
             missed += [] if is_held else [seed]
     assert met > 100 and not missed
-
-
-def test_arrays_that_are_no_mesh_are_refused() -> None:
-    mesh = TriangleMesh(*mesh_parts.sheet(1.0, 2))
-    clock = mesh._clock.view(np.uint8).reshape(1, 168)
-    good = {"vertices": mesh._now, "velocities": mesh._velocities, "clock": clock, "triangles": mesh.triangles}
-    _core.Mesh(**good)
-    holes = mesh._now.copy()
-    holes[1, 2] = np.nan
-    for name, value, what in [
-        ("vertices", np.zeros((2, 9)), "shape"), ("vertices", holes, "finite"),
-        ("velocities", np.zeros((3, 3, 8)), "velocities"), ("clock", clock[:, :80].copy(), "clock"),
-        ("triangles", mesh.triangles + 1, "counted from 0"), ("triangles", -mesh.triangles, "counted from 0"),
-        ("triangles", np.zeros((0, 3), np.int64), "triangles"),
-        ("triangles", mesh.triangles[:, :2].copy(), "triangles"),
-    ]:  # fmt: skip
-        with pytest.raises(ValueError, match=what):
-            _core.Mesh(**{**good, name: value})
-    for name, value in [("vertices", mesh._now.astype(np.float32)), ("triangles", mesh.triangles.astype(np.int32))]:
-        with pytest.raises(TypeError):
-            _core.Mesh(**{**good, name: value})
-    reader = mesh.core_reader
-    mesh._now[0, 0] = np.inf
-    with pytest.raises(ValueError, match="finite"):
-        reader.update()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,6 @@ import numpy as np
 import pybullet as pb
 import pybullet_data
 import pytest
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import Box, Capsule, Cylinder, Sphere
 from smartmesh_ros.ground.body_shapes import HULL_MARGIN, read_shape
@@ -18,13 +16,6 @@ from smartmesh_ros.patches.shapes import BodyShape, ShapeKind
 from tests.bodies import lowest_of
 
 SHAPES = (Sphere(0.2), Box(0.2, 0.4, 0.6), Cylinder(0.1, 0.5), Capsule(0.1, 0.5))
-
-
-@pytest.fixture
-def client() -> Iterator[Any]:
-    made = BulletClient(pb.DIRECT)
-    yield made
-    made.disconnect()
 
 
 @pytest.mark.parametrize("shape", SHAPES)

@@ -2,9 +2,7 @@
 
 import math
 from collections.abc import Callable
-from functools import cache
 from itertools import combinations
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -87,27 +85,6 @@ def test_a_hull_hovers_over_a_trough_by_what_geometry_predicts(terrain: Callable
         # PyBullet lets the ball 4 mm into that ridge; on the flat lid over a square it is exact.
         slack = 2e-3 if terrain is bowl else 5e-3
         assert world.state("ball").position[2] - 0.2 == pytest.approx(lid, abs=slack)
-
-
-@cache
-def patches_of_balls(settings: WorldConfig) -> list[np.ndarray]:
-    """Vertices of the patches of balls that roll into the bowl, thirty times in a second."""
-    with World(bowl(), settings) as world:
-        for index, x in enumerate((-3.0, -1.0, 0.4, 2.2)):
-            world.spawn(f"ball_{index}", Sphere(0.2 + 0.1 * index), 1.0, BodyState((x, 0.3 * x, 2.5)))
-        seen = []
-        for _ in range(30):
-            world.step(8)
-            seen += [batch.vertices_w for batch in world.shown_batches()]
-        return seen
-
-
-@pytest.mark.parametrize("search", get_args(SearchMethod))
-@pytest.mark.parametrize("collect", ["queue_bfs", "union_bfs", "cached"])
-def test_every_method_gives_the_same_patches(search: SearchMethod, collect: str) -> None:
-    found = patches_of_balls(config("heightfield", search=search, collect=collect))
-    for mine, theirs in zip(found, patches_of_balls(config("heightfield")), strict=True):
-        np.testing.assert_array_equal(mine, theirs)
 
 
 def rough_heights() -> np.ndarray:

@@ -26,7 +26,6 @@ from smartmesh_ros import (
 )
 from smartmesh_ros.ground import map_contacts
 from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts
 
@@ -110,51 +109,9 @@ def test_wide_boxes_come_to_rest_on_rough_ground(edges: tuple[float, float, floa
         assert math.hypot(*state.linear) < 1e-3 and math.hypot(*state.angular) < 1e-3
 
 
-def test_balls_ride_on_waves() -> None:
-    y, x = 0.1 * (np.mgrid[:101, :101] - 50.0)
-
-    def waves(time: float) -> np.ndarray:
-        return 0.2 * np.sin(x - 4.0 * time) * np.cos(0.7 * y)
-
-    heightmap = HeightMap(waves(0.0), resolution=0.1, origin=(-5.0, -5.0))
-    with world_of(heightmap) as world:
-        for k in range(9):
-            world.spawn(f"ball_{k}", Sphere(0.2), 1.0, BodyState((k % 3 - 1.0, k // 3 - 1.0, 0.45)))
-        lowest = math.inf
-        for step in range(480):
-            if step % 4 == 0:
-                heightmap.replace(waves(step * DT), time=step * DT)
-            world.step()
-            if step > 240:
-                middles = np.array([world.state(name).position for name in world.bodies])
-                ground = world.terrain.at(middles[:, :2], world.time).heights
-                lowest = min(lowest, float((middles[:, 2] - ground).min()))
-        assert lowest > 0.198  # above a slope the middle is higher than above level ground
-        assert world.rescues == 0
-
-
-def test_bodies_sleep_and_wake_when_their_ground_falls() -> None:
-    heightmap = flat()
-    with world_of(heightmap) as world:
-        world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 0.1)))
-        world.step(480)
-        assert world.is_asleep("box")
-        heightmap.replace(np.full((201, 201), -0.5), time=world.time + 100.0)
-        world.step(480)
-        assert world.state("box").position[2] == pytest.approx(-0.4, abs=1e-3)
-
-
 def ball(client: Any) -> int:
     shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=0.2)
     return int(client.createMultiBody(1.0, shape, basePosition=(0.0, 0.0, 0.5)))
-
-
-def test_the_users_own_steps_are_enough(client: Any) -> None:
-    body, ground = ball(client), Ground(client, flat())
-    ground.attach(body)
-    for _ in range(480):
-        client.stepSimulation()
-    assert client.getBasePositionAndOrientation(body)[0][2] == pytest.approx(0.2, abs=1e-4)
 
 
 def test_ground_that_rises_carries_a_body_in_the_users_own_steps(client: Any) -> None:
@@ -183,19 +140,6 @@ def test_a_ground_that_is_gone_leaves_the_world_usable(client: Any) -> None:
     client.stepSimulation()
 
 
-KINDS: tuple[PatchKind, ...] = ("auto", "heightfield", "auto", "trimesh", "auto")
-
-
-def test_the_kind_of_contacts_may_change_under_a_body() -> None:
-    with world_of(flat()) as world:
-        world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 0.1)))
-        for kind in KINDS:
-            world.configure(WorldConfig(patch=PatchConfig(kind=kind)))
-            world.step(120)
-            assert world.ground.exact == (kind == "auto")
-            assert world.state("box").position[2] == pytest.approx(0.1, abs=1e-3)
-
-
 @pytest.mark.parametrize("rate", [240.0, 960.0, 2000.0])
 def test_ground_that_heaves_throws_nothing_however_short_the_step(rate: float) -> None:
     """By 0.1 m once a second, known by 20 maps a second: what a map corrects is no reason to throw a body."""
@@ -212,15 +156,6 @@ def test_ground_that_heaves_throws_nothing_however_short_the_step(rate: float) -
                 true = 0.1 * math.sin(2.0 * math.pi * world.time)
                 highest = max(highest, world.state("box").position[2] - 0.15 - true)
     assert highest < 0.01
-
-
-@pytest.mark.parametrize("friction", [0.2, 0.5, 0.8])
-def test_what_slides_stops_where_friction_says(friction: float) -> None:
-    heightmap = HeightMap(np.zeros((41, 201)), resolution=0.05, origin=(-1.0, -1.0))
-    with world_of(heightmap, friction=friction) as world:
-        world.spawn("box", Box(0.3, 0.3, 0.1), 1.0, BodyState((0.0, 0.0, 0.05), linear=(3.0, 0.0, 0.0)))
-        world.step(round(240 * (3.0 / (9.81 * friction) + 0.5)))
-        assert world.state("box").position[0] == pytest.approx(3.0**2 / (2.0 * friction * 9.81), rel=0.02)
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.2, 0.5, 0.8, 0.9])
@@ -405,20 +340,6 @@ def test_bodies_rest_on_a_table_and_under_it_as_the_ground_says(shape: Shape, tu
             assert ground == pytest.approx(z, abs=1e-9)
             assert centre[2] - height == pytest.approx(ground, abs=1e-3)
         assert world.rescues == 0
-
-
-def test_a_moving_mesh_carries_a_box() -> None:
-    vertices, triangles = mesh_parts.sheet(4.0, 8)
-    mesh, rates = TriangleMesh(vertices, triangles), np.tile([0.05, 0.0, 0.1], (81, 1))
-    with world_of(mesh) as world:
-        world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.1, 0.1, 0.1)))
-        for step in range(720):
-            if step % 12 == 0:
-                mesh.move(vertices + rates * step * DT, time=step * DT, velocities=rates)
-            world.step()
-        state = world.state("box")
-        assert state.linear == pytest.approx((0.05, 0.0, 0.1), abs=2e-3)
-        assert state.position == pytest.approx((0.25, 0.1, 0.4), abs=2e-3)
 
 
 def test_what_sleeps_under_a_table_wakes_when_its_floor_falls() -> None:

@@ -1,12 +1,10 @@
 """Colliders agree with the terrain and are touched only when they must be."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pybullet as pb
 import pytest
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.ground import Ground
@@ -16,34 +14,9 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 DT = 1.0 / 240.0
 
 
-@pytest.fixture
-def client() -> Iterator[Any]:
-    bullet = BulletClient(pb.DIRECT)
-    yield bullet
-    bullet.disconnect()
-
-
 def sphere(client: Any, position: tuple[float, float, float], radius: float = 0.3) -> int:
     shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=radius)
     return int(client.createMultiBody(1.0, shape, basePosition=position))
-
-
-@pytest.fixture
-def calls(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
-    """How often PyBullet was called: heightfields replaced, poses set, velocities set."""
-    counts: dict[str, int] = {}
-
-    def count(name: str, function: Any) -> Any:
-        def counted(*args: Any, **kwargs: Any) -> Any:
-            key = "replace" if "replaceHeightfieldIndex" in kwargs else name
-            counts[key] = counts.get(key, 0) + 1
-            return function(*args, **kwargs)
-
-        return counted
-
-    for name in ("createCollisionShape", "resetBasePositionAndOrientation", "resetBaseVelocity"):
-        monkeypatch.setattr(pb, name, count(name, getattr(pb, name)))
-    return counts
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.4, 2.0, -3.0])
@@ -122,20 +95,6 @@ def test_colliders_never_pile_up(client: Any) -> None:
         for body in bodies:
             ground.detach(body)
     assert client.getNumBodies() == 4
-
-
-def test_settings_change_while_bodies_rest(client: Any) -> None:
-    client.setGravity(0, 0, -9.81)
-    heightmap = HeightMap(np.zeros((50, 50)), resolution=0.1)
-    body = sphere(client, (2.5, 2.5, 0.3))
-    ground = Ground(client, heightmap)
-    ground.attach(body)
-    for step in range(300):
-        if step % 50 == 0:
-            ground.configure(PatchConfig(kind="heightfield" if step % 100 else "auto", rings=(step // 50) % 5))
-        ground.update(step * DT, DT)
-        client.stepSimulation()
-        assert client.getBasePositionAndOrientation(body)[0][2] == pytest.approx(0.3, abs=1e-3)
 
 
 def test_bad_attachments_are_refused(client: Any) -> None:

@@ -23,16 +23,6 @@ from smartmesh_ros.world.bodies import BodyFactory
 from smartmesh_ros.world.world import World
 
 DT = 1.0 / 240.0
-URDF = """
-<robot name="barbell">
-  <link name="near">INERTIA<collision><geometry><sphere radius="0.1"/></geometry></collision></link>
-  <link name="far">INERTIA<collision><geometry><sphere radius="0.1"/></geometry></collision></link>
-  <joint name="rod" type="fixed"><parent link="near"/><child link="far"/><origin xyz="0.5 0 0"/></joint>
-</robot>
-""".replace(
-    "INERTIA",
-    '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>',
-)
 
 
 def flat(height: float = 0.0) -> HeightMap:
@@ -46,34 +36,6 @@ def ball(client: Any, z: float, radius: float = 0.02, mass: float = 1.0) -> int:
 
 def height(client: Any, body: int) -> float:
     return float(client.getBasePositionAndOrientation(body)[0][2])
-
-
-@pytest.mark.parametrize("z", [-0.001, -0.015, -0.05, -3.0])
-def test_a_body_below_the_ground_is_put_onto_it(client: Any, z: float) -> None:
-    body = ball(client, z)
-    ground = Ground(client, flat())
-    ground.attach(body)
-    for step in range(240):
-        ground.step(step * DT, DT)
-    assert height(client, body) == pytest.approx(0.02, abs=1e-3)
-    assert ground.rescues == 1
-
-
-@pytest.mark.parametrize("speed", [5.0, 20.0, 45.0])
-@pytest.mark.parametrize("phase", [0.0, 0.4, 0.8])
-def test_a_fast_body_stops_at_the_surface(client: Any, speed: float, phase: float) -> None:
-    """Wherever in a step it meets the ground; 45 m/s are nine radii a step."""
-    body = ball(client, 1.0 + phase * speed * DT)
-    client.resetBaseVelocity(body, (0.0, 0.0, -speed))
-    ground = Ground(client, flat())
-    ground.attach(body)
-    lowest = math.inf
-    for step in range(240):
-        ground.step(step * DT, DT)
-        lowest = min(lowest, height(client, body))
-    assert lowest > 0.0195
-    assert height(client, body) == pytest.approx(0.02, abs=1e-3)
-    assert ground.rescues == 0
 
 
 @pytest.mark.parametrize("rough", [False, True], ids=["flat", "rough"])
@@ -113,19 +75,6 @@ def test_bodies_that_physics_does_not_move_stay_where_they_are(client: Any) -> N
     assert height(client, fixed) == -0.01
     assert height(client, patched) < -1.0
     assert ground.rescues == 0
-
-
-def test_a_robot_is_lifted_as_a_whole(client: Any, tmp_path: Any) -> None:
-    (tmp_path / "barbell.urdf").write_text(URDF)
-    robot = client.loadURDF(str(tmp_path / "barbell.urdf"), (0.0, 0.0, -0.5))
-    ground = Ground(client, flat())
-    for link in (-1, 0):
-        ground.attach(robot, link)
-    for step in range(240):
-        ground.step(step * DT, DT)
-    assert height(client, robot) == pytest.approx(0.1, abs=1e-3)
-    assert client.getLinkState(robot, 0)[0][2] == pytest.approx(0.1, abs=1e-3)
-    assert ground.rescues == 1
 
 
 def test_a_body_that_is_nowhere_disturbs_no_other(client: Any) -> None:

@@ -145,17 +145,6 @@ def test_bodies_land_although_the_clock_is_set_back_while_they_fall() -> None:
         assert abs(clearance) < 0.005
 
 
-@pytest.mark.parametrize("depth", [0.5, 9.0])
-def test_the_guard_finds_bodies_far_below_the_ground(depth: float) -> None:
-    with World(HeightMap(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0))) as world:
-        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.01, 0.02, 0.2)))
-        world.step(10)
-        world.move("ball", BodyState((0.01, 0.02, -depth)))
-        world.step(10)
-        assert world.rescues == 1
-        assert world.state("ball").position[2] == pytest.approx(0.2, abs=0.01)
-
-
 @pytest.mark.parametrize("rate", [60.0, 120.0, 240.0])
 def test_what_rides_on_waves_moves_as_fast_as_they_do(rate: float) -> None:
     """In a step of 1/60 s what lies on the ground would fall 3 mm: slowed each time, it would gain speed for ever."""

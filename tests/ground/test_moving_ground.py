@@ -12,7 +12,6 @@ from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig,
 from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.scenes.moving import InwardWaves, Wave
 from smartmesh_ros.terrain.grid import GridGeometry
-from smartmesh_ros.terrain.terrain import Terrain
 
 GRAVITY = 9.81
 
@@ -168,17 +167,6 @@ def test_a_body_that_falls_obeys_ballistics_until_it_rests(make: Callable[[], Sp
         assert force == pytest.approx(2.0 * GRAVITY, rel=0.01)
 
 
-def test_a_rolling_ball_keeps_its_speed() -> None:
-    with World(flat(), WorldConfig(patch=PatchConfig(kind="heightfield"))) as world:
-        world.spawn(
-            "ball", Sphere(0.2), 1.0, BodyState((-3.0, 0.013, 0.2), linear=(3.0, 0.0, 0.0), angular=(0.0, 15.0, 0.0))
-        )
-        world.step(240)
-        state = world.state("ball")
-        assert state.position[0] == pytest.approx(0.0, abs=2e-3)
-        assert state.linear[0] == pytest.approx(3.0, abs=4e-3)
-
-
 def test_a_ball_does_not_hang_on_contacts_of_ground_that_sank_away() -> None:
     """PyBullet keeps the contacts of a replaced heightfield; here all sinks but the sample it is placed by."""
     heightmap = flat()
@@ -224,20 +212,3 @@ def test_a_ball_stays_on_a_seesaw_however_steep(kind: PatchKind, rate: float) ->
             slope, (x, _, z) = 0.8 * math.sin(3.0 * world.time), world.state("ball").position
             clearance = (z - slope * x) / math.hypot(1.0, slope) - 0.2
             assert step < 5 or abs(clearance) < 5e-4  # the ground's velocity is known after two maps
-
-
-@pytest.mark.parametrize("how", ["heights", "origin"])
-@pytest.mark.parametrize("speed", [0.2, 1.0, -1.0])
-def test_a_box_rides_on_a_lift_whose_maps_are_put(how: str, speed: float) -> None:
-    terrain = Terrain(HeightMap(np.zeros((41, 41)), resolution=0.1, origin=(-2.0, -2.0)))
-    with World(terrain) as world:
-        world.spawn("box", Box(0.3, 0.3, 0.3), 1.0, BodyState((0.0, 0.0, 0.15)))
-        world.step(240)
-        for step in range(480):
-            if step % 4 == 0:
-                heights, z = (speed * step / 240, 0.0) if how == "heights" else (0.0, speed * step / 240)
-                full = np.full((41, 41), heights)
-                terrain.put("", HeightMap(full, resolution=0.1, origin=(-2.0, -2.0, z), time=world.time))
-            world.step()
-            if step >= 240:
-                assert world.state("box").position[2] - 0.15 == pytest.approx(speed * (step + 1) / 240, abs=1e-4)

@@ -233,14 +233,6 @@ def test_two_runs_are_equal_to_the_bit_although_bodies_sleep_and_wake() -> None:
     assert run() == run()
 
 
-@pytest.mark.parametrize("gravity", [0.0057, 0.02])
-def test_a_body_that_is_released_where_gravity_is_weak_falls(gravity: float) -> None:
-    with flat_world(gravity=(0.0, 0.0, -gravity)) as world:
-        world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 1.1)))
-        world.step(int(0.9 * math.sqrt(2.0 / gravity) * RATE))
-        assert world.state("ball").position[2] == pytest.approx(1.1 - 0.81, abs=2e-3)
-
-
 @pytest.mark.parametrize("gravity", [0.0057, 0.03])
 def test_a_body_that_is_thrown_up_where_gravity_is_weak_comes_back(gravity: float) -> None:
     with flat_world(gravity=(0.0, 0.0, -gravity)) as world:

@@ -104,23 +104,6 @@ def test_boxes_slide_across_a_border_as_over_one_map(name: str) -> None:
     assert all(state.position[0] < 0.0 for state in states), "they have crossed the border"
 
 
-def test_a_ball_over_a_gap_lies_on_the_bridge_between_a_low_coarse_tile_and_a_high_fine_one() -> None:
-    """Near the coarse tile the bridge is above all of it, and the fine tile is farther than its own cell."""
-    coarse = HeightMap(np.zeros((21, 21)), resolution=0.5, origin=(0.5, -5.0))
-    fine = HeightMap(np.full((101, 101), 2.0), resolution=0.1, origin=(-10.0, -5.0))
-    with World(terrain_of(coarse=coarse, fine=fine), WorldConfig(physics=PhysicsConfig(guard=False))) as world:
-        ground = float(world.terrain.at(np.array([[0.4, 0.0]]), 0.0).heights[0])
-        assert ground > 0.3
-        world.spawn("ball", Sphere(0.05), 1.0, BodyState((0.4, 0.0, ground + 0.3), linear=(0.0, 0.0, -2.0)))
-        deepest = 0.0
-        for _ in range(60):
-            world.step()
-            x, y, z = world.state("ball").position
-            under = float(world.terrain.at(np.array([[x, y]]), world.time).heights[0])
-            deepest = max(deepest, under - z)
-    assert deepest < 0.05
-
-
 def test_tiles_come_are_replaced_and_go() -> None:
     terrain = terrain_of(west=tile(-10, -5, 51, 51, 0.2))
     terrain.shift_time(-10.0)
@@ -157,21 +140,3 @@ def test_a_body_stays_with_its_tile_where_tiles_overlap() -> None:
         tiles.append(batch.tile)
     assert [tiles[0], tiles[40], tiles[-1]] == ["west", "east", "west"]
     assert sum(a != b for a, b in pairwise(tiles)) == 2
-
-
-def test_a_hundred_tiles_are_one_terrain() -> None:
-    terrain = Terrain()
-    for row in range(10):
-        for column in range(10):
-            terrain.put(f"{row},{column}", tile(column * 5.0, row * 5.0, 26, 26, 0.2))
-    rng = np.random.default_rng(0)
-    selector = selector_for(terrain, 0.2, 300)
-    positions = np.column_stack([rng.uniform(3.0, 47.0, (300, 2)), np.zeros(300)])
-    for _ in range(3):
-        positions[:, 2] = surface(positions[:, 0], positions[:, 1]) + 0.1
-        batches = update(selector, positions)
-        assert sum(len(batch.bodies) for batch in batches) == 300
-        for batch in batches:
-            vertices = batch.vertices_w
-            np.testing.assert_allclose(vertices[..., 2], surface(vertices[..., 0], vertices[..., 1]), atol=1e-4)
-        positions[:, :2] += rng.uniform(-0.4, 0.4, (300, 2))

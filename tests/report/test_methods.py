@@ -88,6 +88,9 @@ def test_every_search_agrees_on_height_maps(seed: int, rows: int, columns: int, 
     grid = rng.uniform((-3, -3), (rows + 3, columns + 3), (50, 2))
     grid[:10] = np.rint(grid[:10]) + 0.5  # as far from four vertices alike: the first of them is the nearest
     expected = brute_force_cells(geometry, grid)
+    inner = np.stack(np.meshgrid(np.arange(1, rows - 1), np.arange(1, columns - 1), indexing="ij"), axis=-1)
+    least = np.linalg.norm(grid[:, None] - inner.reshape(-1, 2), axis=2).min(axis=1)
+    np.testing.assert_allclose(np.linalg.norm(grid - np.stack(expected, axis=1), axis=1), least, rtol=1e-9, atol=1e-9)
     traversal = nearest_vertices(geometry, grid)
     starts = Cells(rng.integers(1, rows - 1, 50), rng.integers(1, columns - 1, 50))
     walked = best_first_cells(geometry, grid, starts)

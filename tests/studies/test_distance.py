@@ -7,12 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros import Box, Capsule, Cylinder, Sphere
+from smartmesh_ros import Box, Capsule, Cylinder
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.tools.evaluation.clearance import clearances, rotate, skin
 from smartmesh_ros.tools.evaluation.distance import Surface, nearest
-
-UPRIGHT = np.array([[0.0, 0.0, 0.0, 1.0]])
 
 
 def surface(heights: np.ndarray, resolution: float, z: float = 0.0) -> Surface:
@@ -69,34 +67,10 @@ def test_over_a_plane_it_is_the_planes(slope_x: float, slope_y: float, above: fl
         np.testing.assert_allclose(found.normal[0], normal, atol=1e-6)
 
 
-def test_a_sphere_in_a_v_shaped_valley_touches_both_sides() -> None:
-    """The centre of a sphere at rest is its radius times the secant of the slope above the bottom."""
-    x = np.arange(-20, 21) * 0.25
-    ground = Surface(
-        GridGeometry(rows=41, columns=41, resolution=0.25, origin=(-5.0, -5.0, 0.0)), np.tile(np.abs(x), (41, 1))
-    )
-    height = 0.3 * math.sqrt(2.0)
-    assert clearances(ground, Sphere(0.3), np.array([[0.0, 0.1, height]]), UPRIGHT)[0] == pytest.approx(0.0, abs=1e-12)
-    deeper = clearances(ground, Sphere(0.3), np.array([[0.0, 0.1, height - 0.1]]), UPRIGHT)[0]
-    assert deeper == pytest.approx(-0.1 / math.sqrt(2.0), abs=1e-12)
-
-
 def test_what_lies_beyond_the_reach_or_the_map_is_cut_off() -> None:
     ground = surface(np.zeros((5, 5)), 0.5)
     points = np.array([[0.0, 1.5, 0.9], [0.0, 1.5, 3.0], [0.0, 1.5, -3.0], [np.nan, 0.0, 0.0]])
     np.testing.assert_allclose(nearest(ground, points, 1.0).distance, [0.9, 1.0, -1.0, np.nan])
-
-
-@pytest.mark.parametrize(
-    ("shape", "lowest"),
-    [(Sphere(0.2), 0.2), (Box(0.4, 0.3, 0.6), 0.3), (Cylinder(0.3, 0.5), 0.25), (Capsule(0.15, 0.4), 0.35)],
-)
-def test_upright_shapes_reach_as_far_down_as_they_are_high(
-    shape: Sphere | Box | Cylinder | Capsule, lowest: float
-) -> None:
-    ground = surface(np.zeros((30, 30)), 0.1)
-    position = np.array([[0.4, 2.0, lowest - 0.01]])
-    assert clearances(ground, shape, position, UPRIGHT)[0] == pytest.approx(-0.01, abs=1e-9)
 
 
 @settings(max_examples=30, deadline=None)

@@ -155,35 +155,6 @@ def test_every_engine_holds_a_braked_rover_up(engine: str) -> None:
             assert chassis == pytest.approx([*start[:2], 0.12], abs=5e-3)
 
 
-def test_speculative_contacts_of_mujoco_help_on_a_plane_and_not_on_height_fields() -> None:
-    """Why they are off. If this fails, MuJoCo has learnt it: switch them on."""
-    mujoco = pytest.importorskip("mujoco")
-
-    def depth(ground: str, *, speculative: bool) -> float:
-        spec = mujoco.MjSpec()
-        spec.option.timestep = 1.0 / 240.0
-        spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SPECULATIVE if speculative else 0
-        if ground == "plane":
-            spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[2, 2, 1])
-        else:
-            spec.add_hfield(name="g", nrow=41, ncol=41, size=[2, 2, 1, 1], userdata=np.zeros(1681, np.float32))
-            spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="g")
-        ball = spec.worldbody.add_body(pos=[0.013, 0.021, 0.3])
-        ball.add_freejoint()
-        ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.02, 0, 0], mass=1, solref=[2.0 / 240.0, 1], priority=1)
-        model = spec.compile()
-        data = mujoco.MjData(model)
-        data.qvel[2] = -20.0
-        lowest = 1.0
-        for _ in range(60):
-            mujoco.mj_step(model, data)
-            lowest = min(lowest, float(data.qpos[2]))
-        return 0.02 - lowest
-
-    assert depth("plane", speculative=True) < 0.1 * depth("plane", speculative=False)
-    assert depth("field", speculative=True) == pytest.approx(depth("field", speculative=False), rel=0.01)
-
-
 def test_a_stranger_with_braked_joints_stays_on_rough_ground() -> None:
     found = run_stranger("r2d2", moving=False, braked=True)
     assert found.passed

@@ -32,14 +32,6 @@ def test_sampling_follows_the_triangles_of_the_reports_diagonal(x: float, y: flo
     assert sampled == pytest.approx(expected, abs=1e-5)
 
 
-def test_outside_and_over_holes_there_is_no_ground() -> None:
-    heights = np.zeros((5, 5))
-    heights[2, 2] = np.nan
-    heightmap = HeightMap(heights, resolution=0.5)
-    points = [[-0.01, 1.0], [1.0, 2.01], [1.1, 1.2], [0.1, 0.2], [2.0, 2.0]]
-    np.testing.assert_array_equal(np.isnan(heightmap.at(points, 0.0).heights), [True, True, True, False, False])
-
-
 @examples(40)
 @given(st.integers(0, 10**6), st.integers(1, 12), st.sampled_from([(3, 3), (40, 70), (65, 64), (130, 200)]))
 def test_regions_in_place_equal_a_map_built_anew(seed: int, count: int, shape: tuple[int, int]) -> None:

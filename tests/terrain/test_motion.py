@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from itertools import pairwise
 
 import numpy as np
@@ -13,12 +12,10 @@ from hypothesis import strategies as st
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.motion import Mode, MotionConfig
 from tests.terrain.motion_law import (
-    AGREEMENT,
     AT_REST,
     LATE_AFTER,
     REST_AFTER,
     Phase,
-    agreed,
     displacement,
     motion_of,
     phase_of,
@@ -49,17 +46,6 @@ def test_ground_rises_by_the_difference_of_its_heights(v: float, a: float, age: 
         ahead = patience - age
     rise = rise_of(v, a, phase_at(age), ahead)
     assert rise == pytest.approx(height_at(age + ahead, v, a) - height_at(age, v, a), abs=1e-9 * (1 + abs(v) + abs(a)))
-
-
-@given(velocities, accelerations, st.floats(0.0, 0.6))
-def test_what_is_carried_is_the_derivative_of_height(v: float, a: float, age: float) -> None:
-    step = 1e-6
-    corners = (LATE_AFTER * INTERVAL, REST_AFTER * INTERVAL)
-    if any(corner - 2 * step <= age <= corner + 2 * step for corner in corners):
-        return
-    slope = (height_at(age + step, v, a) - height_at(age - step, v, a)) / (2.0 * step)
-    carried = rise_of(v, a, phase_at(age), step) / step
-    assert carried == pytest.approx(slope, abs=1e-4 * (1.0 + abs(v) + abs(a)))
 
 
 @given(velocities, accelerations)
@@ -94,47 +80,6 @@ def test_a_fast_second_order_motion_is_that_of_a_falling_stone() -> None:
     assert a == pytest.approx(3.0)
     assert heights[3] + displacement(v, a, phase) == pytest.approx(0.5 * 3.0 * (3.5 * INTERVAL) ** 2)
     assert rise_of(v, a, phase, 1e-9) / 1e-9 == pytest.approx(3.0 * 3.5 * INTERVAL)
-
-
-@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
-def test_a_change_counts_as_far_as_the_one_before_agrees(change: float, before: float) -> None:
-    found = agreed(change, before)
-    assert abs(found) <= min(abs(change), AGREEMENT * abs(before)) * (1.0 + 1e-12)
-    assert found * change >= 0.0
-    if change * before <= 0.0:
-        assert found == 0.0
-    elif abs(change) <= AGREEMENT * abs(before):
-        assert found == change
-
-
-@pytest.mark.parametrize(
-    ("speeds", "expected"),
-    [
-        ((0.0, 2.0, 2.0), (0.0, 0.0)),  # it has stopped
-        ((2.0, 0.0, 0.0), (2.0, 0.0)),  # it starts with a jolt
-        ((1.0, 2.0, 1.0), (1.0, 0.0)),  # it trembles
-        ((30.0, 1.0, 1.0), (0.0, 0.0)),  # it has jumped
-        ((math.nan, 1.0, 1.0), (0.0, 0.0)),  # it is a hole
-        ((1.0, 30.0, 1.0), (1.0, 0.0)),  # it jumped before
-        ((1.0, math.nan, 1.0), (1.0, 0.0)),  # it was a hole
-        ((3.0, 2.0, 1.0), (3.0, 10.0)),
-        ((7.0, 2.0, 1.0), (7.0, 10.0 * AGREEMENT)),  # no more than the change before makes likely
-    ],
-)
-def test_ground_is_not_carried_past_its_velocity(
-    speeds: tuple[float, float, float], expected: tuple[float, float]
-) -> None:
-    phase = phase_at(0.0)._replace(inverse=1 / INTERVAL, inverse_1=1 / INTERVAL)
-    assert motion_of(*speeds, phase, 25.0) == pytest.approx(expected)
-
-
-def test_extrapolation_runs_on_waits_and_returns() -> None:
-    offset = np.array([height_at(age, 1.0, 0.0) for age in AGES])
-    fresh = AGES <= LATE_AFTER * INTERVAL
-    np.testing.assert_allclose(offset[fresh], AGES[fresh])
-    gone = AGES > REST_AFTER * INTERVAL
-    assert np.abs(offset[gone]).max() == 0.0
-    assert np.abs(np.diff(offset)).max() < 1e-3
 
 
 def test_interpolation_starts_at_the_map_before_and_ends_at_the_last() -> None:

@@ -129,16 +129,6 @@ def test_no_scene_of_the_chart_gives_a_false_alarm(scene: Scene) -> None:
     assert check_of(feed()).findings == NO_FINDINGS
 
 
-@pytest.mark.parametrize("rate", [10.0, 20.0, 60.0, 240.0])
-@pytest.mark.parametrize("frequency", WAVES)
-def test_the_waves_of_the_matrix_give_no_false_alarm(frequency: int, rate: float) -> None:
-    geometry = square(61, 0.25)
-    assert (
-        check_of(of_ground(make_ground(geometry, **WAVES[frequency]).heights, geometry, at_rate(rate))).findings
-        == NO_FINDINGS
-    )
-
-
 @pytest.mark.parametrize("rate", [20.0, 60.0])
 @pytest.mark.parametrize("name", STAMPS)
 def test_waves_that_are_told_unevenly_give_no_false_alarm(name: str, rate: float) -> None:

@@ -36,44 +36,6 @@ SEEN = [
     [41.0, 42.0, 43.0, 44.0],
     [51.0, 52.0, 53.0, 54.0],
 ]
-STORED = {
-    (0, 0): SEEN,
-    (1, 0): [
-        [51.0, 52.0, 53.0, 54.0],
-        [11.0, 12.0, 13.0, 14.0],
-        [21.0, 22.0, 23.0, 24.0],
-        [31.0, 32.0, 33.0, 34.0],
-        [41.0, 42.0, 43.0, 44.0],
-    ],
-    (0, 3): [
-        [12.0, 13.0, 14.0, 11.0],
-        [22.0, 23.0, 24.0, 21.0],
-        [32.0, 33.0, 34.0, 31.0],
-        [42.0, 43.0, 44.0, 41.0],
-        [52.0, 53.0, 54.0, 51.0],
-    ],
-    (3, 2): [
-        [33.0, 34.0, 31.0, 32.0],
-        [43.0, 44.0, 41.0, 42.0],
-        [53.0, 54.0, 51.0, 52.0],
-        [13.0, 14.0, 11.0, 12.0],
-        [23.0, 24.0, 21.0, 22.0],
-    ],
-}
-
-
-@pytest.mark.parametrize("start", STORED)
-def test_a_grid_maps_buffer_is_unrolled(start: tuple[int, int]) -> None:
-    raster = from_grid_map(np.array(STORED[start]), start=start, centre=(10.0, 20.0), resolution=1.0, config=PLAIN)
-    # Rows along +y from the south-east corner (x 8, y 18.5), columns along +x.
-    assert raster.heights.tolist() == [
-        [54.0, 44.0, 34.0, 24.0, 14.0],
-        [53.0, 43.0, 33.0, 23.0, 13.0],
-        [52.0, 42.0, 32.0, 22.0, 12.0],
-        [51.0, 41.0, 31.0, 21.0, 11.0],
-    ]
-    assert raster.geometry.origin == (8.0, 18.5, 0.0)
-    assert (raster.geometry.rows, raster.geometry.columns, raster.geometry.yaw) == (4, 5, 0.0)
 
 
 @settings(deadline=None)

@@ -15,7 +15,7 @@ from smartmesh_ros.terrain.ray_cast import GroundHits, RayCaster, checked_rays
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.terrain.surfaces import first_hit, triangles_of
-from tests.terrain.test_surface_query import folded_mesh, halves
+from tests.terrain.test_surface_query import folded_mesh
 
 TILE = 16  # cells along the side of the tiles that rays traverse
 ROWS, COLUMNS, RESOLUTION = 2 * TILE + 5, 3 * TILE + 1, 0.5
@@ -88,17 +88,6 @@ def test_no_ray_slips_through_edges_and_corners() -> None:
         assert np.isfinite(distances).all()
         z = heightmap.at((origins + distances[:, None] * np.array(way) / length)[:, :2], 10.0).heights
         np.testing.assert_allclose(origins[:, 2] + distances * way[2] / length, z, atol=1e-6)
-
-
-@pytest.mark.parametrize("gap", [0, 1])
-def test_tiles_are_one_surface(gap: int) -> None:
-    whole, terrain = halves(gap)
-    origins, directions = rays_at(whole, 300, 3)
-    origins[:, :2] *= 0.2
-    one, two = cast(whole, origins, directions, 10.0), cast(terrain, origins, directions, 10.0)
-    np.testing.assert_allclose(two.distances, one.distances, atol=1e-5)
-    across = np.array([[3.83, y, 3.0] for y in np.linspace(0.0, 3.8, 50)])
-    assert np.isfinite(cast(terrain, across, np.tile([0.0, 0.0, -1.0], (50, 1)), 10.0).distances).all()
 
 
 def test_the_padding_of_a_coarse_tile_does_not_cover_its_fine_neighbour() -> None:

@@ -51,28 +51,6 @@ def test_velocities_of_shared_samples_are_those_of_the_ground(
     assert np.abs(velocities - wanted)[shared].max() < 1e-3
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [{"resolution": 0.2}, {"rows": 9}, {"yaw": 0.1}, {"origin": (0.05, 0.0, 0.0)}, {"origin": (0.0, 0.0, 1.0)}],
-)
-def test_another_grid_tells_nothing(changes: dict[str, float]) -> None:
-    before = GridGeometry(rows=8, columns=10, resolution=0.1)
-    after = GridGeometry(**{"rows": 8, "columns": 10, "resolution": 0.1, **changes})  # type: ignore[arg-type]
-    assert cells_moved(before, after) is None
-
-
-def test_maps_far_apart_in_space_or_time_tell_nothing() -> None:
-    geometry = GridGeometry(rows=8, columns=10, resolution=0.1)
-    old = HeightMap(np.zeros((8, 10)), geometry=geometry, time=0.0)
-    near = GridGeometry(rows=8, columns=10, resolution=0.1, origin=(0.1, 0.0, 0.0))
-    far = GridGeometry(rows=8, columns=10, resolution=0.1, origin=(1.0, 0.0, 0.0))
-    new = np.ones((8, 10), np.float32)
-    assert velocities_across(old, near, new, 0.1) is not None
-    assert velocities_across(old, far, new, 0.1) is None
-    assert velocities_across(old, near, new, 5.0) is None
-    assert velocities_across(old, near, new, 0.0) is None
-
-
 def at(x: float, time: float, **geometry: float) -> HeightMap:
     return HeightMap(np.zeros((8, 10)), resolution=0.1, origin=(x, 0.0), time=time, **geometry)  # type: ignore[arg-type]
 

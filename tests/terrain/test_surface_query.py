@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
@@ -132,21 +131,6 @@ def test_a_hole_of_one_tile_shows_the_next_below() -> None:
     terrain.put("below", HeightMap(np.zeros((5, 5)), resolution=1.0))
     np.testing.assert_allclose(at(terrain, np.array([[2.0, 2.1], [0.5, 0.5]]), 0.0).z, [0.0, 1.0])
     np.testing.assert_allclose(at(terrain, np.array([[0.5, 0.5, 0.8], [0.5, 0.5, 1.0]]), 0.0).z, [0.0, 1.0])
-
-
-def test_a_correction_counts_as_far_as_it_is_worked_off() -> None:
-    rng = np.random.default_rng(3)
-    old, new = rng.normal(size=(2, 80, 70))
-    motion = MotionConfig(changes="correction", settle=0.4)
-    heightmap = HeightMap(old, resolution=0.5, motion=motion)
-    heightmap.show(1.0)
-    heightmap.replace(new, time=1.0)
-    heightmap.show(1.1)
-    points = points_on(heightmap, 300, beyond=-0.1)
-    parts = [at(HeightMap(heights, resolution=0.5), points, 0.0).z for heights in (old, new)]
-    found = at(heightmap, points, 1.1)
-    np.testing.assert_allclose(found.z, 0.75 * parts[0] + 0.25 * parts[1], atol=1e-6)
-    assert not found.velocities.any()
 
 
 def folded_mesh(seed: int) -> TriangleMesh:

@@ -101,13 +101,6 @@ def test_a_mesh_of_a_grid_samples_as_the_height_map_does() -> None:
     np.testing.assert_allclose(mesh.at(points, 0.0).heights, heightmap.at(points, 0.0).heights, atol=1e-6)
 
 
-def test_the_highest_of_several_surfaces_is_the_ground() -> None:
-    lower, upper = grid(), grid() + (0.0, 0.0, 5.0)
-    triangles = np.concatenate([grid_triangles(6, 8), grid_triangles(6, 8) + 48])
-    mesh = TriangleMesh(np.concatenate([lower, upper]), triangles)
-    assert mesh.at([[3.5, 2.5]], 0.0).heights[0] > 3.0
-
-
 def rotated(vertices: np.ndarray, angle: float) -> np.ndarray:
     cos, sin = np.cos(angle), np.sin(angle)
     return np.stack(

@@ -130,20 +130,6 @@ def test_a_scan_is_the_ground_at_its_points(ground: str, order: str) -> None:
         np.testing.assert_array_equal(one, found[7:8])
 
 
-def test_a_turned_body_sees_a_turned_ground() -> None:
-    """Turning body and ground about the same point changes nothing."""
-    scan, yaw = HeightScan(), 0.7
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    still = HeightMap(wave(0.0), resolution=RESOLUTION, origin=(LOW, LOW))
-    around = HeightMap(wave(0.0), resolution=RESOLUTION, origin=(LOW * (cos - sin), LOW * (cos + sin)), yaw=yaw)
-    with World(still) as one, World(around) as other:
-        one.spawn("robot", Box(0.6, 0.3, 0.2), 10.0, turned(0.4, -0.3, 1.0, 0.2))
-        other.spawn(
-            "robot", Box(0.6, 0.3, 0.2), 10.0, turned(0.4 * cos + 0.3 * sin, 0.4 * sin - 0.3 * cos, 1.0, 0.2 + yaw)
-        )
-        np.testing.assert_allclose(one.height_scan("robot", scan), other.height_scan("robot", scan), atol=1e-9)
-
-
 def test_a_tracked_body_and_a_robot_are_scanned_around_their_frames(flat: World) -> None:
     flat.terrain.tiles[""].replace(wave(0.0, 101), time=0.0)
     flat.spawn_robot("robot", LOPSIDED, turned(0.5, 0.3, 1.0, 0.9))

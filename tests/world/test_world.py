@@ -21,21 +21,6 @@ from smartmesh_ros import (
 from smartmesh_ros.node.inputs.tracking import Tracking
 
 HUSKY = f"{pybullet_data.getDataPath()}/husky/husky.urdf"
-CART = """
-<robot name="cart">
-  <link name="body">
-    <inertial><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><geometry><box size="0.6 0.3 0.1"/></geometry></collision>
-  </link>
-  <link name="wheel">
-    <inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><geometry><sphere radius="0.2"/></geometry></collision>
-  </link>
-  <joint name="axle" type="continuous">
-    <parent link="body"/><child link="wheel"/><origin xyz="0.2 0 -0.1"/><axis xyz="0 1 0"/>
-  </joint>
-</robot>
-"""
 
 
 @pytest.mark.parametrize(
@@ -97,16 +82,6 @@ def test_a_robot_has_a_patch_for_each_link_that_can_touch_the_ground(world: Worl
     assert not any(world.followers.names)
 
 
-def test_a_robot_from_text_rolls_freely(world: World) -> None:
-    world.spawn_robot("cart", CART, BodyState((0.0, 0.0, 0.35)))
-    assert world.followers.names == ["cart/body", "cart/wheel"]
-    world.drive("cart", "axle", 3.0)
-    world.step(240)
-    assert world.state("cart").position[0] > 0.2
-    with pytest.raises(InputError, match="axle"):
-        world.drive("cart", "steering", 1.0)
-
-
 def test_simulated_bodies_are_pushed_by_tracked_ones(world: World) -> None:
     world.spawn("ball", Sphere(0.2), 1.0, BodyState((1.0, 0.0, 0.2)))
     for step in range(240):
@@ -132,20 +107,6 @@ def test_tracked_bodies_report_depth_and_normal_of_their_contact() -> None:
         world.track("probe", 0.3, BodyState((0.0, 0.0, 0.5)))
         world.refresh()
         assert world.contacts() == []
-
-
-def test_tracking_estimates_velocity_and_forgets_what_it_does_not_hear_of(world: World) -> None:
-    tracking = Tracking(world, timeout=0.5)
-    half = 0.5 * 0.1
-    tracking.update("rover", 0.3, BodyState((0.0, 0.0, 0.3)), 10.0)
-    turned = (0.0, 0.0, math.sin(half), math.cos(half))
-    tracking.update("rover", 0.3, BodyState((0.1, 0.0, 0.3), turned), 10.1)
-    state = world.state("rover")
-    np.testing.assert_allclose(state.linear, (1.0, 0.0, 0.0), atol=1e-6)
-    np.testing.assert_allclose(state.angular, (0.0, 0.0, 1.0), atol=1e-6)
-    assert tracking.expire(10.55) == []
-    assert tracking.expire(10.65) == ["rover"]
-    assert world.bodies == {}
 
 
 def test_a_tracked_body_that_is_not_heard_of_goes_no_farther(world: World) -> None:

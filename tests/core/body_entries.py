@@ -1,0 +1,231 @@
+"""Functions of the core that take tables of bodies, and soil under them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from smartmesh_ros.soil.feet import FOOT, with_room
+
+from smartmesh_ros import HeightMap
+from smartmesh_ros.core import CORE, as_bytes
+from smartmesh_ros.patches.shapes import SHAPE, ball, box, compound, hull
+from smartmesh_ros.patches.supports import no_supports
+from smartmesh_ros.soil.config import SoilConfig
+from smartmesh_ros.soil.layer import LAYER_SAMPLE
+from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.world.state_table import LIMITS
+from tests.bodies import TETRAHEDRON, shapes_of
+from tests.core.entries import COLUMNS, ROWS, Arguments, Entry, arrays
+
+BODIES, SIDE = 3, 5  # of tables of shapes, and of their patches
+SLOTS = 8  # of other tables
+
+
+def zeros(columns: int, rows: int = SLOTS) -> np.ndarray:
+    return np.zeros((rows, columns))
+
+
+def slots() -> np.ndarray:
+    return np.array([7, 0, 3])
+
+
+def flags() -> np.ndarray:
+    return np.ones(SLOTS, bool)
+
+
+def bodies() -> Arguments:
+    states = zeros(13, BODIES)
+    states[:, 6] = 1.0
+    shapes = shapes_of([box((0.2, 0.3, 0.4)), hull(TETRAHEDRON), compound([ball(0.1), hull(TETRAHEDRON)])])
+    return {"shapes": shapes.core, "states": states, "slots": np.arange(BODIES)}
+
+
+def grid() -> Any:
+    """A map 1 m above the bodies."""
+    motion = MotionConfig(changes="correction")
+    return HeightMap(np.ones((9, 9)), resolution=0.1, origin=(-0.4, -0.4), motion=motion).core_reader
+
+
+def supports() -> np.ndarray:
+    table = no_supports(BODIES)
+    table["tile"], table["rows"], table["columns"], table["stride"] = 0, SIDE, SIDE, 1
+    return as_bytes(table)
+
+
+def below() -> Arguments:
+    return bodies() | {"tiles": [grid()], "time": 0.0}
+
+
+def feet_on_patches() -> Arguments:
+    samples = np.ones((BODIES, SIDE, SIDE))
+    more = {"grid": grid(), "heights": samples, "velocities": samples, "time": 0.0, "supports": supports()}
+    return bodies() | more
+
+
+def mesh_foot() -> Arguments:
+    more = {"points": np.eye(3), "triangles": np.array([[0, 1, 2], [2, 1, 0]], np.int32), "slot": 1}
+    given = bodies() | more | {"supports": supports()}
+    del given["slots"]
+    return given
+
+
+def corrections() -> Arguments:
+    poses = zeros(7, 2)
+    poses[:, 6] = 1.0
+    return bodies() | {
+        "tiles": [(0, grid(), 0.0)], "owners": np.array([0, 1, 1]), "supports": supports(), "time": 0.0, "poses": poses
+    }  # fmt: skip
+
+
+def shape_tables() -> Arguments:
+    return {"shapes": as_bytes(np.zeros(2, SHAPE)), "parts": as_bytes(np.zeros(2, SHAPE)), "vertices": zeros(3, 2)}
+
+
+def motion() -> Arguments:
+    return {
+        "chosen": slots(), "shapes": as_bytes(np.zeros(SLOTS, SHAPE)), "states": zeros(13), "boxes": zeros(6),
+        "anchors": zeros(8), "time": 0.1, "distance": 0.001,
+    }  # fmt: skip
+
+
+def asleep() -> Arguments:
+    return {"asleep": slots(), "boxes": zeros(6), "radii": np.ones(SLOTS), "near": 0.1, "share": 0.1}
+
+
+def island() -> Arguments:
+    given = asleep() | {"chosen": slots(), "owners": np.arange(SLOTS)}
+    del given["asleep"]
+    return given
+
+
+def reached() -> Arguments:
+    return {
+        "movers": np.array([1, 2]), "states": zeros(13), "positions": zeros(3), "moved": zeros(3), "anchors": zeros(8),
+        "stillness": (1.0, 0.5, 0.001), "elapsed": 0.01, "found": np.zeros(SLOTS, bool),
+    }  # fmt: skip
+
+
+def under() -> Arguments:
+    boxes = np.tile([0.0, 0.0, 0.0, 1.0, 1.0, 1.0], (SLOTS, 1))
+    ground = HeightMap(np.zeros((ROWS, COLUMNS)), resolution=0.1).core_reader
+    return {"map": ground, "time": 0.1, "chosen": slots(), "boxes": boxes, "counts": np.zeros(3, np.int64)}
+
+
+def faults() -> Arguments:
+    return {
+        "states": zeros(13), "radii": np.ones(SLOTS), "kinds": np.ones(SLOTS, np.uint8), "dimensions": zeros(3),
+        "centres": zeros(3), "masses": np.ones(SLOTS), "limits": LIMITS,
+    }  # fmt: skip
+
+
+def remote() -> Arguments:
+    return {
+        "states": zeros(13, 4), "radii": np.ones(4), "margins": np.ones(4), "places": zeros(3), "speeds": zeros(3),
+        "others": np.ones(SLOTS), "own": flags(),
+    }  # fmt: skip
+
+
+def near_any(states: Any, radii: Any, margins: Any, places: Any, speeds: Any, others: Any, own: Any) -> Any:
+    return CORE.near_any((states, radii, margins), 0.1, (places, speeds, others, own), 0.1)
+
+
+def stepped() -> Arguments:
+    return {
+        "positions": zeros(3), "moved": zeros(3), "radii": np.ones(SLOTS), "guests": flags(), "solid": flags(),
+        "slack": 0.1,
+    }  # fmt: skip
+
+
+def soil() -> Arguments:
+    return {
+        "samples": as_bytes(np.zeros((ROWS, COLUMNS), LAYER_SAMPLE)), "kinds": np.zeros((ROWS, COLUMNS), np.uint8),
+        "soils": np.array([[1e6, 0.0, 1.0, 0.0, 0.5, 0.01, 2e8, 3e4]]),
+    }  # fmt: skip
+
+
+def feet() -> Any:
+    found = with_room(np.zeros(0, FOOT), 2)
+    for row, place in enumerate(((3.0, 2.0), (9.0, 4.0))):
+        found["shape"][row] = box((0.4, 0.4, 0.4)).record
+        found["state"][row] = (*place, 0.2, 0.0, 0.0, 0.0, 1.0, *(0.0,) * 6)
+    found["force"] = 100.0
+    return found
+
+
+def pressed(some: Any = None) -> Arguments:
+    """Arguments of an update of the soil, which two feet press."""
+    ground = CORE.Grid(**arrays())
+    ground.place(0.0, 0.0, 0.0, 0.0, 0.1)
+    ground.set_motion(1, 25.0, 0.2, 0.0, 0.0)
+    records = as_bytes(feet() if some is None else some)
+    return {"grid": ground, "feet": records, "time": 0.0, "dt": 0.01, "number": 1, "config": SoilConfig()}
+
+
+def press(**given: Any) -> Any:
+    return CORE.Soil(**soil()).update(**given)
+
+
+def above_grid() -> Arguments:
+    record = as_bytes(box((0.2, 0.2, 0.2)).record.reshape(1))
+    return {"record": record, "points": zeros(2, 5), "spacing": 0.1}
+
+
+OF_SLOTS = (("slots", BODIES),)
+CHOSEN = (("chosen", SLOTS),)
+ENTRIES = {
+    "find_below": Entry(CORE.find_below, below, rows=("slots",), within=OF_SLOTS, finite=("time",)),
+    "find_feet": Entry(
+        CORE.find_feet, feet_on_patches, written=("supports",), rows=("slots",), within=OF_SLOTS, finite=("time",)
+    ),
+    "find_mesh_foot": Entry(
+        CORE.find_mesh_foot, mesh_foot, written=("supports",), rows=("states", "supports", "triangles"),
+        within=(("slot", BODIES), ("triangles", 3)),
+    ),
+    "move_with_corrections": Entry(
+        CORE.move_with_corrections, corrections, written=("poses",), rows=("slots", "poses"),
+        within=(*OF_SLOTS, ("owners", 2)), finite=("time",),
+    ),
+    "distances_outside": Entry(
+        CORE.distances_outside, lambda: {"kept": np.eye(3), "points": np.ones((4, 3)), "found": np.zeros(4)},
+        written=("found",), rows=("kept",),
+    ),
+    "Shapes": Entry(CORE.Shapes, shape_tables, rows=("shapes", "parts", "vertices")),
+    "note_motion": Entry(
+        CORE.note_motion, motion, written=("boxes", "anchors"), rows=("chosen",), within=CHOSEN
+    ),
+    "islands": Entry(CORE.islands, island, rows=("chosen",), within=CHOSEN),
+    "Sleepers": Entry(CORE.Sleepers, asleep, rows=("asleep",), within=(("asleep", SLOTS),)),
+    "mark_near": Entry(
+        CORE.Sleepers(**asleep()).mark_near, lambda: {"slot": 1, "found": np.zeros(SLOTS, bool)}, written=("found",),
+        within=(("slot", SLOTS),),
+    ),
+    "mark_connected": Entry(
+        CORE.Sleepers(**asleep()).mark_connected, lambda: {"found": np.zeros(SLOTS, bool)}, written=("found",)
+    ),
+    "mark_reached": Entry(
+        CORE.Sleepers(**asleep()).mark_reached, reached, written=("found",), rows=("movers",),
+        within=(("movers", SLOTS),),
+    ),
+    "strayed": Entry(CORE.strayed, lambda: {"state": np.zeros(13), "anchor": np.zeros(7), "radius": 1.0}),
+    "count_updates": Entry(CORE.count_updates, under, written=("counts",), within=CHOSEN),
+    "samples_under": Entry(CORE.samples_under, under, written=("counts",), within=CHOSEN),
+    "first_fault": Entry(CORE.first_fault, faults),
+    "extrapolated": Entry(CORE.extrapolated, lambda: {"states": zeros(13), "duration": 0.1}, rows=("states",)),
+    "blended": Entry(CORE.blended, lambda: {"states": zeros(13), "targets": zeros(13), "share": 0.5}),
+    "near_any": Entry(near_any, remote),
+    "may_touch": Entry(CORE.may_touch, stepped),
+    "may_meet": Entry(
+        CORE.may_meet,
+        lambda: {"origins": zeros(3), "ways": zeros(3) + 1.0, "reach": np.ones(SLOTS), "boxes": zeros(6, 20)},
+        rows=("boxes",),
+    ),
+    "split_bodies": Entry(
+        CORE.split_bodies,
+        lambda: {"content": np.ones(500, np.uint8), "at": 0, "rows": np.zeros((3, 140), np.uint8)},
+        written=("rows",), any_shape=("content", "rows"),
+    ),
+    "Soil": Entry(CORE.Soil, soil, written=("samples",)),
+    "Soil.update": Entry(press, pressed, written=("feet",), rows=("feet",)),
+    "shape_above_grid": Entry(CORE.shape_above_grid, above_grid, rows=("points",)),
+}  # fmt: skip

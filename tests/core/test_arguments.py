@@ -1,0 +1,102 @@
+"""No argument makes the core read or write outside an array: what it cannot take, it refuses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.core import body_entries, ground_entries
+from tests.core.entries import REFUSED, SPOILT
+
+ENTRIES = ground_entries.ENTRIES | body_entries.ENTRIES
+ARRAYS = [(entry, name) for entry in ENTRIES for name in ENTRIES[entry].arrays()]
+# Numbers that are hardly possible, for each type of them.
+EXTREMES = {
+    "NaN": lambda kind: np.nan,
+    "infinite": lambda kind: np.inf,
+    "below all": lambda kind: -np.inf,
+    "largest": lambda kind: np.finfo(kind).max,
+    "least": lambda kind: np.finfo(kind).min,
+    "far": lambda kind: 1e18,
+}
+NO_TILES = (None, [None], [1], [np.zeros(3)], np.zeros(3), "tiles", [[]], [(0, None, 0.0)], [(0, 1)])
+
+
+@pytest.mark.parametrize("entry", ENTRIES)
+def test_what_fits_is_taken(entry: str) -> None:
+    ENTRIES[entry].function(**ENTRIES[entry].made())
+
+
+@pytest.mark.parametrize("how", SPOILT)
+@pytest.mark.parametrize(("entry", "name"), ARRAYS)
+def test_arrays_that_do_not_fit_are_refused(entry: str, name: str, how: str) -> None:
+    given = ENTRIES[entry].made()
+    try:  # also NumPy refuses an array that is too large even without memory
+        spoilt = SPOILT[how](given[name])
+        ENTRIES[entry].function(**given | {name: spoilt})
+    except REFUSED:
+        return
+    assert ENTRIES[entry].fits(name, spoilt, given[name]), "it must be refused"
+
+
+@pytest.mark.parametrize(("entry", "name"), [(entry, name) for entry in ENTRIES for name in ENTRIES[entry].written])
+def test_arrays_that_are_read_only_are_not_written(entry: str, name: str) -> None:
+    given = ENTRIES[entry].made()
+    given[name].setflags(write=False)
+    with pytest.raises(REFUSED):
+        ENTRIES[entry].function(**given)
+
+
+@pytest.mark.parametrize(
+    ("entry", "name", "count"), [(entry, *named) for entry in ENTRIES for named in ENTRIES[entry].within]
+)
+def test_rows_that_are_in_no_table_are_refused(entry: str, name: str, count: int) -> None:
+    for wrong in (-1, count, 2**31 - 1, -(2**31), 2**62, -(2**63)):
+        given = ENTRIES[entry].made()
+        if not isinstance(given[name], np.ndarray):
+            given[name] = wrong
+        elif np.iinfo(given[name].dtype).min <= wrong <= np.iinfo(given[name].dtype).max:
+            given[name].flat[-1] = wrong
+        else:
+            continue
+        with pytest.raises(REFUSED):
+            ENTRIES[entry].function(**given)
+
+
+@pytest.mark.parametrize(("entry", "name"), [(entry, name) for entry in ENTRIES for name in ENTRIES[entry].finite])
+def test_numbers_that_must_be_finite_are(entry: str, name: str) -> None:
+    for value in (np.nan, np.inf, -np.inf):
+        given = ENTRIES[entry].made()
+        if isinstance(given[name], np.ndarray):
+            given[name].flat[-1] = value
+        else:
+            given[name] = value
+        with pytest.raises(REFUSED):
+            ENTRIES[entry].function(**given)
+
+
+@pytest.mark.parametrize("extreme", EXTREMES)
+@pytest.mark.parametrize(("entry", "name"), ARRAYS)
+def test_numbers_of_any_size_do_no_harm(entry: str, name: str, extreme: str) -> None:
+    """In one column of an array, or in all."""
+    right = ENTRIES[entry].made()[name]
+    if right.dtype.kind != "f":
+        return
+    columns = range(right.shape[-1]) if right.ndim == 2 and right.shape[-1] <= 13 else ()
+    for column in (slice(None), *columns):
+        given = ENTRIES[entry].made()
+        given[name][..., column] = EXTREMES[extreme](right.dtype)
+        try:
+            ENTRIES[entry].function(**given)
+        except REFUSED:
+            continue
+
+
+@pytest.mark.parametrize("entry", [entry for entry in ENTRIES if "tiles" in ENTRIES[entry].made()])
+def test_only_grids_and_meshes_are_tiles(entry: str) -> None:
+    for wrong in NO_TILES:
+        given: dict[str, Any] = ENTRIES[entry].made() | {"tiles": wrong}
+        with pytest.raises((*REFUSED, RuntimeError)):
+            ENTRIES[entry].function(**given)

@@ -1,0 +1,210 @@
+"""Tables of bodies, and soil under them, at the limits of what the core takes."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from smartmesh_ros.soil.feet import FOOT, NOWHERE
+
+from smartmesh_ros.core import CORE, as_bytes
+from smartmesh_ros.ground.shapes import DIMENSIONS
+from smartmesh_ros.patches.shapes import SHAPE, ShapeKind, ball
+from smartmesh_ros.patches.supports import SUPPORT
+from smartmesh_ros.soil.config import SoilConfig
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from smartmesh_ros.world.state_table import LIMITS
+from tests.bodies import shapes_of, state_at
+from tests.core import mesh_parts
+from tests.core.body_entries import (
+    SLOTS,
+    above_grid,
+    below,
+    faults,
+    feet,
+    feet_on_patches,
+    press,
+    pressed,
+    soil,
+    zeros,
+)
+from tests.core.entries import REFUSED, arrays
+
+
+def find_below(table: np.ndarray, parts: np.ndarray) -> None:
+    """What is below the ground of one body with a shape of these tables."""
+    shapes = CORE.Shapes(as_bytes(table), as_bytes(parts), zeros(3, 4))
+    CORE.find_below(**(below() | {"slots": np.zeros(1, np.int64), "shapes": shapes}))
+
+
+@pytest.mark.parametrize(
+    ("first", "rows"), [(-1, 1), (0, 0), (0, -1), (0, 5), (4, 1), (2**62, 2**62), (-(2**63), 2**63 - 1)]
+)
+@pytest.mark.parametrize("kind", [ShapeKind.HULL, ShapeKind.COMPOUND])
+def test_shapes_that_name_what_is_not_there_are_refused(kind: ShapeKind, first: int, rows: int) -> None:
+    table = np.zeros(1, SHAPE)
+    table["kind"], table["first"], table["rows"] = kind, first, rows
+    with pytest.raises(REFUSED):
+        find_below(table, np.zeros(4, SHAPE))
+
+
+@pytest.mark.parametrize("kind", [-1, 0, max(ShapeKind) + 1, 2**62, ShapeKind.COMPOUND])
+@pytest.mark.parametrize("is_part", [False, True])
+def test_shapes_of_no_kind_and_compounds_of_compounds_are_refused(kind: int, *, is_part: bool) -> None:
+    table, parts = np.zeros(1, SHAPE), np.zeros(1, SHAPE)
+    table["kind"], table["rows"] = (ShapeKind.COMPOUND, 1) if is_part else (kind, 2)
+    parts["kind"], parts["rows"] = kind, 1
+    with pytest.raises(REFUSED):
+        find_below(table, parts)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e308])
+def test_samples_that_are_no_heights_are_no_ground(value: float) -> None:
+    given = feet_on_patches()
+    given["heights"] = np.full_like(given["heights"], value)
+    CORE.find_feet(**given)
+    assert np.isfinite(value) or not given["supports"].view(SUPPORT)["state"].ravel()[0]
+
+
+def test_a_body_below_the_ground_is_lifted_by_the_depth_of_its_lowest_point() -> None:
+    found = CORE.find_below(**below())
+    assert [slot for slot, _, _ in found] == [0, 1, 2]
+    assert found[0][1:] == pytest.approx((1.2, 0.0))
+    assert found[1][1] == pytest.approx(1.4)
+
+
+def test_ground_of_a_mesh_above_a_body_counts_only_where_there_is_none_below_it() -> None:
+    floor, top = mesh_parts.sheet(4.0, 1), mesh_parts.box((-0.5, -0.5, 0.5), (0.5, 0.5, 0.6))
+    tiles = [TriangleMesh(*mesh_parts.joined(floor, top)).core_reader]
+    shapes, first = shapes_of([ball(0.1)]).core, np.zeros(1, np.int64)
+
+    def lifts(x: float, z: float) -> list[float]:
+        states = state_at(np.array([x, 0.2, z]), np.array([0.0, 0.0, 0.0, 1.0]))
+        return [lift for _, lift, _ in CORE.find_below(shapes, states, first, tiles, 0.0)]
+
+    for z in (0.7, 0.55, 0.3):  # over the box, in it, and under it
+        assert lifts(0.1, z) == []
+    assert lifts(0.1, -0.2) == pytest.approx([0.6 + 0.3])
+    assert lifts(1.0, -0.2) == pytest.approx([0.3])
+    for nowhere in ((3.0, -0.2), (np.nan, -0.2), (np.inf, -0.2), (0.1, np.nan)):
+        assert lifts(*nowhere) == []
+
+
+@pytest.mark.parametrize("kind", [0, len(DIMENSIONS), 255])
+def test_bodies_of_no_known_kind_are_faulty(kind: int) -> None:
+    given = faults()
+    given["states"][:, 6], given["kinds"][3], given["dimensions"][...] = 1.0, kind, 1.0
+    assert CORE.first_fault(**given) == (3, 5)
+
+
+@pytest.mark.parametrize("counts", [np.zeros(4, np.int64), np.full(5, 2**62), np.full(5, -1), np.zeros(5), None])
+def test_numbers_of_dimensions_lead_out_of_no_array(counts: Any) -> None:
+    given = faults()
+    given["states"][:, 6] = 1.0
+    try:
+        CORE.first_fault(**given | {"limits": (counts, *LIMITS[1:])})
+    except REFUSED:
+        assert counts is None or len(counts) == 4 or counts.dtype == np.float64
+
+
+def test_sleeping_bodies_at_unknown_places_are_searched_last() -> None:
+    boxes = zeros(6)
+    boxes[[0, 3]] = np.nan
+    marked = np.zeros(SLOTS, bool)
+    search = CORE.Sleepers(np.arange(SLOTS), boxes, np.ones(SLOTS), 0.1, 0.1)
+    assert search.mark_near(1, marked)
+    assert marked[[1, 2, 4, 5, 6, 7]].all()
+    boxes[:, 0] = np.arange(SLOTS)[::-1]  # another order than the one that was searched
+    search.mark_near(1, marked)
+
+
+@pytest.mark.parametrize("at", [0, 3, 496, 500, 501, 2**63, 2**64 - 1])
+@pytest.mark.parametrize("byte", [0, 1, 255])
+def test_messages_that_end_too_soon_are_refused(at: int, byte: int) -> None:
+    rows = np.zeros((30, 140), np.uint8)
+    assert CORE.split_bodies(np.full(500, byte, np.uint8), at, rows) is None
+
+
+def test_two_feet_press_the_soil() -> None:
+    some = feet()
+    rectangles, heights, velocities = press(**pressed(some))
+    assert len(rectangles) == 2
+    sizes = (rectangles[:, 2] - rectangles[:, 0] + 1) * (rectangles[:, 3] - rectangles[:, 1] + 1)
+    assert sizes.sum() == len(heights) == len(velocities)
+    assert (velocities < 0.0).any()
+    assert (some["sinkage"] > 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("grid", None), ("grid", CORE.Grid(**arrays(69, 130))), ("time", np.nan), ("dt", 0.0), ("dt", np.nan),
+        ("dt", -1.0), ("number", 2**31), ("config", None),
+        *(
+            ("config", SimpleNamespace(**(vars(SoilConfig()) | {name: value})))
+            for name, value in (("rim", -1), ("slides", 10**9), ("flow", np.nan), ("repose", np.inf), ("still", "a"))
+        ),
+    ],
+)  # fmt: skip
+def test_an_update_of_the_soil_refuses_what_is_out_of_range(name: str, value: Any) -> None:
+    with pytest.raises((*REFUSED, AttributeError, RuntimeError)):
+        press(**(pressed() | {name: value}))
+
+
+@pytest.mark.parametrize("kind", [0, 5, 6, -1, 2**62, -(2**63)])
+def test_the_soil_refuses_shapes_that_it_does_not_know(kind: int) -> None:
+    some = feet()
+    some["shape"]["kind"][1] = kind
+    with pytest.raises(REFUSED):
+        press(**pressed(some))
+    given = above_grid()
+    given["record"].view(SHAPE)["kind"] = kind
+    with pytest.raises(REFUSED):
+        CORE.shape_above_grid(**given)
+
+
+@pytest.mark.parametrize(
+    "seen",
+    [
+        (-1, 0, 5, 5), (0, -1, 5, 5), (0, 0, 70, 5), (0, 0, 5, 130), (5, 5, 4, 5), (NOWHERE, 0, 5, 5),
+        (NOWHERE, NOWHERE, 5, -1), (-(2**31), -(2**31), 2**31 - 1, 2**31 - 1),
+    ],
+)  # fmt: skip
+def test_an_update_refuses_samples_that_are_not_there(seen: tuple[int, int, int, int]) -> None:
+    some = feet()
+    some["seen"][1] = seen
+    with pytest.raises(REFUSED):
+        press(**pressed(some))
+
+
+def numbers_of(some: Any, field: str) -> Any:
+    """A view of a field of the feet (2, n), or of their shapes."""
+    table = some if field in (FOOT.names or ()) else some["shape"]
+    return table[field][:, None] if table[field].ndim == 1 else table[field]
+
+
+@pytest.mark.parametrize("kind", [1, 2, 3, 4])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300, -1e300, 1e-300, 0.0])
+@pytest.mark.parametrize(
+    "field",
+    ["half", "rounding", "offset", "turn", "state", "force", "place", "load", "centre_of_load", "seat", "slope"],
+)
+def test_any_numbers_of_feet_do_no_harm(field: str, value: float, kind: int) -> None:
+    """Bodies that are beside the map, huge, or thrown to infinity."""
+    layer = CORE.Soil(**soil())
+    for column in range(numbers_of(feet(), field).shape[1]):
+        some = feet()
+        some["shape"]["kind"] = kind
+        numbers_of(some, field)[0, column] = value
+        layer.update(**pressed(some))
+    some["force"] = 0.0
+    layer.update(**pressed(some))
+
+
+def test_kinds_of_soils_that_are_not_there_count_as_the_last() -> None:
+    given, some = soil(), feet()
+    given["kinds"][:] = 255
+    CORE.Soil(**given).update(**pressed(some))
+    assert (some["sinkage"] > 0.0).all()
