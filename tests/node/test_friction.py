@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import HeightmapUpdate
 from smartmesh_msgs.srv import RemoveBodies, SpawnBody, StepPhysics
-from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 from std_srvs.srv import SetBool
 
 from smartmesh_ros.tools.testing import Probe, floats, pose_message
+from tests.grid_maps import grid_map_message
 from tests.node.shared import changed, one_round, set_parameters
 
 SHARED = {"physics.friction": 1.0, "terrain.input": "grid_map"}
@@ -68,23 +68,9 @@ def expected(*coefficients: float) -> Any:
     return pytest.approx([SPEED**2 / (2.0 * mu * GRAVITY) for mu in coefficients], rel=0.03)
 
 
-def grid_map(probe: Probe, friction: NDArray[np.float32], *, start: tuple[int, int] = (0, 0)) -> GridMap:
+def grid_map(probe: Probe, friction: NDArray[np.float32], start: tuple[int, int] = (0, 0)) -> GridMap:
     """Level ground with a layer of coefficients (rows, columns), whose circular buffer begins at ``start``."""
-    message = GridMap(layers=["elevation", "slip"], outer_start_index=start[0], inner_start_index=start[1])
-    message.header.stamp, message.header.frame_id = probe.now(), "map"
-    message.info.resolution, message.info.length_x, message.info.length_y = (
-        RESOLUTION, COLUMNS * RESOLUTION, ROWS * RESOLUTION,
-    )  # fmt: skip
-    message.info.pose = pose_message((0.0, 0.0, 0.0))
-    for layer in (FLAT.astype(np.float32), friction):
-        cells = np.roll(layer.T[::-1, ::-1], start, (0, 1))
-        data = Float32MultiArray(data=floats(cells.T))
-        data.layout.dim = [
-            MultiArrayDimension(label=label, size=size)
-            for label, size in zip(("column_index", "row_index"), cells.T.shape, strict=True)
-        ]
-        message.data.append(data)
-    return message
+    return grid_map_message({"elevation": FLAT, "slip": friction}, RESOLUTION, start=start, stamp=probe.now())
 
 
 def refused(probe: Probe, topic: str, reason: str, publish: Callable[[], object]) -> None:
@@ -153,7 +139,7 @@ def test_a_layer_of_a_grid_map_holds_the_friction(shared: Probe) -> None:
     assert ways(shared) == expected(1.0, 1.0)
     with changed(shared, {"terrain.friction_layer": "slip"}):
         for start in ((0, 0), (3, 17)):
-            maps.publish(grid_map(shared, halves(), start=start))
+            maps.publish(grid_map(shared, halves(), start))
             assert ways(shared) == expected(ICE, GRAVEL)
         refused(shared, "grid_map", "friction", lambda: maps.publish(grid_map(shared, -halves())))
     with changed(shared, {"terrain.friction_layer": "grip"}):
