@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,11 +15,10 @@ from geometry_msgs.msg import Twist, Vector3
 from grid_map_msgs.msg import GridMap
 from numpy.typing import NDArray
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import HeightmapUpdate
 from smartmesh_msgs.srv import RemoveBodies, SpawnBody, StepPhysics
 from std_srvs.srv import SetBool
 
-from smartmesh_ros.tools.testing import Probe, floats, pose_message
+from smartmesh_ros.tools.testing import Probe, pose_message
 from tests.grid_maps import grid_map_message
 from tests.node.shared import changed, one_round, set_parameters
 
@@ -93,44 +91,6 @@ def test_one_coefficient_is_that_of_the_whole_map_and_unknown_ones_are_1(shared:
     assert ways(shared) == expected(1.0, 1.0)
     shared.publish_map(FLAT, friction=np.where(halves() == ICE, np.nan, GRAVEL), **PLACE)
     assert ways(shared) == expected(1.0, GRAVEL)
-
-
-def test_maps_and_regions_without_friction_leave_that_of_the_ground(shared: Probe) -> None:
-    shared.publish_map(FLAT, **PLACE)
-    assert ways(shared) == expected(1.0, 1.0)
-    shared.publish_map(FLAT, friction=halves(), **PLACE)
-    shared.publish_map(FLAT, **PLACE)
-    assert ways(shared) == expected(ICE, GRAVEL)
-    update = HeightmapUpdate(x=0, y=0, width=COLUMNS, height=ROWS, heights=floats(FLAT.astype(np.float32)))
-    update.header.stamp, update.header.frame_id = shared.now(), "map"
-    shared.publishers["heightmap_update"].publish(update)
-    assert ways(shared) == expected(ICE, GRAVEL)
-
-
-def test_a_map_that_scrolls_leaves_the_friction_on_its_ground(shared: Probe) -> None:
-    """It goes on by 4 m: where it began, it ends now at x = 14, and the last 4 m are new."""
-    shared.publish_map(FLAT, friction=halves(), **PLACE)
-    shared.publish_map(FLAT, resolution=RESOLUTION, origin=(ORIGIN[0] + 4.0, *ORIGIN[1:]))
-    assert ways(shared, (-4.0, 2.0, 11.0)) == expected(ICE, GRAVEL, 1.0)
-
-
-def test_impossible_friction_refuses_the_map_whole(shared: Probe) -> None:
-    impossible: list[tuple[str, Any]] = [
-        ("length", np.ones(7)), ("length", np.ones((ROWS, COLUMNS - 1))), ("friction", -0.5), ("friction", np.inf),
-        ("friction", np.where(halves() == ICE, -ICE, GRAVEL)), ("friction", np.where(halves() == ICE, np.inf, GRAVEL)),
-    ]  # fmt: skip
-    shared.publish_map(FLAT, friction=halves(), **PLACE)
-
-    def counts() -> Counter[str]:
-        values = shared.diagnostics("inputs")
-        return Counter({reason: int(values.get(f"refused, heightmap: {reason}", 0)) for reason, _ in impossible})
-
-    expected_counts = counts() + Counter(reason for reason, _ in impossible)
-    for _, friction in impossible:
-        shared.publish_map(FLAT + 1.0, friction=friction, **PLACE)
-        one_round(shared)
-    shared.wait_for(lambda: counts() == expected_counts)
-    assert ways(shared) == expected(ICE, GRAVEL)
 
 
 def test_a_layer_of_a_grid_map_holds_the_friction(shared: Probe) -> None:

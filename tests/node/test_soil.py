@@ -2,7 +2,6 @@
 
 import math
 from itertools import count
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -256,12 +255,6 @@ def test_contacts_that_are_not_finite_are_refused() -> None:
     contact.normal.z = math.nan
     with pytest.raises(InputError, match="'a' has values that are not finite"):
         contacts_from(ContactArray(contacts=[contact]))
-
-
-def test_the_shipped_soils_are_installed() -> None:
-    from smartmesh_ros.soil.soils import KNOWN
-
-    assert Path(KNOWN).is_file()
 
 
 ROBOT = """<robot name="bot">
