@@ -13,7 +13,8 @@ from geometry_msgs.msg import PoseStamped, TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.srv import SpawnBody
+from smartmesh_msgs.srv import QueryGround, SpawnBody
+from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.tools.testing import Probe, Process, assert_cannot_start, pose_message
@@ -279,6 +280,9 @@ def test_without_tf_foreign_frames_are_refused_and_what_is_missing_is_named(
 
         probe.wait_for(named)
         probe.wait_for(lambda: int(probe.diagnostics("inputs").get("refused, body_poses: frame", 0)) > 0)
+        asked = probe.call("query_ground", QueryGround, header=Header(frame_id="rover"))
+        assert asked.message.startswith("no body is called 'rover'"), "who gave the name of a body needs no tf2_msgs"
+        assert "apt install ros-jazzy-tf2-msgs" in asked.message
     finally:
         process.stop()
         process.close()
