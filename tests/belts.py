@@ -13,13 +13,6 @@ from smartmesh_ros.terrain.grid import GridGeometry
 
 SAMPLES = 41
 Place = tuple[float, float, float]  # x, y [m] and yaw [rad]
-# Takes the map of a place and time into a world.
-Put = Callable[[World, GridGeometry, np.ndarray, float], None]
-
-
-def put_map(world: World, geometry: GridGeometry, heights: np.ndarray, time: float) -> None:
-    """As who has a `Terrain` does: in place of the tile before."""
-    world.terrain.put("", HeightMap(heights, geometry=geometry, time=time))
 
 
 @dataclass(frozen=True)
@@ -57,7 +50,6 @@ def ride(
     duration: float,
     start: tuple[float, float] = (0.013, 0.017),
     kind: PatchKind = "auto",
-    put: Put = put_map,
     speed: float = 0.0,
 ) -> Ride:
     """A box that stands on the belt from time zero on, at a ``speed`` along x [m/s]."""
@@ -68,7 +60,7 @@ def ride(
         times, states = [0.0], [world.state("box")]
         for step in range(round(duration * belt.rate)):
             if step and step % (belt.rate // belt.maps) == 0:
-                put(world, belt.geometry(world.time), heights, world.time)
+                world.terrain.put("", HeightMap(heights, geometry=belt.geometry(world.time), time=world.time))
             world.step()
             times.append(world.time)
             states.append(world.state("box"))

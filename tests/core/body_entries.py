@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from smartmesh_ros.soil.feet import FOOT, with_room
 
 from smartmesh_ros import HeightMap
 from smartmesh_ros.core import CORE, as_bytes
@@ -13,6 +12,7 @@ from smartmesh_ros.patches.shapes import SHAPE, ball, box, compound, hull
 from smartmesh_ros.patches.supports import no_supports
 from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.layer import LAYER_SAMPLE
+from smartmesh_ros.soil.soil import FOOT, with_room
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.state_table import LIMITS
 from tests.bodies import TETRAHEDRON, shapes_of

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from smartmesh_ros.soil.feet import FOOT, NOWHERE
 
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.ground.shapes import DIMENSIONS
 from smartmesh_ros.patches.shapes import SHAPE, ShapeKind, ball
 from smartmesh_ros.patches.supports import SUPPORT
 from smartmesh_ros.soil.config import SoilConfig
+from smartmesh_ros.soil.soil import FOOT, NOWHERE
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.world.state_table import LIMITS
 from tests.bodies import shapes_of, state_at

@@ -12,6 +12,7 @@ import multiprocessing
 import os
 import sys
 import tempfile
+import traceback
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -95,28 +96,19 @@ def attack_with_examples(
 
 
 def _work(terrain_input: str, count: int, seed: int, folder: Path) -> None:
-    record = Path("/dev/shm") if Path("/dev/shm").is_dir() else folder
-    record = record / f"fuzz_{folder.name}_{seed}"
     try:
         attacked = attack_with_examples if seed % EXAMPLES == 0 else attack
         changes = CHANGES[seed // len(INPUTS) % len(CHANGES)]
-        result = attacked(terrain_input, count, seed, record, changes)
+        result = attacked(terrain_input, count, seed, folder / "last", changes)
     except FindingError as finding:
-        import traceback
-
         result = {"finding": traceback.format_exc()[-3000:], "name": finding.name, "bytes": finding.data.hex()}
-    finally:
-        if record.exists():
-            record.replace(folder / "last") if record.parent == folder else (
-                (folder / "last").write_bytes(record.read_bytes()),
-                record.unlink(),
-            )
     (folder / "result.json").write_text(json.dumps(result))
 
 
 def shard(terrain_input: str, count: int, seed: int) -> dict[str, Any]:
     """`attack` in a process of its own; a finding or a crash is returned under ``finding``."""
-    with tempfile.TemporaryDirectory() as name:
+    memory = Path("/dev/shm")  # each message is written down before it is given
+    with tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None) as name:
         folder = Path(name)
         process = multiprocessing.get_context("spawn").Process(target=_work, args=(terrain_input, count, seed, folder))
         process.start()
@@ -124,9 +116,7 @@ def shard(terrain_input: str, count: int, seed: int) -> dict[str, Any]:
         file = folder / "result.json"
         if file.exists():
             return dict(json.loads(file.read_text()))
-        record = Path("/dev/shm") / f"fuzz_{folder.name}_{seed}"
-        last = record.read_bytes() if record.exists() else b""
-        record.unlink(missing_ok=True)
+        last = (folder / "last").read_bytes() if (folder / "last").exists() else b""
         input_name, _, data = last.partition(b"\n")
         return {"finding": f"the process ended with {process.exitcode}", "name": input_name.decode(errors="replace"),
                 "bytes": data.hex()}  # fmt: skip

@@ -34,6 +34,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.tools.testing import floats, heightmap_message, mesh_message, point_message, pose_message
+from tests.grid_maps import grid_map_message
 
 ROWS, COLUMNS, RESOLUTION = 14, 17, 0.25
 ROBOT = """<robot name="r"><link name="base"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0"
@@ -149,21 +150,9 @@ def _cloud(rng: np.random.Generator) -> Any:
 
 
 def _grid_map(rng: np.random.Generator) -> Any:
-    from std_msgs.msg import Float32MultiArray, MultiArrayDimension
-
-    kind: Any = find_message("grid_map_msgs", "GridMap")
-    message = _framed(kind(layers=["elevation"]))
-    message.info.resolution = RESOLUTION
-    message.info.length_x, message.info.length_y = ROWS * RESOLUTION, COLUMNS * RESOLUTION
-    message.info.pose = pose_message((2.0, 2.0, 0.0))
-    layer = Float32MultiArray(data=floats(heights(rng).ravel()))
-    layer.layout.dim = [
-        MultiArrayDimension(label="column_index", size=COLUMNS, stride=ROWS * COLUMNS),
-        MultiArrayDimension(label="row_index", size=ROWS, stride=ROWS),
-    ]
-    message.data = [layer]
-    message.outer_start_index = int(rng.integers(ROWS))
-    return message
+    return grid_map_message(
+        {"elevation": heights(rng)}, RESOLUTION, (2.0, 2.0, 0.0), start=(int(rng.integers(COLUMNS)), 0)
+    )
 
 
 def _transforms(rng: np.random.Generator) -> Any:

@@ -1,13 +1,18 @@
 """The quick form of ``make fuzz``."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import pytest
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from smartmesh_msgs.msg import TrackedBodyArray
 
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.io.rasters import RasterConfig
+from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_grid
 from smartmesh_ros.tools.testing import Probe, domain, heightmap_message, pose_message, probe
+from tests.fuzz.mutations import mutated
 from tests.fuzz.run import INPUTS, attack, attack_with_examples
 from tests.fuzz.seeds import make
 from tests.fuzz.target import Target
@@ -33,6 +38,35 @@ def test_spoilt_messages(terrain_input: str, changes: str) -> None:
 
 def test_messages_made_field_by_field() -> None:
     assert sum(attack_with_examples("image", 200, seed=12)["counts"].values()) >= 200
+
+
+# A cast of a signalling NaN, which is a hole like any other, is all that may be warned of.
+@pytest.mark.filterwarnings("ignore:invalid value encountered in cast:RuntimeWarning")
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("scale", [1.0, -2.0, 0.0, 1e30])
+@pytest.mark.parametrize("name", [*ADAPTERS, "occupancy_grid_update"])
+def test_any_raster_gives_a_surface_of_its_size_or_is_refused(name: str, scale: float) -> None:
+    rng = np.random.default_rng(14)
+    convert: Callable[..., Any] = ADAPTERS[name].convert if name in ADAPTERS else occupancy_grid.region_from
+    made = [make(name, rng) for _ in range(20)]
+    good, converted = [bytes(serialize_message(message)) for message in made], 0
+    for _ in range(1000):
+        try:
+            message = deserialize_message(mutated(good[int(rng.integers(20))], good, rng), type(made[0]))
+        except Exception:  # noqa: BLE001  # raised by rclpy; the node refuses it as malformed
+            continue
+        try:
+            first, second, *rest = convert(message, RasterConfig(scale=scale, offset=0.5), 1000)
+        except InputError as error:
+            assert error.reason and str(error)
+            continue
+        converted += 1
+        if name in ADAPTERS:
+            assert second.shape == (first.rows, first.columns)
+            assert second.dtype == np.float32 and second.size <= 1000 and not np.isinf(second).any()
+        else:
+            assert (first, second, *rest[0].shape) == (message.y, message.x, message.height, message.width)
+    assert converted > 100
 
 
 def test_spoilt_messages_over_the_wire(probe: Probe) -> None:

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from smartmesh_msgs.msg import ColliderPatchArray
+from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.tools.client import Patch, PatchClient, TrackedLink
 from smartmesh_ros.tools.testing import COLLIDER, Probe
@@ -82,6 +84,19 @@ def test_bodies_come_stay_and_go(shared: Probe, client: PatchClient, *, incremen
 
         shared.wait_for(lambda: shown("left", "right"))
         assert client.frame_id == "map"
+
+        def quiet() -> bool:  # nothing moves, so nothing is said
+            said = shared.latest("collider_patches").patches or shared.latest("patches").markers
+            return shown("left", "right") and not (incremental and said)
+
+        shared.wait_for(quiet)
+        # Whoever joins late is told everything at once, not only when it is everybody's turn.
+        with Probe() as late:
+            patches = late.listen(shared.topic("collider_patches"), ColliderPatchArray)
+            markers = late.listen(shared.topic("patches"), MarkerArray)
+            shared.wait_for(lambda: shown("left", "right") and not late.spin() and min(len(patches), len(markers)) > 5)
+            assert {patch.body_id for message in patches[:5] for patch in message.patches} == {"left", "right"}
+            assert len({marker.id for message in markers[:5] for marker in message.markers}) >= 2
         before = client.patches()
         heights[30:, 30:] += 0.5
         shared.publish_map(heights, resolution=RESOLUTION)

@@ -6,13 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from rclpy.serialization import serialize_message
-from smartmesh_msgs.msg import HeightmapUpdate
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.node.fleet.calls import primitive_of
-from smartmesh_ros.node.inputs.conversions import map_from, region_from, shape_from
-from smartmesh_ros.tools.testing import floats, heightmap_message
+from smartmesh_ros.node.inputs.conversions import map_from, shape_from
+from smartmesh_ros.tools.testing import heightmap_message
 
 ROOM = 10_000
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=12)
@@ -47,44 +45,11 @@ def test_a_map_is_what_was_sent(
         np.testing.assert_array_equal(new.friction, friction)
 
 
-@settings(deadline=None)
-@given(texts, texts, grids, st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1))
-def test_a_region_is_what_was_sent(frame_id: str, tile: str, heights: np.ndarray, x: int, y: int) -> None:
-    message = HeightmapUpdate(tile=tile, x=x, y=y, heights=floats(heights))
-    message.header.frame_id = frame_id
-    message.height, message.width = heights.shape
-    new = region_from(serialize_message(message), ROOM)
-    assert (new.start.frame_id, new.start.tile, new.row, new.column) == (frame_id, tile, y, x)
-    np.testing.assert_array_equal(new.heights, heights)
-    assert new.velocities is None
-
-
-@settings(deadline=None)
-@given(st.data())
-def test_cut_bytes_are_refused_and_nothing_else_goes_wrong(data: st.DataObject) -> None:
-    whole = serialize_message(heightmap_message(np.ones((5, 4)), velocities=np.ones((5, 4))))
-    cut = data.draw(st.integers(0, len(whole) - 1))
-    with pytest.raises(InputError):
-        map_from(whole[:cut], ROOM)
-
-
-@settings(deadline=None)
-@given(st.binary(max_size=300))
-def test_noise_is_refused(noise: bytes) -> None:
-    with pytest.raises(InputError):
-        region_from(b"\0\1\0\0" + noise + b"\xff" * 64, 100)
-
-
 def test_the_arrays_lie_over_the_message() -> None:
     """No copy is made before the one into the map."""
     data = serialize_message(heightmap_message(np.ones((50, 40))))
     new = map_from(data, ROOM)
     assert np.shares_memory(new.heights, np.frombuffer(data, np.uint8))
-
-
-def test_a_map_without_samples_takes_its_tile_away() -> None:
-    message = heightmap_message(np.zeros((0, 0)), tile="gone")
-    assert map_from(serialize_message(message), ROOM).geometry is None
 
 
 @pytest.mark.parametrize("shape", (Sphere(0.2), Box(0.1, 0.2, 0.3), Cylinder(0.1, 0.5)))

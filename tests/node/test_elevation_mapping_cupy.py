@@ -15,7 +15,6 @@ from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile
 from smartmesh_msgs.srv import QueryGround
-from std_msgs.msg import Float32MultiArray, MultiArrayDimension, MultiArrayLayout
 
 from smartmesh_ros import BodyState, Sphere, World
 from smartmesh_ros.io.rasters import RasterConfig
@@ -24,6 +23,7 @@ from smartmesh_ros.node.inputs.maps import take_map
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.testing import Probe, Process, pose_message
+from tests.grid_maps import grid_map_message
 from tests.node.test_tutorial import ROOT
 
 LENGTH, RESOLUTION = 15.0, 0.1  # of its example [m]
@@ -42,10 +42,10 @@ def ground(x: Any, y: Any) -> Any:
 
 
 def cells_around(x: float, y: float) -> tuple[FloatArray, FloatArray]:
-    """Positions of the cells (along -x, along -y) of a map that follows a robot by whole cells."""
-    offsets = (0.5 * CELLS - 0.5 - np.arange(CELLS)) * RESOLUTION
+    """Positions of the cells (rows along +y, columns along +x) of a map that follows a robot by whole cells."""
+    rows, columns = (np.mgrid[:CELLS, :CELLS] - 0.5 * (CELLS - 1)) * RESOLUTION
     middle = np.round(np.array([x, y]) / RESOLUTION) * RESOLUTION
-    return (middle[0] + offsets)[:, None] + np.zeros(CELLS), (middle[1] + offsets)[None, :] + np.zeros((CELLS, 1))
+    return middle[0] + columns, middle[1] + rows
 
 
 def layer(name: str, cells: tuple[FloatArray, FloatArray], seen: Any) -> FloatArray:
@@ -66,17 +66,9 @@ def layer(name: str, cells: tuple[FloatArray, FloatArray], seen: Any) -> FloatAr
 
 
 def message(layers: tuple[list[str], list[str]], x: float, y: float, *, seen: bool | FloatArray = True) -> GridMap:
-    made = GridMap(layers=layers[0], basic_layers=layers[1])
-    made.header.frame_id = "odom"
-    made.info.resolution, made.info.length_x, made.info.length_y = RESOLUTION, LENGTH, LENGTH
-    made.info.pose = pose_message((x, y, 0.0))
-    for name in layers[0]:
-        values = layer(name, cells_around(x, y), seen).astype(np.float32)
-        dimensions = [
-            MultiArrayDimension(label="column_index", size=CELLS, stride=CELLS * CELLS),
-            MultiArrayDimension(label="row_index", size=CELLS, stride=CELLS),
-        ]
-        made.data.append(Float32MultiArray(layout=MultiArrayLayout(dim=dimensions), data=values.T.flatten().tolist()))
+    values = {name: layer(name, cells_around(x, y), seen) for name in layers[0]}
+    made = grid_map_message(values, RESOLUTION, (x, y, 0.0), frame_id="odom")
+    made.basic_layers = layers[1]
     return made
 
 

@@ -196,24 +196,6 @@ def test_a_parameter_of_no_type_is_refused_and_the_node_lives(
     shared.wait_for(on_map(shared, good))
 
 
-def test_a_source_that_is_cut_off_is_found_again(shared: Probe) -> None:
-    """A source that stands still as if its wire were cut, past the lease of its peers, and goes on."""
-    good = shared.publish_map(rough(1))
-    shared.wait_for(on_map(shared, good))
-    rut = {"scene": "rut", "rows": 40, "columns": 30, "resolution": 0.1, "tile": "far"}
-    source = Process("terrain_source", rut, ["--ros-args", "-r", f"__ns:={shared.namespace}", "--"])
-    try:
-        shared.wait_for(lambda: shared.diagnostics("terrain").get("updates of 'far'", "0") != "0")
-        source.process.send_signal(signal.SIGSTOP)
-        before = settled(shared)
-        source.process.send_signal(signal.SIGCONT)
-        shared.wait_for(lambda: int(shared.diagnostics("terrain")["updates of 'far'"]) > before)
-        shared.wait_for(on_map(shared, good))
-    finally:
-        source.process.send_signal(signal.SIGCONT)
-        source.close()
-
-
 def test_ground_that_rises_slowly_throws_nothing_when_a_stalled_node_goes_on(probe: Probe) -> None:
     """The node stands still while its ground rises by 10 cm, which it must not take for the motion of some steps."""
     speed, start = 0.1, monotonic()
@@ -252,15 +234,3 @@ def test_ground_that_rises_slowly_throws_nothing_when_a_stalled_node_goes_on(pro
 
             probe.wait_for(goes_on, watch=node)
             assert max(seen) <= STALL_RATIO * speed
-
-
-def settled(probe: Probe) -> int:
-    """Updates of the tile ``far`` once no more come."""
-    seen = [-1]
-
-    def unchanged() -> bool:
-        seen.append(int(probe.diagnostics("terrain")["updates of 'far'"]))
-        return seen[-1] == seen[-2]
-
-    probe.wait_for(unchanged)
-    return seen[-1]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,12 +15,11 @@ from geometry_msgs.msg import Twist, Vector3
 from grid_map_msgs.msg import GridMap
 from numpy.typing import NDArray
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import HeightmapUpdate
 from smartmesh_msgs.srv import RemoveBodies, SpawnBody, StepPhysics
-from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 from std_srvs.srv import SetBool
 
-from smartmesh_ros.tools.testing import Probe, floats, pose_message
+from smartmesh_ros.tools.testing import Probe, pose_message
+from tests.grid_maps import grid_map_message
 from tests.node.shared import changed, one_round, set_parameters
 
 SHARED = {"physics.friction": 1.0, "terrain.input": "grid_map"}
@@ -68,23 +66,9 @@ def expected(*coefficients: float) -> Any:
     return pytest.approx([SPEED**2 / (2.0 * mu * GRAVITY) for mu in coefficients], rel=0.03)
 
 
-def grid_map(probe: Probe, friction: NDArray[np.float32], *, start: tuple[int, int] = (0, 0)) -> GridMap:
+def grid_map(probe: Probe, friction: NDArray[np.float32], start: tuple[int, int] = (0, 0)) -> GridMap:
     """Level ground with a layer of coefficients (rows, columns), whose circular buffer begins at ``start``."""
-    message = GridMap(layers=["elevation", "slip"], outer_start_index=start[0], inner_start_index=start[1])
-    message.header.stamp, message.header.frame_id = probe.now(), "map"
-    message.info.resolution, message.info.length_x, message.info.length_y = (
-        RESOLUTION, COLUMNS * RESOLUTION, ROWS * RESOLUTION,
-    )  # fmt: skip
-    message.info.pose = pose_message((0.0, 0.0, 0.0))
-    for layer in (FLAT.astype(np.float32), friction):
-        cells = np.roll(layer.T[::-1, ::-1], start, (0, 1))
-        data = Float32MultiArray(data=floats(cells.T))
-        data.layout.dim = [
-            MultiArrayDimension(label=label, size=size)
-            for label, size in zip(("column_index", "row_index"), cells.T.shape, strict=True)
-        ]
-        message.data.append(data)
-    return message
+    return grid_map_message({"elevation": FLAT, "slip": friction}, RESOLUTION, start=start, stamp=probe.now())
 
 
 def refused(probe: Probe, topic: str, reason: str, publish: Callable[[], object]) -> None:
@@ -109,51 +93,13 @@ def test_one_coefficient_is_that_of_the_whole_map_and_unknown_ones_are_1(shared:
     assert ways(shared) == expected(1.0, GRAVEL)
 
 
-def test_maps_and_regions_without_friction_leave_that_of_the_ground(shared: Probe) -> None:
-    shared.publish_map(FLAT, **PLACE)
-    assert ways(shared) == expected(1.0, 1.0)
-    shared.publish_map(FLAT, friction=halves(), **PLACE)
-    shared.publish_map(FLAT, **PLACE)
-    assert ways(shared) == expected(ICE, GRAVEL)
-    update = HeightmapUpdate(x=0, y=0, width=COLUMNS, height=ROWS, heights=floats(FLAT.astype(np.float32)))
-    update.header.stamp, update.header.frame_id = shared.now(), "map"
-    shared.publishers["heightmap_update"].publish(update)
-    assert ways(shared) == expected(ICE, GRAVEL)
-
-
-def test_a_map_that_scrolls_leaves_the_friction_on_its_ground(shared: Probe) -> None:
-    """It goes on by 4 m: where it began, it ends now at x = 14, and the last 4 m are new."""
-    shared.publish_map(FLAT, friction=halves(), **PLACE)
-    shared.publish_map(FLAT, resolution=RESOLUTION, origin=(ORIGIN[0] + 4.0, *ORIGIN[1:]))
-    assert ways(shared, (-4.0, 2.0, 11.0)) == expected(ICE, GRAVEL, 1.0)
-
-
-def test_impossible_friction_refuses_the_map_whole(shared: Probe) -> None:
-    impossible: list[tuple[str, Any]] = [
-        ("length", np.ones(7)), ("length", np.ones((ROWS, COLUMNS - 1))), ("friction", -0.5), ("friction", np.inf),
-        ("friction", np.where(halves() == ICE, -ICE, GRAVEL)), ("friction", np.where(halves() == ICE, np.inf, GRAVEL)),
-    ]  # fmt: skip
-    shared.publish_map(FLAT, friction=halves(), **PLACE)
-
-    def counts() -> Counter[str]:
-        values = shared.diagnostics("inputs")
-        return Counter({reason: int(values.get(f"refused, heightmap: {reason}", 0)) for reason, _ in impossible})
-
-    expected_counts = counts() + Counter(reason for reason, _ in impossible)
-    for _, friction in impossible:
-        shared.publish_map(FLAT + 1.0, friction=friction, **PLACE)
-        one_round(shared)
-    shared.wait_for(lambda: counts() == expected_counts)
-    assert ways(shared) == expected(ICE, GRAVEL)
-
-
 def test_a_layer_of_a_grid_map_holds_the_friction(shared: Probe) -> None:
     maps = shared.publisher(GridMap, "grid_map")
     maps.publish(grid_map(shared, halves()))
     assert ways(shared) == expected(1.0, 1.0)
     with changed(shared, {"terrain.friction_layer": "slip"}):
         for start in ((0, 0), (3, 17)):
-            maps.publish(grid_map(shared, halves(), start=start))
+            maps.publish(grid_map(shared, halves(), start))
             assert ways(shared) == expected(ICE, GRAVEL)
         refused(shared, "grid_map", "friction", lambda: maps.publish(grid_map(shared, -halves())))
     with changed(shared, {"terrain.friction_layer": "grip"}):

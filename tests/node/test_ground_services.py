@@ -138,6 +138,7 @@ def test_rays_meet_hills_and_bodies(shared: Probe) -> None:
 def test_questions_in_other_frames(shared: Probe) -> None:
     publish_hills(shared)
     turn, place = (0.0, 0.0, math.sin(0.4), math.cos(0.4)), (2.0, -1.0, 0.5)
+    assert "the node has just subscribed to /tf, so ask again" in query(shared, np.zeros((1, 2)), "level").message
     publish_frame(shared, "level", place, turn)
     publish_frame(shared, "tilted", place, (math.sin(0.2), 0.0, 0.0, math.cos(0.2)))
     points = np.random.default_rng(2).uniform(-4.0, 4.0, (50, 2))
@@ -165,7 +166,7 @@ def test_what_cannot_be_answered_is_refused_by_reason(shared: Probe) -> None:
         (query(shared, np.array([[math.nan, 0.0]])), "not finite"),
         (query(shared, np.zeros((100_001, 2))), "100001 points in one call; at most 100000"),
         (query(shared, one, y=doubles([0.0, 1.0])), "1 x, 2 y and 0 below"),
-        (query(shared, one, "nowhere"), "no transform from 'nowhere'"),
+        (query(shared, one, "rover"), "no body is called 'rover' (there are no bodies), and as a frame: there is no"),
         (query(shared, one, header=Header(stamp=stamp)), "before this node's time"),
         (cast(shared, [0.0, 0.0], [0.0, 0.0, 1.0]), "three of each"),
         (cast(shared, [0.0, 0.0, math.nan], [0.0, 0.0, 1.0]), "not finite"),

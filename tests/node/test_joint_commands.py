@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
 
 from smartmesh_ros import BodyState, HeightMap, InputError, World
 from smartmesh_ros.node.inputs.joint_commands import CommandedJoint, RobotNames, joint_commands_from
-from smartmesh_ros.node.outputs.body_outputs import joint_states
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.world.joints import JointCommand
 from tests.node.test_robot_outputs import ARM
@@ -49,21 +47,6 @@ def test_nan_is_no_command_for_an_interface(world: World, fields: Any, wanted: d
     assert {found.joint: found.command for found in commands(world, **fields)} == wanted
 
 
-@pytest.mark.parametrize(
-    ("fields", "reason"),
-    [
-        ({"velocity": [math.inf, NAN]}, "non_finite"),
-        ({"position": [NAN, NAN], "effort": [-math.inf, 0.0]}, "non_finite"),
-        ({"velocity": [0.0, NAN], "effort": [-1.0, NAN]}, "joint_command"),
-        ({"velocity": [NAN]}, "length"),
-    ],
-)
-def test_other_numbers_are_refused_as_before(world: World, fields: Any, reason: str) -> None:
-    with pytest.raises(InputError) as caught:
-        commands(world, **fields)
-    assert caught.value.reason == reason
-
-
 TRACKS = ["left_track", "right_track"]
 
 
@@ -85,17 +68,6 @@ def speeds(world: World, robot: str) -> list[float]:
     return [surface.speed for surface in world.surfaces(robot)]
 
 
-def test_a_track_is_driven_under_its_name(tracked: World) -> None:
-    apply(tracked, name=[*TRACKS, "two/left_track"], velocity=[0.5, 0.4, 9.0])
-    assert (speeds(tracked, "one"), speeds(tracked, "two")) == ([0.5, 0.4], [1.5, 0.0])
-    apply(tracked, name=TRACKS, velocity=[0.3, NAN])
-    assert speeds(tracked, "one") == [0.3, 0.4], "NaN is no command"
-    apply(tracked, name=[*TRACKS, "two/left_track"], velocity=[0.5, 0.5, 0.0])
-    tracked.step(240)
-    assert tracked.state("one").linear[0] == pytest.approx(0.5, rel=0.01)
-    assert tracked.state("two").linear == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
-
-
 @pytest.mark.parametrize(
     ("fields", "reason", "words"),
     [
@@ -115,7 +87,3 @@ def test_what_is_no_command_to_a_track_is_refused_as_a_whole(
         apply(tracked, **fields)
     assert caught.value.reason == reason
     assert speeds(tracked, "one") == before
-
-
-def test_joint_states_have_no_tracks(tracked: World) -> None:
-    assert list(joint_states(Header(), tracked, {"one": "", "two": "two/"}).name) == []

@@ -99,23 +99,6 @@ def test_bodies_of_one_tile_share_a_node() -> None:
     assert nodes[0] == nodes[1] != nodes[2] == nodes[3]
 
 
-def test_bodies_of_a_node_that_dies_go_elsewhere_and_stay_there_when_it_heals() -> None:
-    world = World()
-    for k in range(6):
-        world.spawn(f"body_{k}")
-    world.go_on(1.0)
-    kept = list(world.bodies["a"])
-    world.alive.discard("a")  # cut off: it goes on with its bodies
-    world.go_on(3.0)
-    assert world.all_living() == Counter({f"body_{k}": 1 for k in range(6)})
-    assert world.ledger.respawned == 2
-    world.alive.add("a")
-    world.go_on(1.0)
-    assert kept
-    assert world.bodies["a"] == []
-    assert world.all_living() == Counter({f"body_{k}": 1 for k in range(6)})
-
-
 def test_bodies_wait_for_their_node_where_that_is_asked_for() -> None:
     world = World(LedgerConfig(respawn="same"))
     for k in range(6):

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from grid_map_msgs.msg import GridMap
 from smartmesh_msgs.srv import SpawnBody
-from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
 from smartmesh_ros.tools.testing import COLLIDER, Probe, pose_message
+from tests.grid_maps import grid_map_message
 from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
 from tests.node.shared import refusal_at_start
 from tests.node.test_presets import own_topics
@@ -34,18 +34,7 @@ def launched(stand_ins: dict[str, type[Recorded]]) -> list[str]:
 
 def flat_map(probe: Probe) -> GridMap:
     """A grid map of flat ground, 6 m a side."""
-    cells, resolution = 60, 0.1
-    message = GridMap(layers=["elevation"], basic_layers=["elevation"])
-    message.header.stamp, message.header.frame_id = probe.now(), "map"
-    message.info.resolution = resolution
-    message.info.length_x = message.info.length_y = cells * resolution
-    message.info.pose = pose_message((0.0, 0.0, 0.0))
-    data = Float32MultiArray(data=np.zeros(cells * cells, np.float32).tolist())
-    data.layout.dim = [
-        MultiArrayDimension(label=label, size=cells, stride=cells * cells) for label in ("column_index", "row_index")
-    ]
-    message.data = [data]
-    return message
+    return grid_map_message({"elevation": np.zeros((60, 60))}, 0.1, stamp=probe.now())
 
 
 @pytest.mark.parametrize("set_up", ["launch file", "preset alone"])

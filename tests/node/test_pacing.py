@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, DeadlinePolicy, Pacer
-from smartmesh_ros.node.timing.stamps import OLDEST, STALL_RATIO, Placed, StampClock
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.node.timing.stamps import OLDEST, Placed, StampClock
 
 PERIOD = 1 / 240
 POLICIES: tuple[DeadlinePolicy, ...] = ("skip", "catch_up", "slow_down")
@@ -273,37 +272,3 @@ def test_a_stamp_that_goes_back_is_refused_or_takes_the_last_ones_time() -> None
     again = clock.place(9.9, 10.1, lambda age: 10.1 - age, most=0.2)
     assert again.stamp == 10.0
     assert again.time == pytest.approx(first.time)
-
-
-def test_the_time_that_a_stall_takes_out_is_lost() -> None:
-    clock = StampClock()
-    placed_at(clock, 10.0, 10.0)
-    assert placed_at(clock, 10.5, 10.5, gained=-0.4).lost == pytest.approx(0.4)
-    assert placed_at(clock, 10.6, 10.6, gained=-0.4).lost == 0.0
-    assert placed_at(clock, 10.7, 10.7, gained=-0.4 - 0.1 * (1.0 - 1.2 / STALL_RATIO)).lost == 0.0, "an overloaded loop"
-
-
-@pytest.mark.parametrize("policy", POLICIES)
-@given(st.lists(st.tuples(st.integers(1, 40), st.floats(0.0, 3.0)), min_size=1, max_size=6), st.floats(0.0, 1.0))
-def test_ground_that_rises_steadily_rises_no_faster_after_a_stall(
-    policy: DeadlinePolicy, stalls: list[tuple[int, float]], phase: float
-) -> None:
-    """Maps at 30 Hz, the newest of which waits when the loop goes on. A stall comes after so many steps."""
-    speed, every, now = 0.3, 1 / 30, [100.0]
-    pacer = Pacer(PERIOD, policy, lambda: now[0])
-    ground, clock = HeightMap(np.zeros((3, 3)), resolution=1.0, time=-100.0), StampClock()
-    time, maps = 0.0, int(now[0] / every)
-    for steps, stall in [*stalls, (40, 0.0)]:
-        for step in range(steps):
-            now[0] += max(pacer.remaining(), 0.0)
-            newest = int(now[0] / every - phase)
-            if newest > maps:
-                maps, stamp = newest, (newest + phase) * every
-                placed = clock.place(stamp, now[0], lambda age: pacer.simulated_at(age, time))  # noqa: B023
-                ground.shift_time(-placed.lost)
-                ground.replace(np.full((3, 3), speed * stamp), time=placed.time)
-                clock.accept(placed)
-            time += (1 + pacer.advance()) * PERIOD
-            now[0] += stall if step == steps - 1 else 0.0
-            # Ground whose map is late returns at half its speed.
-            assert abs(ground.at(np.zeros((1, 2)), time).velocities[0]) <= STALL_RATIO * speed + 1e-3

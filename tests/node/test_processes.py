@@ -191,12 +191,6 @@ def test_impossible_parameters_stop_the_start(domain: int) -> None:
         assert words in refusal_at_start(parameters)
 
 
-def test_misspelt_parameters_are_warned_about(probe: Probe) -> None:
-    with probe.running(parameters={"patch.rats": 30.0}) as process:
-        probe.wait_for(lambda: "'patch.rats' is unknown" in process.output)
-        assert "did you mean 'patch.rate'" in process.output
-
-
 @pytest.mark.parametrize("name", ["patch.tolerance", "patch.edge_filter", "physics.landing"])
 def test_parameters_of_earlier_versions_are_refused_with_what_replaces_them(domain: int, name: str) -> None:
     assert f"{name} is gone: contacts from the map" in refusal_at_start({name: 0.5})

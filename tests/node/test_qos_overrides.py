@@ -55,25 +55,6 @@ def nested(topic: str, kind: str, policies: Mapping[str, Any]) -> dict[str, Any]
     return {f"qos_overrides.{topic}.{kind}.{policy}": value for policy, value in policies.items()}
 
 
-def test_other_nodes_see_the_overrides(probe: Probe) -> None:
-    heightmap, states, clock = "/terrain_collider/heightmap", "/terrain_collider/body_states", "/clock"
-    parameters = {
-        "qos_overrides": {
-            heightmap: {"subscription": {"reliability": "best_effort"}},
-            states: {"publisher": {"durability": "transient_local"}},
-            clock: {"publisher": {"reliability": "best_effort"}},
-        },
-        "publish.clock": 10.0,
-    }
-    with probe.running(parameters=parameters):
-        [taken] = probe.node.get_subscriptions_info_by_topic(heightmap)
-        assert taken.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-        [given] = probe.node.get_publishers_info_by_topic(states)
-        assert given.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        [ticks] = probe.node.get_publishers_info_by_topic(clock)
-        assert ticks.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-
-
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [

@@ -61,21 +61,13 @@ def told(rivals: Rivals, height: Callable[[int], float], count: int = 12) -> boo
     return rivals.found
 
 
-def test_maps_in_turns_that_disagree_are_of_rivals() -> None:
-    assert told(Rivals(), lambda number: 0.3 * (number % 2))
-    assert told(Rivals(), lambda number: 0.3 * (number % 3 == 0) + 0.001 * number)
-
-
-def test_maps_that_agree_or_go_on_are_not() -> None:
+def test_maps_that_agree_go_on_or_come_alone_again_are_not_of_rivals() -> None:
+    rivals = Rivals()
+    assert told(rivals, lambda number: 0.3 * (number % 3 == 0) + 0.001 * number)
+    assert not told(rivals, lambda _: 0.0)
     assert not told(Rivals(), lambda number: 0.005 * (number % 2))
     assert not told(Rivals(), lambda number: 0.03 * number)
     assert not told(Rivals(), lambda number: 0.3 * (number > 5))
-
-
-def test_rivals_that_stop_are_forgotten() -> None:
-    rivals = Rivals()
-    assert told(rivals, lambda number: 0.3 * (number % 2))
-    assert not told(rivals, lambda _: 0.0)
 
 
 def test_maps_of_different_places_do_not_disagree() -> None:
@@ -171,18 +163,6 @@ def checked(maps: int, *, given: bool = False, motion: MotionConfig | None = Non
         heightmap = HeightMap(of_mapper(number), geometry=GRID, time=0.1 * number, motion=motion)
         checks.take("", heightmap, 0.1 * number, given=given)
     return checks, log
-
-
-def test_a_doubt_is_logged_once_and_goes_with_its_tile() -> None:
-    checks, log = checked(50)
-    assert log.lines and ADVICE in log.lines[0] and ADVICE in checks.warning
-    checks.forget("")
-    assert checks.warning == ""
-    for number in range(50):
-        heightmap = HeightMap(of_mapper(number), geometry=GRID, time=0.1 * number)
-        checks.take("east", heightmap, 0.1 * number, given=False)
-    assert "tile 'east'" in checks.warning
-    assert len(log.lines) == 1
 
 
 def test_maps_whose_velocities_are_given_and_corrections_are_not_doubted() -> None:

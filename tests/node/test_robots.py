@@ -17,8 +17,6 @@ from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.services.robot_files import robot_name, with_package_paths
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.tools.testing import Probe, Process, pose_message
 from tests.node.shared import changed
@@ -271,12 +269,3 @@ def inputs(probe: Probe) -> dict[str, str]:
 
 def refused(probe: Probe) -> int:
     return sum(int(value) for key, value in inputs(probe).items() if key.startswith("refused, robot_description: "))
-
-
-def test_packages_of_a_description_are_found_or_named() -> None:
-    found = with_package_paths('<mesh filename="package://smartmesh_ros/config/fast.yaml"/>')
-    assert Path(found.split('"')[1]).is_file()
-    assert with_package_paths("file:///a/b.urdf") == "/a/b.urdf"
-    with pytest.raises(InputError, match="'no_such_pkg' is not installed"):
-        with_package_paths("package://no_such_pkg/x.urdf")
-    assert robot_name(ROVER.read_text()) == "rover"

@@ -1,7 +1,6 @@
 """The standard services of simulation_interfaces, over real DDS."""
 
 import math
-import os
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -41,7 +40,7 @@ from simulation_interfaces.srv import (
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.services.simulation_services import _urdf_of
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, pose_message
-from tests.node.shared import changed
+from tests.node.shared import changed, wait_until
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
 OK = Result.RESULT_OK
@@ -237,20 +236,10 @@ def test_resources_of_both_versions_are_read() -> None:
         _urdf_of(SimpleNamespace(uri="", resource_string=""))
 
 
-def test_the_missing_package_is_named(domain: int) -> None:
-    environment = {
-        name: os.pathsep.join(part for part in value.split(os.pathsep) if "test_interfaces" not in part)
-        for name, value in os.environ.items()
-        if "test_interfaces" in value
-    }
-    process = Process("terrain_collider", {"simulation_interfaces": True}, environment=environment)
-    probe = Probe()
-    try:
-        probe.wait_for(lambda: "apt install ros-jazzy-simulation-interfaces" in process.output)
+def test_the_missing_package_is_named(domain: int, bare_environment: dict[str, str]) -> None:
+    with Process("terrain_collider", {"simulation_interfaces": True}, environment=bare_environment) as process:
+        wait_until(lambda: "apt install ros-jazzy-simulation-interfaces" in process.output)
         assert process.stop() == 0
-    finally:
-        probe.close()
-        process.close()
 
 
 def test_the_simulation_plays_pauses_steps_and_stops(started: Probe, shared_node: tuple[Probe, Process]) -> None:

@@ -2,7 +2,6 @@
 
 import math
 from itertools import count
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,8 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.soil.message_bodies import MessageBodies
-from smartmesh_ros.node.soil.soil_messages import soil_map_from
+from smartmesh_ros.node.soil.soil_messages import contacts_from, soil_map_from
+from smartmesh_ros.node.soil.soil_node import SoilNode
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.scenes import eight
@@ -59,19 +59,22 @@ def publish_flat(probe: Probe) -> None:
     probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] != "0")
 
 
-@pytest.mark.parametrize("name", ["lunar"])
-def test_a_body_sinks_rests_and_sleeps_and_then_no_update_comes(probe: Probe, name: str) -> None:
+def spawn_plate(probe: Probe, name: str, place: tuple[float, float, float], mass: float) -> None:
+    pose = pose_message(place)
+    assert probe.call("spawn_body", SpawnBody, id=name, shape=PLATE, mass=mass, pose=pose).success
+
+
+def test_a_body_sinks_rests_and_sleeps_and_then_no_update_comes(probe: Probe) -> None:
     updates = probe.listen("/terrain_collider/heightmap_update", HeightmapUpdate, QoSProfile(depth=1000))
     grids = probe.listen("/soil/grid_map", GridMap, LATCHED)
     with (
         probe.running("terrain_collider", RATES),
-        probe.running("soil", {"soil": name, "grid_map_rate": 5.0, "load_time": 0.2}),
+        probe.running("soil", {"soil": "lunar", "grid_map_rate": 5.0, "load_time": 0.2}),
     ):
         probe.wait_for(lambda: probe.node.count_subscribers("/terrain_collider/heightmap") == 2)
         publish_flat(probe)
         mass = 5e3 * 0.04 / 9.81
-        assert probe.call("spawn_body", SpawnBody, id="plate", shape=PLATE, mass=mass,
-                          pose=pose_message((0.003, 0.007, 0.0505))).success  # fmt: skip
+        spawn_plate(probe, "plate", (0.003, 0.007, 0.0505), mass)
         probe.wait_for(lambda: bool(updates))
 
         def rests() -> bool:
@@ -81,7 +84,7 @@ def test_a_body_sinks_rests_and_sleeps_and_then_no_update_comes(probe: Probe, na
         probe.wait_for(rests)
         # Late contacts on a busy machine let the body sink farther, so there is no upper bound here.
         sunk = 0.05 - height_of(probe, "plate")
-        assert sunk > 0.7 * plate_sinkage(soil_named(name), 0.2, 5e3)
+        assert sunk > 0.7 * plate_sinkage(soil_named("lunar"), 0.2, 5e3)
         probe.wait_for(lambda: bool(grids))
         grid = grids[-1]
         assert list(grid.layers) == ["elevation", "sinkage", "pressure"]
@@ -94,8 +97,7 @@ def test_bodies_of_a_collider_stand_on_soil_without_another_node(probe: Probe) -
     with probe.running("terrain_collider", {"soil.type": "lunar", "publish.body_states": 60.0}):
         publish_flat(probe)
         mass = 5e3 * 0.04 / 9.81
-        assert probe.call("spawn_body", SpawnBody, id="plate", shape=PLATE, mass=mass,
-                          pose=pose_message((0.003, 0.007, 0.0501))).success  # fmt: skip
+        spawn_plate(probe, "plate", (0.003, 0.007, 0.0501), mass)
         probe.wait_for(lambda: probe.diagnostics("bodies")["asleep"] == "1")
         sunk = 0.05 - height_of(probe, "plate")
         assert sunk == pytest.approx(plate_sinkage(soil_named("lunar"), 0.2, 5e3), rel=0.1)
@@ -158,8 +160,7 @@ def test_a_map_of_soils_lets_bodies_sink_by_the_soil_under_them(probe: Probe) ->
         probe.wait_for(lambda: soils.get_subscription_count() == 1)
         publish_flat(probe)
         for name, x in (("on_sand", -0.5), ("on_clay", 0.5)):
-            assert probe.call("spawn_body", SpawnBody, id=name, shape=PLATE, mass=20.0,
-                              pose=pose_message((x, 0.0, 0.0505))).success  # fmt: skip
+            spawn_plate(probe, name, (x, 0.0, 0.0505), 20.0)
         probe.wait_for(lambda: bool(updates))
         probe.wait_for(lambda: height_of(probe, "on_sand") < 0.047)
         assert height_of(probe, "on_clay") > 0.049
@@ -232,36 +233,18 @@ def test_contacts_of_other_frames_and_unknown_bodies_are_refused(probe: Probe) -
         ({"soils_file": "/none.yaml"}, "cannot be read"),
     ],
 )
-def test_the_node_refuses_to_start_with_what_is_impossible(parameters: dict[str, object], words: str) -> None:
-    import rclpy
-    from rclpy.context import Context
-    from rclpy.parameter import Parameter
-
-    from smartmesh_ros.node.soil.soil_node import SoilNode
-
-    context = Context()
-    rclpy.init(context=context)
-    try:
-        given = [Parameter(name, value=value) for name, value in parameters.items()]
-        with pytest.raises(InputError, match=words):
-            SoilNode(context=context, parameter_overrides=given)
-    finally:
-        rclpy.shutdown(context=context)
+def test_the_node_refuses_to_start_with_what_is_impossible(
+    domain: int, parameters: dict[str, object], words: str
+) -> None:
+    with pytest.raises(InputError, match=words), made_with(SoilNode, parameters):
+        pass
 
 
 def test_contacts_that_are_not_finite_are_refused() -> None:
-    from smartmesh_ros.node.soil.soil_messages import contacts_from
-
     contact = Contact(body_id="a", normal_force=1.0)
     contact.normal.z = math.nan
     with pytest.raises(InputError, match="'a' has values that are not finite"):
         contacts_from(ContactArray(contacts=[contact]))
-
-
-def test_the_shipped_soils_are_installed() -> None:
-    from smartmesh_ros.soil.soils import KNOWN
-
-    assert Path(KNOWN).is_file()
 
 
 ROBOT = """<robot name="bot">

@@ -16,20 +16,17 @@ import pytest
 import yaml
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
-from rclpy.context import Context
-from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import front
 from smartmesh_ros.node.outputs import diagnostics
-from smartmesh_ros.node.parameters.declaring import checked, given_parameters, plain_value
+from smartmesh_ros.node.parameters.declaring import checked
 from smartmesh_ros.node.parameters.helping import own_arguments
 from smartmesh_ros.node.parameters.parameter_files import files_of, mismatch
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.sensor import terrain_sensor
 from smartmesh_ros.node.soil import soil_node
-from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.demo import rover, terrain_source
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, executable
 from tests.node.shared import made_with, refusal_at_start
@@ -80,12 +77,6 @@ def test_one_line_tells_the_start_and_pybullet_says_nothing(probe: Probe) -> Non
     assert "'base_footprint' has no mass" in root and "links without <inertial> have no mass" in masses, "once each"
     for words in ("[INFO]", "~/heightmap", "120 Hz", "patches auto, 60 Hz", "events", "parameters.yaml"):
         assert words in line
-
-
-def test_help_is_still_printed(domain: int) -> None:
-    result = subprocess.run([executable("terrain_collider"), "--help"], capture_output=True, text=True, check=True)
-    assert result.stdout.startswith("usage:")
-    assert result.stderr == ""
 
 
 def test_every_executable_ends_quietly_if_nobody_reads_its_output(domain: int) -> None:
@@ -139,18 +130,6 @@ def test_a_parameter_file_for_another_node_is_named(probe: Probe, tmp_path: Path
         [line] = warned
         assert f"{file} has no effect: it is for /other_node" in line
         assert "240 Hz; " in process.output, "as rcl has it: the default"
-
-
-def test_what_is_given_is_known_whether_it_is_declared_or_not(domain: int) -> None:
-    def make(context: Context, cli_args: list[str]) -> Node:
-        return Node("some", context=context, cli_args=cli_args)
-
-    with made_with(make, {"a": 1, "b.c": [1.0, 2.0]}, ["-p", "d:=x"]) as node:
-        given = given_parameters(node)
-        assert {name: plain_value(item) for name, item in given.items()} == {"a": 1, "b.c": [1.0, 2.0], "d": "x"}
-        assert not any(node.has_parameter(name) for name in given)
-        node.declare_parameter("a", 0)
-        assert given_parameters(node).keys() == {"a", "b.c", "d"}
 
 
 def test_a_parameter_that_is_not_known_is_warned_about(probe: Probe) -> None:
@@ -222,16 +201,6 @@ def test_a_list_of_one_empty_text_is_the_empty_list(specs: Any) -> None:
 
 def is_numeric(spec: Any) -> bool:
     return any(isinstance(item, float) for item in spec.default)
-
-
-def test_the_collider_starts_with_each_of_its_lists_empty(domain: int) -> None:
-    lists = {spec.name: [""] for spec in SPECS if isinstance(spec.default, list) and not is_numeric(spec)}
-    assert len(lists) >= 6
-    with made_with(TerrainCollider, lists) as node:
-        settings = node.settings
-    assert settings.spawn == settings.urdf_folders == settings.peers == ()
-    assert settings.poses == settings.odometry == settings.frames == ()
-    assert "gravity" in refusal_at_start({"physics.gravity": [""]})
 
 
 @pytest.mark.parametrize("name", OTHER_NODES)

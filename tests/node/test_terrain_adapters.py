@@ -14,9 +14,9 @@ from nav_msgs.msg import OccupancyGrid
 from numpy.typing import NDArray
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image, PointCloud2, PointField
-from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
 from smartmesh_ros.tools.testing import Probe, assert_cannot_start, pose_message
+from tests.grid_maps import grid_map_message
 from tests.node.shared import one_round, refusal_at_start
 
 RESOLUTION = 0.25
@@ -48,24 +48,10 @@ def grid_map(
     start: tuple[int, int] = (0, 0),
     row_major: bool = False,
 ) -> GridMap:
-    """A grid map as its own library writes it, from heights (rows along +y, columns along +x)."""
-    cells = np.roll(heights.T[::-1, ::-1], start, (0, 1)).astype(np.float32)  # (along -x, along -y), scrolled
-    message = GridMap(layers=["variance", "elevation"], outer_start_index=start[0], inner_start_index=start[1])
-    message.info.resolution = RESOLUTION
-    message.info.length_x, message.info.length_y = cells.shape[0] * RESOLUTION, cells.shape[1] * RESOLUTION
-    message.info.pose = pose_message(
-        (first[0] + 0.5 * (cells.shape[0] - 1) * RESOLUTION, first[1] + 0.5 * (cells.shape[1] - 1) * RESOLUTION, 7.0)
-    )
-    for layer in (np.full_like(cells, 99.0), cells):
-        stored = layer if row_major else layer.T
-        labels = ("row_index", "column_index") if row_major else ("column_index", "row_index")
-        data = Float32MultiArray(data=np.ravel(stored).tolist())
-        data.layout.dim = [
-            MultiArrayDimension(label=label, size=size, stride=stored.size)
-            for label, size in zip(labels, stored.shape, strict=True)
-        ]
-        message.data.append(data)
-    return message
+    """A grid map whose first sample lies at ``first`` [m], from heights (rows along +y, columns along +x)."""
+    middle = (first[0] + 0.5 * (COLUMNS - 1) * RESOLUTION, first[1] + 0.5 * (ROWS - 1) * RESOLUTION, 7.0)
+    layers = {"variance": np.full_like(heights, 99.0), "elevation": heights}
+    return grid_map_message(layers, RESOLUTION, middle, start=start, row_major=row_major)
 
 
 def image(heights: NDArray[np.float64]) -> Image:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from rclpy.duration import Duration
 from rclpy.time import Time
-from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Contact, HeightmapUpdate
 from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
@@ -218,26 +217,6 @@ def test_outputs_keep_their_rates_after_many_calls_for_single_steps(shared: Prob
     before, start = len(timings), len(diagnostics)
     shared.wait_for(lambda: len(diagnostics) > start + 10)  # two seconds
     assert len(timings) > before
-
-
-def test_a_robot_drives_by_joint_commands(shared: Probe) -> None:
-    import pybullet_data
-
-    show_level_ground(shared, 80)
-    urdf = f"{pybullet_data.getDataPath()}/husky/husky.urdf"
-    spawned = shared.call("spawn_body", SpawnBody, id="husky", urdf=urdf, pose=pose_message((4.0, 4.0, 0.3)))
-    assert spawned.success, spawned.message
-    shared.wait_for(lambda: sum("wheel" in patch.body_id for patch in shared.latest("collider_patches").patches) == 4)
-    wheels = [f"husky/{name}_wheel" for name in ("front_left", "front_right", "rear_left", "rear_right")]
-    commands = shared.node.create_publisher(JointState, shared.topic("joint_commands"), 10)
-    position = state(shared, "husky")
-
-    def driven() -> bool:
-        commands.publish(JointState(name=wheels, velocity=[4.0] * 4))
-        p = position()
-        return p is not None and p[0] > 4.5
-
-    shared.wait_for(driven)
 
 
 def test_bodies_spawned_by_parameter_wait_for_ground(probe: Probe) -> None:

@@ -114,11 +114,3 @@ def test_a_body_that_is_heard_of_neither_stops_nor_goes_however_old_its_poses_ar
             assert tracking.expire(heard + 0.99 / rate) == []
             assert world.state("rover").linear == (1.0, 0.0, 0.0)
         assert tracking.expire(heard + 0.51) == ["rover"]
-
-
-def test_a_clock_that_is_set_back_counts_all_as_heard_now(world: World) -> None:
-    tracking = Tracking(world, timeout=0.5)
-    tracking.update("ghost", 0.2, pose(0.0), 1000.0)
-    tracking.restart(10.0)
-    assert tracking.expire(10.4) == []
-    assert tracking.expire(10.6) == ["ghost"]

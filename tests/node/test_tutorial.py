@@ -13,10 +13,10 @@ from geometry_msgs.msg import TransformStamped
 from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import Odometry
 from smartmesh_msgs.srv import QueryGround
-from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.tools.testing import Probe, Process, pose_message
+from tests.grid_maps import grid_map_message
 
 ROOT = Path(__file__).parents[2]
 CELLS, RESOLUTION = 60, 0.1
@@ -57,24 +57,11 @@ class Stack:
 
     def _map(self, stamp: Any) -> GridMap:
         moved = round(self.x / RESOLUTION)
-        # Cells run along -x and -y from the corner with the largest x and y; the buffer starts where it was moved to.
-        x = (moved + 0.5 * CELLS - 0.5 - np.arange(CELLS)) * RESOLUTION
-        y = (0.5 * CELLS - 0.5 - np.arange(CELLS)) * RESOLUTION
-        cells = ground(x[:, None], y[None, :])
-        cells[:2, :] = np.nan  # what the sensor has not seen yet
-        start = -moved % CELLS
-        message = GridMap(layers=["elevation"], basic_layers=["elevation"], outer_start_index=start)
-        message.header.stamp, message.header.frame_id = stamp, "map"
-        message.info.resolution = RESOLUTION
-        message.info.length_x = message.info.length_y = CELLS * RESOLUTION
-        message.info.pose = pose_message((moved * RESOLUTION, 0.0, 0.0))
-        data = Float32MultiArray(data=np.roll(cells, start, 0).T.ravel().astype(np.float32).tolist())
-        data.layout.dim = [
-            MultiArrayDimension(label=label, size=CELLS, stride=CELLS * CELLS)
-            for label in ("column_index", "row_index")
-        ]
-        message.data = [data]
-        return message
+        y, x = np.mgrid[:CELLS, :CELLS] * RESOLUTION - 0.5 * (CELLS - 1) * RESOLUTION
+        heights = ground(x + moved * RESOLUTION, y)
+        heights[:, -2:] = np.nan  # what the sensor has not seen yet
+        middle, start = (moved * RESOLUTION, 0.0, 0.0), (-moved % CELLS, 0)
+        return grid_map_message({"elevation": heights}, RESOLUTION, middle, start=start, stamp=stamp)
 
 
 def test_an_elevation_map_becomes_patches_under_the_robot(probe: Probe, tmp_path: Path) -> None:
