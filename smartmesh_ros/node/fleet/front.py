@@ -26,22 +26,22 @@ from smartmesh_ros.node.fleet.layout import FRONT, marker_namespace, node_names
 from smartmesh_ros.node.fleet.ledger import Duties, Ledger, LedgerConfig, Respawning
 from smartmesh_ros.node.fleet.peer_states import PeerReader, Polled
 from smartmesh_ros.node.outputs.diagnostics import task_status
-from smartmesh_ros.node.parameters.declaring import Spec, declare
+from smartmesh_ros.node.parameters.declaring import declare, fixed
+from smartmesh_ros.node.parameters.entries import full_names
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.parameter_node import ParameterNode
-from smartmesh_ros.node.parameters.settings import full_names
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.session import SERVICES
 
 _D = LedgerConfig()
 SPECS = (
-    Spec("nodes", node_names(2), "Full names of the nodes of the fleet.", read_only=True),
-    Spec("spread", _D.spread, "Node of a new body: the node with the fewest bodies, or the node of its start tile.",
-         choices=("fewest", "tiles"), read_only=True),
-    Spec("tile_size", _D.tile_size, "Side of a tile [m].", 0.1, 1e6, read_only=True),
-    Spec("timeout", _D.timeout, "Silence after which a node counts as dead [s].", 0.1, 3600.0, read_only=True),
-    Spec("respawn", _D.respawn, "Where bodies of a dead node are respawned: elsewhere, or on the same node once it is "
-         "back.", choices=("elsewhere", "same"), read_only=True),
+    fixed("nodes", node_names(2), "Full names of the nodes of the fleet."),
+    fixed("spread", _D.spread, "Node of a new body: the node with the fewest bodies, or the node of its start tile.",
+          choices=("fewest", "tiles")),
+    fixed("tile_size", _D.tile_size, "Side of a tile [m].", 0.1, 1e6),
+    fixed("timeout", _D.timeout, "Silence after which a node counts as dead [s].", 0.1, 3600.0),
+    fixed("respawn", _D.respawn, "Where bodies of a dead node are respawned: elsewhere, or on the same node once it is "
+          "back.", choices=("elsewhere", "same")),
 )  # fmt: skip
 # Period of the checks of the nodes, and of publishing diagnostics and timing [s].
 CHECK_PERIOD, REPORT_PERIOD = 0.25, 1.0

@@ -58,8 +58,8 @@ _TRANSITION_REASONS = {"in_state": "ALREADY_IN_TARGET_STATE", "state": "STATE_TR
 _STATE_REASONS = dict.fromkeys(("frame", "non_finite", "quaternion"), "INVALID_POSE")
 
 
-def serve_simulation_interfaces(session: Session, node: TerrainCollider) -> bool:
-    """Create the services. Return False, and log an error, if the package is not installed."""
+def serve_simulation_interfaces(session: Session, node: TerrainCollider) -> None:
+    """Create the services. Logs an error if the package is not installed."""
     services = find_interfaces(PACKAGE, "srv")
     messages = find_interfaces(PACKAGE, "msg")
     if services is None or messages is None:
@@ -67,9 +67,8 @@ def serve_simulation_interfaces(session: Session, node: TerrainCollider) -> bool
             "simulation_interfaces: true has no effect: package simulation_interfaces is not installed; "
             "apt install ros-jazzy-simulation-interfaces"
         )
-        return False
+        return
     SimulationServices(session, node, services, messages)
-    return True
 
 
 class SimulationServices:

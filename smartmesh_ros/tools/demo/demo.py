@@ -44,8 +44,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.node.inputs.conversions import map_from
 from smartmesh_ros.node.running import Stop
-from smartmesh_ros.startup.dds import use_large_message_profile
-from smartmesh_ros.startup.domains import isolated_unless_chosen
+from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.demo import demo_pictures
 from smartmesh_ros.tools.demo.demo_pictures import Snapshot
