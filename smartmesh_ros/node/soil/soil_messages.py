@@ -50,7 +50,7 @@ def soil_map_from(message: Any, count: int, max_cells: int) -> SoilMap:
     """Convert a message whose cells are -1 or the places of soils in a list of ``count``. Raises `InputError`."""
     info = message.info
     require_resolution(info.resolution)
-    corner = info.origin.position
+    corner, turn = info.origin.position, info.origin.orientation
     if not (math.isfinite(corner.x) and math.isfinite(corner.y)):
         raise InputError("geometry", f"the origin is ({corner.x}, {corner.y}) m; it must be finite")
     require_cells(info.height * info.width, max_cells)
@@ -63,7 +63,8 @@ def soil_map_from(message: Any, count: int, max_cells: int) -> SoilMap:
         raise InputError(
             "soil", f"cells are {cells.min()} to {cells.max()}; they must be -1, which is unknown, or {known}"
         )
-    return SoilMap((cells + 1).astype(np.uint8), corner.x, corner.y, yaw_from(info.origin.orientation), info.resolution)
+    yaw = yaw_from(turn.x, turn.y, turn.z, turn.w)
+    return SoilMap((cells + 1).astype(np.uint8), corner.x, corner.y, yaw, info.resolution)
 
 
 def contacts_from(message: ContactArray) -> list[GroundContact]:
