@@ -16,7 +16,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import QoSProfile
-from smartmesh_msgs.msg import BodyFailure, BodySpecification, StageTiming, Timing, TrackedBodyArray
+from smartmesh_msgs.msg import BodyFailure, BodySpecification, Timing, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -229,18 +229,14 @@ def _listed(names: Sequence[str]) -> str:
 
 def merged_timing(timings: Mapping[str, Timing]) -> Timing:
     """Return one message for timings by node name: the lowest real-time factor, the sum of the deadline misses, and
-    every stage as ``node/stage``."""
+    every stage, which is renamed to ``node/stage``."""
     message = Timing()
     for name, timing in timings.items():
         message.window_s = max(message.window_s, timing.window_s)
         message.deadline_misses += timing.deadline_misses
         for stage in timing.stages:
-            message.stages.append(
-                StageTiming(
-                    stage=f"{name}/{stage.stage}", count=stage.count, p50_us=stage.p50_us, p99_us=stage.p99_us,
-                    max_us=stage.max_us,
-                )
-            )  # fmt: skip
+            stage.stage = f"{name}/{stage.stage}"
+            message.stages.append(stage)
     message.real_time_factor = min((timing.real_time_factor for timing in timings.values()), default=0.0)
     return message
 

@@ -139,7 +139,7 @@ class BodyInputs:
         """Yields a stamp [s] of a source in the loop's time; records it as accepted unless the block raises
         `InputError`."""
         session, clock = self._session, self._clocks.setdefault(source, StampClock())
-        placed = clock.place(stamp, session.clock_now(), session.pace_at)
+        placed = clock.place(stamp, session.clock_now(), lambda age: session.clock.pace() - age)
         yield placed
         clock.accept(placed)
         session.stamp_ages[topic] = clock.age

@@ -27,7 +27,7 @@ from smartmesh_ros.node.parameters.declaring import declare, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.running import spin
-from smartmesh_ros.node.sensor.range_sensors import DepthCamera, Lidar, RangeNoise, RangeSensor
+from smartmesh_ros.node.sensor.range_sensors import DepthCamera, Lidar, RangeSensor
 from smartmesh_ros.terrain.grid import FloatArray
 
 NAME = "terrain_sensor"
@@ -37,12 +37,12 @@ SPECS = (
     fixed("frame", "", "Frame that carries the sensor: of TF, or the name of a body; empty = the terrain's frame."),
     fixed("through", [], "Bodies that the rays pass through, such as the one that carries the sensor."),
     fixed("position", [*_L.position_b], "Position of the sensor in its frame (x, y, z) [m].", -1e3, 1e3),
-    fixed("pitch", 0.0, "Angle by which the sensor looks down from the frame's x axis [rad].", -3.15, 3.15),
-    fixed("rate", 10.0, "Looks a second [Hz].", 0.01, 200.0),
+    fixed("pitch", _L.pitch, "Angle by which the sensor looks down from the frame's x axis [rad].", -3.15, 3.15),
+    fixed("rate", _L.rate, "Looks a second [Hz].", 0.01, 200.0),
     fixed("range.nearest", _L.nearest, "Closer surfaces give no return [m].", 0.0, 1e4),
     fixed("range.farthest", _L.farthest, "Farther surfaces give no return [m].", 0.01, 1e4),
-    fixed("noise.constant", _L.noise.constant, "Standard deviation of a range, constant part [m].", 0.0, 10.0),
-    fixed("noise.quadratic", _L.noise.quadratic, "Standard deviation of a range r, as a multiple of r^2 [1/m].", 0.0,
+    fixed("noise.constant", _L.noise_constant, "Standard deviation of a range, constant part [m].", 0.0, 10.0),
+    fixed("noise.quadratic", _L.noise_quadratic, "Standard deviation of a range r, as a multiple of r^2 [1/m].", 0.0,
           10.0),
     fixed("noise.seed", 0, "Seed of the noise.", 0, 2**31 - 1),
     fixed("lidar.beams", _L.beams, "Beams, one above the other.", 1, 512),
@@ -73,7 +73,7 @@ def sensor_of(values: dict[str, Any]) -> RangeSensor:
     common: dict[str, Any] = {
         "position_b": (x, y, z), "pitch": values["pitch"], "nearest": values["range.nearest"],
         "farthest": values["range.farthest"], "rate": values["rate"],
-        "noise": RangeNoise(constant=values["noise.constant"], quadratic=values["noise.quadratic"]),
+        "noise_constant": values["noise.constant"], "noise_quadratic": values["noise.quadratic"],
     }  # fmt: skip
     made: RangeSensor
     if values["sensor"] == "lidar":
@@ -140,7 +140,7 @@ class TerrainSensor(ParameterNode):
         true = np.frombuffer(response.distances, np.float64)
         known = np.isfinite(true) & (true >= self.sensor.nearest)
         ranges = np.full(len(true), np.nan)
-        deviations = self.sensor.noise.deviation(true[known])
+        deviations = self.sensor.deviation(true[known])
         ranges[known] = true[known] + deviations * self._rng.normal(size=len(deviations))
         header = response.header
         points = np.array(self.sensor.position_b) + directions[known] * ranges[known, None]
