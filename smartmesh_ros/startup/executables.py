@@ -25,8 +25,8 @@ def silence_pybullet() -> None:
     if os.environ.get(LOGS_TO_STDOUT, "0") != "1":
         sys.stdout.flush()
         sys.stdout = os.fdopen(os.dup(STDOUT), "w", buffering=1)
-        with _devnull() as nowhere:
-            os.dup2(nowhere, STDOUT)
+        with Path(os.devnull).open("w") as nowhere:
+            os.dup2(nowhere.fileno(), STDOUT)
     import_pybullet_quietly()
 
 
@@ -36,8 +36,8 @@ def import_pybullet_quietly() -> None:
     sys.stderr.flush()
     kept = os.dup(STDERR)
     try:
-        with _devnull() as nowhere:
-            os.dup2(nowhere, STDERR)
+        with Path(os.devnull).open("w") as nowhere:
+            os.dup2(nowhere.fileno(), STDERR)
         import pybullet  # noqa: F401
     finally:
         os.dup2(kept, STDERR)
@@ -55,8 +55,8 @@ def ending_with_reader() -> Iterator[None]:
     except BrokenPipeError:
         if not _reader_has_ended():
             raise
-        with _devnull() as nowhere:
-            os.dup2(nowhere, sys.stdout.fileno())  # Python flushes once more when it exits
+        with Path(os.devnull).open("w") as nowhere:
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())  # Python flushes once more when it exits
         sys.exit(0)
 
 
@@ -64,15 +64,6 @@ def _reader_has_ended() -> bool:
     poll = select.poll()
     poll.register(sys.stdout.fileno(), 0)  # errors are always reported
     return any(events & select.POLLERR for _, events in poll.poll(0))
-
-
-@contextmanager
-def _devnull() -> Iterator[int]:
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        yield nowhere
-    finally:
-        os.close(nowhere)
 
 
 def _exit_on_signals() -> None:

@@ -88,12 +88,12 @@ class SimulationServices:
         serve("ResetSimulation", "reset_simulation", self._reset)
         serve("SpawnEntity", "spawn_entity", self._spawn, _SPAWN_REASONS)
         serve("SpawnEntities", "spawn_entities", self._spawn_all, {"entities": "ENTITIES_SPAWN_FAILED"})
-        serve("DeleteEntity", "delete_entity", self._delete)
+        serve("DeleteEntity", "delete_entity", lambda request, _: node.remove(request.entity))
         serve("GetEntities", "get_entities", self._get_entities)
         serve("GetEntitiesStates", "get_entities_states", self._get_entities_states)
         serve("GetEntityBounds", "get_entity_bounds", self._get_bounds)
         serve("GetEntityInfo", "get_entity_info", self._get_info)
-        serve("GetEntityState", "get_entity_state", self._get_entity_state)
+        serve("GetEntityState", "get_entity_state", lambda asked, found: self._write_state(asked.entity, found.state))
         serve("SetEntityState", "set_entity_state", self._set_entity_state, _STATE_REASONS)
 
     def _serve(
@@ -222,9 +222,6 @@ class SimulationServices:
         names = chain([wanted], (f"{wanted}_{number}" for number in count(1)))
         return next(name for name in names if name not in self._session.world.bodies)
 
-    def _delete(self, request: Any, _: Any) -> None:
-        self._node.remove(request.entity)
-
     def _get_entities(self, request: Any, response: Any) -> None:
         response.entities = select(self._session.world, request.filters, self._bounds)
 
@@ -248,9 +245,6 @@ class SimulationServices:
         body, category = self._body(request.entity), response.info.category
         category.category = category.CATEGORY_ROBOT if body.is_robot else category.CATEGORY_OBJECT
         response.info.description = "its pose is dictated by a topic" if body.tracked else "simulated"
-
-    def _get_entity_state(self, request: Any, response: Any) -> None:
-        self._write_state(request.entity, response.state)
 
     def _write_state(self, name: str, message: Any) -> None:
         session = self._session
