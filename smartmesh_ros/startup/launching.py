@@ -22,8 +22,6 @@ from smartmesh_ros.scenes import SCENES
 from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE
 
 PACKAGE, NODE = "smartmesh_ros", "terrain_collider"
-# Topics of the RViz view that are remapped into the node's namespace.
-RVIZ_TOPICS = ("patches",)
 # Parameter files in config/ that are not for terrain_collider.
 NO_PRESETS = ("diagnostic_aggregator",)
 LOG_LEVELS = ("debug", "info", "warn", "error", "fatal")
@@ -205,6 +203,6 @@ def _rviz(value: Values, shown: str) -> list[Any]:
             hint="apt install ros-jazzy-rviz2, or leave rviz:=true out",
             arguments=["-d", str(share() / "config" / "smartmesh.rviz")],
             parameters=[{"use_sim_time": is_true(value("use_sim_time"))}],
-            remappings=[(f"/{NODE}/{topic}", f"{there}/{topic}") for topic in RVIZ_TOPICS],
+            remappings=[(f"/{NODE}/patches", f"{there}/patches")],
         )
     ]
