@@ -126,22 +126,20 @@ def scan_entries(texts: Sequence[str]) -> tuple[ScanEntry, ...]:
 
 def _entry(text: str, place: int) -> ScanEntry:
     try:
-        found = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError) as error:  # ValueError: of a date that is none
-        raise InputError("parameter", f"height_scans has entry {text!r}, which is no YAML: {error}") from None
-    if not isinstance(found, dict) or not {"body"} <= found.keys() <= set(_KEYS):
-        raise InputError(
-            "parameter", f"height_scans has entry {text!r}; it must be a mapping with body and any of {_KEYS}"
-        )
-    body, rate = str(found["body"]), found.get("rate", ScanEntry.rate)
-    if type(found["body"]) not in (str, int) or not body or "/" in body:
-        raise InputError(
-            "parameter", f"height_scans has entry {text!r}; the name of a body is a text, not empty, without '/'"
-        )
-    if type(rate) not in (int, float) or not (math.isfinite(rate) and RATES[0] <= rate <= RATES[1]):
-        raise InputError("parameter", f"height_scans has entry {text!r}; rate must be {RATES[0]:g} to {RATES[1]:g} Hz")
-    changes: dict[str, Any] = {"seed": place} | {name: found[name] for name in _SETTINGS if name in found}
-    try:
-        return ScanEntry(body, HeightScan.of(str(found.get("layout", "isaac_lab")), **changes), float(rate))
+        return _scan_entry(yaml.safe_load(text), place)
     except InputError as error:
         raise InputError("parameter", f"height_scans has entry {text!r}: {error}") from None
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: of a date that is none
+        raise InputError("parameter", f"height_scans has entry {text!r}, which is no YAML: {error}") from None
+
+
+def _scan_entry(found: Any, place: int) -> ScanEntry:
+    if not isinstance(found, dict) or not {"body"} <= found.keys() <= set(_KEYS):
+        raise InputError("parameter", f"it must be a mapping with body and any of {_KEYS}")
+    body, rate = str(found["body"]), found.get("rate", ScanEntry.rate)
+    if type(found["body"]) not in (str, int) or not body or "/" in body:
+        raise InputError("parameter", "the name of a body is a text, not empty, without '/'")
+    if type(rate) not in (int, float) or not (math.isfinite(rate) and RATES[0] <= rate <= RATES[1]):
+        raise InputError("parameter", f"rate must be {RATES[0]:g} to {RATES[1]:g} Hz")
+    changes: dict[str, Any] = {"seed": place} | {name: found[name] for name in _SETTINGS if name in found}
+    return ScanEntry(body, HeightScan.of(str(found.get("layout", "isaac_lab")), **changes), float(rate))

@@ -12,6 +12,8 @@ its centre starts that far above the ground. ``yaw`` [rad] is the turn about z.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -67,20 +69,41 @@ def entry_from_text(text: str) -> Entry:
         raise InputError("spawn", f"bodies.spawn entry {text!r} is not YAML: {error}") from None
     if not isinstance(entry, dict) or not {"id"} <= entry.keys() <= _KEYS:
         raise InputError("spawn", f"bodies.spawn entry {text!r} must be a mapping with id and any of {sorted(_KEYS)}")
-    urdf = str(entry.get("urdf", ""))
-    try:
-        return Entry(
-            str(entry["id"]),
-            shape=None if urdf else _shape(entry, text),
-            mass=float(entry.get("mass", 1.0)),
-            urdf=urdf,
-            yaw=float(entry.get("yaw", 0.0)),
-            **_place(entry, text),
+    shape, urdf = None, str(entry.get("urdf", ""))
+    if not urdf:
+        with _refused(text, f" needs a shape ({', '.join(SHAPES_BY_NAME)}) and its size in metres"):
+            shape = SHAPES_BY_NAME[entry["shape"]](*(float(value) for value in entry["size"]))
+    with _refused(text, ": mass and yaw must be numbers"):
+        mass, yaw = float(entry.get("mass", 1.0)), float(entry.get("yaw", 0.0))
+    with _refused(text, " needs xyz: [x, y, z], or xy: [x, y] with clearance or above"):
+        place = _place(entry)
+    if {"clearance", "align"} & entry.keys() and {"xyz", "above"} & entry.keys():
+        raise InputError(
+            "spawn", f"bodies.spawn entry {text!r}: clearance and align go with xy alone, not with xyz or above"
         )
-    except (TypeError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError("spawn", f"bodies.spawn entry {text!r}: mass and yaw must be numbers") from None
+    return Entry(str(entry["id"]), shape=shape, mass=mass, urdf=urdf, yaw=yaw, **place)
+
+
+@contextmanager
+def _refused(text: str, words: str) -> Iterator[None]:
+    """Raise `InputError` with ``words`` about an entry's text if the block cannot convert it."""
+    try:
+        yield
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError):
+        raise InputError("spawn", f"bodies.spawn entry {text!r}{words}") from None
+
+
+def _place(entry: dict[str, Any]) -> dict[str, Any]:
+    if "xyz" in entry:
+        x, y, z = (float(value) for value in entry["xyz"])
+        return {"xyz": (x, y, z)}
+    x, y = (float(value) for value in entry["xy"])
+    if "above" in entry:
+        return {"xy": (x, y), "above": float(entry["above"])}
+    clearance = float(entry.get("clearance", 0.0))
+    return {"xy": (x, y), "clearance": clearance, "align": bool(entry.get("align", False))}
 
 
 def state_of(world: World, entry: Entry) -> BodyState | None:
@@ -107,41 +130,6 @@ def spawn(world: World, entry: Entry) -> bool:
     else:
         world.spawn(entry.name, entry.shape, entry.mass, state, **standing)
     return True
-
-
-def _place(entry: dict[str, Any], text: str) -> dict[str, Any]:
-    try:
-        if "xyz" in entry:
-            x, y, z = (float(value) for value in entry["xyz"])
-            wanted: dict[str, Any] = {"xyz": (x, y, z)}
-        elif "above" in entry:
-            x, y = (float(value) for value in entry["xy"])
-            wanted = {"xy": (x, y), "above": float(entry["above"])}
-        else:
-            x, y = (float(value) for value in entry["xy"])
-            clearance = float(entry.get("clearance", 0.0))
-            return {"xy": (x, y), "clearance": clearance, "align": bool(entry.get("align", False))}
-    except (KeyError, TypeError, ValueError):
-        raise InputError(
-            "spawn", f"bodies.spawn entry {text!r} needs xyz: [x, y, z], or xy: [x, y] with clearance or above"
-        ) from None
-    if {"clearance", "align"} & entry.keys():
-        raise InputError(
-            "spawn", f"bodies.spawn entry {text!r}: clearance and align go with xy alone, not with xyz or above"
-        )
-    return wanted
-
-
-def _shape(entry: dict[str, Any], text: str) -> Shape:
-    try:
-        shape: Shape = SHAPES_BY_NAME[entry["shape"]](*(float(value) for value in entry["size"]))
-    except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            "spawn", f"bodies.spawn entry {text!r} needs a shape ({', '.join(SHAPES_BY_NAME)}) and its size in metres"
-        ) from None
-    return shape
 
 
 class InitialBodies:
