@@ -27,8 +27,7 @@ from smartmesh_msgs.srv import SpawnBody
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.soil.message_bodies import MessageBodies
-from smartmesh_ros.node.soil.soil_messages import soil_map_from
+from smartmesh_ros.node.soil.soil_messages import MessageBodies, soil_map_from
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.scenes import eight

@@ -28,8 +28,8 @@ from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import spin
-from smartmesh_ros.node.soil.message_bodies import MessageBodies
 from smartmesh_ros.node.soil.soil_messages import (
+    MessageBodies,
     SoilMap,
     contacts_from,
     grid_map_message,
