@@ -59,7 +59,7 @@ friction:  ## boxes slide on ice beside gravel, against v^2 / (2 mu g): docs/ima
 	@$(RUN) -- $(STUDIES) friction
 
 height-scan:  ## what a legged robot's policy observes of moving ground, printed and drawn: out/height_scan.png
-	@$(RUN) -- python scripts/height_scan.py $(ARGS)
+	@$(RUN) -- python -m scripts.height_scan $(ARGS)
 
 rover:  ## a wheeled robot drives an eight on soil and leaves ruts: out/rover.png, out/rover.gif
 	@$(RUN) studies -- $(STUDIES) rover $(ARGS)

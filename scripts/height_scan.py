@@ -1,23 +1,22 @@
 """A legged robot on ground that moves: prints what its policy would observe, and draws the points of its height scan.
 
-scripts/workspace run -- python scripts/height_scan.py [picture]
+scripts/workspace run -- python -m scripts.height_scan [picture]
 """
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pybullet as pb
 import pybullet_data
 from PIL import Image
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, HeightMap, HeightScan, World
 from smartmesh_ros.terrain.height_scan import yaws_of
 from smartmesh_ros.world.joints import JointCommand
+from studies.tiny_renderer import Camera, Stage
 
 ROBOT = f"{pybullet_data.getDataPath()}/a1/a1.urdf"
 # Positions of a standing robot's joints by a part of their names [rad]; height of its base above the ground [m].
@@ -25,7 +24,7 @@ POSTURE, HEIGHT = {"upper": 0.8, "lower": -1.6}, 0.33
 RESOLUTION, SIDE = 0.05, 81
 # Size of the picture, how much finer it is drawn, and the radius of its points [m].
 PIXELS, FINER, RADIUS = (1000, 640), 2, 0.012
-GROUND_COLOURS, POINT_COLOUR = ((0.80, 0.78, 0.72, 1.0), (0.72, 0.69, 0.62, 1.0)), (0.85, 0.1, 0.1, 1.0)
+GROUND_COLOURS, POINT_COLOUR = ((0.80, 0.78, 0.72), (0.72, 0.69, 0.62)), (0.85, 0.1, 0.1)
 SQUARE = 4  # side of the squares by which the ground is coloured [cells]
 
 
@@ -51,56 +50,27 @@ def stand(world: World, ground: HeightMap) -> None:
 
 
 def picture(world: World, scan: HeightScan) -> Image.Image:
-    """Draw ground, robot and the points of a scan of heights by PyBullet's renderer."""
-    client: Any = BulletClient(pb.DIRECT)
-    low = -RESOLUTION * (SIDE // 2)
-    rows, columns = np.divmod(np.arange((SIDE - 1) ** 2), SIDE - 1)
-    corners = np.array([(0, 0), (0, 1), (1, 1), (0, 0), (1, 1), (1, 0)])  # of both triangles of a cell: row, column
-    xy = low + RESOLUTION * (np.stack([columns, rows], axis=-1)[:, None] + corners[:, ::-1])
-    cells = np.concatenate([xy, world.ground_at(xy.reshape(-1, 2)).z.reshape(-1, 6, 1)], axis=-1)
-    for odd, colour in enumerate(GROUND_COLOURS):  # squares of two colours
-        vertices = cells[(rows // SQUARE + columns // SQUARE) % 2 == odd].reshape(-1, 3, 3)
-        normals = np.cross(vertices[:, 1] - vertices[:, 0], vertices[:, 2] - vertices[:, 0])
-        normals = np.repeat(normals / np.linalg.norm(normals, axis=-1, keepdims=True), 3, axis=0)
-        surface = client.createVisualShape(
-            pb.GEOM_MESH, vertices=vertices.reshape(-1, 3).tolist(), indices=list(range(3 * len(vertices))),
-            normals=normals.tolist(), rgbaColor=colour,
-        )  # fmt: skip
-        client.createMultiBody(0.0, -1, surface)
+    """Draw ground, robot and the points of a scan of heights."""
+    stage = Stage()
+    y, x = np.mgrid[:SIDE, :SIDE] * RESOLUTION - RESOLUTION * (SIDE // 2)
+    ground = np.stack([x, y, world.ground_at(np.stack([x, y], axis=-1).reshape(-1, 2)).z.reshape(x.shape)], axis=-1)
+    squares = [(row, column) for row in range(0, SIDE - 1, SQUARE) for column in range(0, SIDE - 1, SQUARE)]
+    stage.replace_ground(
+        *((ground[r : r + SQUARE + 1, c : c + SQUARE + 1], GROUND_COLOURS[(r + c) // SQUARE % 2]) for r, c in squares)
+    )
     base = world.base_state("robot")
     yaw = float(yaws_of([base.orientation])[0])
-    x, y = scan.points_b.T
-    point = client.createVisualShape(pb.GEOM_SPHERE, radius=RADIUS, rgbaColor=POINT_COLOUR)
-    for u, v, z in zip(x, y, world.height_scan("robot", scan)[0], strict=True):
-        place = (
-            base.position[0] + u * np.cos(yaw) - v * np.sin(yaw),
-            base.position[1] + u * np.sin(yaw) + v * np.cos(yaw),
-        )
-        client.createMultiBody(0.0, -1, point, (*place, float(z)))
-    robot = client.loadURDF(ROBOT, useFixedBase=True)
-    client.resetBasePositionAndOrientation(
-        robot, *world.client.getBasePositionAndOrientation(world.bodies["robot"].uid)
-    )
-    for joint in world.bodies["robot"].joints.values():
-        client.resetJointState(robot, joint, world.client.getJointState(world.bodies["robot"].uid, joint)[0])
-    width, height = (FINER * size for size in PIXELS)
-    view = client.computeViewMatrix((1.6, -1.5, 1.25), (0.1, 0.12, 0.02), (0.0, 0.0, 1.0))
-    lens = client.computeProjectionMatrixFOV(36.0, width / height, 0.1, 10.0)
-    drawn = client.getCameraImage(
-        width,
-        height,
-        view,
-        lens,
-        lightDirection=(2.0, -1.0, 2.0),
-        lightAmbientCoeff=0.55,
-        lightDiffuseCoeff=0.5,
-        lightSpecularCoeff=0.0,
-        shadow=0,
-        renderer=pb.ER_TINY_RENDERER,
-    )
-    client.disconnect()
-    pixels = np.asarray(drawn[2], np.uint8).reshape(height, width, 4)[..., :3]
-    return Image.fromarray(pixels).resize(PIXELS, Image.Resampling.LANCZOS)
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    for place, z in zip(scan.points_b @ turn.T + base.position[:2], world.height_scan("robot", scan)[0], strict=True):
+        point = stage.add(pb.GEOM_SPHERE, POINT_COLOUR, radius=RADIUS)
+        stage.client.resetBasePositionAndOrientation(point, (*place, z), (0.0, 0.0, 0.0, 1.0))
+    robot, known = stage.client.loadURDF(ROBOT, useFixedBase=True), world.bodies["robot"]
+    stage.client.resetBasePositionAndOrientation(robot, *world.client.getBasePositionAndOrientation(known.uid))
+    for joint in known.joints.values():
+        stage.client.resetJointState(robot, joint, world.client.getJointState(known.uid, joint)[0])
+    shot = stage.shoot(Camera((1.6, -1.5, 1.25), (0.1, 0.12, 0.02), 36.0, *(FINER * size for size in PIXELS)))
+    stage.close()
+    return Image.fromarray(shot.colours).resize(PIXELS, Image.Resampling.LANCZOS)
 
 
 def main() -> None:

@@ -4,11 +4,11 @@ wheels, and beside the bag a parameter file with the demo's bodies.
 scripts/workspace run dev -- python scripts/make_demo_bag.py out/demo_bag
 """
 
-import argparse
 import math
+import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import pybullet_data
 import yaml
@@ -21,6 +21,7 @@ from smartmesh_ros.tools.demo.terrain_source import SPECS, make_scene
 from smartmesh_ros.tools.testing import bags, heightmap_message
 
 START = 1_700_000_000.0  # stamps in the past, like those of a recorded bag [s]
+SECONDS = 8.0  # length of the bag [s]
 COMMAND_RATE = 4.0
 WHEEL_SPEED = 6.0  # [rad/s]
 SHAPES = ("{shape: sphere, size: [0.25]", "{shape: box, size: [0.6, 0.4, 0.3]", "{shape: cylinder, size: [0.25, 0.4]")
@@ -61,15 +62,11 @@ def bodies() -> list[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("path", type=Path, help="folder of the new bag")
-    parser.add_argument("--storage", choices=get_args(bags.Storage), default="mcap")
-    parser.add_argument("--seconds", type=float, default=8.0)
-    options = parser.parse_args()
-    bags.write(options.path, messages(options.seconds), options.storage)
-    file = options.path.with_suffix(".yaml")
+    path = Path(sys.argv[1])
+    bags.write(path, messages(SECONDS))
+    file = path.with_suffix(".yaml")
     file.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"bodies.spawn": bodies()}}}, width=200))
-    print(f"wrote {options.path} and {file}")
+    print(f"wrote {path} and {file}")
 
 
 if __name__ == "__main__":

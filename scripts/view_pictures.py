@@ -14,8 +14,7 @@ import numpy as np
 import rclpy
 from playwright.sync_api import sync_playwright
 
-from smartmesh_ros.startup.dds import use_large_message_profile
-from smartmesh_ros.startup.domains import isolated_unless_chosen
+from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.tools.demo.demo import ROBOT, Demo
 from smartmesh_ros.tools.view.browser import FLAGS, find_browser
 from smartmesh_ros.tools.view.camera import Camera

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from smartmesh_ros.startup.quiet import silence_pybullet
+from smartmesh_ros.startup.executables import silence_pybullet
 
 SCENES = ("crater", "heave", "noise", "rut", "sinusoid", "sliding_boxes", "stairs", "waves_w04")
 # Cheaper, or truer, by less than this share is not told from noise.

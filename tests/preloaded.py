@@ -19,7 +19,7 @@ from threading import Thread
 from typing import IO
 
 from smartmesh_ros.startup import executables
-from smartmesh_ros.startup.quiet import STDERR, STDOUT
+from smartmesh_ros.startup.executables import STDERR, STDOUT
 from smartmesh_ros.tools.testing.process import start_command
 
 # Executables by name, whose modules `tests.preloaded_modules` imports.

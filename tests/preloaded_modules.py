@@ -2,7 +2,7 @@
 
 from importlib import import_module
 
-from smartmesh_ros.startup.quiet import silence_pybullet
+from smartmesh_ros.startup.executables import silence_pybullet
 
 silence_pybullet()
 for name in ("fleet.front", "sensor.terrain_sensor", "soil.soil_node", "terrain_collider"):

@@ -9,7 +9,6 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import Any, Literal
@@ -39,12 +38,9 @@ ExecutorKind = Literal["events", "single_threaded", "multi_threaded"]
 
 def executor_of(kind: ExecutorKind) -> Executor:
     """Return the executor for a value of the parameter ``executor``."""
-    makers: dict[ExecutorKind, Callable[[], Executor]] = {
-        "events": EventsExecutor,
-        "single_threaded": SingleThreadedExecutor,
-        "multi_threaded": partial(MultiThreadedExecutor, num_threads=2),
-    }
-    return makers[kind]()
+    if kind == "multi_threaded":
+        return MultiThreadedExecutor(num_threads=2)
+    return EventsExecutor() if kind == "events" else SingleThreadedExecutor()
 
 
 class Stop:

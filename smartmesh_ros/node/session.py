@@ -194,10 +194,6 @@ class Session:
         """Return the lead of simulated time, at which the bodies are, over the stamp for messages published now [s]."""
         return 0.0 if self.settings.publish.clock else self.world.time - self.time_at(0.0)
 
-    def pace_at(self, age: float) -> float:
-        """Return the time of the loop's clock ``age`` [s] ago [s]."""
-        return self.clock.pace() - age
-
     def require_room(self, names: Iterable[str]) -> None:
         """Raises `InputError` if bodies of these names would be too many with those of the world."""
         count, most = len({*self.world.bodies, *names}), self.settings.most_bodies

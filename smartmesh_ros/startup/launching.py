@@ -19,12 +19,9 @@ from launch_ros.actions import Node
 from launch import LaunchDescription
 from smartmesh_ros.node.fleet import layout as fleet_layout
 from smartmesh_ros.scenes import SCENES
+from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE
 
 PACKAGE, NODE = "smartmesh_ros", "terrain_collider"
-# Topics of the RViz view that are remapped into the node's namespace.
-RVIZ_TOPICS = ("patches",)
-# As in `smartmesh_ros.startup.dds`, which cannot be imported without rclpy.
-PROFILE, POLICY = "FASTRTPS_DEFAULT_PROFILES_FILE", "RMW_FASTRTPS_USE_QOS_FROM_XML"
 # Parameter files in config/ that are not for terrain_collider.
 NO_PRESETS = ("diagnostic_aggregator",)
 LOG_LEVELS = ("debug", "info", "warn", "error", "fatal")
@@ -44,25 +41,14 @@ def description(
     its new name. ``start``: returns further actions for the values of the arguments; creates nodes with `node`.
     """
 
-    def act(context: Any) -> list[Any]:
-        def value(name: str) -> str:
-            return str(LaunchConfiguration(name).perform(context))
+    def nodes(value: Values) -> list[Any]:
+        return [_collider(value, always, remap), *(() if start is None else start(value))]
 
-        further = [] if start is None else start(value)
-        return [*_settings_of_dds(value), _collider(value, always, remap), *_rviz(value), *further]
-
-    return LaunchDescription([*_arguments(), *more, OpaqueFunction(function=act)])
+    return _description([*_arguments(), *more], nodes)
 
 
 def fleet() -> LaunchDescription:
     """Return a launch description of a fleet: colliders on one terrain, their front, and a terrain source."""
-
-    def act(context: Any) -> list[Any]:
-        def value(name: str) -> str:
-            return str(LaunchConfiguration(name).perform(context))
-
-        return [*_settings_of_dds(value), *_fleet_nodes(value), *_rviz(value, fleet_layout.FRONT)]
-
     arguments = [
         DeclareLaunchArgument(name, default_value=default, description=words)
         for name, default, words in (
@@ -72,7 +58,19 @@ def fleet() -> LaunchDescription:
         )
     ]
     arguments.append(scene_argument("empty = no terrain_source, publish your own terrain", ""))
-    return LaunchDescription([*_arguments(preset=fleet_layout.PRESET), *arguments, OpaqueFunction(function=act)])
+    return _description([*_arguments(preset=fleet_layout.PRESET), *arguments], _fleet_nodes, fleet_layout.FRONT)
+
+
+def _description(arguments: list[Any], nodes: Callable[[Values], list[Any]], shown: str = NODE) -> LaunchDescription:
+    """Return a launch description of ``nodes``, which are made for the values of the arguments, and of RViz."""
+
+    def act(context: Any) -> list[Any]:
+        def value(name: str) -> str:
+            return str(LaunchConfiguration(name).perform(context))
+
+        return [*_settings_of_dds(value), *nodes(value), *_rviz(value, shown)]
+
+    return LaunchDescription([*arguments, OpaqueFunction(function=act)])
 
 
 def _fleet_nodes(value: Values) -> list[Any]:
@@ -153,7 +151,7 @@ def share() -> Path:
 
 
 def _arguments(preset: str = "") -> list[Any]:
-    profile = os.environ.get(PROFILE, str(share() / "config" / "fastdds.xml"))
+    profile = os.environ.get(VARIABLE, str(share() / "config" / "fastdds.xml"))
     return [
         DeclareLaunchArgument(name, default_value=default, description=words)
         for name, default, words in (
@@ -176,7 +174,7 @@ def _settings_of_dds(value: Values) -> list[Any]:
         return []
     if not Path(value("dds")).is_file():
         raise FileNotFoundError(f"there is no file {value('dds')} of Fast DDS settings; name one, or set dds:=''")
-    return [SetEnvironmentVariable(PROFILE, value("dds")), SetEnvironmentVariable(POLICY, "1")]
+    return [SetEnvironmentVariable(VARIABLE, value("dds")), SetEnvironmentVariable(POLICY_VARIABLE, "1")]
 
 
 def _collider(value: Values, always: str, remap: Sequence[tuple[str, str]]) -> Any:
@@ -193,7 +191,7 @@ def _collider(value: Values, always: str, remap: Sequence[tuple[str, str]]) -> A
     )
 
 
-def _rviz(value: Values, shown: str = NODE) -> list[Any]:
+def _rviz(value: Values, shown: str) -> list[Any]:
     if not is_true(value("rviz")):
         return []
     namespace = value("namespace").strip("/")
@@ -205,6 +203,6 @@ def _rviz(value: Values, shown: str = NODE) -> list[Any]:
             hint="apt install ros-jazzy-rviz2, or leave rviz:=true out",
             arguments=["-d", str(share() / "config" / "smartmesh.rviz")],
             parameters=[{"use_sim_time": is_true(value("use_sim_time"))}],
-            remappings=[(f"/{NODE}/{topic}", f"{there}/{topic}") for topic in RVIZ_TOPICS],
+            remappings=[(f"/{NODE}/patches", f"{there}/patches")],
         )
     ]

@@ -32,7 +32,7 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, Timing, TrackedBodyAr
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros.startup.domains import isolated_unless_chosen
+from smartmesh_ros.startup.dds import isolated_unless_chosen
 from studies.load import soak_report
 from studies.load.processes import Watch, environment, node_command
 from studies.load.tables import PAGE, PICTURES

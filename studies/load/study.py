@@ -8,7 +8,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from smartmesh_ros.startup.domains import isolated_unless_chosen
+from smartmesh_ros.startup.dds import isolated_unless_chosen
 from studies.load import cases, pictures, regions, tables
 from studies.load.cases import Case
 from studies.load.processes import run_case

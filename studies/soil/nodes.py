@@ -13,7 +13,7 @@ from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Heightmap, Timing
 from smartmesh_msgs.srv import SpawnBody
 
-from smartmesh_ros.startup.domains import isolated
+from smartmesh_ros.startup.dds import isolated
 from smartmesh_ros.tools.testing.messages import heightmap_message, pose_message
 from smartmesh_ros.tools.testing.process import Process
 

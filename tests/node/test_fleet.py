@@ -20,7 +20,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import layout as layout
 from smartmesh_ros.node.fleet.peer_bodies import NEWEST_QOS
-from smartmesh_ros.node.parameters.settings import peer_names
+from smartmesh_ros.node.parameters.entries import peer_names
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
 
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])

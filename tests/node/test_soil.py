@@ -26,8 +26,7 @@ from smartmesh_msgs.srv import SpawnBody
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.soil.message_bodies import MessageBodies
-from smartmesh_ros.node.soil.soil_messages import contacts_from, soil_map_from
+from smartmesh_ros.node.soil.soil_messages import MessageBodies, contacts_from, soil_map_from
 from smartmesh_ros.node.soil.soil_node import SoilNode
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.patches.shapes import ShapeKind

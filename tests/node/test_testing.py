@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smartmesh_ros.startup.domains import in_use, isolated, isolated_unless_chosen
+from smartmesh_ros.startup.dds import in_use, isolated, isolated_unless_chosen
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
 from smartmesh_ros.tools.testing.process import start_command

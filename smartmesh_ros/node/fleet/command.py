@@ -25,8 +25,7 @@ from smartmesh_msgs.srv import SpawnBodies
 
 from smartmesh_ros.node.fleet.layout import WAVES, FleetPlan, front_of
 from smartmesh_ros.node.running import Stop
-from smartmesh_ros.startup.dds import use_large_message_profile
-from smartmesh_ros.startup.domains import isolated_unless_chosen
+from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 
 # Limit of every wait [s], generous for a busy machine.
 TIMEOUT = 120.0

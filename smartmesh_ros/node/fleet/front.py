@@ -16,7 +16,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import QoSProfile
-from smartmesh_msgs.msg import BodyFailure, BodySpecification, StageTiming, Timing, TrackedBodyArray
+from smartmesh_msgs.msg import BodyFailure, BodySpecification, Timing, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -26,22 +26,22 @@ from smartmesh_ros.node.fleet.layout import FRONT, marker_namespace, node_names
 from smartmesh_ros.node.fleet.ledger import Duties, Ledger, LedgerConfig, Respawning
 from smartmesh_ros.node.fleet.peer_states import PeerReader, Polled
 from smartmesh_ros.node.outputs.diagnostics import task_status
-from smartmesh_ros.node.parameters.declaring import Spec, declare
+from smartmesh_ros.node.parameters.declaring import declare, fixed
+from smartmesh_ros.node.parameters.entries import full_names
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.parameter_node import ParameterNode
-from smartmesh_ros.node.parameters.settings import full_names
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.session import SERVICES
 
 _D = LedgerConfig()
 SPECS = (
-    Spec("nodes", node_names(2), "Full names of the nodes of the fleet.", read_only=True),
-    Spec("spread", _D.spread, "Node of a new body: the node with the fewest bodies, or the node of its start tile.",
-         choices=("fewest", "tiles"), read_only=True),
-    Spec("tile_size", _D.tile_size, "Side of a tile [m].", 0.1, 1e6, read_only=True),
-    Spec("timeout", _D.timeout, "Silence after which a node counts as dead [s].", 0.1, 3600.0, read_only=True),
-    Spec("respawn", _D.respawn, "Where bodies of a dead node are respawned: elsewhere, or on the same node once it is "
-         "back.", choices=("elsewhere", "same"), read_only=True),
+    fixed("nodes", node_names(2), "Full names of the nodes of the fleet."),
+    fixed("spread", _D.spread, "Node of a new body: the node with the fewest bodies, or the node of its start tile.",
+          choices=("fewest", "tiles")),
+    fixed("tile_size", _D.tile_size, "Side of a tile [m].", 0.1, 1e6),
+    fixed("timeout", _D.timeout, "Silence after which a node counts as dead [s].", 0.1, 3600.0),
+    fixed("respawn", _D.respawn, "Where bodies of a dead node are respawned: elsewhere, or on the same node once it is "
+          "back.", choices=("elsewhere", "same")),
 )  # fmt: skip
 # Period of the checks of the nodes, and of publishing diagnostics and timing [s].
 CHECK_PERIOD, REPORT_PERIOD = 0.25, 1.0
@@ -229,18 +229,14 @@ def _listed(names: Sequence[str]) -> str:
 
 def merged_timing(timings: Mapping[str, Timing]) -> Timing:
     """Return one message for timings by node name: the lowest real-time factor, the sum of the deadline misses, and
-    every stage as ``node/stage``."""
+    every stage, which is renamed to ``node/stage``."""
     message = Timing()
     for name, timing in timings.items():
         message.window_s = max(message.window_s, timing.window_s)
         message.deadline_misses += timing.deadline_misses
         for stage in timing.stages:
-            message.stages.append(
-                StageTiming(
-                    stage=f"{name}/{stage.stage}", count=stage.count, p50_us=stage.p50_us, p99_us=stage.p99_us,
-                    max_us=stage.max_us,
-                )
-            )  # fmt: skip
+            stage.stage = f"{name}/{stage.stage}"
+            message.stages.append(stage)
     message.real_time_factor = min((timing.real_time_factor for timing in timings.values()), default=0.0)
     return message
 

@@ -80,20 +80,16 @@ class PeerReader:
         content = CORE.split_bodies(np.frombuffer(data, np.uint8)[4:], reader.at, rows)
         if content is None:
             raise InputError("malformed", f"the message ends after {len(data)} bytes; {count} bodies need more")
-        names = self._read_names(content, count, max_name)
+        if content != self._content or count != len(self._names):
+            self._names, self._content = _names_in(content, count, max_name), content
         bodies = rows.view(BODY_RECORD)[:, 0]
         table = StateTable(
-            names, np.ascontiguousarray(bodies["numbers"]), bodies["radius"].astype(np.float64),
+            self._names, np.ascontiguousarray(bodies["numbers"]), bodies["radius"].astype(np.float64),
             np.array(bodies["shape"]), bodies["dimensions"].astype(np.float64), bodies["centre"].astype(np.float64),
             bodies["mass"].astype(np.float64),
         )  # fmt: skip
         x, y, z = gravity
         return PeerStates(sec, nanosec, frame_id, ahead, rate, (x, y, z), table)
-
-    def _read_names(self, content: bytes, count: int, max_name: int) -> list[str]:
-        if content != self._content or count != len(self._names):
-            self._names, self._content = _names_in(content, count, max_name), content
-        return self._names
 
 
 def _names_in(content: bytes, count: int, max_name: int) -> list[str]:

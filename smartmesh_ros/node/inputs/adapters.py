@@ -112,11 +112,11 @@ def occupancy_raster(message: Any, config: RasterConfig, max_samples: int) -> Ra
     corner of the first cell."""
     info = message.info
     require_resolution(info.resolution)
-    corner = info.origin.position
+    corner, turn = info.origin.position, info.origin.orientation
     return from_cells(
         occupancy_heights(_cells(message.data, info.height, info.width, max_samples), config),
         corner=(corner.x, corner.y, corner.z),
-        yaw=yaw_from(info.origin.orientation),
+        yaw=yaw_from(turn.x, turn.y, turn.z, turn.w),
         resolution=float(info.resolution),
     )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 
 from geometry_msgs.msg import PoseArray, PoseStamped
@@ -20,35 +22,44 @@ from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.inputs.joint_commands import joint_commands_from
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.session import Session, require_name
-from smartmesh_ros.node.timing.stamps import StampClock
+from smartmesh_ros.node.timing.stamps import Placed, StampClock
 
 SOURCE = "bodies.frames"
 # Longest time between two look-ups of the frames without a new transform [s], for static frames.
 PERIOD = 0.2
 
 
-class FrameBodies:
-    """Moves the bodies of the parameter ``bodies.frames`` with their frames."""
+# Matches reliable and best-effort publishers alike.
+BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class BodyInputs:
+    """Applies messages about bodies to the world, and moves bodies with TF frames. ``transforms``: of all frames."""
 
     def __init__(self, session: Session, transforms: TransformInput) -> None:
-        self._session = session
-        self._transforms = transforms
+        self._session, self.transforms = session, transforms
         self._clocks: dict[str, StampClock] = {}
-        self._seen: dict[str, tuple[Transform, float]] = {}  # the last pose and stamp of each body
-        self._version = -1
-        self._due = 0.0
+        self._pose_array_names: set[str] = set()
+        self._seen: dict[str, tuple[Transform, float]] = {}  # the last pose and stamp of each body that follows a frame
+        self._version, self._due = -1, 0.0  # of the frame buffer at the last look-up; when the next is due [s]
         if session.settings.frames:
             transforms.listen(SOURCE)
 
-    def forget_stamps(self) -> None:
-        """Accepts any stamps from now on."""
-        self._clocks.clear()
-        self._seen.clear()
-        self._due = 0.0
+        def most() -> int:
+            return session.settings.most_bodies
+
+        session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT, most=most)
+        session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT, most=most)
+        session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
+        for name, topic in session.settings.poses:
+            session.listen(PoseStamped, topic, partial(self._on_pose, name, topic), BEST_EFFORT, private=False)
+        for name, topic in session.settings.odometry:
+            session.listen(Odometry, topic, partial(self._on_odometry, name, topic), BEST_EFFORT, private=False)
 
     def refresh(self) -> None:
-        """Looks up every frame if a transform arrived or `PERIOD` has passed; reports failures once a `PERIOD`."""
-        session, buffer = self._session, self._transforms.buffer
+        """Moves the bodies of ``bodies.frames`` to their frames if a transform arrived or `PERIOD` has passed; reports
+        failures once a `PERIOD`."""
+        session, buffer = self._session, self.transforms.buffer
         if not session.settings.frames or not session.frame_id:
             return
         now = session.clock.pace()
@@ -64,61 +75,11 @@ class FrameBodies:
                 if overdue:
                     session.refusals.add(SOURCE, error)
 
-    def _follow(self, name: str, frame: str) -> None:
-        session = self._session
-        session.require_not_simulated(name)
-        if self._transforms.is_own(frame):
-            raise InputError(
-                "own_topic", f"frame {frame!r} of body {name!r} is one that this node publishes (publish.tf); a body "
-                "that follows it would overlap the simulated one"
-            )  # fmt: skip
-        pose, stamp = self._transforms.buffer.lookup(session.frame_id, frame)
-        seen = self._seen.get(name)
-        if stamp is not None and (pose, stamp) == seen:
-            return
-        if stamp is not None and seen is not None and stamp < seen[1]:  # the buffer has restarted a frame
-            self._clocks.pop(name, None)
-        clock = self._clocks.setdefault(name, StampClock())
-        placed = clock.place(stamp, session.clock_now(), session.pace_at)
-        session.track(SOURCE, BodyInput(name, BodyState(*pose), session.settings.default_radius), placed.time)
-        clock.accept(placed)
-        session.stamp_ages[SOURCE] = clock.age
-        if stamp is not None:
-            self._seen[name] = pose, stamp
-
-
-# Matches reliable and best-effort publishers alike.
-BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
-class BodyInputs:
-    """Applies messages about bodies to the world. ``transforms``: of the frames in which poses arrive."""
-
-    def __init__(self, session: Session, transforms: TransformInput) -> None:
-        self._session, self.transforms = session, transforms
-        self._clocks: dict[str, StampClock] = {}
-        self._pose_array_names: set[str] = set()
-        self._frames = FrameBodies(session, self.transforms)
-
-        def most() -> int:
-            return session.settings.most_bodies
-
-        session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT, most=most)
-        session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT, most=most)
-        session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
-        for name, topic in session.settings.poses:
-            session.listen(PoseStamped, topic, partial(self._on_pose, name, topic), BEST_EFFORT, private=False)
-        for name, topic in session.settings.odometry:
-            session.listen(Odometry, topic, partial(self._on_odometry, name, topic), BEST_EFFORT, private=False)
-
-    def refresh(self) -> None:
-        """Moves the bodies of ``bodies.frames`` to their frames."""
-        self._frames.refresh()
-
     def forget_stamps(self) -> None:
         """Accepts any stamps from now on, after a reset."""
         self._clocks.clear()
-        self._frames.forget_stamps()
+        self._seen.clear()
+        self._due = 0.0
         self.transforms.buffer.clear()
 
     def _on_bodies(self, message: TrackedBodyArray) -> None:
@@ -142,18 +103,44 @@ class BodyInputs:
         session = self._session
         stamp = conversions.stamp_seconds(header.stamp)
         transform = self.transforms.to_terrain(header.frame_id, stamp)
-        clock = self._clocks.setdefault(topic, StampClock())
-        placed = clock.place(stamp, session.clock_now(), session.pace_at)
-        session.require_room(body.name for body in bodies)
-        states = [body.state if transform is None else transform.apply(body.state) for body in bodies]
-        radii = [body.radius or session.settings.default_radius for body in bodies]
-        for body, state, radius in zip(bodies, states, radii, strict=True):
-            session.require_not_simulated(body.name)
-            require_name(body.name)
-            require_possible(body.name, state)
-            require_between(f"radius of {body.name!r}", radius, SIZES, "m")
-        for body, state, radius in zip(bodies, states, radii, strict=True):
-            session.track(topic, body._replace(state=state, radius=radius), placed.time)
+        with self._placed(topic, topic, stamp) as placed:
+            session.require_room(body.name for body in bodies)
+            states = [body.state if transform is None else transform.apply(body.state) for body in bodies]
+            radii = [body.radius or session.settings.default_radius for body in bodies]
+            for body, state, radius in zip(bodies, states, radii, strict=True):
+                session.require_not_simulated(body.name)
+                require_name(body.name)
+                require_possible(body.name, state)
+                require_between(f"radius of {body.name!r}", radius, SIZES, "m")
+            for body, state, radius in zip(bodies, states, radii, strict=True):
+                session.track(topic, body._replace(state=state, radius=radius), placed.time)
+
+    def _follow(self, name: str, frame: str) -> None:
+        session, source = self._session, f"{SOURCE} {name}"
+        session.require_not_simulated(name)
+        if self.transforms.is_own(frame):
+            raise InputError(
+                "own_topic", f"frame {frame!r} of body {name!r} is one that this node publishes (publish.tf); a body "
+                "that follows it would overlap the simulated one"
+            )  # fmt: skip
+        pose, stamp = self.transforms.buffer.lookup(session.frame_id, frame)
+        seen = self._seen.get(name)
+        if stamp is not None and (pose, stamp) == seen:
+            return
+        if stamp is not None and seen is not None and stamp < seen[1]:  # the buffer has restarted a frame
+            self._clocks.pop(source, None)
+        with self._placed(SOURCE, source, stamp) as placed:
+            session.track(SOURCE, BodyInput(name, BodyState(*pose), session.settings.default_radius), placed.time)
+        if stamp is not None:
+            self._seen[name] = pose, stamp
+
+    @contextmanager
+    def _placed(self, topic: str, source: str, stamp: float | None) -> Iterator[Placed]:
+        """Yields a stamp [s] of a source in the loop's time; records it as accepted unless the block raises
+        `InputError`."""
+        session, clock = self._session, self._clocks.setdefault(source, StampClock())
+        placed = clock.place(stamp, session.clock_now(), lambda age: session.clock.pace() - age)
+        yield placed
         clock.accept(placed)
         session.stamp_ages[topic] = clock.age
 

@@ -20,15 +20,6 @@ from smartmesh_ros.terrain.grid import GridGeometry
 FloatGrid = NDArray[np.float32]
 
 
-class Quaternion(NamedTuple):
-    """A rotation, as a unit quaternion."""
-
-    x: float
-    y: float
-    z: float
-    w: float
-
-
 class MapInput(NamedTuple):
     """A whole map: geometry (None = remove the tile), heights (rows, columns) [m], velocities [m/s] or None, and
     coefficients of friction: one, those of the samples, or None."""
@@ -93,14 +84,13 @@ def map_from(data: bytes, max_samples: int) -> MapInput:
     start = reader.stamped()
     reader.number("i"), reader.number("I")  # map_load_time
     resolution, columns, rows = reader.number("f"), reader.number("I"), reader.number("I")
-    x, y, z = (reader.number("d") for _ in range(3))
-    orientation = Quaternion(*(reader.number("d") for _ in range(4)))
+    x, y, z, *orientation = reader.numbers("d", 7)
     heights, velocities, friction = (reader.sequence("f4") for _ in range(3))
     if not rows and not columns and not len(heights):
         return MapInput(start, None, heights, None)
     _require_count(columns, rows, len(heights), len(velocities), max_samples)
     geometry = GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=(x, y, z),
-                            yaw=yaw_from(orientation))  # fmt: skip
+                            yaw=yaw_from(*orientation))  # fmt: skip
     return MapInput(
         start, geometry, *_grids(heights, velocities, (rows, columns)), _friction(friction, (rows, columns))
     )
@@ -171,9 +161,8 @@ def state_from(pose: Any, twist: Any = None) -> BodyState:
     return BodyState((p.x, p.y, p.z), (q.x, q.y, q.z, q.w), linear, angular)
 
 
-def yaw_from(quaternion: Any) -> float:
+def yaw_from(x: float, y: float, z: float, w: float) -> float:
     """Return the rotation about z [rad] of a unit quaternion that rotates about no other axis."""
-    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
     length = math.hypot(x, y, z, w)
     if not math.isfinite(length) or abs(length - 1.0) > QUATERNION_SLACK:
         raise InputError("quaternion", f"the map's orientation ({x}, {y}, {z}, {w}) is not a unit quaternion")

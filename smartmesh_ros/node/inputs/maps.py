@@ -117,9 +117,8 @@ class Rivals:
     """
 
     def __init__(self) -> None:
-        self._known: list[
-            tuple[GridGeometry, Heights]
-        ] = []  # the last map of each of two presumed publishers, the newest one last
+        # The last map of each of two presumed publishers, the newest one last.
+        self._known: list[tuple[GridGeometry, Heights]] = []
         self._returns: deque[bool] = deque(maxlen=COUNTED)
 
     @property

@@ -1,21 +1,40 @@
-"""Messages of bodies and robots: states and contacts, which are serialised to bytes, and joint states, odometry and
-wrenches."""
+"""Outputs of bodies and robots: states and contacts, which are serialised to bytes, joint states, odometry, wrenches,
+and the latched descriptions of all bodies."""
 
 from __future__ import annotations
 
+import array
+from contextlib import suppress
+from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3, Wrench
 from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
-from smartmesh_msgs.msg import Contact, ContactArray, ContactWrench, ContactWrenchArray, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.msg import (
+    BodyDescription,
+    BodyDescriptionArray,
+    Contact,
+    ContactArray,
+    ContactWrench,
+    ContactWrenchArray,
+    TrackedBody,
+    TrackedBodyArray,
+)
 from std_msgs.msg import Header
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.quaternions import conjugate, rotate
+from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, by_length, stamp_fields, text_rows
+from smartmesh_ros.node.services.robot_files import urdf_text
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.contacts import GroundContact
 from smartmesh_ros.world.state_table import StateTable
 from smartmesh_ros.world.world import World
@@ -141,3 +160,51 @@ def twist_message(state: BodyState) -> Twist:
 def _vector(values: tuple[float, float, float] | list[float]) -> Vector3:
     x, y, z = values
     return Vector3(x=float(x), y=float(y), z=float(z))
+
+
+# Period of the check for added and removed bodies [s].
+PERIOD = 0.1
+# Late subscribers receive the last message.
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class BodyDescriptions:
+    """Publishes all descriptions when a body is added or removed, while the topic has subscribers."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        session.topics.publish("~/body_descriptions")
+        self.publisher = session.node.create_publisher(BodyDescriptionArray, "~/body_descriptions", LATCHED)
+        self._described: list[Body] | None = None  # in the last message; None = no subscribers
+        self._due = 0.0
+
+    def publish(self) -> None:
+        """Publishes the descriptions if they are due and have changed."""
+        now = monotonic()
+        if now < self._due:
+            return
+        self._due = now + PERIOD
+        if not self.publisher.get_subscription_count():
+            self._described = None
+            return
+        bodies = [body for body in self._session.world.bodies.values() if not body.owner]
+        if bodies != self._described:
+            header = Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)
+            self.publisher.publish(BodyDescriptionArray(header=header, bodies=[description(body) for body in bodies]))
+            self._described = bodies
+
+
+def description(body: Body) -> BodyDescription:
+    """Return the description of a body."""
+    made = BodyDescription(id=body.name, tracked=body.tracked)
+    if body.urdf is not None:
+        made.shape = BodyDescription.ROBOT
+        with suppress(InputError):  # the file may have been deleted since the robot was loaded
+            made.urdf = urdf_text(body.urdf)
+        if body.urdf != made.urdf:
+            made.urdf_file = str(Path(body.urdf).absolute())
+        return made
+    shape: Any = body.shape or Sphere(body.radius)
+    made.shape = getattr(BodyDescription, type(shape).__name__.upper())
+    made.dimensions = array.array("d", list(shape.dimensions.values()))
+    return made

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import array
 from collections.abc import Callable, Hashable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,89 +31,70 @@ DTYPES = {
 }  # fmt: skip
 
 
-class Leaf(NamedTuple):
-    """A number, or an array of numbers of one type, in an element: dotted path, offset [bytes] and value."""
-
-    path: str
-    offset: int
-    value: NDArray[Any]
-
-
 def _aligned(offset: int, size: int) -> int:
     return -(-offset // size) * size
 
 
-class _Walk:
-    """Walks a message instance and records the offset of each number."""
+def _numbers_of(message: Any, path: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield the numbers of a message in order, with their dotted paths; arrays of numbers of one type are one array."""
+    for name, kind in zip(message.get_fields_and_field_types(), message.SLOT_TYPES, strict=True):
+        yield from _numbers_in(getattr(message, name), kind, f"{path}.{name}" if path else name)
 
-    def __init__(self, phase: int) -> None:
-        self.offset = phase
-        self.leaves: list[Leaf] = []
 
-    def message(self, message: Any, path: str) -> None:
-        for name, kind in zip(message.get_fields_and_field_types(), message.SLOT_TYPES, strict=True):
-            self.field(getattr(message, name), kind, f"{path}.{name}" if path else name)
+def _numbers_in(value: Any, kind: Any, path: str) -> Iterator[tuple[str, NDArray[Any]]]:
+    if isinstance(kind, BasicType):
+        yield path, np.asarray(value, DTYPES[kind.typename])
+    elif isinstance(kind, NamespacedType):
+        yield from _numbers_of(value, path)
+    elif isinstance(kind, AbstractString):
+        data = text_rows([value])[0]
+        yield f"{path}.size", np.asarray(len(data), DTYPES["uint32"])
+        yield path, data
+    else:
+        if isinstance(kind, AbstractSequence):
+            yield f"{path}.size", np.asarray(len(value), DTYPES["uint32"])
+        if len(value):
+            yield from _items(value, kind.value_type, path)
 
-    def field(self, value: Any, kind: Any, path: str) -> None:
-        if isinstance(kind, BasicType):
-            self.numbers(path, kind.typename, value)
-        elif isinstance(kind, AbstractString):
-            data = text_rows([value])[0]
-            self.numbers(f"{path}.size", "uint32", len(data))
-            self.numbers(path, "uint8", data)
-        elif isinstance(kind, NamespacedType):
-            self.message(value, path)
-        else:
-            if isinstance(kind, AbstractSequence):
-                self.numbers(f"{path}.size", "uint32", len(value))
-            if len(value):
-                self.items(value, kind.value_type, path)
 
-    def items(self, values: Any, kind: Any, path: str) -> None:
-        if isinstance(kind, BasicType):
-            self.numbers(path, kind.typename, values)
+def _items(values: Any, kind: Any, path: str) -> Iterator[tuple[str, NDArray[Any]]]:
+    if isinstance(kind, BasicType):
+        yield path, np.asarray(values, DTYPES[kind.typename])
+        return
+    if all(value is values[0] for value in values):  # as in templates
+        one = [numbers.ravel() for _, numbers in _numbers_in(values[0], kind, "")]
+        if len({numbers.dtype for numbers in one}) == 1:  # points, triangles: one array, with a row for each
+            yield path, np.tile(np.concatenate(one), (len(values), 1))
             return
-        if all(value is values[0] for value in values):  # as in templates
-            one = _Walk(0)
-            one.field(values[0], kind, "")
-            if len({leaf.value.dtype for leaf in one.leaves}) == 1:  # points, triangles: one array, with a row for each
-                row = np.concatenate([leaf.value.ravel() for leaf in one.leaves])
-                self.array(path, np.tile(row, (len(values), 1)))
-                return
-        for index, value in enumerate(values):
-            self.field(value, kind, f"{path}[{index}]")
-
-    def numbers(self, path: str, typename: str, value: Any) -> None:
-        self.array(path, np.asarray(value, DTYPES[typename]))
-
-    def array(self, path: str, value: NDArray[Any]) -> None:
-        self.leaves.append(Leaf(path, _aligned(self.offset, value.itemsize), value))
-        self.offset = self.leaves[-1].offset + value.nbytes
+    for index, value in enumerate(values):
+        yield from _numbers_in(value, kind, f"{path}[{index}]")
 
 
 class Elements:
     """Layout of equal elements of a sequence. The template element defines all lengths and the constant values."""
 
     def __init__(self, template: Any) -> None:
-        self._template = template
+        self._numbers = list(_numbers_of(template))
         self._rows: dict[int, NDArray[Any]] = {}
         self._alignment: int = self._row(0)[0][0].itemsize
 
     def _row(self, phase: int) -> NDArray[Any]:
         """Return the template as a record (1,), for a start ``phase`` bytes after a multiple of `MAX_ALIGNMENT`."""
         if phase not in self._rows:
-            walk = _Walk(phase)
-            walk.message(self._template, "")
+            offsets, end = [], phase
+            for _, value in self._numbers:
+                offsets.append(_aligned(end, value.itemsize) - phase)
+                end = phase + offsets[-1] + value.nbytes
             record = {
-                "names": [leaf.path for leaf in walk.leaves],
-                "formats": [(leaf.value.dtype, leaf.value.shape) for leaf in walk.leaves],
-                "offsets": [leaf.offset - phase for leaf in walk.leaves],
-                "itemsize": walk.offset - phase,
+                "names": [path for path, _ in self._numbers],
+                "formats": [(value.dtype, value.shape) for _, value in self._numbers],
+                "offsets": offsets,
+                "itemsize": end - phase,
             }
             row: Any = np.zeros(1, np.dtype(record))  # type: ignore[call-overload]
             self._rows[phase] = row
-            for leaf in walk.leaves:
-                row[leaf.path] = leaf.value
+            for path, value in self._numbers:
+                row[path] = value
         return self._rows[phase]
 
     def put(self, buffer: NDArray[np.uint8], offset: int, count: int, fields: dict[str, Any]) -> int:

@@ -189,13 +189,8 @@ class Diagnostics:
         return DiagnosticStatus.OK, "no incompatible QoS", values
 
 
-def task_name(node_name: str, task: str) -> str:
-    """Return the name of a status, which differs for nodes of the same name in different namespaces."""
-    return f"{node_name.strip('/')}: {task}"
-
-
 def task_status(node_name: str, task: str, level: bytes, text: str, values: dict[str, Any]) -> DiagnosticStatus:
-    """Return a status of a node with its values by key."""
+    """Return a status with its values by key. Its name has the namespace of the node."""
     pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
-    name = task_name(node_name, task)
+    name = f"{node_name.strip('/')}: {task}"
     return DiagnosticStatus(level=level, name=name, message=text, hardware_id=node_name, values=pairs)

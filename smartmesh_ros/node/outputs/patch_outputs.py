@@ -51,46 +51,30 @@ def by_triangles(batches: list[PatchBatch]) -> Iterator[PatchGroup]:
 
 
 class SentPatches:
-    """The patches as last sent, to detect changes."""
+    """The patches of the last message of changes, by body."""
 
-    def __init__(self, count: int = 0) -> None:
-        self._count = count
-        self._kinds: dict[Hashable, tuple[int, NDArray[np.int64]]] = {}
-        # For each body: number of its kind in the last message, -1 = none; and whether this message has its patch.
-        self._kind = np.full(count, -1)
-        self._present = np.zeros(count, bool)
+    def __init__(self) -> None:
+        self._sent: dict[int, tuple[Hashable, bytes]] = {}
+        self._now: dict[int, tuple[Hashable, bytes]] = {}  # of the message that is being written
 
     def end(self) -> None:
-        """Ends a message. Bodies without a patch in it will count as changed when they return."""
-        self._kind[~self._present] = -1
-        self._present[:] = False
-
-    def forget(self) -> None:
-        """Marks every patch as changed for the next message."""
-        self._kind[:] = -1
-        self._present[:] = False
+        """Ends a message. Bodies without a patch in it will count as changed when they return, and so will all bodies
+        after a message of all patches."""
+        self._sent, self._now = self._now, {}
 
     def changed(self, group: PatchGroup, kind: Hashable, *values: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which patches of a group (n,) differ from those last sent, and record the group as sent.
 
         ``kind``: key of the constant content of the group. ``values`` (n, ...): all other content of its patches.
         """
-        self._present[group.bodies] = True
         count = len(group.bodies)
         if not group.whole:  # at a hole: rare, and each has its own triangles
-            self._kind[group.bodies] = -1
             return np.ones(count, bool)
-        # Compared as integers, so that NaN equals NaN.
-        now = np.concatenate([part.reshape(count, -1) for part in values], axis=1, dtype=np.float64).view(np.int64)
-        key = kind, now.shape[1], group.triangles.tobytes()
-        if key not in self._kinds:
-            self._kinds[key] = len(self._kinds), np.zeros((self._count, now.shape[1]), np.int64)
-        number, sent = self._kinds[key]
-        differs = (self._kind[group.bodies] != number) | (sent[group.bodies] != now).any(axis=1)
-        bodies = group.bodies[differs]
-        self._kind[bodies] = number
-        sent[bodies] = now[differs]
-        return np.asarray(differs)
+        key = kind, group.triangles.tobytes()
+        rows = np.concatenate([part.reshape(count, -1) for part in values], axis=1, dtype=np.float64)
+        new = {body: (key, row.tobytes()) for body, row in zip(group.bodies.tolist(), rows, strict=True)}
+        self._now |= new
+        return np.array([self._sent.get(body) != patch for body, patch in new.items()], bool)
 
 
 KINDS = {
@@ -163,10 +147,7 @@ class PatchMarkers:
         gone = self._gone(np.sort(np.concatenate(shown)))
         make = partial(_marker, self._namespace, header.frame_id, Marker.DELETE, 0)
         message.add((header.frame_id, "gone"), make, len(gone), {**stamp, "id": gone})
-        if only_changed:
-            self._sent.end()
-        else:
-            self._sent.forget()
+        self._sent.end()
         return message.finish()
 
     def cleared(self, header: Header) -> bytes:
@@ -186,7 +167,7 @@ class PatchMarkers:
             self._ids = {name: self._ids.get(name, self._next_id + new) for new, name in enumerate(names)}
             self._id_of = np.array([self._ids[name] for name in names], np.int64)
             self._next_id += len(names)
-            self._sent = SentPatches(len(names))
+            self._sent = SentPatches()
 
     def _gone(self, shown: IntArray) -> IntArray:
         """Return the ids that were shown before but are not in ``shown`` (n,), ascending."""
@@ -220,7 +201,7 @@ class ColliderPatches:
         """
         if epoch != self._epoch:
             self._epoch, self._names = epoch, names
-            self._sent = SentPatches(len(names))
+            self._sent = SentPatches()
         groups = list(by_triangles(batches))
         shown = {names[index] for group in groups for index in group.bodies.tolist()}
         gone = sorted(self._shown - shown) if only_changed else []
@@ -232,10 +213,7 @@ class ColliderPatches:
         )
         for group in groups:
             self._add(group, carry_velocity, only_changed)
-        if only_changed:
-            self._sent.end()
-        else:
-            self._sent.forget()
+        self._sent.end()
         return self._message.finish()
 
     def _add(self, group: PatchGroup, carry_velocity: bool, only_changed: bool) -> None:

@@ -27,7 +27,7 @@ from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
-from smartmesh_ros.node.outputs.body_descriptions import BodyDescriptions
+from smartmesh_ros.node.outputs.body_outputs import BodyDescriptions
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
 from smartmesh_ros.node.outputs.height_scans import ScanOutput

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -47,6 +48,10 @@ class Spec(NamedTuple):
             return f"choose one of {self.values}"
         many = "a list with every entry " if isinstance(self.default, list) else ""
         return f"it must be {many}of type {_kind(self).__name__}{self.values and ', '}{self.values}"
+
+
+# A parameter that is fixed after the start.
+fixed = partial(Spec, read_only=True)
 
 
 def given_parameters(node: Node) -> Mapping[str, Parameter]:

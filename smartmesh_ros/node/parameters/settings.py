@@ -2,70 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
-
-from rclpy.exceptions import InvalidTopicNameException
-from rclpy.validate_full_topic_name import validate_full_topic_name
-from rclpy.validate_topic_name import validate_topic_name
+from typing import Literal
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.io.urdf import UrdfRules
-from smartmesh_ros.node.outputs.scan_entries import ScanEntry
+from smartmesh_ros.node.parameters.entries import BodySource, ScanEntry
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
 from smartmesh_ros.soil.soils import soil_named
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.world import WorldConfig
 
-
-class BodySource(NamedTuple):
-    """A tracked body, and the topic or TF frame of its pose."""
-
-    name: str
-    source: str
-
-
-def body_sources(entries: Mapping[str, Sequence[str]]) -> dict[str, tuple[BodySource, ...]]:
-    """Return the sources that the entries of each parameter name.
-
-    An entry is ``name=source``, or a source alone, which names the body, with ``.`` for ``/``. Raises `InputError` if a
-    name is empty, contains ``/`` or repeats.
-    """
-    seen: set[str] = set()
-    found: dict[str, tuple[BodySource, ...]] = {}
-    for parameter, texts in entries.items():
-        sources = [_source(parameter, text) for text in texts]
-        for name, _ in sources:
-            if name in seen:
-                raise InputError(
-                    "parameter", f"{parameter} names body {name!r} again; use name=source to give it another name"
-                )
-            seen.add(name)
-        found[parameter] = tuple(sources)
-    return found
-
-
-def _source(parameter: str, text: str) -> BodySource:
-    name, equals, source = text.partition("=")
-    if not equals:
-        name, source = text.strip("~/").replace("/", "."), text
-    if not name or not source or "/" in name:
-        raise InputError(
-            "parameter", f"{parameter} has entry {text!r}; it must be name=source, with no '/' in the name"
-        )
-    if parameter != "bodies.frames":
-        try:
-            validate_topic_name(source)
-        except InvalidTopicNameException as error:
-            raise InputError("parameter", f"{parameter} has entry {text!r}: {error}") from None
-    return BodySource(name, source)
-
-
-# Entry of ``bodies.peers`` that stands for all nodes that are discovered.
-AUTO = "auto"
 # Longest name of a body, tile or frame [characters].
 LONGEST_NAME = 256
 Durability = Literal["volatile", "transient_local"]
@@ -160,26 +109,3 @@ class Settings:
             raise InputError("parameter", "soil.type needs contacts from the map: set patch.kind to auto")
         if self.motion.corrects:
             raise InputError("parameter", "soil.type needs maps that are exact: set terrain.changes to motion")
-
-
-def peer_names(entries: Sequence[str]) -> tuple[str, ...]:
-    """Return the entries of ``bodies.peers`` without duplicates. Raises `InputError` if an entry is no full node name,
-    or if ``auto`` is not the only entry."""
-    if AUTO in entries:
-        if set(entries) != {AUTO}:
-            raise InputError("parameter", f"bodies.peers is {list(entries)}; it must be 'auto' alone, or names")
-        return (AUTO,)
-    return full_names("bodies.peers", entries)
-
-
-def full_names(parameter: str, entries: Sequence[str]) -> tuple[str, ...]:
-    """Return the entries of a parameter without duplicates. Raises `InputError` if an entry is no full node name."""
-    names = tuple(dict.fromkeys(entries))
-    for name in names:
-        if not name.startswith("/"):
-            raise InputError("parameter", f"{parameter} has entry {name!r}; a full name starts with '/'")
-        try:
-            validate_full_topic_name(name)
-        except InvalidTopicNameException as error:
-            raise InputError("parameter", f"{parameter} has entry {name!r}: {error}") from None
-    return names

@@ -14,10 +14,10 @@ from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
-from smartmesh_ros.node.outputs.scan_entries import scan_entries
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import Spec
-from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings, TerrainChanges, body_sources, peer_names
+from smartmesh_ros.node.parameters.entries import body_sources, peer_names, scan_entries
+from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings, TerrainChanges
 from smartmesh_ros.node.timing.pacing import require_one_clock
 
 ConfigT = TypeVar("ConfigT")

@@ -12,34 +12,28 @@ from smartmesh_ros.terrain.grid import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
-class RangeNoise:
-    """Normal noise of a range r: its standard deviation is ``constant`` [m] + ``quadratic`` [1/m] x r^2.
-
-    The first part comes from the clock or the lens, the second from triangulation and from weak echoes.
-    """
-
-    constant: float
-    quadratic: float
-
-    def deviation(self, ranges: FloatArray) -> FloatArray:
-        """Standard deviations [m] of ``ranges`` [m], same shape."""
-        return np.asarray(self.constant + self.quadratic * ranges**2)
-
-
-@dataclass(frozen=True, kw_only=True)
 class RangeSensor(ABC):
     """A sensor of ranges on a body.
 
     ``position_b`` (x, y, z) [m] in the body's frame. The sensor looks along x, ``pitch`` [rad] downwards. ``nearest``
     and ``farthest`` [m]: closer and farther surfaces give no return. ``rate`` [Hz]: of looks.
+
+    The noise of a range r is normal with standard deviation ``noise_constant`` [m] + ``noise_quadratic`` [1/m] x r^2.
+    The first part comes from the clock or the lens, the second from triangulation and from weak echoes. By default it
+    is 1 cm near by, and 3 cm at 15 m.
     """
 
-    position_b: tuple[float, float, float]
-    pitch: float
-    nearest: float
-    farthest: float
-    noise: RangeNoise
-    rate: float
+    position_b: tuple[float, float, float] = (0.0, 0.0, 0.8)
+    pitch: float = 0.0
+    nearest: float = 0.5
+    farthest: float = 15.0
+    noise_constant: float = 0.01
+    noise_quadratic: float = 0.0001
+    rate: float = 10.0
+
+    def deviation(self, ranges: FloatArray) -> FloatArray:
+        """Return the standard deviations [m] of ``ranges`` [m], same shape."""
+        return np.asarray(self.noise_constant + self.noise_quadratic * ranges**2)
 
     @abstractmethod
     def directions_s(self, look: int) -> FloatArray:
@@ -56,16 +50,9 @@ class RangeSensor(ABC):
 class DepthCamera(RangeSensor):
     """A stereo camera: a pinhole of ``columns`` x ``rows`` rays over ``view`` (horizontal, vertical) [rad].
 
-    The defaults are a usual short-base camera above the bumper, thinned out to what a mapper keeps of it. Its noise is
-    that of a disparity known to 0.08 pixels, 3 cm at 3.5 m.
+    The defaults are a usual short-base camera, thinned out to what a mapper keeps of it.
     """
 
-    position_b: tuple[float, float, float] = (0.3, 0.0, 0.6)
-    pitch: float = math.radians(30.0)
-    nearest: float = 0.3
-    farthest: float = 5.0
-    noise: RangeNoise = RangeNoise(constant=0.001, quadratic=0.0025)
-    rate: float = 15.0
     columns: int = 64
     rows: int = 48
     view: tuple[float, float] = (math.radians(87.0), math.radians(58.0))
@@ -82,16 +69,10 @@ class DepthCamera(RangeSensor):
 class Lidar(RangeSensor):
     """A spinning lidar of ``beams`` between the elevations ``fan`` (lowest, highest) [rad].
 
-    A turn has ``steps`` shots of all beams, and consists of ``sectors`` looks, one after the other. The defaults are 10
-    turns a second of 16 beams, most of them downwards as on ground robots. Its noise is 1 cm near by, and 3 cm at 15 m.
+    A turn has ``steps`` shots of all beams, and consists of ``sectors`` looks, one after the other. By default most
+    beams look downwards, as on ground robots.
     """
 
-    position_b: tuple[float, float, float] = (0.0, 0.0, 0.8)
-    pitch: float = 0.0
-    nearest: float = 0.5
-    farthest: float = 15.0
-    noise: RangeNoise = RangeNoise(constant=0.01, quadratic=0.0001)
-    rate: float = 40.0
     beams: int = 16
     fan: tuple[float, float] = (math.radians(-30.0), math.radians(10.0))
     steps: int = 360

@@ -23,39 +23,35 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import product
 from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.outputs.cdr import doubles
-from smartmesh_ros.node.parameters.declaring import Spec, declare
+from smartmesh_ros.node.parameters.declaring import declare, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.running import spin
-from smartmesh_ros.node.sensor.range_sensors import DepthCamera, Lidar, RangeNoise, RangeSensor
+from smartmesh_ros.node.sensor.range_sensors import DepthCamera, Lidar, RangeSensor
 from smartmesh_ros.terrain.grid import FloatArray
 
 NAME = "terrain_sensor"
 _L, _C = Lidar(), DepthCamera()
 SPECS = (
-    Spec("sensor", "lidar", "Kind of sensor.", choices=("lidar", "depth_camera"), read_only=True),
-    Spec("frame", "", "Frame that carries the sensor: of TF, or the name of a body; empty = the terrain's frame.",
-         read_only=True),
-    Spec("through", [], "Bodies that the rays pass through, such as the one that carries the sensor.", read_only=True),
-    Spec("position", [*_L.position_b], "Position of the sensor in its frame (x, y, z) [m].", -1e3, 1e3, read_only=True),
-    Spec("pitch", 0.0, "Angle by which the sensor looks down from the frame's x axis [rad].", -3.15, 3.15,
-         read_only=True),
-    Spec("rate", 10.0, "Looks a second [Hz].", 0.01, 200.0, read_only=True),
-    Spec("range.nearest", _L.nearest, "Closer surfaces give no return [m].", 0.0, 1e4, read_only=True),
-    Spec("range.farthest", _L.farthest, "Farther surfaces give no return [m].", 0.01, 1e4, read_only=True),
-    Spec("noise.constant", _L.noise.constant, "Standard deviation of a range, constant part [m].", 0.0, 10.0,
-         read_only=True),
-    Spec("noise.quadratic", _L.noise.quadratic, "Standard deviation of a range r, as a multiple of r^2 [1/m].", 0.0,
-         10.0, read_only=True),
-    Spec("noise.seed", 0, "Seed of the noise.", 0, 2**31 - 1, read_only=True),
-    Spec("lidar.beams", _L.beams, "Beams, one above the other.", 1, 512, read_only=True),
-    Spec("lidar.fan", [*_L.fan], "Elevations of the lowest and the highest beam [rad].", -1.571, 1.571, read_only=True),
-    Spec("lidar.steps", _L.steps, "Shots of all beams in a turn.", 1, 100_000, read_only=True),
-    Spec("lidar.sectors", 1, "Looks in a turn.", 1, 1000, read_only=True),
-    Spec("camera.columns", _C.columns, "Columns of the image.", 2, 4096, read_only=True),
-    Spec("camera.rows", _C.rows, "Rows of the image.", 2, 4096, read_only=True),
-    Spec("camera.view", [*_C.view], "Horizontal and vertical angle between the outermost rays [rad].", 0.01, 3.1,
-         read_only=True),
+    fixed("sensor", "lidar", "Kind of sensor.", choices=("lidar", "depth_camera")),
+    fixed("frame", "", "Frame that carries the sensor: of TF, or the name of a body; empty = the terrain's frame."),
+    fixed("through", [], "Bodies that the rays pass through, such as the one that carries the sensor."),
+    fixed("position", [*_L.position_b], "Position of the sensor in its frame (x, y, z) [m].", -1e3, 1e3),
+    fixed("pitch", _L.pitch, "Angle by which the sensor looks down from the frame's x axis [rad].", -3.15, 3.15),
+    fixed("rate", _L.rate, "Looks a second [Hz].", 0.01, 200.0),
+    fixed("range.nearest", _L.nearest, "Closer surfaces give no return [m].", 0.0, 1e4),
+    fixed("range.farthest", _L.farthest, "Farther surfaces give no return [m].", 0.01, 1e4),
+    fixed("noise.constant", _L.noise_constant, "Standard deviation of a range, constant part [m].", 0.0, 10.0),
+    fixed("noise.quadratic", _L.noise_quadratic, "Standard deviation of a range r, as a multiple of r^2 [1/m].", 0.0,
+          10.0),
+    fixed("noise.seed", 0, "Seed of the noise.", 0, 2**31 - 1),
+    fixed("lidar.beams", _L.beams, "Beams, one above the other.", 1, 512),
+    fixed("lidar.fan", [*_L.fan], "Elevations of the lowest and the highest beam [rad].", -1.571, 1.571),
+    fixed("lidar.steps", _L.steps, "Shots of all beams in a turn.", 1, 100_000),
+    fixed("lidar.sectors", 1, "Looks in a turn.", 1, 1000),
+    fixed("camera.columns", _C.columns, "Columns of the image.", 2, 4096),
+    fixed("camera.rows", _C.rows, "Rows of the image.", 2, 4096),
+    fixed("camera.view", [*_C.view], "Horizontal and vertical angle between the outermost rays [rad].", 0.01, 3.1),
 )  # fmt: skip
 # Time after which an unanswered call is given up [s].
 PATIENCE = 2.0
@@ -77,7 +73,7 @@ def sensor_of(values: dict[str, Any]) -> RangeSensor:
     common: dict[str, Any] = {
         "position_b": (x, y, z), "pitch": values["pitch"], "nearest": values["range.nearest"],
         "farthest": values["range.farthest"], "rate": values["rate"],
-        "noise": RangeNoise(constant=values["noise.constant"], quadratic=values["noise.quadratic"]),
+        "noise_constant": values["noise.constant"], "noise_quadratic": values["noise.quadratic"],
     }  # fmt: skip
     made: RangeSensor
     if values["sensor"] == "lidar":
@@ -144,7 +140,7 @@ class TerrainSensor(ParameterNode):
         true = np.frombuffer(response.distances, np.float64)
         known = np.isfinite(true) & (true >= self.sensor.nearest)
         ranges = np.full(len(true), np.nan)
-        deviations = self.sensor.noise.deviation(true[known])
+        deviations = self.sensor.deviation(true[known])
         ranges[known] = true[known] + deviations * self._rng.normal(size=len(deviations))
         header = response.header
         points = np.array(self.sensor.position_b) + directions[known] * ranges[known, None]

@@ -35,20 +35,15 @@ def select(world: World, filters: Any, bounds: Any) -> list[str]:
         raise InputError("unsupported", f"bounds of type {filters.bounds.type} are not supported; use a box or sphere")
     if len(points) != 2 or not np.isfinite(points).all():
         raise InputError("geometry", "bounds must have two finite points: corners, or a centre and a radius")
-    if filters.bounds.type == bounds.TYPE_BOX:
-        low, high = points.min(axis=0), points.max(axis=0)
-        return [name for name in names if _box_overlaps(world, name, low, high)]
-    return [name for name in names if _distance(world, name, points[0]) <= points[1, 0]]
+    box = filters.bounds.type == bounds.TYPE_BOX
+    low, high, reach = (points.min(axis=0), points.max(axis=0), 0.0) if box else (points[0], points[0], points[1, 0])
+    return [name for name in names if _gap(world, name, low, high) <= reach]
 
 
-def _box_overlaps(world: World, name: str, low: FloatArray, high: FloatArray) -> bool:
+def _gap(world: World, name: str, low: FloatArray, high: FloatArray) -> float:
+    """Return the distance [m] of a body's bounds from a box with these corners (3,)."""
     body_low, body_high = bounds_of(world.client, world.bodies[name])
-    return bool((body_low <= high).all() and (low <= body_high).all())
-
-
-def _distance(world: World, name: str, point: FloatArray) -> float:
-    low, high = bounds_of(world.client, world.bodies[name])
-    return float(np.linalg.norm(np.maximum(np.maximum(low - point, point - high), 0.0)))
+    return float(np.linalg.norm(np.maximum(np.maximum(body_low - high, low - body_high), 0.0)))
 
 
 def own_bounds(body: Body) -> tuple[FloatArray, FloatArray]:
@@ -57,10 +52,6 @@ def own_bounds(body: Body) -> tuple[FloatArray, FloatArray]:
     box = body.outline.body_shape.record
     half, centre = box["half"] + box["rounding"], box["offset"]
     position, orientation = body.inertial
-    corners = [np.array(position) + rotate(orientation, (x, y, z)) for x, y, z in _corners(half, centre)]
+    own = centre + half * np.array(list(product((-1.0, 1.0), repeat=3)))
+    corners = [np.array(position) + rotate(orientation, (x, y, z)) for x, y, z in own]
     return np.min(corners, axis=0), np.max(corners, axis=0)
-
-
-def _corners(half: FloatArray, centre: FloatArray) -> FloatArray:
-    corners: FloatArray = centre + half * np.array(list(product((-1.0, 1.0), repeat=3)))
-    return corners

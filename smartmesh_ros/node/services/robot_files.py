@@ -12,7 +12,7 @@ import pybullet_data
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.urdf import UrdfRules, checked_urdf
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.node.services.turns import Waiting
+from smartmesh_ros.node.services.turns import NextTurn
 from smartmesh_ros.world.robots.description import is_text, package_folder, xml_of
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.robots.workshop import WORKSHOP
@@ -67,7 +67,7 @@ class RobotPreparation:
         rules = UrdfRules(folders=_folders(settings), longest=settings.longest_urdf)
         future = self._threads.submit(lambda: prepare_robot(checked_urdf(with_package_paths(urdf), rules)))
         while not future.done():
-            await Waiting()
+            await NextTurn(waits=True)
         return future.result()
 
     def close(self) -> None:

@@ -58,8 +58,8 @@ _TRANSITION_REASONS = {"in_state": "ALREADY_IN_TARGET_STATE", "state": "STATE_TR
 _STATE_REASONS = dict.fromkeys(("frame", "non_finite", "quaternion"), "INVALID_POSE")
 
 
-def serve_simulation_interfaces(session: Session, node: TerrainCollider) -> bool:
-    """Create the services. Return False, and log an error, if the package is not installed."""
+def serve_simulation_interfaces(session: Session, node: TerrainCollider) -> None:
+    """Create the services. Logs an error if the package is not installed."""
     services = find_interfaces(PACKAGE, "srv")
     messages = find_interfaces(PACKAGE, "msg")
     if services is None or messages is None:
@@ -67,9 +67,8 @@ def serve_simulation_interfaces(session: Session, node: TerrainCollider) -> bool
             "simulation_interfaces: true has no effect: package simulation_interfaces is not installed; "
             "apt install ros-jazzy-simulation-interfaces"
         )
-        return False
+        return
     SimulationServices(session, node, services, messages)
-    return True
 
 
 class SimulationServices:
@@ -89,12 +88,12 @@ class SimulationServices:
         serve("ResetSimulation", "reset_simulation", self._reset)
         serve("SpawnEntity", "spawn_entity", self._spawn, _SPAWN_REASONS)
         serve("SpawnEntities", "spawn_entities", self._spawn_all, {"entities": "ENTITIES_SPAWN_FAILED"})
-        serve("DeleteEntity", "delete_entity", self._delete)
+        serve("DeleteEntity", "delete_entity", lambda request, _: node.remove(request.entity))
         serve("GetEntities", "get_entities", self._get_entities)
         serve("GetEntitiesStates", "get_entities_states", self._get_entities_states)
         serve("GetEntityBounds", "get_entity_bounds", self._get_bounds)
         serve("GetEntityInfo", "get_entity_info", self._get_info)
-        serve("GetEntityState", "get_entity_state", self._get_entity_state)
+        serve("GetEntityState", "get_entity_state", lambda asked, found: self._write_state(asked.entity, found.state))
         serve("SetEntityState", "set_entity_state", self._set_entity_state, _STATE_REASONS)
 
     def _serve(
@@ -223,9 +222,6 @@ class SimulationServices:
         names = chain([wanted], (f"{wanted}_{number}" for number in count(1)))
         return next(name for name in names if name not in self._session.world.bodies)
 
-    def _delete(self, request: Any, _: Any) -> None:
-        self._node.remove(request.entity)
-
     def _get_entities(self, request: Any, response: Any) -> None:
         response.entities = select(self._session.world, request.filters, self._bounds)
 
@@ -249,9 +245,6 @@ class SimulationServices:
         body, category = self._body(request.entity), response.info.category
         category.category = category.CATEGORY_ROBOT if body.is_robot else category.CATEGORY_OBJECT
         response.info.description = "its pose is dictated by a topic" if body.tracked else "simulated"
-
-    def _get_entity_state(self, request: Any, response: Any) -> None:
-        self._write_state(request.entity, response.state)
 
     def _write_state(self, name: str, message: Any) -> None:
         session = self._session

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Coroutine, Generator, Iterator
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
 
 from rclpy.service import Service
@@ -12,18 +13,15 @@ from rclpy.service import Service
 Found = TypeVar("Found")
 
 
+@dataclass(frozen=True)
 class NextTurn:
-    """``await NextTurn()`` ends a turn: the node may step before the work continues."""
+    """``await NextTurn()`` ends a turn: the node may step before the work continues. ``waits``: the work waits for
+    another thread, and the node need not hurry with the next turn."""
 
-    def __await__(self) -> Generator[None, None, None]:
-        yield
-
-
-class Waiting:
-    """``await Waiting()`` ends a turn of work that waits for another thread: the node need not hurry with the next."""
+    waits: bool = False
 
     def __await__(self) -> Generator[bool, None, None]:
-        yield True
+        yield self.waits
 
 
 async def in_turns(parts: Generator[None, None, Found], lock: AbstractContextManager[Any]) -> Found:

@@ -1,22 +1,38 @@
-"""Messages of the node ``soil``: contacts, changed ground, and maps of which of several soils lies where."""
+"""Messages of the node ``soil``: contacts, the bodies that press, changed ground, and maps of which soil lies where."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+import pybullet as pb
 from numpy.typing import ArrayLike, NDArray
-from smartmesh_msgs.msg import ContactArray, HeightmapUpdate
+from pybullet_utils.bullet_client import BulletClient
+from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, ContactArray, HeightmapUpdate, TrackedBodyArray
 from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs.conversions import require_cells, require_length, require_resolution, yaw_from
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.shapes import SHAPES, shape_of
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.node.inputs.conversions import (
+    require_cells,
+    require_length,
+    require_resolution,
+    state_from,
+    yaw_from,
+)
 from smartmesh_ros.node.outputs.cdr import floats
+from smartmesh_ros.patches.shapes import ShapeKind
+from smartmesh_ros.soil.bodies import BulletBodies, GivenBodies, PressingBody
 from smartmesh_ros.soil.layer import Region
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.world.bodies import Body, BodyFactory
 from smartmesh_ros.world.contacts import GroundContact
+from smartmesh_ros.world.robots.prepared import prepare_robot
 
 
 class SoilMap(NamedTuple):
@@ -50,7 +66,7 @@ def soil_map_from(message: Any, count: int, max_cells: int) -> SoilMap:
     """Convert a message whose cells are -1 or the places of soils in a list of ``count``. Raises `InputError`."""
     info = message.info
     require_resolution(info.resolution)
-    corner = info.origin.position
+    corner, turn = info.origin.position, info.origin.orientation
     if not (math.isfinite(corner.x) and math.isfinite(corner.y)):
         raise InputError("geometry", f"the origin is ({corner.x}, {corner.y}) m; it must be finite")
     require_cells(info.height * info.width, max_cells)
@@ -63,7 +79,8 @@ def soil_map_from(message: Any, count: int, max_cells: int) -> SoilMap:
         raise InputError(
             "soil", f"cells are {cells.min()} to {cells.max()}; they must be -1, which is unknown, or {known}"
         )
-    return SoilMap((cells + 1).astype(np.uint8), corner.x, corner.y, yaw_from(info.origin.orientation), info.resolution)
+    yaw = yaw_from(turn.x, turn.y, turn.z, turn.w)
+    return SoilMap((cells + 1).astype(np.uint8), corner.x, corner.y, yaw, info.resolution)
 
 
 def contacts_from(message: ContactArray) -> list[GroundContact]:
@@ -120,3 +137,88 @@ def _layer(values: ArrayLike) -> Float32MultiArray:
         MultiArrayDimension(label="row_index", size=along_x, stride=along_x),
     ]
     return message
+
+
+class MessageBodies:
+    """Shapes and states of bodies and of the links of robots that press the soil, from a terrain_collider.
+
+    Bodies come from ``~/body_states``. Links of robots are those of a copy of the robot in a PyBullet world that is
+    never stepped: its description comes from ``~/body_descriptions``, its base from ``~/body_states``, and its joints
+    from ``~/joint_states``.
+    """
+
+    def __init__(self) -> None:
+        self._given = GivenBodies()
+        self._client: Any = None
+        self._robots: dict[str, Body] = {}
+        self._described: dict[str, str] = {}
+        self._links: BulletBodies | None = None
+
+    def take_descriptions(self, message: BodyDescriptionArray) -> list[InputError]:
+        """Take the robots of a message; return what is wrong with those that do not load, which press nothing."""
+        wanted = {body.id: body for body in message.bodies if body.shape == BodyDescription.ROBOT}
+        for name in [name for name in self._robots if name not in wanted or wanted[name].urdf != self._described[name]]:
+            self._client.removeBody(self._robots.pop(name).uid)
+        problems = []
+        for name, body in wanted.items():
+            if name not in self._robots:
+                self._described[name] = body.urdf
+                try:
+                    self._load(name, body)
+                except InputError as error:
+                    problems.append(InputError(error.reason, f"robot {name!r} presses no soil: {error}"))
+        return problems
+
+    def take_states(self, message: TrackedBodyArray) -> None:
+        """Take the states of all bodies."""
+        for body in message.bodies:
+            state = state_from(body.pose, body.twist)
+            if body.id in self._robots:
+                self._place(self._robots[body.id], state)
+            elif body.shape in SHAPES:
+                shape = shape_of(ShapeKind(body.shape), body.dimensions.tolist(), body.centre.tolist())
+                self._given.put(
+                    body.id, shape.body_shape, (*state.position, *state.orientation, *state.linear, *state.angular)
+                )
+        self._given.keep(body.id for body in message.bodies)
+
+    def take_joints(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
+        """Take the positions [rad, m] and velocities of joints, named ``<robot>/<joint>``, or ``<joint>`` for the robot
+        without prefix."""
+        for name, robot in self._robots.items():
+            for joint, index in robot.joints.items():
+                key = f"{name}/{joint}" if f"{name}/{joint}" in positions else joint
+                if key in positions:
+                    self._client.resetJointState(robot.uid, index, positions[key], velocities.get(key, 0.0))
+
+    def read(self, name: str) -> PressingBody | None:
+        """Return a body, None if there is no such body."""
+        if "/" in name:
+            return None if self._links is None else self._links.read(name)
+        return self._given.read(name)
+
+    def set_grip(self, name: str, grip: float) -> None:
+        """Do nothing: friction belongs to the collider's node, which has no topic for it."""
+
+    def close(self) -> None:
+        """Close the PyBullet world of the robots."""
+        if self._client is not None:
+            self._client.disconnect()
+
+    def _load(self, name: str, body: BodyDescription) -> None:
+        if self._client is None:
+            self._client = BulletClient(pb.DIRECT)
+        prepared = prepare_robot(body.urdf_file or body.urdf)
+        made = BodyFactory(self._client, PhysicsConfig()).robot(name, prepared, BodyState())
+        self._robots[name] = made
+        self._links = BulletBodies(self._client)
+        for robot in self._robots.values():
+            for link, part in robot.links.items():
+                try:
+                    self._links.add(f"{robot.name}/{part}", robot.uid, link)
+                except InputError:
+                    continue  # a mesh: its contacts are refused by name
+
+    def _place(self, robot: Body, state: BodyState) -> None:
+        self._client.resetBasePositionAndOrientation(robot.uid, state.position, state.orientation)
+        self._client.resetBaseVelocity(robot.uid, state.linear, state.angular)

@@ -23,13 +23,13 @@ from std_msgs.msg import Header
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.conversions import map_from, region_from, stamp_seconds
 from smartmesh_ros.node.inputs.optional_messages import find_message
-from smartmesh_ros.node.parameters.declaring import Spec, declare
+from smartmesh_ros.node.parameters.declaring import declare, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import spin
-from smartmesh_ros.node.soil.message_bodies import MessageBodies
 from smartmesh_ros.node.soil.soil_messages import (
+    MessageBodies,
     SoilMap,
     contacts_from,
     grid_map_message,
@@ -46,26 +46,23 @@ from smartmesh_ros.world.contacts import GroundContact
 NAME = "soil"
 _D = SoilConfig()
 SPECS = (
-    Spec("soil", "dry_sand", f"Name of the soil: {', '.join(soils_of())}, or one of soils_file.", read_only=True),
-    Spec("soils_file", "", "YAML file of soils under Chrono's names; empty = the soils that ship.", read_only=True),
-    Spec("soils", [], "Names of more soils, for the cells of ~/soils; empty = there is one soil.", read_only=True),
-    Spec("flow", _D.flow, "Share of the displaced volume that moves to the rim; the rest is compacted.", 0.0, 1.0,
-         read_only=True),
-    Spec("rim", _D.rim, "Width of that rim [samples].", 1, 20, read_only=True),
-    Spec("repose", _D.repose, "Angle above which disturbed ground slides down [degrees].", 1.0, 89.0, read_only=True),
-    Spec("slides", _D.slides, "Rounds of sliding in an update; 0 = none.", 0, 100, read_only=True),
-    Spec("load_time", _D.load_time, "Time constant of the filter on contact forces [s].", 0.0, 10.0, read_only=True),
-    Spec("lean_time", _D.lean_time, "Time constant of the filter on the place of contact forces [s].", 0.0, 100.0,
-         read_only=True),
-    Spec("rate", 60.0, "Largest rate of updates [Hz]. Contacts that come more often are averaged between updates.", 1.0,
-         1000.0, read_only=True),
-    Spec("still", _D.still, "Ground that moves more slowly stays where it is [m/s].", 0.0, 1.0, read_only=True),
-    Spec("tile", "", "Tile of the terrain that gives way; empty = the single map.", read_only=True),
-    Spec("grid_map_rate", 1.0, "Rate of ~/grid_map while the ground changes [Hz]; 0 = never.", 0.0, 60.0,
-         read_only=True),
-    Spec("durability", "volatile", "QoS durability of the map subscription, as terrain.durability of the collider.",
-         choices=("volatile", "transient_local"), read_only=True),
-    Spec("max_samples", 16_777_216, "Largest number of samples of a map.", 9, 2**31 - 1, read_only=True),
+    fixed("soil", "dry_sand", f"Name of the soil: {', '.join(soils_of())}, or one of soils_file."),
+    fixed("soils_file", "", "YAML file of soils under Chrono's names; empty = the soils that ship."),
+    fixed("soils", [], "Names of more soils, for the cells of ~/soils; empty = there is one soil."),
+    fixed("flow", _D.flow, "Share of the displaced volume that moves to the rim; the rest is compacted.", 0.0, 1.0),
+    fixed("rim", _D.rim, "Width of that rim [samples].", 1, 20),
+    fixed("repose", _D.repose, "Angle above which disturbed ground slides down [degrees].", 1.0, 89.0),
+    fixed("slides", _D.slides, "Rounds of sliding in an update; 0 = none.", 0, 100),
+    fixed("load_time", _D.load_time, "Time constant of the filter on contact forces [s].", 0.0, 10.0),
+    fixed("lean_time", _D.lean_time, "Time constant of the filter on the place of contact forces [s].", 0.0, 100.0),
+    fixed("rate", 60.0, "Largest rate of updates [Hz]. Contacts that come more often are averaged between updates.",
+          1.0, 1000.0),
+    fixed("still", _D.still, "Ground that moves more slowly stays where it is [m/s].", 0.0, 1.0),
+    fixed("tile", "", "Tile of the terrain that gives way; empty = the single map."),
+    fixed("grid_map_rate", 1.0, "Rate of ~/grid_map while the ground changes [Hz]; 0 = never.", 0.0, 60.0),
+    fixed("durability", "volatile", "QoS durability of the map subscription, as terrain.durability of the collider.",
+          choices=("volatile", "transient_local")),
+    fixed("max_samples", 16_777_216, "Largest number of samples of a map.", 9, 2**31 - 1),
 )  # fmt: skip
 # Longest time between two messages of contacts that counts as one update [s]; after a longer one contact was lost.
 LONGEST_UPDATE = 0.25

@@ -43,8 +43,7 @@ from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.node.running import Stop
-from smartmesh_ros.startup.dds import use_large_message_profile
-from smartmesh_ros.startup.domains import isolated_unless_chosen
+from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.tools.demo import demo_pictures
 from smartmesh_ros.tools.demo.demo_pictures import Snapshot
 

@@ -15,7 +15,7 @@ from smartmesh_msgs.srv import SpawnBody
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.parameters.declaring import Spec, declare
+from smartmesh_ros.node.parameters.declaring import declare, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.running import spin
@@ -24,9 +24,9 @@ from smartmesh_ros.tools.demo.terrain_source import heightmap_message
 
 NAME, ROBOT = "rover", "rover"
 SPECS = (
-    Spec("frame_id", "map", "Frame of the terrain.", read_only=True),
-    Spec("listeners", 2, "Number of nodes that must listen before the map is published: a collider and a soil.", 1, 100,
-         read_only=True),
+    fixed("frame_id", "map", "Frame of the terrain."),
+    fixed("listeners", 2, "Number of nodes that must listen before the map is published: a collider and a soil.", 1,
+          100),
 )  # fmt: skip
 # Period of the checks for listeners and for the spawn service [s].
 PERIOD = 0.2

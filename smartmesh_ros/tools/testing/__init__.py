@@ -14,7 +14,7 @@ All functions wait for conditions, with generous timeouts; none sleeps for a fix
 """
 
 from smartmesh_ros.node.outputs.cdr import floats
-from smartmesh_ros.startup.domains import isolated
+from smartmesh_ros.startup.dds import isolated
 from smartmesh_ros.tools.testing.fixtures import domain, probe
 from smartmesh_ros.tools.testing.messages import (
     assert_on_map,

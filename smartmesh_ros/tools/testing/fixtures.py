@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from smartmesh_ros.startup.domains import isolated
+from smartmesh_ros.startup.dds import isolated
 from smartmesh_ros.tools.testing.probe import Probe
 
 # The domain of the session. If several modules import a fixture, pytest makes one for each of them.

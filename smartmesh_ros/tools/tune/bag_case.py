@@ -14,8 +14,8 @@ import numpy as np
 
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.node.parameters.settings import RobotConfig, Settings
+from smartmesh_ros.node.services.initial_bodies import Entry, entry_from_text, spawn
 from smartmesh_ros.node.services.robot_files import with_package_paths
-from smartmesh_ros.node.services.spawning import Entry, entry_from_text, spawn
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.tune.bag import Bag
 from smartmesh_ros.tools.tune.case import LONGER, Case, Span, Truth

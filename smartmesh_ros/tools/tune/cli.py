@@ -16,7 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.startup.quiet import silence_pybullet
+from smartmesh_ros.startup.executables import silence_pybullet
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

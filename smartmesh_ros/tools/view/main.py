@@ -17,8 +17,7 @@ from rclpy.utilities import try_shutdown
 
 from smartmesh_ros.node.parameters.helping import own_arguments
 from smartmesh_ros.node.running import Stop
-from smartmesh_ros.startup.dds import use_large_message_profile
-from smartmesh_ros.startup.domains import isolated_unless_chosen
+from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.tools.demo.demo import COLLIDER, SOURCE, Demo, node_process
 from smartmesh_ros.tools.view.remote import Remote
 
