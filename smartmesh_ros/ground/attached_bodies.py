@@ -222,12 +222,6 @@ class AttachedBodies:
         cause = self.no_proxies or f"the kind of patch is {self.config.kind!r}; choose 'auto'"
         raise InputError("surface", f"a surface moves only where contacts come from the map itself: {cause}")
 
-    def leave_lost_soil(self) -> None:
-        """Take the soil away if its map is gone."""
-        if self.soil is not None and not self._has(self.soil.map):
-            log.warning("the map of the soil is no tile any more: bodies stand on the maps themselves")
-            self.set_soil(None)
-
     def _has(self, mesh: MainMesh) -> bool:
         """Return True if a mesh is a tile of the terrain."""
         return any(tile is mesh for tile in self.terrain.tiles.values())

@@ -18,8 +18,7 @@ from smartmesh_ros.ground.limits import require_possible
 from smartmesh_ros.ground.shapes import Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.ground.undone import undone
-from smartmesh_ros.terrain.ray_cast import checked_rays
-from smartmesh_ros.terrain.surface_query import GroundSamples
+from smartmesh_ros.terrain.surface_query import GroundSamples, checked_rays
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.bodies import Body, BodyFactory
 from smartmesh_ros.world.body_rays import RayHits, cast_rays, require_bodies
