@@ -93,7 +93,7 @@ class AttachedBodies:
                 self._put_on(follower, own=own)
                 added.append(follower.slot)
         if self.contacts.exact:
-            self.contacts.refresh()
+            self.contacts.refresh(self._sleeping.stopping)
         self._stale = True
         return made[0]
 

@@ -139,14 +139,13 @@ class Ground(AttachedBodies):
                 contacts.read(self.followers.states, 0.0)
                 move_with_corrections(self._client, corrections, self.followers, self.patches.supports, time)
             contacts.read(self.followers.states, dt)
-            contacts.let_go(sleeping.settle(time, dt, steps))
+            sleeping.settle(time, dt, steps)
         self._steps, self.time = steps, time
         fall = 0.5 * self.gravity * duration**2 if contacts.exact else math.inf
         self.patches.begin(time, duration, fall)
         if not contacts.exact:
             self._require_usable(self.config)
-        contacts.refresh()
-        contacts.hold(sleeping.stopping)
+        contacts.refresh(sleeping.stopping)
         self._stale = False
 
     def leave_lost_soil(self) -> None:

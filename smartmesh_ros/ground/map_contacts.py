@@ -136,17 +136,15 @@ class MapContacts:
                 self._uids.pop(slot, None)
                 gone.append(slot)
 
-    def refresh(self) -> None:
-        """Collide the followers that are awake with the tiles of the terrain from now on."""
+    def refresh(self, stopped: BoolArray) -> None:
+        """Collide the followers that are awake with the tiles of the terrain from now on. Those that are ``stopped``
+        (S,) in PyBullet are left to sleep, even if their ground changes."""
         if self._layout != self._terrain.layout_revision:
             self._layout = self._terrain.layout_revision
             self._core.set_tiles(self._terrain.readers)
         if self._wakes != self._followers.wakes:
             self._wakes = self._followers.wakes
             self._switch(self._followers.flags("awake"))
-
-    def hold(self, stopped: BoolArray) -> None:
-        """Leave the followers (S,) that are ``stopped`` in PyBullet to sleep, even if their ground changes."""
         self._core.hold(stopped)
 
     def drive(self, follower: Follower) -> None:
@@ -183,9 +181,6 @@ class MapContacts:
         states = np.empty_like(self._followers.states)
         self._core.read(slots, states)
         return np.asarray(states[slots])
-
-    def let_go(self, slots: IntArray) -> None:
-        """Note that followers fell asleep; `refresh` takes their ground."""
 
     def close(self) -> None:
         """Remove all proxies."""

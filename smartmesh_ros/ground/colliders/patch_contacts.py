@@ -113,8 +113,11 @@ class PatchContacts:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""
         self._time = time
 
-    def refresh(self) -> None:
-        """Set the colliders to the patches of the followers that are awake."""
+    def refresh(self, stopped: BoolArray) -> None:
+        """Set the colliders to the patches of the followers that are awake, and remove those of the others. Colliders
+        wake no body that is ``stopped`` (S,)."""
+        for follower in [follower for follower in self._held if not self._followers.table["awake"][follower.slot]]:
+            self._release(follower)
         if not self._followers.awake.size:
             return
         batches, supports = self._patches.batches, self._patches.supports
@@ -124,13 +127,6 @@ class PatchContacts:
             else:
                 self._whole.release()
             self._apply(batches, supports)
-
-    def hold(self, stopped: BoolArray) -> None:
-        """Colliders wake nobody."""
-
-    def let_go(self, slots: IntArray) -> None:
-        """Remove the colliders of followers that fell asleep."""
-        self.detach(slots.tolist())
 
     def read(self, states: FloatArray, dt: float) -> None:
         """Read the awake followers into ``states`` (S, 13), and note their places before a step of ``dt`` [s]: each
