@@ -82,9 +82,8 @@ def fused_across(before: FusedMap, measured: FusedMap, cells: tuple[int, int], e
     The measured map lies ``cells`` (rows, columns) further on and is ``elapsed`` [s] newer.
     """
     known = nothing_known(*measured.heights.shape)
-    (to_r, from_r), (to_c, from_c) = (overlap(by, size) for by, size in zip(cells, before.heights.shape, strict=True))
-    known.heights[to_r, to_c] = before.heights[from_r, from_c]
-    known.variances[to_r, to_c] = before.variances[from_r, from_c]
+    new, old = overlap(cells, before.heights.shape)
+    known.heights[new], known.variances[new] = before.heights[old], before.variances[old]
     fuse(known, measured.heights, measured.variances, elapsed, FusionConfig())
     return known
 

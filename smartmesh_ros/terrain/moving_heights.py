@@ -58,7 +58,7 @@ class MovingHeights:
         new, speeds = checked(heights, velocities, shape, "the map")
         self._heights = np.array(new, order="C")
         self._velocities = untouched_zeros((KEPT, *shape))
-        self._prints: Prints | None = None
+        self.prints: Prints | None = None  # made by the first `press` of a `HeightMap`
         self._clocks = np.zeros((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), CLOCK)
         self._clocks["time"] = -np.inf
         self.corrections = Corrections(shape)
@@ -261,7 +261,7 @@ class MovingHeights:
 
     def _write(self, places: IntArray, new: NDArray[np.float32], speeds: NDArray[np.float32], time: float) -> None:
         """Write heights and velocities of rectangles (n, 4), as in `take_rectangles`."""
-        with self._prints.lifted() if self._prints else nullcontext():
+        with self.prints.lifted() if self.prints else nullcontext():
             CORE.take_rectangles(
                 self._heights, self._velocities, as_bytes(self._clocks), places, new.reshape(-1), speeds.reshape(-1),
                 time, (self.motion.min_interval, self.motion.max_interval),

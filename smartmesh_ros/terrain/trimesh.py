@@ -45,7 +45,7 @@ class TriangleMesh:
     ) -> None:
         self.triangles = _checked_triangles(triangles, len(np.asarray(vertices)))
         # (3, V), so that the search reads each coordinate contiguously.
-        self._now = _checked_vertices(vertices, None).T.copy()
+        self._now = _checked_vectors(vertices, None, "vertices").T.copy()
         self._velocities = np.zeros((KEPT, *self._now.shape))  # ring buffer, see CLOCK
         self._clock = np.zeros(1, CLOCK)
         self._clock["time"] = time
@@ -129,8 +129,8 @@ class TriangleMesh:
         """
         chosen = None if indices is None else _checked_indices(indices, self.size)
         count = self.size if chosen is None else len(chosen)
-        new = _checked_vertices(vertices, count).T
-        speeds = None if velocities is None else _checked_velocities(velocities, count).T
+        new = _checked_vectors(vertices, count, "vertices").T
+        speeds = None if velocities is None else _checked_vectors(velocities, count, "velocities").T
         target = slice(None) if chosen is None else chosen
         shape = self._shape
         if not np.array_equal(self._now[:2, target], new[:2]):
@@ -248,14 +248,6 @@ def _checked_triangles(triangles: ArrayLike, count: int) -> IntArray:
     if (corners == np.roll(corners, 1, axis=1)).any():
         raise InputError("index", "a triangle uses the same vertex twice; its corners must be distinct")
     return corners
-
-
-def _checked_vertices(vertices: ArrayLike, count: int | None) -> FloatArray:
-    return _checked_vectors(vertices, count, "vertices")
-
-
-def _checked_velocities(velocities: ArrayLike, count: int) -> FloatArray:
-    return _checked_vectors(velocities, count, "velocities")
 
 
 def _checked_vectors(values: ArrayLike, count: int | None, what: str) -> FloatArray:

@@ -12,6 +12,7 @@ import re
 from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -177,17 +178,12 @@ def _root(links: dict[str, ElementTree.Element], joints: tuple[Joint, ...]) -> s
         raise InputError(
             "urdf", f"{len(roots)} links have no parent: {named}; one link is the root, joints hold the others"
         )
-    children: dict[str, list[str]] = {}
-    for joint in joints:
-        children.setdefault(joint.parent, []).append(joint.child)
-    reached, waiting = set(roots), list(roots)
-    while waiting:
-        found = children.get(waiting.pop(), [])
-        reached.update(found)
-        waiting += found
-    if len(reached) < len(links):
-        lost = next(link for link in links if link not in reached)
-        raise InputError("urdf", f"link {lost!r} is its own ancestor by the joints above it; links must form a tree")
+    try:
+        TopologicalSorter({joint.child: [joint.parent] for joint in joints}).prepare()
+    except CycleError as error:
+        raise InputError(
+            "urdf", f"link {error.args[1][0]!r} is its own ancestor by the joints above it; links must form a tree"
+        ) from None
     return roots[0]
 
 
