@@ -175,7 +175,7 @@ class BodyFactory:
             name, uid, next(iter(shapes.values())).radius, False, BodyState(), links, joints, urdf=robot.given,
             shapes=shapes, surfaces=robot.surfaces, starts={mimic.joint: mimic.offset for mimic in robot.mimics},
         )  # fmt: skip
-        masses = set_masses(client, uid, robot.text).note
+        masses = set_masses(client, uid, robot.text)
         body.notes = (*robot.notes, masses) if masses else robot.notes
         body.inertial = InertialFrame(*client.getDynamicsInfo(uid, -1)[3:5])
         body.mass = sum(client.getDynamicsInfo(uid, index)[0] for index in range(-1, client.getNumJoints(uid)))

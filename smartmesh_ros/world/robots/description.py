@@ -69,18 +69,18 @@ def read_description(urdf: str) -> Description:
     """Parse a robot from its URDF text, or from the path of its file. Raises `InputError` if the file cannot be read,
     or the text is no robot whose links and joints form a tree."""
     if is_text(urdf):
-        return parsed(urdf, None)
+        return _parsed(urdf, None)
     path = Path(urdf)
     try:
-        if path.is_file():
-            return parsed(path.read_text(encoding="utf-8"), path.parent)
+        text = path.read_text(encoding="utf-8") if path.is_file() else None
     except (OSError, ValueError) as error:
         raise InputError("urdf", f"URDF file {urdf!r} cannot be read: {error}") from None
-    raise InputError("urdf", f"there is no URDF file {urdf[:200]!r}")
+    if text is None:
+        raise InputError("urdf", f"there is no URDF file {urdf[:200]!r}")
+    return _parsed(text, path.parent)
 
 
-def parsed(text: str, folder: Path | None) -> Description:
-    """Parse a URDF text whose file is in ``folder``. Raises `InputError`."""
+def _parsed(text: str, folder: Path | None) -> Description:
     robot = xml_of(text)
     _require_expanded(robot)
     links = _named(robot, "link")
