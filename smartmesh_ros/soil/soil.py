@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.shapes import SHAPE, BodyShape
-from smartmesh_ros.soil.bodies import PressingBodies, all_of
+from smartmesh_ros.soil.bodies import PressingBodies
 from smartmesh_ros.soil.config import SoilConfig, SoilType
 from smartmesh_ros.soil.layer import LAYER_SAMPLE, Floats, Region, soil_table
 from smartmesh_ros.soil.soils import kinds_from, map_from, soils_from
@@ -219,8 +219,7 @@ class Soil:
         busy = ((self._feet["load"] > 0.0) | (self._feet["seen"][:, 2] >= 0)).tolist()
         kept = [row for row, name in enumerate(self._names) if busy[row] or name in loads]
         names = list(dict.fromkeys([*(self._names[row] for row in kept), *loads]))
-        read_all = getattr(self.bodies, "read_all", None)
-        shapes, states = all_of(self.bodies, names) if read_all is None else read_all(names)
+        shapes, states = self.bodies.read(names)
         gone = [row for row, shape in enumerate(shapes) if shape is None]
         for row in gone:
             if names[row] in loads:
