@@ -10,6 +10,7 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.body_shapes import links_with_shape, shape_of
+from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.bullet_sleep import SleepContacts, is_fixed
 from smartmesh_ros.ground.colliders.patch_contacts import PatchContacts
 from smartmesh_ros.ground.config import SleepConfig, time_step_of
@@ -19,7 +20,6 @@ from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.ground.sleeping import Sleeping
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.report.methods import require_usable

@@ -1,9 +1,13 @@
-"""PyBullet calls that run for every body in every step.
+"""PyBullet calls that run for every body in every step, and what undoes half of an operation when PyBullet fails.
 
 A `BulletClient` adds the client to each call as a keyword, which costs as much as the call itself. These functions pass
 it by position. All other calls go through the client.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from itertools import chain
 from typing import Any
 
@@ -37,3 +41,13 @@ class BulletCalls:
         found = pb.getLinkStates(body, links, 1, 0, self._client)
         numbers = chain.from_iterable(chain(state[0], state[1], state[6], state[7]) for state in found)
         return np.fromiter(numbers, np.float64, 13 * len(links)).reshape(-1, 13)
+
+
+@contextmanager
+def undone(undo: Callable[[], object]) -> Iterator[None]:
+    """Call ``undo`` if the block raises, and let its error pass."""
+    try:
+        yield
+    except BaseException:
+        undo()
+        raise

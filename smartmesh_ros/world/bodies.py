@@ -12,12 +12,12 @@ import pybullet as pb
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.body_shapes import link_name, shape_of
+from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.bullet_sleep import is_fixed
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.limits import MASSES, SIZES, require_between
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand, command_joint

@@ -12,11 +12,10 @@ import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.bullet import BulletCalls
+from smartmesh_ros.ground.bullet import BulletCalls, undone
 from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig, set_up
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.limits import FARTHEST_BODY
-from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.stopwatch import Stopwatch

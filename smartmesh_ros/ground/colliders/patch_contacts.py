@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 import pybullet as pb
 
-from smartmesh_ros.ground.bullet import BulletCalls
+from smartmesh_ros.ground.bullet import BulletCalls, undone
 from smartmesh_ros.ground.colliders.field import Field, make_field, quarter_turn
 from smartmesh_ros.ground.colliders.mesh import MeshCollider, make_mesh
 from smartmesh_ros.ground.colliders.whole_mesh import WholeMesh
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.shown_patches import ShownPatches
-from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig, is_mesh, is_whole
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray

@@ -20,8 +20,17 @@ from smartmesh_ros.node.running import ExecutorKind, run
 from smartmesh_ros.node.timing.clock import NodeClock
 from smartmesh_ros.node.timing.pacing import Pacer
 from smartmesh_ros.scenes import SCENES
-from smartmesh_ros.scenes.elevation import jacksboro_fault
-from smartmesh_ros.scenes.moving import Crater, Heave, InwardWaves, Region, Rut, Scene, Wave, WaveOnRelief
+from smartmesh_ros.scenes.moving import (
+    Crater,
+    Heave,
+    InwardWaves,
+    Region,
+    Rut,
+    Scene,
+    Wave,
+    WaveOnRelief,
+    jacksboro_fault,
+)
 from smartmesh_ros.terrain.grid import GridGeometry
 
 NAME = "terrain_source"
