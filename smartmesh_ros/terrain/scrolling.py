@@ -46,11 +46,6 @@ def follow_across(before: HeightMap, after: HeightMap) -> None:
     after.follow(before, after.time)
 
 
-def correct_across(before: HeightMap, after: HeightMap) -> None:
-    """Treat a map as a correction of the map before it, where both have ground; their grids may differ."""
-    after.correct_from(before, cells_moved(before.geometry, after.geometry))
-
-
 def carry_friction(before: HeightMap, after: HeightMap) -> None:
     """Give a map whose friction was not given that of the map before it, which it replaces.
 

@@ -97,11 +97,6 @@ class TriangleMesh:
         return self._now
 
     @property
-    def arrays(self) -> tuple[FloatArray, FloatArray, NDArray[np.void]]:
-        """The arrays that change in place: positions (3, V) [m], velocities (KEPT, 3, V) [m/s] and the clock (1,)."""
-        return self._now, self._velocities, self._clock
-
-    @property
     def shape(self) -> MeshShape:
         """Properties that the searches rely on; recomputed after vertices have moved sideways."""
         if self._shape is None:
