@@ -36,11 +36,12 @@ class BulletCalls:
         numbers = chain.from_iterable(chain(*pose(body, client)) for body in bodies)
         return np.fromiter(numbers, np.float64, 7 * len(bodies)).reshape(-1, 7)
 
-    def link_states(self, body: int, links: list[int]) -> FloatArray:
-        """Return the states of a robot's links (n, 13), as `states` does."""
-        found = pb.getLinkStates(body, links, 1, 0, self._client)
-        numbers = chain.from_iterable(chain(state[0], state[1], state[6], state[7]) for state in found)
-        return np.fromiter(numbers, np.float64, 13 * len(links)).reshape(-1, 13)
+    def state(self, body: int, link: int) -> FloatArray:
+        """Return the state of a body (``link`` = -1) or of a robot's link (13,), as `states` does."""
+        if link < 0:
+            return np.asarray(self.states([body])[0])
+        found = pb.getLinkState(body, link, 1, 0, self._client)
+        return np.array([*found[0], *found[1], *found[6], *found[7]])
 
 
 @contextmanager

@@ -94,7 +94,6 @@ class PatchContacts:
         self._held: dict[Follower, Field | MeshCollider] = {}
         self._whole = WholeMesh(client, terrain)
         self._time = 0.0
-        self._wakes = -1
 
     def configure(self, config: PatchConfig) -> None:
         """Take settings from the next `refresh` on."""
@@ -128,13 +127,11 @@ class PatchContacts:
             self._apply(batches, supports)
 
     def read(self, states: FloatArray, dt: float) -> None:
-        """Read the awake followers into ``states`` (S, 13), and note their places before a step of ``dt`` [s]: each
-        base by two calls of PyBullet, all links of a robot by one."""
-        self._list_awake()
-        calls, slots = self._calls, self._slots
-        parts = [calls.states(self._bases), *(calls.link_states(body, links) for body, links in self._robots)]
-        states[slots] = found = np.concatenate(parts)
-        self._followers.note_places(slots, found, dt)
+        """Read the awake followers into ``states`` (S, 13), and note their places before a step of ``dt`` [s]."""
+        awake = self._followers.awake
+        for slot in awake.tolist():
+            states[slot] = self._calls.state(self._followers[slot].body, self._followers[slot].link)
+        self._followers.note_places(awake, states[awake], dt)
 
     def states_of(self, slots: IntArray) -> FloatArray | None:
         """None: PyBullet's calls read bodies one by one."""
@@ -145,21 +142,6 @@ class PatchContacts:
         for follower in self._followers:
             self._release(follower)
         self._whole.release()
-
-    def _list_awake(self) -> None:
-        """List the awake followers in the order in which they are read: bases, then the links of each robot."""
-        if self._wakes == self._followers.wakes:
-            return
-        self._wakes = self._followers.wakes
-        awake = [self._followers[slot] for slot in self._followers.awake.tolist()]
-        bases = [follower for follower in awake if follower.link < 0]
-        links = sorted((follower for follower in awake if follower.link >= 0), key=lambda follower: follower.body)
-        by_robot: dict[int, list[int]] = {}
-        for follower in links:
-            by_robot.setdefault(follower.body, []).append(follower.link)
-        self._bases = [follower.body for follower in bases]
-        self._robots = list(by_robot.items())
-        self._slots = np.array([follower.slot for follower in bases + links], np.int64)
 
     def _apply(self, batches: list[PatchBatch], supports: Any) -> None:
         """Give the awake followers that are solid the colliders of their patches, and take the colliders of those
