@@ -63,15 +63,6 @@ class Load(NamedTuple):
     y: float = math.nan
 
 
-class Changes(NamedTuple):
-    """Changed ``rectangles`` (n, 4) of the map: first row and column, last row and column. ``heights`` [m] without the
-    map's z, and ``velocities`` [m/s] (N,): of one rectangle after the other, each row by row."""
-
-    rectangles: IntArray
-    heights: Floats
-    velocities: Floats
-
-
 class FootResult(NamedTuple):
     """What the soil does to a body.
 
@@ -162,15 +153,15 @@ class Soil:
         self.note(contacts)
         loads = loads_of(self._contacts, self._steps)
         self._contacts, self._steps = [], 0
-        changes = self._press(loads, dt, now)
-        if len(changes.rectangles):
-            self.map.take_rectangles(*changes, now)
+        rectangles, heights, speeds = self._press(loads, dt, now)
+        if len(rectangles):
+            self.map.take_rectangles(rectangles, heights, speeds, now)
         if self.config.grip:
             carried, grips = self._feet["carried"].tolist(), self._feet["grip"].tolist()
             for name, force, grip in zip(self._names, carried, grips, strict=True):
                 if force > 0.0:
                     self.bodies.set_grip(name, grip)
-        return len(changes.rectangles)
+        return len(rectangles)
 
     def press(self, loads: dict[str, Load], dt: float, time: float) -> list[Region]:
         """Press the soil by the ``loads`` of bodies; return the changes of the map, which the caller must
@@ -184,12 +175,15 @@ class Soil:
             start = end
         return found
 
-    def _press(self, loads: dict[str, Load], dt: float, time: float) -> Changes:
+    def _press(self, loads: dict[str, Load], dt: float, time: float) -> tuple[IntArray, Floats, Floats]:
+        """Press the soil; return changed rectangles, heights and velocities as `HeightMap.take_rectangles` takes
+        them."""
         self._read_bodies(loads)
         self.number += 1
-        return Changes(
-            *self._core.update(self.map.core_reader, as_bytes(self._feet), time, dt, self.number, self.config)
+        changes: tuple[IntArray, Floats, Floats] = self._core.update(
+            self.map.core_reader, as_bytes(self._feet), time, dt, self.number, self.config
         )
+        return changes
 
     def set_kinds(self, kinds: ArrayLike) -> None:
         """Change which soil each sample is, as ``kinds`` at the start; sinkages stay. Raises `InputError`."""
