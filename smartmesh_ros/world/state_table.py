@@ -46,9 +46,8 @@ class StateTable(NamedTuple):
 
     def same_body(self, row: int, other: StateTable, other_row: int) -> bool:
         """Return True if two bodies have the same shape and mass."""
-        return all(
-            np.array_equal(mine[row], its[other_row]) for mine, its in zip(self.constant, other.constant, strict=True)
-        )
+        pairs = zip(self.constant, other.constant, strict=True)
+        return all(np.array_equal(mine[row], its[other_row]) for mine, its in pairs)
 
     def same_bodies(self, other: StateTable) -> bool:
         """Return True if both tables hold the same bodies, whatever their states."""
