@@ -14,7 +14,7 @@ from smartmesh_ros.patches.shapes import ShapeTable
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.report.collect import BFS, PatchTopology, cached_topology, topology_around
 from smartmesh_ros.report.methods import require_search_on
-from smartmesh_ros.report.search import BruteForce, best_first_vertices, ray_cast, uniform_grid_vertices
+from smartmesh_ros.report.search import best_first_vertices, brute_force_vertex, ray_cast, uniform_grid_vertices
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
@@ -30,7 +30,6 @@ class MeshPatches:
         self.mesh = mesh
         self._name = name
         self._stopwatch = stopwatch
-        self._brute_force = BruteForce(mesh.size)
         self._cached = cached_topology(mesh)
         self._table: IntArray | None = None
 
@@ -72,7 +71,7 @@ class MeshPatches:
         if method == "ray_cast":
             found = self._hits(bodies, positions_w, before)
         for index in np.flatnonzero(found < 0).tolist():
-            found[index] = self._brute_force.nearest(mesh.coordinates, positions_w[index])
+            found[index] = brute_force_vertex(mesh.coordinates, positions_w[index])
         return found
 
     def _hits(self, bodies: IntArray, positions_w: FloatArray, before: dict[int, PatchBatch]) -> IntArray:
