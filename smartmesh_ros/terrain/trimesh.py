@@ -16,7 +16,7 @@ from smartmesh_ros.terrain.graph import TriangleGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
 from smartmesh_ros.terrain.mesh_shape import MeshShape, count_parts, shape_of
-from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, INSTANT, KEPT, MotionConfig, next_revision
+from smartmesh_ros.terrain.motion import CLOCK, INSTANT, KEPT, MotionConfig, MovingGround, next_revision
 
 
 class MeshSamples(NamedTuple):
@@ -26,7 +26,7 @@ class MeshSamples(NamedTuple):
     velocities: FloatArray
 
 
-class TriangleMesh:
+class TriangleMesh(MovingGround):
     """A triangle mesh with moving vertices and constant triangles (the report's general case).
 
     ``vertices``: (V, 3) [m] in the terrain's frame. ``triangles``: (T, 3) indices, counter-clockwise seen from the side
@@ -47,10 +47,10 @@ class TriangleMesh:
         # (3, V), so that the search reads each coordinate contiguously.
         self._now = _checked_vectors(vertices, None, "vertices").T.copy()
         self._velocities = np.zeros((KEPT, *self._now.shape))  # ring buffer, see CLOCK
-        self._clock = np.zeros(1, CLOCK)
-        self._clock["time"] = time
+        self._clocks = np.zeros(1, CLOCK)
+        self._clocks["time"] = time
         # The reader of this mesh in the C++ core.
-        self.core_reader: Any = CORE.Mesh(self._now, self._velocities, as_bytes(self._clock), self.triangles)
+        self.core_reader: Any = CORE.Mesh(self._now, self._velocities, as_bytes(self._clocks), self.triangles)
         self.motion = motion or MotionConfig()
         self.graph = TriangleGraph(self.triangles, self.size)
         self.edge_length = _mean_edge(self._now, self.triangles)
@@ -63,16 +63,6 @@ class TriangleMesh:
         if velocities is not None:
             self.move(vertices, time=time, velocities=velocities)
         self.triangles.setflags(write=False)
-
-    @property
-    def motion(self) -> MotionConfig:
-        """Motion of the vertices between updates."""
-        return self._motion
-
-    @motion.setter
-    def motion(self, motion: MotionConfig) -> None:
-        self._motion = motion
-        self.core_reader.set_motion(motion.code, motion.max_velocity)
 
     @property
     def size(self) -> int:
@@ -142,16 +132,19 @@ class TriangleMesh:
         self.revision = next_revision()
         self.core_reader.update()
 
+    def _tell_core(self) -> None:
+        self.core_reader.set_motion(self.motion.code, self.motion.max_velocity)
+
     def _note_velocities(self, new: FloatArray, target: Any, speeds: FloatArray | None, time: float) -> None:
         """Store the velocities of an update: given ones, or the difference quotient to the positions before."""
-        motion, newest = self.motion, self._clock[0].newest
+        motion, newest = self.motion, self._clocks[0].newest
         whole = isinstance(target, slice)
         inverse, keep = CORE.note_update(
-            as_bytes(self._clock), time, speeds is not None, whole, (motion.min_interval, motion.max_interval)
+            as_bytes(self._clocks), time, speeds is not None, whole, (motion.min_interval, motion.max_interval)
         )
-        if self._clock[0].newest != newest:
-            self._velocities[self._clock[0].newest] = 0.0
-        velocities = self._velocities[self._clock[0].newest]
+        if self._clocks[0].newest != newest:
+            self._velocities[self._clocks[0].newest] = 0.0
+        velocities = self._velocities[self._clocks[0].newest]
         if speeds is not None:
             velocities[:, target] = speeds
             return
@@ -160,32 +153,13 @@ class TriangleMesh:
         velocities[:, target] = rates
 
     @property
-    def time(self) -> float:
-        """Time of the last update [s]."""
-        return float(self._clock[0].time)
-
-    @property
     def lifetime(self) -> float:
         """Expected time between updates [s]; 0 = no update expected."""
-        return float(self._clock[0].lifetime)
-
-    @property
-    def delay(self) -> float:
-        """Expected age of an update on arrival [s]; extrapolation continues until the update is due."""
-        return float(self._clock[0].delay)
-
-    @delay.setter
-    def delay(self, delay: float) -> None:
-        self._clock["delay"] = delay
+        return float(self._clocks[0].lifetime)
 
     def moving(self, time: float) -> bool:
         """Return True if any vertex may move at ``time`` [s]."""
         return bool(self.core_reader.moves(time))
-
-    def shift_time(self, by: float) -> None:
-        """Add ``by`` [s] to all update times, after their clock was reset or lost time."""
-        for name in CLOCK_TIMES:
-            self._clock[name] += by
 
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> MeshSamples:
         """Return vertices (n,) at ``time`` [s]; velocities are means over the time ``ahead`` [s]."""

@@ -295,7 +295,7 @@ def test_a_ball_is_held_back_before_what_it_meets_in_the_step() -> None:
 
 def test_arrays_that_are_no_mesh_are_refused() -> None:
     mesh = TriangleMesh(*mesh_parts.sheet(1.0, 2))
-    clock = mesh._clock.view(np.uint8).reshape(1, 168)
+    clock = mesh._clocks.view(np.uint8).reshape(1, 168)
     good = {"vertices": mesh._now, "velocities": mesh._velocities, "clock": clock, "triangles": mesh.triangles}
     _core.Mesh(**good)
     holes = mesh._now.copy()

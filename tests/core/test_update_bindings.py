@@ -154,7 +154,7 @@ def test_clocks_that_lead_out_of_an_array_are_refused(entry: str, name: str, fie
 @pytest.mark.parametrize("newest", (-1, KEPT, 2**62, -(2**63)))
 def test_a_mesh_whose_clock_names_no_velocity_is_at_rest(newest: int) -> None:
     mesh = TriangleMesh(np.eye(3), [[0, 1, 2]], velocities=np.ones((3, 3)))
-    mesh._clock["newest"] = newest
+    mesh._clocks["newest"] = newest
     assert not mesh.sample(np.arange(3), 0.1).velocities.any()
 
 
