@@ -98,8 +98,6 @@ class SimulatedStates:
         if (self._world.client, followers.epoch) != self._described:
             self._describe()
         calls = BulletCalls(self._world.client)
-        if not followers.asleep.size:
-            return self._bodies._replace(numbers=calls.states(self._uids))
         numbers = followers.states[self._slots]
         moves = np.flatnonzero(followers.table["awake"][self._slots] | self._robot)
         numbers[moves] = calls.states([self._uids[place] for place in moves.tolist()])

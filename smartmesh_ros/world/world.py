@@ -274,7 +274,7 @@ class World(Population):
 
     def _drop_lost(self) -> None:
         """Remove bodies whose position is not finite or farther than `FARTHEST_BODY`."""
-        followers, awake = self.followers, self.followers.awake
+        followers, awake = self.ground.followers, self.ground.followers.awake
         positions = followers.positions_w[awake]
         if np.abs(positions).max(initial=0.0) <= FARTHEST_BODY:  # False if any value is NaN
             return
