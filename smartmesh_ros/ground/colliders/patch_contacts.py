@@ -11,8 +11,7 @@ import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.ground.bullet import BulletCalls, undone
-from smartmesh_ros.ground.colliders.field import Field, make_field, quarter_turn
-from smartmesh_ros.ground.colliders.mesh import MeshCollider, make_mesh
+from smartmesh_ros.ground.colliders.made import Field, MeshCollider, make_field, make_mesh, quarter_turn
 from smartmesh_ros.ground.colliders.whole_mesh import WholeMesh
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.shown_patches import ShownPatches
