@@ -144,7 +144,10 @@ class MapContacts:
             self._core.set_tiles(self._terrain.readers)
         if self._wakes != self._followers.wakes:
             self._wakes = self._followers.wakes
-            self._switch(self._followers.flags("awake"))
+            awake = self._followers.flags("awake")
+            self._core.enable(awake)
+            for slot, uid in self._uids.items():
+                self._followers[slot].collider = uid if awake[slot] else None
         self._core.hold(stopped)
 
     def drive(self, follower: Follower) -> None:
@@ -195,18 +198,11 @@ class MapContacts:
         for slot in slots:
             self.attach(self._followers[slot])
 
-    def _switch(self, awake: BoolArray) -> None:
-        """Give the followers (S,) that are ``awake`` ground, and take it from the others."""
-        self._core.enable(np.ascontiguousarray(awake))
-        for slot, uid in self._uids.items():
-            self._followers[slot].collider = uid if awake[slot] else None
-
     def _new_body(self) -> int:
         """Create the PyBullet body of a proxy, whose shape the core replaces."""
         client = self._client
-        if self._shape is None:
+        if self._shape is None or self._visual is None:
             self._shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=1e-3)
-        if self._visual is None:
             self._visual = client.createVisualShape(pb.GEOM_BOX, halfExtents=[1e-3] * 3)
         uid = int(client.createMultiBody(0.0, self._shape, self._visual, useMaximalCoordinates=1))
         # PyBullet multiplies the coefficients of the two bodies, so 1 leaves the body's own coefficients in effect.

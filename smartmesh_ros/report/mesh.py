@@ -12,7 +12,7 @@ from smartmesh_ros.patches.batch import PatchBatch, twists_at
 from smartmesh_ros.patches.config import ANYWHERE, PatchConfig
 from smartmesh_ros.patches.shapes import ShapeTable
 from smartmesh_ros.patches.supports import Support
-from smartmesh_ros.report.collect import BFS, PatchTopology, cached_topology, topology_around
+from smartmesh_ros.report.collect import BFS, cached_topology, topology_around
 from smartmesh_ros.report.methods import require_search_on
 from smartmesh_ros.report.search import best_first_vertices, brute_force_vertex, ray_cast, uniform_grid_vertices
 from smartmesh_ros.stopwatch import Stopwatch
@@ -90,7 +90,10 @@ class MeshPatches:
     ) -> PatchBatch:  # fmt: skip
         mesh = self.mesh
         rings = config.rings or min(max(math.ceil(reach / mesh.edge_length + 0.5), 1), MOST_MESH_RINGS)
-        topology = self._topology(vertex, rings, config)
+        if config.collect == "cached":
+            topology = self._cached(vertex, rings)
+        else:
+            topology = topology_around(mesh, vertex, rings, BFS[config.collect])
         now = mesh.sample(topology.vertices, time, duration)
         support = supports[body]
         support.row, support.column, support.rows, support.columns, support.stride = 0, vertex, 0, 0, 1
@@ -108,11 +111,6 @@ class MeshPatches:
             vertices_w=now.positions[None], centres_w=centres, linear_w=linear_w, angular_w=angular_w,
             vertices=topology.vertices,
         )  # fmt: skip
-
-    def _topology(self, vertex: int, rings: int, config: PatchConfig) -> PatchTopology:
-        if config.collect == "cached":
-            return self._cached(vertex, rings)
-        return topology_around(self.mesh, vertex, rings, BFS[config.collect])
 
 
 def mesh_twist(

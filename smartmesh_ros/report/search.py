@@ -51,7 +51,7 @@ def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray) -> Cells:
     nearest = grid_rc - 0.5
     np.ceil(nearest, out=nearest)
     cells = nearest.T.astype(np.int64, order="C")
-    np.minimum(cells, geometry.last_inside, out=cells)
+    np.minimum(cells, [[geometry.rows - 2], [geometry.columns - 2]], out=cells)
     np.maximum(cells, 1, out=cells)
     return Cells(cells[0], cells[1])
 

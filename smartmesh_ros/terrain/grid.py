@@ -72,11 +72,6 @@ class GridGeometry:
         return np.array([self.rows - 1.0, self.columns - 1.0])
 
     @cached_property
-    def last_inside(self) -> IntArray:
-        """Row and column of the last sample that is not on the rim (2, 1)."""
-        return np.array([[self.rows - 2], [self.columns - 2]])
-
-    @cached_property
     def _corner(self) -> FloatArray:
         return np.array([self.origin[1], self.origin[0]])
 

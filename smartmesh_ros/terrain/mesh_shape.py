@@ -38,8 +38,8 @@ def shape_of(coordinates: FloatArray, triangles: IntArray) -> MeshShape:
     condition, x and y ascending along rows and columns, is not enough: on a sheared grid the search gets stuck.
     """
     xy = coordinates[:2]
-    area = _doubled_areas(xy, triangles)
-    if not (area > 0.0).all():
+    a, b, c = (xy[:, triangles[:, corner]] for corner in range(3))
+    if not ((b[0] - a[0]) * (c[1] - a[1]) > (b[1] - a[1]) * (c[0] - a[0])).all():
         return MeshShape("the mesh overlaps itself seen from above, or a triangle is upright or turned over", None)
     edges = _edges(triangles, coordinates.shape[1])
     if edges is None:
@@ -64,11 +64,6 @@ def count_parts(triangles: IntArray, count: int) -> int:
         part = part[part]
         if (part == before).all():
             return len(np.unique(part[triangles]))
-
-
-def _doubled_areas(xy: FloatArray, triangles: IntArray) -> FloatArray:
-    a, b, c = (xy[:, triangles[:, corner]] for corner in range(3))
-    return np.asarray((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
 def _edges(triangles: IntArray, count: int) -> tuple[IntArray, IntArray, IntArray] | None:

@@ -53,7 +53,8 @@ class TriangleMesh(MovingGround):
         self.core_reader: Any = CORE.Mesh(self._now, self._velocities, as_bytes(self._clocks), self.triangles)
         self.motion = motion or MotionConfig()
         self.graph = TriangleGraph(self.triangles, self.size)
-        self.edge_length = _mean_edge(self._now, self.triangles)
+        first, second = self._now[:, self.triangles[:, 0]], self._now[:, self.triangles[:, 1]]
+        self.edge_length = float(np.linalg.norm(first - second, axis=0).mean())
         corners = np.argsort(self.triangles.ravel(), kind="stable")
         self._incident = corners // 3  # triangles, sorted by vertex
         self._incident_at = np.searchsorted(self.triangles.ravel()[corners], np.arange(self.size + 1))
@@ -194,11 +195,6 @@ def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
     lower = np.stack([corner, corner + 1, corner + columns + 1], axis=1)
     upper = np.stack([corner, corner + columns + 1, corner + columns], axis=1)
     return np.stack([lower, upper], axis=1).reshape(-1, 3)
-
-
-def _mean_edge(coordinates: FloatArray, triangles: IntArray) -> float:
-    first, second = coordinates[:, triangles[:, 0]], coordinates[:, triangles[:, 1]]
-    return float(np.linalg.norm(first - second, axis=0).mean())
 
 
 def _checked_triangles(triangles: ArrayLike, count: int) -> IntArray:
