@@ -12,10 +12,9 @@ from smartmesh_ros.patches.batch import PatchBatch, rectangle_samples, samples_a
 from smartmesh_ros.patches.config import MOST_GRID_RINGS, PatchConfig
 from smartmesh_ros.patches.shapes import ShapeTable
 from smartmesh_ros.patches.supports import with_rows
-from smartmesh_ros.report.collect import BFS
+from smartmesh_ros.report.collect import BFS, GridGraph
 from smartmesh_ros.report.search import Cells, nearest_cells
 from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.graph import GridGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples
 from smartmesh_ros.terrain.terrain import Terrain

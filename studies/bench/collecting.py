@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from smartmesh_ros.report.collect import cached_topology, queue_bfs, topology_around, union_bfs
-from smartmesh_ros.terrain.graph import GridGraph
+from smartmesh_ros.report.collect import GridGraph, cached_topology, queue_bfs, topology_around, union_bfs
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import Waves, general_mesh
 from studies.bench.report import BATCHES, RINGS

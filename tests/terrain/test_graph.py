@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from smartmesh_ros.terrain.graph import GridGraph, TriangleGraph
+from smartmesh_ros.report.collect import GridGraph
+from smartmesh_ros.terrain.mesh_shape import TriangleGraph
 from smartmesh_ros.terrain.trimesh import grid_triangles
 
 
