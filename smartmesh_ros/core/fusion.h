@@ -1,5 +1,5 @@
 // Fusion of repeated height measurements of static ground: a Kalman filter with one state per sample, see
-// terrain/fusion.py.
+// terrain/corrections.py.
 #pragma once
 
 #include <cstddef>

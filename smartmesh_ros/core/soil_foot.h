@@ -14,7 +14,7 @@ struct FootLoad {
   double force, x, y;
 };
 
-// A body that presses the soil, with the layout of FOOT in soil/feet.py.
+// A body that presses the soil, with the layout of FOOT in soil/soil.py.
 struct Foot {
   Shape shape;
   BodyState body;
@@ -28,7 +28,7 @@ struct Foot {
   // force; volume displaced in the last update [m^3].
   double sinkage, area, carried, grip, displaced;
 };
-static_assert(sizeof(Foot) == 376, "the layout of FOOT in soil/feet.py");
+static_assert(sizeof(Foot) == 376, "the layout of FOOT in soil/soil.py");
 
 // Settings of an update. `number`: of the update. The others follow from SoilConfig in soil/config.py: `drop` [m],
 // largest difference of neighbouring samples at the angle of repose; `still`, `farthest` [m], smallest change, and

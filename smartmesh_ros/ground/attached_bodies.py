@@ -10,6 +10,7 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.body_shapes import links_with_shape, shape_of
+from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.bullet_sleep import SleepContacts, is_fixed
 from smartmesh_ros.ground.colliders.patch_contacts import PatchContacts
 from smartmesh_ros.ground.config import SleepConfig, time_step_of
@@ -19,7 +20,6 @@ from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.ground.sleeping import Sleeping
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.report.methods import require_usable
@@ -93,7 +93,7 @@ class AttachedBodies:
                 self._put_on(follower, own=own)
                 added.append(follower.slot)
         if self.contacts.exact:
-            self.contacts.refresh()
+            self.contacts.refresh(self._sleeping.stopping)
         self._stale = True
         return made[0]
 
@@ -221,12 +221,6 @@ class AttachedBodies:
             return self.contacts
         cause = self.no_proxies or f"the kind of patch is {self.config.kind!r}; choose 'auto'"
         raise InputError("surface", f"a surface moves only where contacts come from the map itself: {cause}")
-
-    def leave_lost_soil(self) -> None:
-        """Take the soil away if its map is gone."""
-        if self.soil is not None and not self._has(self.soil.map):
-            log.warning("the map of the soil is no tile any more: bodies stand on the maps themselves")
-            self.set_soil(None)
 
     def _has(self, mesh: MainMesh) -> bool:
         """Return True if a mesh is a tile of the terrain."""

@@ -1,9 +1,13 @@
-"""PyBullet calls that run for every body in every step.
+"""PyBullet calls that run for every body in every step, and what undoes half of an operation when PyBullet fails.
 
 A `BulletClient` adds the client to each call as a keyword, which costs as much as the call itself. These functions pass
 it by position. All other calls go through the client.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from itertools import chain
 from typing import Any
 
@@ -32,8 +36,19 @@ class BulletCalls:
         numbers = chain.from_iterable(chain(*pose(body, client)) for body in bodies)
         return np.fromiter(numbers, np.float64, 7 * len(bodies)).reshape(-1, 7)
 
-    def link_states(self, body: int, links: list[int]) -> FloatArray:
-        """Return the states of a robot's links (n, 13), as `states` does."""
-        found = pb.getLinkStates(body, links, 1, 0, self._client)
-        numbers = chain.from_iterable(chain(state[0], state[1], state[6], state[7]) for state in found)
-        return np.fromiter(numbers, np.float64, 13 * len(links)).reshape(-1, 13)
+    def state(self, body: int, link: int) -> FloatArray:
+        """Return the state of a body (``link`` = -1) or of a robot's link (13,), as `states` does."""
+        if link < 0:
+            return np.asarray(self.states([body])[0])
+        found = pb.getLinkState(body, link, 1, 0, self._client)
+        return np.array([*found[0], *found[1], *found[6], *found[7]])
+
+
+@contextmanager
+def undone(undo: Callable[[], object]) -> Iterator[None]:
+    """Call ``undo`` if the block raises, and let its error pass."""
+    try:
+        yield
+    except BaseException:
+        undo()
+        raise

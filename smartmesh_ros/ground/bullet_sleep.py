@@ -112,9 +112,8 @@ class BulletSleep:
 
     def _moved(self, slot: int) -> bool:
         follower, known = self._followers[slot], self._followers.states[slot]
-        body, link = follower.body, follower.link
-        found = self._calls.states([body]) if link < 0 else self._calls.link_states(body, [link])
-        return not CORE.strayed(found[0], known, follower.radius) <= ROUNDING  # True for NaN
+        found = self._calls.state(follower.body, follower.link)
+        return not CORE.strayed(found, known, follower.radius) <= ROUNDING  # True for NaN
 
     def _joints(self, body: int) -> list[int]:
         """Return the joints of one degree of freedom."""

@@ -9,15 +9,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smartmesh_ros.core import CORE
-from smartmesh_ros.ground.attached_bodies import AttachedBodies
+from smartmesh_ros.core import CORE, as_bytes
+from smartmesh_ros.ground.attached_bodies import AttachedBodies, log
+from smartmesh_ros.ground.bullet import BulletCalls
+from smartmesh_ros.ground.bullet_sleep import is_fixed
 from smartmesh_ros.ground.config import gravity_of
-from smartmesh_ros.ground.correction_transport import correcting, move_with_corrections, show_corrections
 from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.terrain.grid import IntArray
-from smartmesh_ros.terrain.ray_cast import GroundHits, RayCaster, checked_rays
-from smartmesh_ros.terrain.surface_query import GroundSamples, checked_points, ground_samples
-from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.surface_query import (
+    GroundHits,
+    GroundSamples,
+    RayCaster,
+    checked_points,
+    checked_rays,
+    ground_samples,
+)
+from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 # Wait up to MAP_WAIT map intervals for the next map, if the refresh then comes within LONGEST_LIFE refresh intervals.
 # Refreshing just before a map arrives would do the work twice.
@@ -131,15 +139,20 @@ class Ground(AttachedBodies):
                 contacts.read(self.followers.states, 0.0)
                 move_with_corrections(self._client, corrections, self.followers, self.patches.supports, time)
             contacts.read(self.followers.states, dt)
-            contacts.let_go(sleeping.settle(time, dt, steps))
+            sleeping.settle(time, dt, steps)
         self._steps, self.time = steps, time
         fall = 0.5 * self.gravity * duration**2 if contacts.exact else math.inf
         self.patches.begin(time, duration, fall)
         if not contacts.exact:
             self._require_usable(self.config)
-        contacts.refresh()
-        contacts.hold(sleeping.stopping)
+        contacts.refresh(sleeping.stopping)
         self._stale = False
+
+    def leave_lost_soil(self) -> None:
+        """Take the soil away if its map is gone."""
+        if self.soil is not None and not self._has(self.soil.map):
+            log.warning("the map of the soil is no tile any more: bodies stand on the maps themselves")
+            self.set_soil(None)
 
     def go_on(self, time: float, dt: float) -> bool:
         """Go on from the last `update` for a further step of ``dt`` [s] from ``time`` [s] on. Wakes sleeping bodies
@@ -230,3 +243,52 @@ def _lift(client: Any, body: int, lift: float, rate: float) -> None:
     along *= min(1.0, FASTEST_RESCUED / speed) if speed > 0.0 else 1.0
     client.resetBasePositionAndOrientation(body, (position[0], position[1], position[2] + lift), orientation)
     client.resetBaseVelocity(body, (along[0], along[1], rate), angular)
+
+
+# A tile that is being corrected: its number, its core's reader, and the instant up to which its corrections were shown
+# before [s].
+Correction = tuple[int, Any, float]
+
+
+def correcting(mesh: MainMesh) -> bool:
+    """Return True while corrections of a tile are being blended in."""
+    return isinstance(mesh, HeightMap) and mesh.corrections.blending
+
+
+def show_corrections(terrain: Terrain, time: float) -> list[Correction]:
+    """Blend corrections of the terrain in up to ``time`` [s]; returns the corrected tiles."""
+    moves = []
+    for name, mesh in terrain.tiles.items():
+        if isinstance(mesh, HeightMap) and mesh.motion.corrects:
+            if mesh.corrections.blending:
+                moves.append((terrain.numbers[name], mesh.core_reader, mesh.corrections.shown))
+            mesh.show(time)
+    return moves
+
+
+def move_with_corrections(
+    client: Any, corrections: list[Correction], followers: Followers, supports: Any, time: float
+) -> None:
+    """Move the bodies of a PyBullet client that stand on tiles that are corrected at ``time`` [s].
+
+    A body that lay on the ground lies on it again, at the same velocity. A robot moves as a whole, by the ground under
+    the links that stand on it.
+    """
+    solid = followers.solid
+    bodies = [followers[slot].body for slot in solid.tolist()]
+    uids = list(dict.fromkeys(bodies))
+    places = {uid: place for place, uid in enumerate(uids)}
+    owners = np.array([places[body] for body in bodies], np.int64)
+    poses = BulletCalls(client).poses(uids)
+    for place in CORE.move_with_corrections(
+        corrections, followers.shape_table.core, followers.states, solid, owners, as_bytes(supports), time, poses
+    ):
+        _put(client, uids[place], poses[place].tolist())
+
+
+def _put(client: Any, uid: int, pose: list[float]) -> None:
+    if is_fixed(client, uid):
+        return
+    linear, angular = client.getBaseVelocity(uid)
+    client.resetBasePositionAndOrientation(uid, pose[:3], pose[3:])
+    client.resetBaseVelocity(uid, linear, angular)

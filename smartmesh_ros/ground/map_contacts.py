@@ -14,8 +14,8 @@ import pybullet as pb
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.followers import Follower, Followers
-from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -136,17 +136,18 @@ class MapContacts:
                 self._uids.pop(slot, None)
                 gone.append(slot)
 
-    def refresh(self) -> None:
-        """Collide the followers that are awake with the tiles of the terrain from now on."""
+    def refresh(self, stopped: BoolArray) -> None:
+        """Collide the followers that are awake with the tiles of the terrain from now on. Those that are ``stopped``
+        (S,) in PyBullet are left to sleep, even if their ground changes."""
         if self._layout != self._terrain.layout_revision:
             self._layout = self._terrain.layout_revision
             self._core.set_tiles(self._terrain.readers)
         if self._wakes != self._followers.wakes:
             self._wakes = self._followers.wakes
-            self._switch(self._followers.flags("awake"))
-
-    def hold(self, stopped: BoolArray) -> None:
-        """Leave the followers (S,) that are ``stopped`` in PyBullet to sleep, even if their ground changes."""
+            awake = self._followers.flags("awake")
+            self._core.enable(awake)
+            for slot, uid in self._uids.items():
+                self._followers[slot].collider = uid if awake[slot] else None
         self._core.hold(stopped)
 
     def drive(self, follower: Follower) -> None:
@@ -184,9 +185,6 @@ class MapContacts:
         self._core.read(slots, states)
         return np.asarray(states[slots])
 
-    def let_go(self, slots: IntArray) -> None:
-        """Note that followers fell asleep; `refresh` takes their ground."""
-
     def close(self) -> None:
         """Remove all proxies."""
         slots = list(self._uids)
@@ -200,18 +198,11 @@ class MapContacts:
         for slot in slots:
             self.attach(self._followers[slot])
 
-    def _switch(self, awake: BoolArray) -> None:
-        """Give the followers (S,) that are ``awake`` ground, and take it from the others."""
-        self._core.enable(np.ascontiguousarray(awake))
-        for slot, uid in self._uids.items():
-            self._followers[slot].collider = uid if awake[slot] else None
-
     def _new_body(self) -> int:
         """Create the PyBullet body of a proxy, whose shape the core replaces."""
         client = self._client
-        if self._shape is None:
+        if self._shape is None or self._visual is None:
             self._shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=1e-3)
-        if self._visual is None:
             self._visual = client.createVisualShape(pb.GEOM_BOX, halfExtents=[1e-3] * 3)
         uid = int(client.createMultiBody(0.0, self._shape, self._visual, useMaximalCoordinates=1))
         # PyBullet multiplies the coefficients of the two bodies, so 1 leaves the body's own coefficients in effect.

@@ -25,10 +25,8 @@ class RestingGround:
 
     def __init__(self, terrain: Terrain) -> None:
         self._terrain = terrain
-        # Positions of samples under all bodies, and the height of what is above them [m].
-        self._points: FloatArray = np.empty((0, 3))
-        self._heights: FloatArray = np.empty(0)  # at the points [m]
-        self._friction: FloatArray = np.empty(0)  # at the points
+        # Of points under all bodies: x, y, the height of what is above, that of the ground [m], and its friction.
+        self._ground: FloatArray = np.empty((0, 5))
         # By slot: first and last + 1 of the points under a body, and number of updates of the blocks under it.
         self._first: IntArray = np.empty(0, np.int64)
         self._end: IntArray = np.empty(0, np.int64)
@@ -51,10 +49,9 @@ class RestingGround:
         """Discard the heights under bodies that woke or went."""
         self._end[slots] = self._first[slots]
         kept = np.flatnonzero(self._end > self._first)
-        if 2 * (self._end - self._first)[kept].sum() < len(self._heights):  # half of the memory is unused
+        if 2 * (self._end - self._first)[kept].sum() < len(self._ground):  # half of the memory is unused
             places, firsts = self._places(kept)
-            self._points, self._heights = self._points[places], self._heights[places]
-            self._friction = self._friction[places]
+            self._ground = self._ground[places]
             self._first[kept], self._end[kept] = firsts[:-1], firsts[1:]
 
     def calm(self, chosen: IntArray, boxes: FloatArray, time: float, duration: float, limit: float) -> BoolArray:
@@ -66,11 +63,10 @@ class RestingGround:
         points = np.concatenate([points for points, _ in parts] or [np.empty((0, 3))])[order]
         firsts = np.searchsorted(owner[order], np.arange(len(chosen) + 1))
         heights, velocities = self._ground_at(points, time)
-        self._first[chosen] = len(self._heights) + firsts[:-1]
-        self._end[chosen] = len(self._heights) + firsts[1:]
-        self._points = np.concatenate([self._points, points])
-        self._heights = np.concatenate([self._heights, heights])
-        self._friction = np.concatenate([self._friction, self._terrain.friction_at(points[:, :2])])
+        self._first[chosen] = len(self._ground) + firsts[:-1]
+        self._end[chosen] = len(self._ground) + firsts[1:]
+        found = np.column_stack([points, heights, self._terrain.friction_at(points[:, :2])])
+        self._ground = np.concatenate([self._ground, found])
         self._seen[chosen], self._corrected[chosen], self._moved[chosen] = -1, 0.0, 0.0
         moves = np.abs(velocities) * duration > limit
         return ~_any_of(moves, firsts) & ~self._slides(chosen, boxes, time)
@@ -93,12 +89,13 @@ class RestingGround:
         if not touched.size:
             return touched
         places, firsts = self._places(touched)
-        points, known = self._points[places], self._heights[places]
+        points, known, friction = np.split(self._ground[places], (3, 4), axis=1)
+        known, friction = known.ravel(), friction.ravel()
         heights, velocities = self._ground_at(points, time)
         limits = np.maximum(config.ground, config.noise * terrain.deviations_at(points[:, :2]))
         same = np.abs(heights - known) + np.abs(velocities) * duration <= limits
         same |= np.isnan(heights) & np.isnan(known)
-        same &= terrain.friction_at(points[:, :2]) == self._friction[places]
+        same &= terrain.friction_at(points[:, :2]) == friction
         total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(heights - known))])
         self._found = touched, (total[firsts[1:]] - total[firsts[:-1]]) / np.maximum(np.diff(firsts), 1)
         differ: IntArray = touched[_any_of(~same, firsts) | self._slides(touched, boxes, time)]

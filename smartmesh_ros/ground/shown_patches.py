@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.ground.followers import Followers
-from smartmesh_ros.patches.batch import MeshPatch, PatchBatch, grid_batches, mesh_batch
+from smartmesh_ros.patches.batch import PatchBatch, grid_batches
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.supports import Support, no_supports, with_rows
 from smartmesh_ros.report.fixed import FixedPatches
@@ -35,7 +35,7 @@ class ShownPatches:
         self._followers = followers
         followers.tables.append(self)
         self._supports = no_supports(0)  # as of the last choice, NONE for unused slots
-        self._mesh_patches: dict[int, MeshPatch] = {}
+        self._mesh_patches: dict[int, PatchBatch] = {}
         self._fixed = FixedPatches(terrain, stopwatch)
         self._meshes: dict[str, MeshPatches] = {}
         self._layout = -1
@@ -141,10 +141,7 @@ class ShownPatches:
             if not chosen.size:
                 continue
             if name in self._meshes:
-                for body in chosen.tolist():
-                    yield mesh_batch(
-                        name, body, self._supports[body : body + 1], self._mesh_patches[body], self._config
-                    )
+                yield from (self._mesh_patches[body] for body in chosen.tolist())
             else:
                 yield from grid_batches(self._terrain, name, chosen, supports[chosen], self._time, self._config)
 
@@ -156,7 +153,7 @@ class ShownPatches:
         for name, mesh in self._terrain.tiles.items():
             if not isinstance(mesh, HeightMap):
                 old = self._meshes.get(name)
-                meshes[name] = old if old is not None and old.mesh is mesh else MeshPatches(mesh, self.stopwatch)
+                meshes[name] = old if old is not None and old.mesh is mesh else MeshPatches(name, mesh, self.stopwatch)
         self._meshes = meshes
         self._fixed.forget(slice(None))
         self._layout = self._terrain.layout_revision

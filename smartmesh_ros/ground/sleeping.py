@@ -118,16 +118,16 @@ class Sleeping:
         self._move_with_corrections()
         self.wake(self._bullet.moved(duration, self._config.watch))
 
-    def settle(self, time: float, dt: float, steps: int) -> IntArray:
+    def settle(self, time: float, dt: float, steps: int) -> None:
         """Wake the bodies that something awake may touch at ``time`` [s], and put the islands to sleep that are still,
-        on ground that will not move in the next ``steps`` of ``dt`` [s]; the states of the awake are those of ``time``.
-        Returns the slots of those that fell asleep."""
+        on ground that will not move in the next ``steps`` of ``dt`` [s]; the states of the awake are those of
+        ``time``."""
         if self._may_sleep is None or not self._followers.awake.size:
-            return NOBODY
+            return
         self._note_motion(time)
         if self.wake_reached(time, 0.0):
             self._note_motion(time)
-        return self._put_to_sleep(time, dt, steps)
+        self._put_to_sleep(time, dt, steps)
 
     def wake_near(self, slot: int) -> None:
         """Wake the bodies that may touch a follower."""
@@ -180,7 +180,7 @@ class Sleeping:
         self._wake_marked(marked)
         return True
 
-    def _put_to_sleep(self, time: float, dt: float, steps: int) -> IntArray:
+    def _put_to_sleep(self, time: float, dt: float, steps: int) -> None:
         slots, groups = self._ready(time, dt * steps)
         ready = set(self._followers.bodies[slots].tolist())
         self._start(self._stopped.keys() - ready)
@@ -188,11 +188,8 @@ class Sleeping:
             self._bullet.stop(owner)
             self._stopped[owner] = time
         stopped = {owner for owner in ready if time - self._stopped[owner] > (STEPS_TO_STOP - 0.5) * dt}
-        if not stopped:
-            return NOBODY
-        asleep = slots[_all_of(np.isin(self._followers.bodies[slots], list(stopped)), groups)]
-        self._put(asleep)
-        return asleep
+        if stopped:
+            self._put(slots[_all_of(np.isin(self._followers.bodies[slots], list(stopped)), groups)])
 
     def _ready(self, time: float, duration: float) -> tuple[IntArray, IntArray]:
         """Return the bodies that may fall asleep, and the island of each (n,)."""

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.world.robots.description import Description, is_text, named_file, parsed, xml_of
+from smartmesh_ros.world.robots.description import Description, is_text, named_file, read_description
 from smartmesh_ros.world.robots.quantities import check_quantities, mass_of, number_of
 
 
@@ -33,33 +33,24 @@ def checked_urdf(urdf: str, rules: UrdfRules) -> str:
     """
     if is_text(urdf):
         _require_length(len(urdf), rules)
-        _check_text(urdf, None, rules)
-        return urdf
-    path = _resolved(Path(urdf))
-    _require_inside(path, rules, f"URDF file {urdf!r}")
-    if not path.is_file():
-        raise InputError("urdf", f"there is no URDF file {urdf!r}")
-    _require_length(path.stat().st_size, rules)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError("urdf", f"URDF file {urdf!r} cannot be read: {error}") from None
-    _check_text(text, path.parent, rules)
-    return str(path)
-
-
-def _check_text(text: str, folder: Path | None, rules: UrdfRules) -> None:
-    links = len(xml_of(text).findall("link"))
-    if links > rules.most_links:
-        raise InputError("size", f"the URDF has {links} links; the maximum is {rules.most_links}")
-    robot = parsed(text, folder)
+    else:
+        path = _resolved(Path(urdf))
+        _require_inside(path, rules, f"URDF file {urdf!r}")
+        if not path.is_file():
+            raise InputError("urdf", f"there is no URDF file {urdf!r}")
+        _require_length(path.stat().st_size, rules)
+        urdf = str(path)
+    robot = read_description(urdf)
+    if len(robot.links) > rules.most_links:
+        raise InputError("size", f"the URDF has {len(robot.links)} links; the maximum is {rules.most_links}")
     check_quantities(robot)
     _check_inertia(robot)
     for link in robot.links:
         for collision in robot.collisions(link):
             for mesh in collision.iter("mesh"):
                 name = mesh.get("filename", "")
-                _require_inside(named_file(name, folder), rules, f"the URDF names the file {name!r}, which")
+                _require_inside(named_file(name, robot.folder), rules, f"the URDF names the file {name!r}, which")
+    return urdf
 
 
 def _check_inertia(robot: Description) -> None:

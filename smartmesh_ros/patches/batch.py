@@ -55,19 +55,6 @@ class PatchBatch:
         return replace(self, **{name: getattr(self, name)[members] for name in names})
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MeshPatch:
-    """The patch of one body on a general mesh: indices of its ``vertices`` (K,) in the mesh and their ``positions_w``
-    (K, 3) [m]; triangles (T, 3) as indices into ``vertices``; ``nearest``, the nearest vertex of the mesh, and
-    ``centre``, its index in ``vertices``."""
-
-    vertices: IntArray
-    positions_w: FloatArray
-    triangles: NDArray[np.int32]
-    nearest: int
-    centre: int
-
-
 def rectangle_samples(supports: Any) -> tuple[IntArray, IntArray]:
     """Rows and columns (n, K) of the samples of n rectangles of equal size, on their map."""
     high, wide = int(supports["rows"][0]), int(supports["columns"][0])
@@ -106,18 +93,6 @@ def grid_batches(
             stride=chosen["stride"].copy(), deviation=chosen["deviation"].copy(), vertices_w=vertices,
             centres_w=centres, linear_w=linear, angular_w=angular,
         )  # fmt: skip
-
-
-def mesh_batch(name: str, body: int, support: Any, patch: MeshPatch, config: PatchConfig) -> PatchBatch:
-    """The patch of one body with a ``support`` (1,) on a general mesh."""
-    centres = patch.positions_w[patch.centre][None]
-    linear, angular = twists_at(support, centres)
-    return PatchBatch(
-        tile=name, kind=config.mesh_kind, bodies=np.array([body]), triangles=patch.triangles, rows=np.array([0]),
-        columns=np.array([patch.nearest]), stride=np.array([1]), deviation=support["deviation"].copy(),
-        vertices_w=patch.positions_w[None], centres_w=centres, linear_w=linear, angular_w=angular,
-        vertices=patch.vertices,
-    )  # fmt: skip
 
 
 def twists_at(supports: Any, points_w: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -223,7 +223,9 @@ class ShapeTable:
     ``SHAPE``; ``vertices`` (V, 3) of hulls [m]. Vertices and parts that are equal are stored once, and kept."""
 
     def __init__(self) -> None:
-        self.table, self.parts, self.vertices = _records(0), _records(0), np.empty((0, 3))
+        self.table: Any = np.zeros(0, SHAPE)
+        self.parts: Any = np.zeros(0, SHAPE)
+        self.vertices: FloatArray = np.empty((0, 3))
         self._first_vertices: dict[bytes, int] = {}  # by content
         self._first_parts: dict[bytes, int] = {}
         self._core: Any = None
@@ -261,7 +263,3 @@ class ShapeTable:
                 self.parts = np.concatenate([self.parts, parts])
             record["first"] = self._first_parts[key]
         return record
-
-
-def _records(count: int) -> Any:
-    return np.zeros(count, SHAPE)

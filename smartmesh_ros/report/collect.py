@@ -14,10 +14,35 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.terrain.graph import Graph
 from smartmesh_ros.terrain.grid import IntArray
+from smartmesh_ros.terrain.mesh_shape import TriangleGraph
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
+
+class GridGraph:
+    """The graph of a grid: eight neighbours around each vertex, independent of the triangles (Figure 6).
+
+    Edges are computed, not stored: a map of 4096 x 4096 has 134 million. ``stride`` > 1 joins every stride-th vertex.
+    """
+
+    def __init__(self, rows: int, columns: int, stride: int = 1) -> None:
+        self.rows, self.columns, self.stride = rows, columns, stride
+
+    def neighbours(self, vertex: int) -> list[int]:
+        """Return the vertices around ``vertex``: eight inside, five at an edge, three in a corner."""
+        row, column = divmod(vertex, self.columns)
+        stride = self.stride
+        return [
+            r * self.columns + c
+            for r in (row - stride, row, row + stride)
+            if 0 <= r < self.rows
+            for c in (column - stride, column, column + stride)
+            if 0 <= c < self.columns and (r, c) != (row, column)
+        ]
+
+
+# Graphs, whose `neighbours` are in ascending order.
+Graph = GridGraph | TriangleGraph
 Collect = Callable[[Graph, int, int], list[int]]
 # Most patches to remember; those of 8 rings then have some four million vertices.
 MOST_CACHED = 16384

@@ -8,14 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from smartmesh_ros.core import CORE, as_bytes
-from smartmesh_ros.patches.batch import PatchBatch, samples_across
+from smartmesh_ros.patches.batch import PatchBatch, rectangle_samples, samples_across
 from smartmesh_ros.patches.config import MOST_GRID_RINGS, PatchConfig
 from smartmesh_ros.patches.shapes import ShapeTable
 from smartmesh_ros.patches.supports import with_rows
-from smartmesh_ros.report.collect import BFS
+from smartmesh_ros.report.collect import BFS, GridGraph
 from smartmesh_ros.report.search import Cells, nearest_cells
 from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.graph import GridGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples
 from smartmesh_ros.terrain.terrain import Terrain
@@ -122,13 +121,13 @@ class FixedPatches:
             margin = rings * stride
             rows = np.maximum(np.minimum(rows, geometry.rows - 1 - margin), margin)
             columns = np.maximum(np.minimum(columns, geometry.columns - 1 - margin), margin)
-        now, velocities = self._collect(heightmap, rings, rows, columns, stride, time, duration, config)
         size = 2 * rings + 1
         for name, values in (
             ("row", rows - rings * stride), ("column", columns - rings * stride), ("rows", size), ("columns", size),
             ("stride", stride),
         ):  # fmt: skip
             supports[name][chosen] = values
+        now, velocities = self._collect(heightmap, rings, supports[chosen], time, duration, config)
         whole = not config.rings and len(self._terrain.tiles) == 1 and not np.isnan(now).any()
         supports["deviation"][chosen] = np.where((stride == 1) & whole, 0.0, np.nan)
         CORE.find_feet(
@@ -137,21 +136,16 @@ class FixedPatches:
         )  # fmt: skip
 
     def _collect(
-        self, heightmap: HeightMap, rings: int, rows: IntArray, columns: IntArray, stride: IntArray, time: float,
-        ahead: float, config: PatchConfig,
-    ) -> Samples:  # fmt: skip
-        """Return the samples (n, K) of patches by the configured method."""
-        geometry = heightmap.geometry
+        self, heightmap: HeightMap, rings: int, supports: Any, time: float, ahead: float, config: PatchConfig
+    ) -> Samples:
+        """Return the samples (n, K) of the rectangles of ``supports`` (n,) by the configured method."""
+        rows, columns = rectangle_samples(supports)
         if config.collect == "cached" or len(self._terrain.tiles) > 1:
-            offsets = np.arange(-rings, rings + 1)
-            r, c = (axis.ravel() for axis in np.meshgrid(offsets, offsets, indexing="ij"))
-            r = rows[:, None] + r * stride[:, None]
-            c = columns[:, None] + c * stride[:, None]
-            return samples_across(self._terrain, heightmap, r, c, time, ahead)
-        collect = BFS[config.collect]
-        centres = (rows * geometry.columns + columns).tolist()
+            return samples_across(self._terrain, heightmap, rows, columns, time, ahead)
+        collect, geometry, middle = BFS[config.collect], heightmap.geometry, rows.shape[1] // 2
+        centres = rows[:, middle] * geometry.columns + columns[:, middle]
         indices = [
             collect(GridGraph(geometry.rows, geometry.columns, step), centre, rings)
-            for centre, step in zip(centres, stride.tolist(), strict=True)
+            for centre, step in zip(centres.tolist(), supports["stride"].tolist(), strict=True)
         ]
-        return heightmap.sample(np.array(indices, np.int64).reshape(len(centres), -1), time, ahead)
+        return heightmap.sample(np.array(indices, np.int64).reshape(rows.shape), time, ahead)

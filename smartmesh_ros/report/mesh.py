@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.core import CORE, as_bytes
-from smartmesh_ros.patches.batch import MeshPatch
+from smartmesh_ros.patches.batch import PatchBatch, twists_at
 from smartmesh_ros.patches.config import ANYWHERE, PatchConfig
 from smartmesh_ros.patches.shapes import ShapeTable
 from smartmesh_ros.patches.supports import Support
-from smartmesh_ros.report.collect import BFS, PatchTopology, cached_topology, topology_around
+from smartmesh_ros.report.collect import BFS, cached_topology, topology_around
 from smartmesh_ros.report.methods import require_search_on
-from smartmesh_ros.report.search import BruteForce, best_first_vertices, ray_cast, uniform_grid_vertices
+from smartmesh_ros.report.search import best_first_vertices, brute_force_vertex, ray_cast, uniform_grid_vertices
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
@@ -24,19 +24,19 @@ MOST_MESH_RINGS = 8
 
 
 class MeshPatches:
-    """Searches and collects the patches of bodies on one general mesh."""
+    """Searches and collects the patches of bodies on one general mesh, the tile ``name``."""
 
-    def __init__(self, mesh: TriangleMesh, stopwatch: Stopwatch) -> None:
+    def __init__(self, name: str, mesh: TriangleMesh, stopwatch: Stopwatch) -> None:
         self.mesh = mesh
+        self._name = name
         self._stopwatch = stopwatch
-        self._brute_force = BruteForce(mesh.size)
         self._cached = cached_topology(mesh)
         self._table: IntArray | None = None
 
     def select(
         self, chosen: IntArray, shapes: ShapeTable, bodies: FloatArray, reach: FloatArray, time: float,
-        duration: float, config: PatchConfig, supports: Any, before: dict[int, MeshPatch],
-    ) -> dict[int, MeshPatch]:  # fmt: skip
+        duration: float, config: PatchConfig, supports: Any, before: dict[int, PatchBatch],
+    ) -> dict[int, PatchBatch]:  # fmt: skip
         """Write the supports of the bodies in ``chosen`` (n,) and return their patches by body. Arguments as in
         `FixedPatches.select`."""
         if config.search not in ANYWHERE:
@@ -54,7 +54,7 @@ class MeshPatches:
         self,
         bodies: IntArray,
         positions_w: FloatArray,
-        before: dict[int, MeshPatch],
+        before: dict[int, PatchBatch],
         config: PatchConfig,
         supports: Any,
     ) -> IntArray:
@@ -71,26 +71,29 @@ class MeshPatches:
         if method == "ray_cast":
             found = self._hits(bodies, positions_w, before)
         for index in np.flatnonzero(found < 0).tolist():
-            found[index] = self._brute_force.nearest(mesh.coordinates, positions_w[index])
+            found[index] = brute_force_vertex(mesh.coordinates, positions_w[index])
         return found
 
-    def _hits(self, bodies: IntArray, positions_w: FloatArray, before: dict[int, MeshPatch]) -> IntArray:
+    def _hits(self, bodies: IntArray, positions_w: FloatArray, before: dict[int, PatchBatch]) -> IntArray:
         """Return the vertices that rays from the bodies hit on their last patches, -1 = missed or no patch."""
         found = np.full(len(bodies), -1)
         for index, body in enumerate(bodies.tolist()):
             patch = before.get(body)
-            if patch is not None:
-                hit = int(ray_cast(positions_w[index : index + 1], patch.positions_w[None], patch.triangles)[0])
+            if patch is not None and patch.vertices is not None:
+                hit = int(ray_cast(positions_w[index : index + 1], patch.vertices_w, patch.triangles)[0])
                 found[index] = patch.vertices[hit] if hit >= 0 else -1
         return found
 
     def _patch(
         self, body: int, vertex: int, reach: float, shapes: ShapeTable, bodies: FloatArray, time: float,
         duration: float, config: PatchConfig, supports: Any,
-    ) -> MeshPatch:  # fmt: skip
+    ) -> PatchBatch:  # fmt: skip
         mesh = self.mesh
         rings = config.rings or min(max(math.ceil(reach / mesh.edge_length + 0.5), 1), MOST_MESH_RINGS)
-        topology = self._topology(vertex, rings, config)
+        if config.collect == "cached":
+            topology = self._cached(vertex, rings)
+        else:
+            topology = topology_around(mesh, vertex, rings, BFS[config.collect])
         now = mesh.sample(topology.vertices, time, duration)
         support = supports[body]
         support.row, support.column, support.rows, support.columns, support.stride = 0, vertex, 0, 0, 1
@@ -100,16 +103,14 @@ class MeshPatches:
         linear, angular = mesh_twist(now.positions - foot, now.velocities, bodies[body, :3] - foot, mesh.edge_length)
         support.slide_x, support.slide_y, support.rise = linear
         support.turn_x, support.turn_y, support.turn_z = angular
-        centre = int(np.searchsorted(topology.vertices, vertex))
-        return MeshPatch(
-            vertices=topology.vertices, positions_w=now.positions, triangles=topology.triangles, nearest=vertex,
-            centre=centre,
+        centres = now.positions[np.searchsorted(topology.vertices, [vertex])]
+        linear_w, angular_w = twists_at(supports[body : body + 1], centres)
+        return PatchBatch(
+            tile=self._name, kind=config.mesh_kind, bodies=np.array([body]), triangles=topology.triangles,
+            rows=np.array([0]), columns=np.array([vertex]), stride=np.array([1]), deviation=np.zeros(1),
+            vertices_w=now.positions[None], centres_w=centres, linear_w=linear_w, angular_w=angular_w,
+            vertices=topology.vertices,
         )  # fmt: skip
-
-    def _topology(self, vertex: int, rings: int, config: PatchConfig) -> PatchTopology:
-        if config.collect == "cached":
-            return self._cached(vertex, rings)
-        return topology_around(self.mesh, vertex, rings, BFS[config.collect])
 
 
 def mesh_twist(

@@ -51,7 +51,7 @@ def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray) -> Cells:
     nearest = grid_rc - 0.5
     np.ceil(nearest, out=nearest)
     cells = nearest.T.astype(np.int64, order="C")
-    np.minimum(cells, geometry.last_inside, out=cells)
+    np.minimum(cells, [[geometry.rows - 2], [geometry.columns - 2]], out=cells)
     np.maximum(cells, 1, out=cells)
     return Cells(cells[0], cells[1])
 
@@ -106,29 +106,10 @@ def best_first_cells(geometry: GridGeometry, grid_rc: FloatArray, starts: Cells)
     return Cells(rows, columns)
 
 
-class BruteForce:
-    """Search for the vertex of a general mesh nearest in 3D, without assumptions about the mesh.
-
-    Reuses buffers for one mesh size, so that a search allocates nothing.
-    """
-
-    def __init__(self, count: int) -> None:
-        self._distance = np.empty(count)
-        self._part = np.empty(count)
-
-    def nearest(self, coordinates: FloatArray, position_w: FloatArray) -> int:
-        """Return the index of the vertex of ``coordinates`` (3, V) [m] nearest to a position (3,) [m].
-
-        Ties go to the lower index.
-        """
-        distance, part = self._distance, self._part
-        np.subtract(coordinates[0], position_w[0], out=distance)
-        np.multiply(distance, distance, out=distance)
-        for axis in (1, 2):
-            np.subtract(coordinates[axis], position_w[axis], out=part)
-            np.multiply(part, part, out=part)
-            np.add(distance, part, out=distance)
-        return int(distance.argmin())
+def brute_force_vertex(coordinates: FloatArray, position_w: FloatArray) -> int:
+    """Return the vertex of ``coordinates`` (3, V) [m] nearest in 3D to a position (3,) [m], without assumptions about
+    the mesh."""
+    return int(((coordinates - position_w[:, None]) ** 2).sum(axis=0).argmin())
 
 
 def brute_force_cells(geometry: GridGeometry, grid_rc: FloatArray) -> Cells:

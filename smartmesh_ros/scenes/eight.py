@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from smartmesh_ros.scenes.elevation import jacksboro_fault
+from smartmesh_ros.scenes.moving import jacksboro_fault
 from smartmesh_ros.terrain.heightmap import HeightMap
 
 # Wheel joints of the robot, and the side of each: -1 left, 1 right.

@@ -1,11 +1,11 @@
-"""Simulated moving terrain: heights as functions of time."""
+"""Simulated moving terrain: heights as functions of time; and a real elevation model."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -164,3 +164,20 @@ class WaveOnRelief(Scene):
 
     def heights(self, time: float) -> FloatGrid:
         return self.relief + self._waves.heights(time)
+
+
+def jacksboro_fault(relief: float | None = None) -> NDArray[np.float32]:
+    """Return the Jacksboro fault, from Matplotlib's sample data: elevations (344, 403) [m], rows northwards along +y,
+    as measured or scaled to 0 .. ``relief`` [m].
+
+    Raises `ModuleNotFoundError` if Matplotlib is not installed.
+    """
+    from matplotlib.cbook import get_sample_data
+
+    data: Any = get_sample_data("jacksboro_fault_dem.npz")
+    with data:
+        elevation = np.asarray(data["elevation"], np.float32)[::-1]  # the file's rows run southwards
+    if relief is not None:
+        low, high = float(elevation.min()), float(elevation.max())
+        elevation = (elevation - low) * np.float32(relief / (high - low))
+    return np.ascontiguousarray(elevation, np.float32)

@@ -34,16 +34,10 @@ def require_pressing(shape: BodyShape) -> None:
         raise InputError("shape", f"the dimensions of a {shape.kind.name.lower()} must be above zero and finite [m]")
 
 
-class PressingBody(NamedTuple):
-    """A body that presses the soil: its ``shape``, and its ``state`` (13,), position [m] and quaternion of its centre
-    of mass, linear [m/s] and angular velocity [rad/s], all in the terrain's frame."""
-
-    shape: BodyShape
-    state: tuple[float, ...]
-
-
 class ManyBodies(NamedTuple):
-    """Bodies that press the soil: the ``shapes`` (n,), None = there is no such body, and ``states`` (n, 13)."""
+    """Bodies that press the soil: the ``shapes`` (n,), None = there is no such body; and ``states`` (n, 13), position
+    [m] and quaternion of the centre of mass, linear [m/s] and angular velocity [rad/s], all in the terrain's frame,
+    zero where there is no body."""
 
     shapes: list[BodyShape | None]
     states: FloatArray
@@ -52,20 +46,21 @@ class ManyBodies(NamedTuple):
 class PressingBodies(Protocol):
     """Where `Soil` gets bodies from."""
 
-    def read(self, name: str) -> PressingBody | None:
-        """Return a body, None if there is no such body."""
-
-    # A source may also have ``read_all(names)``, which returns `ManyBodies` as `all_of` does, but faster.
+    def read(self, names: list[str]) -> ManyBodies:
+        """Return bodies by name."""
 
     def set_grip(self, name: str, grip: float) -> None:
         """Set the friction coefficient of a body with the soil, if that is possible."""
 
 
-def all_of(bodies: PressingBodies, names: list[str]) -> ManyBodies:
-    """Return several bodies; states of those that are not there are zero."""
-    found = [bodies.read(name) for name in names]
-    states = np.array([(0.0,) * 13 if body is None else body.state for body in found]).reshape(-1, 13)
-    return ManyBodies([None if body is None else body.shape for body in found], states)
+# A body, None = there is no such body, and its state (13,).
+_Body = tuple[BodyShape | None, tuple[float, ...]]
+_NOBODY: _Body = None, (0.0,) * 13
+
+
+def _many(bodies: list[_Body]) -> ManyBodies:
+    states = np.array([state for _, state in bodies], np.float64).reshape(-1, 13)
+    return ManyBodies([shape for shape, _ in bodies], states)
 
 
 class BulletBodies:
@@ -95,10 +90,22 @@ class BulletBodies:
         self._known[name] = body, link, known
         self._slots.pop(name, None)
 
-    def read(self, name: str) -> PressingBody | None:
-        """Return a body, None if there is no such body."""
+    def read(self, names: list[str]) -> ManyBodies:
+        """Return bodies by name. The world reads its own at once, without a call of PyBullet for each."""
+        if self._world is None:
+            return _many([self._read(name) for name in names])
+        if self._epoch != self._world.followers.epoch:
+            self._epoch, self._slots = self._world.followers.epoch, {}
+        known = self._slots
+        slots = [known[name] if name in known else self._find_slot(name) for name in names]
+        states = None if -1 in slots or not slots else self._world.ground.contacts.states_of(np.array(slots))
+        if states is None or np.isnan(states).any():
+            return _many([self._read(name) for name in names])
+        return ManyBodies([self._known[name][2] for name in names], states)
+
+    def _read(self, name: str) -> _Body:
         if name not in self._known and not self._find(name):
-            return None
+            return _NOBODY
         body, link, shape = self._known[name]
         try:
             if link < 0:
@@ -108,21 +115,8 @@ class BulletBodies:
                 pose, velocity = found[:2], found[6:8]
         except Exception:  # noqa: BLE001  # PyBullet's error, whose class this room does not import
             del self._known[name]
-            return None
-        return PressingBody(shape, pose[0] + pose[1] + velocity[0] + velocity[1])
-
-    def read_all(self, names: list[str]) -> ManyBodies:
-        """Return bodies as `read` does. The world reads its own at once, without a call of PyBullet for each."""
-        if self._world is None:
-            return all_of(self, names)
-        if self._epoch != self._world.followers.epoch:
-            self._epoch, self._slots = self._world.followers.epoch, {}
-        known = self._slots
-        slots = [known[name] if name in known else self._find_slot(name) for name in names]
-        states = None if -1 in slots or not slots else self._world.ground.contacts.states_of(np.array(slots))
-        if states is None or np.isnan(states).any():
-            return all_of(self, names)
-        return ManyBodies([self._known[name][2] for name in names], states)
+            return _NOBODY
+        return shape, pose[0] + pose[1] + velocity[0] + velocity[1]
 
     def _find_slot(self, name: str) -> int:
         """Return the row of a body in the world's tables, -1 if it has none or is a link, and note it."""
@@ -194,7 +188,7 @@ class GivenBodies:
     """Bodies whose states are set by hand, such as those of messages and of studies."""
 
     def __init__(self) -> None:
-        self._bodies: dict[str, PressingBody] = {}
+        self._bodies: dict[str, _Body] = {}
         self.grips: dict[str, float] = {}
 
     def put(self, name: str, shape: BodyShape, state: Iterable[float]) -> None:
@@ -207,16 +201,16 @@ class GivenBodies:
             raise InputError(
                 "state", f"the state of {name!r} is {numbers}; it must be 13 finite numbers, unit quaternion"
             )
-        self._bodies[name] = PressingBody(shape, numbers)
+        self._bodies[name] = shape, numbers
 
     def keep(self, names: Iterable[str]) -> None:
         """Forget all bodies but ``names``."""
         kept = set(names)
         self._bodies = {name: body for name, body in self._bodies.items() if name in kept}
 
-    def read(self, name: str) -> PressingBody | None:
-        """Return a body, None if there is no such body."""
-        return self._bodies.get(name)
+    def read(self, names: list[str]) -> ManyBodies:
+        """Return bodies by name."""
+        return _many([self._bodies.get(name, _NOBODY) for name in names])
 
     def set_grip(self, name: str, grip: float) -> None:
         """Note the friction coefficient of a body."""

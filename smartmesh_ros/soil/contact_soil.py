@@ -13,11 +13,10 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.soil.config import SoilType
 from smartmesh_ros.soil.layer import Region, soil_table
 from smartmesh_ros.soil.soils import kinds_from, map_from, soils_from
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.prints import NOTHING, corners
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
-# Rows and columns of no samples.
-NOTHING = np.empty((0, 2), np.int64)
 # Fewest samples of a soil along a cell of its map that are too many.
 MOST_ACROSS = 1000
 # Most samples of a soil, whose table of blocks then takes half a gigabyte.
@@ -73,8 +72,7 @@ class ContactSoil:
         self._kinds = kinds_from(kinds, shape, len(self.soils))
         self.core: Any = CORE.StepSoil(self.map.core_reader, self._kinds, soil_table(self.soils), spacing)
         self.core.sinks_by_slip = slip_sinkage
-        # Corners (2, 2) of what `show` wrote, ever and since the last `changes`.
-        self._pressed = self._changed = NOTHING
+        self._changed = NOTHING  # corners (2, 2) of what `show` wrote since the last `changes`
 
     def set_kinds(self, kinds: ArrayLike) -> None:
         """Change which soil each sample is, as ``kinds`` at the start; sinkages stay. Raises `InputError`."""
@@ -87,13 +85,14 @@ class ContactSoil:
         places, heights = self.core.take_pressed()
         if len(places):
             self.map.press(places, heights)
-            self._pressed, self._changed = _corners(places, self._pressed), _corners(places, self._changed)
+            self._changed = corners(places, self._changed)
         return len(places)
 
     def changes(self, time: float, *, everything: bool = False) -> Region | None:
         """Return the rectangle of the map that `show` changed since the last call, or, of ``everything``, that bodies
         ever pressed; None if there is none, or while the ground there moves at ``time`` [s]."""
-        pressed = self._pressed if everything else self._changed
+        prints = self.map.prints
+        pressed = prints.corners if everything and prints else self._changed
         if not len(pressed):
             return None
         (row, column), (last_row, last_column) = pressed.tolist()
@@ -114,9 +113,3 @@ class ContactSoil:
     def reset(self) -> None:
         """Take the ground as it is now in the map for soil that nobody has touched."""
         self.core.reset()
-
-
-def _corners(places: IntArray, others: IntArray) -> IntArray:
-    """Return the first and the last row and column of all places (n, 2), as (2, 2)."""
-    both = np.vstack((places, others))
-    return np.stack((both.min(axis=0), both.max(axis=0)))

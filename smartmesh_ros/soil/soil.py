@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from itertools import chain
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.shapes import SHAPE, BodyShape
-from smartmesh_ros.soil.bodies import PressingBodies, all_of
+from smartmesh_ros.soil.bodies import PressingBodies
 from smartmesh_ros.soil.config import SoilConfig, SoilType
-from smartmesh_ros.soil.layer import Floats, Region, SoilLayer, untouched_layer
+from smartmesh_ros.soil.layer import LAYER_SAMPLE, Floats, Region, soil_table
 from smartmesh_ros.soil.soils import kinds_from, map_from, soils_from
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -49,24 +49,9 @@ def with_room(feet: Any, count: int) -> Any:
     return np.concatenate((feet, more))
 
 
-class Contact(Protocol):
-    """A contact of a body with the ground, such as `World.contacts` returns."""
-
-    @property
-    def body(self) -> str:
-        """Name of the body or link."""
-
-    @property
-    def position(self) -> Sequence[float]:
-        """Place of the contact in the terrain's frame [m] (3,)."""
-
-    @property
-    def normal(self) -> Sequence[float]:
-        """Unit normal, from the ground into the body (3,)."""
-
-    @property
-    def normal_force(self) -> float:
-        """Force along the normal [N]; NaN = unknown."""
+# A contact of a body with the ground, such as `World.contacts` returns: with the name of the ``body``, its ``position``
+# [m] (3,), ``normal`` (3,), unit and into the body, and ``normal_force`` [N], NaN = unknown.
+Contact = Any
 
 
 class Load(NamedTuple):
@@ -76,15 +61,6 @@ class Load(NamedTuple):
     force: float
     x: float = math.nan
     y: float = math.nan
-
-
-class Changes(NamedTuple):
-    """Changed ``rectangles`` (n, 4) of the map: first row and column, last row and column. ``heights`` [m] without the
-    map's z, and ``velocities`` [m/s] (N,): of one rectangle after the other, each row by row."""
-
-    rectangles: IntArray
-    heights: Floats
-    velocities: Floats
 
 
 class FootResult(NamedTuple):
@@ -144,14 +120,16 @@ class Soil:
         self.soils = soils_from(soil)
         self.map = map_from(terrain, tile)
         shape = (self.map.geometry.rows, self.map.geometry.columns)
-        self.layer: SoilLayer = untouched_layer(shape, self.soils, kinds_from(kinds, shape, len(self.soils)))
+        self._kinds = kinds_from(kinds, shape, len(self.soils))
+        samples = np.zeros(shape, LAYER_SAMPLE)  # memory is allocated when it is written
+        self.layer = samples.view(np.recarray)
+        self._core = CORE.Soil(as_bytes(samples), self._kinds, soil_table(self.soils))
         self._names: list[str] = []
         self._feet: Any = np.zeros(0, FOOT)
         self._shapes: list[BodyShape | None] = []  # of the feet
         self.number = 0  # of the last update
         self._contacts: list[Contact] = []  # since the last update, of a number of steps
         self._steps = 0
-        self._core = CORE.Soil(as_bytes(self.layer.samples), self.layer.kinds, self.layer.soils)
 
     def note(self, contacts: Iterable[Contact]) -> None:
         """Add the contacts of a step. The next `apply` takes the mean over all steps since the one before, because
@@ -175,15 +153,15 @@ class Soil:
         self.note(contacts)
         loads = loads_of(self._contacts, self._steps)
         self._contacts, self._steps = [], 0
-        changes = self._press(loads, dt, now)
-        if len(changes.rectangles):
-            self.map.take_rectangles(*changes, now)
+        rectangles, heights, speeds = self._press(loads, dt, now)
+        if len(rectangles):
+            self.map.take_rectangles(rectangles, heights, speeds, now)
         if self.config.grip:
             carried, grips = self._feet["carried"].tolist(), self._feet["grip"].tolist()
             for name, force, grip in zip(self._names, carried, grips, strict=True):
                 if force > 0.0:
                     self.bodies.set_grip(name, grip)
-        return len(changes.rectangles)
+        return len(rectangles)
 
     def press(self, loads: dict[str, Load], dt: float, time: float) -> list[Region]:
         """Press the soil by the ``loads`` of bodies; return the changes of the map, which the caller must
@@ -197,16 +175,19 @@ class Soil:
             start = end
         return found
 
-    def _press(self, loads: dict[str, Load], dt: float, time: float) -> Changes:
+    def _press(self, loads: dict[str, Load], dt: float, time: float) -> tuple[IntArray, Floats, Floats]:
+        """Press the soil; return changed rectangles, heights and velocities as `HeightMap.take_rectangles` takes
+        them."""
         self._read_bodies(loads)
         self.number += 1
-        return Changes(
-            *self._core.update(self.map.core_reader, as_bytes(self._feet), time, dt, self.number, self.config)
+        changes: tuple[IntArray, Floats, Floats] = self._core.update(
+            self.map.core_reader, as_bytes(self._feet), time, dt, self.number, self.config
         )
+        return changes
 
     def set_kinds(self, kinds: ArrayLike) -> None:
         """Change which soil each sample is, as ``kinds`` at the start; sinkages stay. Raises `InputError`."""
-        self.layer.kinds[...] = kinds_from(kinds, self.layer.kinds.shape, len(self.soils))
+        self._kinds[...] = kinds_from(kinds, self._kinds.shape, len(self.soils))
 
     def results(self) -> dict[str, FootResult]:
         """Return what the soil did to each body in the last update."""
@@ -224,7 +205,7 @@ class Soil:
 
     def reset(self) -> None:
         """Take the ground as it is now for soil that nobody has touched."""
-        self.layer.samples[...] = 0
+        self.layer[...] = 0
         self._names, self._shapes, self._feet, self._contacts, self._steps = [], [], self._feet[:0], [], 0
 
     def _read_bodies(self, loads: dict[str, Load]) -> None:
@@ -232,8 +213,7 @@ class Soil:
         busy = ((self._feet["load"] > 0.0) | (self._feet["seen"][:, 2] >= 0)).tolist()
         kept = [row for row, name in enumerate(self._names) if busy[row] or name in loads]
         names = list(dict.fromkeys([*(self._names[row] for row in kept), *loads]))
-        read_all = getattr(self.bodies, "read_all", None)
-        shapes, states = all_of(self.bodies, names) if read_all is None else read_all(names)
+        shapes, states = self.bodies.read(names)
         gone = [row for row, shape in enumerate(shapes) if shape is None]
         for row in gone:
             if names[row] in loads:

@@ -76,19 +76,6 @@ def fuse(
     CORE.fuse(known.heights, known.variances, first, seen, noises, config.growth * elapsed, min(config.gate, 1e18) ** 2)
 
 
-def fused_across(before: FusedMap, measured: FusedMap, cells: tuple[int, int], elapsed: float) -> FusedMap:
-    """Return the fused state of a ``measured`` map and the state ``before`` it, of the same size.
-
-    The measured map lies ``cells`` (rows, columns) further on and is ``elapsed`` [s] newer.
-    """
-    known = nothing_known(*measured.heights.shape)
-    (to_r, from_r), (to_c, from_c) = (overlap(by, size) for by, size in zip(cells, before.heights.shape, strict=True))
-    known.heights[to_r, to_c] = before.heights[from_r, from_c]
-    known.variances[to_r, to_c] = before.variances[from_r, from_c]
-    fuse(known, measured.heights, measured.variances, elapsed, FusionConfig())
-    return known
-
-
 class Corrections:
     """The corrections of one map of a ``shape`` (rows, columns).
 
@@ -147,8 +134,13 @@ class Corrections:
     def fuse_across(self, before: Corrections, cells: tuple[int, int], elapsed: float) -> None:
         """Fuse with the estimate of the map ``before``, which lies ``cells`` (rows, columns) back and is ``elapsed``
         [s] older."""
-        if self.fused is not None and before.fused is not None:
-            self.fused = fused_across(before.fused, self.fused, cells, elapsed)
+        if self.fused is None or before.fused is None:
+            return
+        known, measured = nothing_known(*self.offsets.shape), self.fused
+        new, old = overlap(cells, self.offsets.shape)
+        known.heights[new], known.variances[new] = before.fused.heights[old], before.fused.variances[old]
+        fuse(known, measured.heights, measured.variances, elapsed, FusionConfig())
+        self.fused = known
 
     def deviations_at(self, cells: IntArray) -> FloatArray:
         """Return the standard deviation of the estimate at samples (N, 2); zero outside the map, where nothing was

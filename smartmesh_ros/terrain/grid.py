@@ -72,11 +72,6 @@ class GridGeometry:
         return np.array([self.rows - 1.0, self.columns - 1.0])
 
     @cached_property
-    def last_inside(self) -> IntArray:
-        """Row and column of the last sample that is not on the rim (2, 1)."""
-        return np.array([[self.rows - 2], [self.columns - 2]])
-
-    @cached_property
     def _corner(self) -> FloatArray:
         return np.array([self.origin[1], self.origin[0]])
 
@@ -102,11 +97,13 @@ class GridGeometry:
         return np.stack([x, y], axis=-1)
 
 
-def overlap(moved: int, size: int) -> tuple[slice, slice]:
-    """Return the samples that an axis of ``size`` shares with itself after it ``moved`` by a number of samples.
-
-    The first slice indexes the moved axis, the second one the old axis.
-    """
-    shared = max(size - abs(moved), 0)
-    new, old = (0, size - shared) if moved > 0 else (size - shared, 0)
-    return slice(new, new + shared), slice(old, old + shared)
+def overlap(moved: tuple[int, int], shape: tuple[int, ...]) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+    """Return the samples that a grid of a ``shape`` shares with itself after it ``moved`` by (rows, columns): as slices
+    of the moved grid, and of the old one."""
+    new, old = [], []
+    for by, size in zip(moved, shape, strict=True):
+        shared = max(size - abs(by), 0)
+        first, before = (0, size - shared) if by > 0 else (size - shared, 0)
+        new.append(slice(first, first + shared))
+        old.append(slice(before, before + shared))
+    return tuple(new), tuple(old)

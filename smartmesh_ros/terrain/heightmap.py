@@ -117,9 +117,9 @@ class HeightMap(MovingHeights):
         """Write the ``heights`` (n,) [m] to which bodies pressed the samples at ``places`` (n, 2), rows and columns.
         Unlike an update they say nothing about how the ground moves, and they stay while others send the heights again
         that were there before."""
-        if self._prints is None:
-            self._prints = Prints(self._heights)
-        self._prints.press(places, heights)
+        if self.prints is None:
+            self.prints = Prints(self._heights)
+        self.prints.press(places, heights)
         self._clocks["updates"][tuple(places.T // BLOCK)] += 1
         self.version += len(places)
         self.revision = next_revision()

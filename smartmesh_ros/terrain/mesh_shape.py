@@ -1,10 +1,12 @@
-"""Properties of a general mesh that the searches rely on, checked when it arrives or its vertices move sideways."""
+"""Properties of a general mesh that the searches rely on, checked when it arrives or its vertices move sideways; and
+its undirected graph, which defines neighbouring vertices (the report's Chapter 3)."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
@@ -30,6 +32,35 @@ class UniformGrid(NamedTuple):
     per_column: FloatArray
 
 
+class TriangleGraph:
+    """Vertices that share a triangle are neighbours (Figures 4 and 9), as two compact arrays.
+
+    The neighbours of vertex v are ``targets[offsets[v] : offsets[v + 1]]``.
+    """
+
+    def __init__(self, triangles: NDArray[np.integer], count: int) -> None:
+        corners = np.asarray(triangles, np.int64)
+        edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+        keys = np.unique(np.concatenate([edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0]]))
+        self.targets: IntArray = keys % count
+        self.offsets: IntArray = np.searchsorted(keys // count, np.arange(count + 1))
+        # Reading one number from a memoryview is several times faster than from an array.
+        self._targets = memoryview(self.targets)  # type: ignore[arg-type]  # NumPy arrays are buffers
+        self._offsets = memoryview(self.offsets)  # type: ignore[arg-type]
+
+    def neighbours(self, vertex: int) -> list[int]:
+        """Return the vertices that share a triangle with ``vertex``."""
+        return self._targets[self._offsets[vertex] : self._offsets[vertex + 1]].tolist()
+
+    def padded(self) -> IntArray:
+        """Return the neighbours as one row per vertex (V, largest number of neighbours), padded with the vertex."""
+        counts = np.diff(self.offsets)
+        table = np.repeat(np.arange(len(counts))[:, None], int(counts.max(initial=0)), axis=1)
+        column = np.arange(len(self.targets)) - np.repeat(self.offsets[:-1], counts)
+        table[np.repeat(np.arange(len(counts)), counts), column] = self.targets
+        return table
+
+
 def shape_of(coordinates: FloatArray, triangles: IntArray) -> MeshShape:
     """Return the shape, seen from above, of a mesh with ``coordinates`` (3, V) [m] and ``triangles`` (T, 3).
 
@@ -38,8 +69,8 @@ def shape_of(coordinates: FloatArray, triangles: IntArray) -> MeshShape:
     condition, x and y ascending along rows and columns, is not enough: on a sheared grid the search gets stuck.
     """
     xy = coordinates[:2]
-    area = _doubled_areas(xy, triangles)
-    if not (area > 0.0).all():
+    a, b, c = (xy[:, triangles[:, corner]] for corner in range(3))
+    if not ((b[0] - a[0]) * (c[1] - a[1]) > (b[1] - a[1]) * (c[0] - a[0])).all():
         return MeshShape("the mesh overlaps itself seen from above, or a triangle is upright or turned over", None)
     edges = _edges(triangles, coordinates.shape[1])
     if edges is None:
@@ -64,11 +95,6 @@ def count_parts(triangles: IntArray, count: int) -> int:
         part = part[part]
         if (part == before).all():
             return len(np.unique(part[triangles]))
-
-
-def _doubled_areas(xy: FloatArray, triangles: IntArray) -> FloatArray:
-    a, b, c = (xy[:, triangles[:, corner]] for corner in range(3))
-    return np.asarray((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
 def _edges(triangles: IntArray, count: int) -> tuple[IntArray, IntArray, IntArray] | None:

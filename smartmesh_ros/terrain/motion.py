@@ -12,6 +12,7 @@ The caller that steps the physics sets the instant, so that the ground and the b
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
@@ -19,6 +20,7 @@ from itertools import count
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
 
@@ -138,3 +140,48 @@ _numbers = count(1)
 def next_revision() -> int:
     """Return a number higher than all revisions before."""
     return next(_numbers)
+
+
+class MovingGround(ABC):
+    """What height maps and meshes have in common: their motion between updates, and the clocks of these.
+
+    ``version``: number of updates. ``revision``: changes with every update.
+    """
+
+    version: int
+    revision: int
+    _motion: MotionConfig
+    _clocks: NDArray[np.void]  # records of ``CLOCK``
+
+    @abstractmethod
+    def _tell_core(self) -> None:
+        """Tell the core what has changed beside the arrays."""
+
+    @property
+    def motion(self) -> MotionConfig:
+        """Motion of the ground between updates."""
+        return self._motion
+
+    @motion.setter
+    def motion(self, motion: MotionConfig) -> None:
+        self._motion = motion
+        self._tell_core()
+
+    @property
+    def time(self) -> float:
+        """Time of the newest update [s]."""
+        return float(self._clocks["time"].max())
+
+    @property
+    def delay(self) -> float:
+        """Expected age of an update on arrival [s]; extrapolation continues until the update is due."""
+        return float(self._clocks["delay"].flat[0])
+
+    @delay.setter
+    def delay(self, delay: float) -> None:
+        self._clocks["delay"] = delay
+
+    def shift_time(self, by: float) -> None:
+        """Add ``by`` [s] to all update times, after their clock was reset or lost time."""
+        for name in CLOCK_TIMES:
+            self._clocks[name] += by

@@ -21,13 +21,13 @@ from smartmesh_ros.terrain.checked_heights import (
 from smartmesh_ros.terrain.corrections import Corrections, untouched_zeros
 from smartmesh_ros.terrain.grid import GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import at_rest, follow
-from smartmesh_ros.terrain.motion import BLOCK, CLOCK, CLOCK_TIMES, KEPT, MotionConfig, next_revision
+from smartmesh_ros.terrain.motion import BLOCK, CLOCK, KEPT, MotionConfig, MovingGround, next_revision
 from smartmesh_ros.terrain.prints import Prints
 
 _NO_VELOCITIES = np.empty(0, np.float32)
 
 
-class MovingHeights:
+class MovingHeights(MovingGround):
     """What a `HeightMap` stores: heights, their last velocities and update times, corrections, friction, and the motion
     of the grid. All change in place; the core reads the same arrays."""
 
@@ -58,7 +58,7 @@ class MovingHeights:
         new, speeds = checked(heights, velocities, shape, "the map")
         self._heights = np.array(new, order="C")
         self._velocities = untouched_zeros((KEPT, *shape))
-        self._prints: Prints | None = None
+        self.prints: Prints | None = None  # made by the first `press` of a `HeightMap`
         self._clocks = np.zeros((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), CLOCK)
         self._clocks["time"] = -np.inf
         self.corrections = Corrections(shape)
@@ -98,16 +98,6 @@ class MovingHeights:
         self._tell_friction()
 
     @property
-    def motion(self) -> MotionConfig:
-        """Motion of the ground between maps."""
-        return self._motion
-
-    @motion.setter
-    def motion(self, motion: MotionConfig) -> None:
-        self._motion = motion
-        self._tell_core()
-
-    @property
     def arrays(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.void], NDArray[np.float32]]:
         """The arrays that change in place: heights (rows, columns) [m], NaN = hole;
         velocities (KEPT, rows, columns) [m/s], a ring buffer whose newest index is in the clock of each block; clocks,
@@ -115,23 +105,9 @@ class MovingHeights:
         return self._heights, self._velocities, self._clocks, self.corrections.offsets
 
     @property
-    def delay(self) -> float:
-        """Expected age of an update on arrival [s]; extrapolation continues until the update is due."""
-        return float(self._clocks["delay"][0, 0])
-
-    @delay.setter
-    def delay(self, delay: float) -> None:
-        self._clocks["delay"] = delay
-
-    @property
     def noise(self) -> float:
         """Standard deviation of the heights [m] for the estimation of velocities; 0 = exact heights."""
         return self.motion.noise if self._deviation is None else self._deviation
-
-    @property
-    def time(self) -> float:
-        """Time of the newest sample [s]."""
-        return float(self._clocks["time"].max())
 
     def show(self, time: float) -> None:
         """Blend corrections in up to ``time`` [s]; earlier times than before have no effect."""
@@ -214,8 +190,7 @@ class MovingHeights:
 
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to all update times, after their clock was reset or lost time."""
-        for name in CLOCK_TIMES:
-            self._clocks[name] += by
+        super().shift_time(by)
         self.track = self.track.shifted(by)
         self.corrections.shift_time(by)
         self._tell_core()
@@ -261,7 +236,7 @@ class MovingHeights:
 
     def _write(self, places: IntArray, new: NDArray[np.float32], speeds: NDArray[np.float32], time: float) -> None:
         """Write heights and velocities of rectangles (n, 4), as in `take_rectangles`."""
-        with self._prints.lifted() if self._prints else nullcontext():
+        with self.prints.lifted() if self.prints else nullcontext():
             CORE.take_rectangles(
                 self._heights, self._velocities, as_bytes(self._clocks), places, new.reshape(-1), speeds.reshape(-1),
                 time, (self.motion.min_interval, self.motion.max_interval),

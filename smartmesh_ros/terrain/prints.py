@@ -11,16 +11,23 @@ from numpy.typing import NDArray
 from smartmesh_ros.terrain.grid import IntArray
 
 Heights = NDArray[np.float32]
+# Rows and columns of no samples.
+NOTHING = np.empty((0, 2), np.int64)
+
+
+def corners(places: IntArray, others: IntArray) -> IntArray:
+    """Return the first and the last row and column of all places (n, 2), as (2, 2)."""
+    both = np.vstack((places, others))
+    return np.stack((both.min(axis=0), both.max(axis=0)))
 
 
 class Prints:
-    """The prints in the heights of a map (rows, columns) [m]. ``given``: what its sender sent for their samples, NaN
-    elsewhere."""
+    """The prints in the heights of a map (rows, columns) [m]. ``corners`` (2, 2): of all prints so far."""
 
     def __init__(self, heights: Heights) -> None:
         self._heights = heights
-        self._given = np.full_like(heights, np.nan)
-        self._first, self._end = np.array(heights.shape), np.zeros(2, np.int64)
+        self._given = np.full_like(heights, np.nan)  # what its sender sent for pressed samples
+        self.corners = NOTHING
 
     def press(self, places: IntArray, heights: Heights) -> None:
         """Write ``heights`` (n,) of the samples at ``places`` (n, 2), rows and columns."""
@@ -28,14 +35,13 @@ class Prints:
         given = self._given[at]
         self._given[at] = np.where(np.isnan(given), self._heights[at], given)
         self._heights[at] = heights
-        self._first = np.minimum(self._first, places.min(axis=0))
-        self._end = np.maximum(self._end, places.max(axis=0) + 1)
+        self.corners = corners(places, self.corners)
 
     @contextmanager
     def lifted(self) -> Iterator[None]:
         """Take the prints out of the map for an update. Afterwards they are where its sender sent the same heights
         again, and are forgotten elsewhere."""
-        box = tuple(slice(first, end) for first, end in zip(self._first, self._end, strict=True))
+        box = tuple(slice(first, last + 1) for first, last in self.corners.T.tolist())
         heights, given = self._heights[box], self._given[box]
         pressed = ~np.isnan(given)
         prints, before = heights[pressed], given[pressed]

@@ -24,15 +24,13 @@ def velocities_across(
     _, moved = follow(before.track, after, time, motion.max_interval, motion.max_velocity)
     if moved is None or not 0.0 < interval <= motion.max_interval:
         return None
-    (new_rows, old_rows), (new_columns, old_columns) = (
-        overlap(cells, size) for cells, size in zip(moved, heights.shape, strict=True)
-    )
+    new, old = overlap(moved, heights.shape)
     velocities = np.full(heights.shape, np.nan, np.float32)
-    rise = heights[new_rows, new_columns] - before.heights[old_rows, old_columns]
+    rise = heights[new] - before.heights[old]
     rise += np.float32(after.origin[2] - before.geometry.origin[2])
     if moved == (0, 0) and not rise.any():
         return None
-    velocities[new_rows, new_columns] = rise / np.float32(interval)
+    velocities[new] = rise / np.float32(interval)
     return velocities
 
 
@@ -46,11 +44,6 @@ def follow_across(before: HeightMap, after: HeightMap) -> None:
             if velocities is not None:
                 after.set_velocities(velocities)
     after.follow(before, after.time)
-
-
-def correct_across(before: HeightMap, after: HeightMap) -> None:
-    """Treat a map as a correction of the map before it, where both have ground; their grids may differ."""
-    after.correct_from(before, cells_moved(before.geometry, after.geometry))
 
 
 def carry_friction(before: HeightMap, after: HeightMap) -> None:
@@ -72,11 +65,9 @@ def carry_friction(before: HeightMap, after: HeightMap) -> None:
         _, moved = follow(before.track, after.geometry, after.time, motion.max_interval, motion.max_velocity)
     if moved is None:
         return
-    (new_rows, old_rows), (new_columns, old_columns) = (
-        overlap(cells, size) for cells, size in zip(moved, known.shape, strict=True)
-    )
+    new, old = overlap(moved, known.shape)
     friction = np.full(known.shape, np.nan, np.float32)
-    friction[new_rows, new_columns] = known[old_rows, old_columns]
+    friction[new] = known[old]
     after.friction = friction
 
 

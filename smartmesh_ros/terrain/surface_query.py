@@ -1,8 +1,9 @@
-"""Height, normal, velocity and age of the ground at points: the surface that bodies stand on."""
+"""Questions to the surface that bodies stand on, at any instant: height, normal, velocity and age of the ground at
+points, and rays onto it."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -56,3 +57,62 @@ def ground_samples(terrain: Terrain, points_w: FloatArray, time: float) -> Groun
     found = GroundSamples(*(np.full(shape, np.nan) for shape in (count, (count, 3), (count, 3), count)))
     CORE.ground_samples(terrain.readers, np.ascontiguousarray(points_w), time, *found)
     return found
+
+
+class GroundHits(NamedTuple):
+    """What N rays meet: ``distances`` (N,) [m], infinity = no ground; ``normals`` (N, 3): unit normals of the facets,
+    towards the side of the bodies, NaN = no ground."""
+
+    distances: FloatArray
+    normals: FloatArray
+
+
+class Rays(NamedTuple):
+    """N rays: ``origins`` (N, 3) [m], unit ``directions`` (N, 3), and their length ``reach`` [m]."""
+
+    origins: FloatArray
+    directions: FloatArray
+    reach: float
+
+    def part(self, chosen: slice) -> Rays:
+        """Return some of the rays."""
+        return Rays(self.origins[chosen], self.directions[chosen], self.reach)
+
+
+def checked_rays(origins: ArrayLike, directions: ArrayLike, reach: float) -> Rays:
+    """Return rays with directions of length one. Raises `InputError`."""
+    starts, ways = (np.array(values, np.float64, order="C") for values in (origins, directions))
+    if starts.ndim != 2 or starts.shape[1] != 3 or starts.shape != ways.shape:
+        raise InputError(
+            "length", f"origins have shape {starts.shape} and directions {ways.shape}; both must be (N, 3)"
+        )
+    if not (np.isfinite(starts).all() and np.isfinite(ways).all()):
+        raise InputError(
+            "non_finite", "origins or directions contain numbers that are not finite; every number must be"
+        )
+    if np.abs(starts).max(initial=0.0) > MAX_COORDINATE:
+        raise InputError("geometry", f"origins are up to {np.abs(starts).max():g} m away; at most {MAX_COORDINATE:g}")
+    if not 0.0 < reach <= MAX_COORDINATE:
+        raise InputError(
+            "range", f"the range of the rays is {reach} m; it must be above zero, at most {MAX_COORDINATE:g}"
+        )
+    sizes = np.abs(ways).max(axis=1, initial=0.0)
+    if not (sizes > 0.0).all():
+        raise InputError("direction", f"direction {int(sizes.argmin())} has no length; every direction needs one")
+    ways /= sizes[:, None]  # lengths of very large numbers would overflow
+    return Rays(starts, ways / np.linalg.norm(ways, axis=1, keepdims=True), float(reach))
+
+
+class RayCaster:
+    """Casts rays onto a terrain. Heights of one instant are kept until the ground has moved on."""
+
+    def __init__(self, terrain: Terrain) -> None:
+        self._terrain = terrain
+        self._core: Any = CORE.RayCaster()
+
+    def cast(self, rays: Rays, time: float) -> GroundHits:
+        """Return where rays meet the ground at ``time`` [s], from either side. They pass through holes. Where tiles
+        overlap, a ray meets the surface that it reaches first."""
+        hits = GroundHits(np.empty(len(rays.origins)), np.full((len(rays.origins), 3), np.nan))
+        self._core.cast(self._terrain.readers, *rays, time, *hits)
+        return hits

@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.grid_track import cells_moved
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples, ground_heights
 from smartmesh_ros.terrain.motion import next_revision
-from smartmesh_ros.terrain.scrolling import carry_friction, correct_across, follow_across
+from smartmesh_ros.terrain.scrolling import carry_friction, follow_across
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 MainMesh = HeightMap | TriangleMesh
@@ -45,7 +46,7 @@ class Terrain:
         if isinstance(old, HeightMap) and isinstance(mesh, HeightMap) and old is not mesh:
             carry_friction(old, mesh)
             if mesh.motion.corrects:
-                correct_across(old, mesh)
+                mesh.correct_from(old, cells_moved(old.geometry, mesh.geometry))
             else:
                 follow_across(old, mesh)
         self.tiles[name] = mesh

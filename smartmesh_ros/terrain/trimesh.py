@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.checked_heights import unmasked
-from smartmesh_ros.terrain.graph import TriangleGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
-from smartmesh_ros.terrain.mesh_shape import MeshShape, count_parts, shape_of
-from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, INSTANT, KEPT, MotionConfig, next_revision
+from smartmesh_ros.terrain.mesh_shape import MeshShape, TriangleGraph, count_parts, shape_of
+from smartmesh_ros.terrain.motion import CLOCK, INSTANT, KEPT, MotionConfig, MovingGround, next_revision
 
 
 class MeshSamples(NamedTuple):
@@ -26,7 +25,7 @@ class MeshSamples(NamedTuple):
     velocities: FloatArray
 
 
-class TriangleMesh:
+class TriangleMesh(MovingGround):
     """A triangle mesh with moving vertices and constant triangles (the report's general case).
 
     ``vertices``: (V, 3) [m] in the terrain's frame. ``triangles``: (T, 3) indices, counter-clockwise seen from the side
@@ -45,15 +44,16 @@ class TriangleMesh:
     ) -> None:
         self.triangles = _checked_triangles(triangles, len(np.asarray(vertices)))
         # (3, V), so that the search reads each coordinate contiguously.
-        self._now = _checked_vertices(vertices, None).T.copy()
+        self._now = _checked_vectors(vertices, None, "vertices").T.copy()
         self._velocities = np.zeros((KEPT, *self._now.shape))  # ring buffer, see CLOCK
-        self._clock = np.zeros(1, CLOCK)
-        self._clock["time"] = time
+        self._clocks = np.zeros(1, CLOCK)
+        self._clocks["time"] = time
         # The reader of this mesh in the C++ core.
-        self.core_reader: Any = CORE.Mesh(self._now, self._velocities, as_bytes(self._clock), self.triangles)
+        self.core_reader: Any = CORE.Mesh(self._now, self._velocities, as_bytes(self._clocks), self.triangles)
         self.motion = motion or MotionConfig()
         self.graph = TriangleGraph(self.triangles, self.size)
-        self.edge_length = _mean_edge(self._now, self.triangles)
+        first, second = self._now[:, self.triangles[:, 0]], self._now[:, self.triangles[:, 1]]
+        self.edge_length = float(np.linalg.norm(first - second, axis=0).mean())
         corners = np.argsort(self.triangles.ravel(), kind="stable")
         self._incident = corners // 3  # triangles, sorted by vertex
         self._incident_at = np.searchsorted(self.triangles.ravel()[corners], np.arange(self.size + 1))
@@ -63,16 +63,6 @@ class TriangleMesh:
         if velocities is not None:
             self.move(vertices, time=time, velocities=velocities)
         self.triangles.setflags(write=False)
-
-    @property
-    def motion(self) -> MotionConfig:
-        """Motion of the vertices between updates."""
-        return self._motion
-
-    @motion.setter
-    def motion(self, motion: MotionConfig) -> None:
-        self._motion = motion
-        self.core_reader.set_motion(motion.code, motion.max_velocity)
 
     @property
     def size(self) -> int:
@@ -95,11 +85,6 @@ class TriangleMesh:
     def coordinates(self) -> FloatArray:
         """Positions at the last update, by coordinate (3, V) [m]."""
         return self._now
-
-    @property
-    def arrays(self) -> tuple[FloatArray, FloatArray, NDArray[np.void]]:
-        """The arrays that change in place: positions (3, V) [m], velocities (KEPT, 3, V) [m/s] and the clock (1,)."""
-        return self._now, self._velocities, self._clock
 
     @property
     def shape(self) -> MeshShape:
@@ -129,8 +114,8 @@ class TriangleMesh:
         """
         chosen = None if indices is None else _checked_indices(indices, self.size)
         count = self.size if chosen is None else len(chosen)
-        new = _checked_vertices(vertices, count).T
-        speeds = None if velocities is None else _checked_velocities(velocities, count).T
+        new = _checked_vectors(vertices, count, "vertices").T
+        speeds = None if velocities is None else _checked_vectors(velocities, count, "velocities").T
         target = slice(None) if chosen is None else chosen
         shape = self._shape
         if not np.array_equal(self._now[:2, target], new[:2]):
@@ -147,16 +132,19 @@ class TriangleMesh:
         self.revision = next_revision()
         self.core_reader.update()
 
+    def _tell_core(self) -> None:
+        self.core_reader.set_motion(self.motion.code, self.motion.max_velocity)
+
     def _note_velocities(self, new: FloatArray, target: Any, speeds: FloatArray | None, time: float) -> None:
         """Store the velocities of an update: given ones, or the difference quotient to the positions before."""
-        motion, newest = self.motion, self._clock[0].newest
+        motion, newest = self.motion, self._clocks[0].newest
         whole = isinstance(target, slice)
         inverse, keep = CORE.note_update(
-            as_bytes(self._clock), time, speeds is not None, whole, (motion.min_interval, motion.max_interval)
+            as_bytes(self._clocks), time, speeds is not None, whole, (motion.min_interval, motion.max_interval)
         )
-        if self._clock[0].newest != newest:
-            self._velocities[self._clock[0].newest] = 0.0
-        velocities = self._velocities[self._clock[0].newest]
+        if self._clocks[0].newest != newest:
+            self._velocities[self._clocks[0].newest] = 0.0
+        velocities = self._velocities[self._clocks[0].newest]
         if speeds is not None:
             velocities[:, target] = speeds
             return
@@ -165,32 +153,13 @@ class TriangleMesh:
         velocities[:, target] = rates
 
     @property
-    def time(self) -> float:
-        """Time of the last update [s]."""
-        return float(self._clock[0].time)
-
-    @property
     def lifetime(self) -> float:
         """Expected time between updates [s]; 0 = no update expected."""
-        return float(self._clock[0].lifetime)
-
-    @property
-    def delay(self) -> float:
-        """Expected age of an update on arrival [s]; extrapolation continues until the update is due."""
-        return float(self._clock[0].delay)
-
-    @delay.setter
-    def delay(self, delay: float) -> None:
-        self._clock["delay"] = delay
+        return float(self._clocks[0].lifetime)
 
     def moving(self, time: float) -> bool:
         """Return True if any vertex may move at ``time`` [s]."""
         return bool(self.core_reader.moves(time))
-
-    def shift_time(self, by: float) -> None:
-        """Add ``by`` [s] to all update times, after their clock was reset or lost time."""
-        for name in CLOCK_TIMES:
-            self._clock[name] += by
 
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> MeshSamples:
         """Return vertices (n,) at ``time`` [s]; velocities are means over the time ``ahead`` [s]."""
@@ -227,11 +196,6 @@ def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
     return np.stack([lower, upper], axis=1).reshape(-1, 3)
 
 
-def _mean_edge(coordinates: FloatArray, triangles: IntArray) -> float:
-    first, second = coordinates[:, triangles[:, 0]], coordinates[:, triangles[:, 1]]
-    return float(np.linalg.norm(first - second, axis=0).mean())
-
-
 def _checked_triangles(triangles: ArrayLike, count: int) -> IntArray:
     corners = np.asarray(triangles)
     if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) == 0:
@@ -248,14 +212,6 @@ def _checked_triangles(triangles: ArrayLike, count: int) -> IntArray:
     if (corners == np.roll(corners, 1, axis=1)).any():
         raise InputError("index", "a triangle uses the same vertex twice; its corners must be distinct")
     return corners
-
-
-def _checked_vertices(vertices: ArrayLike, count: int | None) -> FloatArray:
-    return _checked_vectors(vertices, count, "vertices")
-
-
-def _checked_velocities(velocities: ArrayLike, count: int) -> FloatArray:
-    return _checked_vectors(velocities, count, "velocities")
 
 
 def _checked_vectors(values: ArrayLike, count: int | None, what: str) -> FloatArray:

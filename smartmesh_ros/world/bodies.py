@@ -12,12 +12,12 @@ import pybullet as pb
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.body_shapes import link_name, shape_of
+from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.bullet_sleep import is_fixed
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.limits import MASSES, SIZES, require_between
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand, command_joint
@@ -175,7 +175,7 @@ class BodyFactory:
             name, uid, next(iter(shapes.values())).radius, False, BodyState(), links, joints, urdf=robot.given,
             shapes=shapes, surfaces=robot.surfaces, starts={mimic.joint: mimic.offset for mimic in robot.mimics},
         )  # fmt: skip
-        masses = set_masses(client, uid, robot.text).note
+        masses = set_masses(client, uid, robot.text)
         body.notes = (*robot.notes, masses) if masses else robot.notes
         body.inertial = InertialFrame(*client.getDynamicsInfo(uid, -1)[3:5])
         body.mass = sum(client.getDynamicsInfo(uid, index)[0] for index in range(-1, client.getNumJoints(uid)))

@@ -11,7 +11,7 @@ import numpy as np
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
-from smartmesh_ros.terrain.ray_cast import RayCaster, Rays
+from smartmesh_ros.terrain.surface_query import RayCaster, Rays
 from smartmesh_ros.world.bodies import Body
 
 # Values of `RayHits.hits` that are no index of a body.

@@ -83,10 +83,9 @@ class Driving:
     def surfaces(self, name: str) -> list[SurfaceReading]:
         """Return the driven surfaces of a robot, as its URDF names them."""
         body = self._body(name)
-        indices = {link: index for index, link in body.links.items()}
         found = []
         for surface, drive in body.surfaces.items():
-            follower = self.ground.followers.at(body.uid, indices[drive.link])
+            follower = self.ground.followers.at(body.uid, link_of(body, drive.link))
             speed = 0.0 if follower is None else follower.belt.speed
             found.append(SurfaceReading(surface, drive.link, speed, drive.limit))
         return found

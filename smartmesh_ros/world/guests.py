@@ -224,8 +224,6 @@ class Guests:
         near = CORE.near_any((states.numbers, states.radii, margins), self._age(now), attached, self.config.horizon)
         if known.barred.size:
             near &= ~known.barred
-        if int(near.sum()) == len(known.guests) and all(near[guest.row] for guest in known.guests.values()):
-            return
         going = [name for name, guest in known.guests.items() if not near[guest.row]]
         # A body that has just changed its owner may still be here as a guest of the previous owner, or as an own body.
         coming = [

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 
-from smartmesh_ros.ground.undone import undone
+from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.height_scan import HeightScan
 from smartmesh_ros.world.world import World

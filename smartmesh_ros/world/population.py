@@ -11,15 +11,14 @@ from numpy.typing import ArrayLike
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.followers import Belt, Follower, Followers
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.limits import require_possible
 from smartmesh_ros.ground.shapes import Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.ground.undone import undone
-from smartmesh_ros.terrain.ray_cast import checked_rays
-from smartmesh_ros.terrain.surface_query import GroundSamples
+from smartmesh_ros.terrain.surface_query import GroundSamples, checked_rays
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.bodies import Body, BodyFactory
 from smartmesh_ros.world.body_rays import RayHits, cast_rays, require_bodies

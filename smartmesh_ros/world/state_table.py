@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,24 +39,19 @@ class StateTable(NamedTuple):
         dimensions, centre = self.dimensions[row].tolist(), self.centres[row].tolist()
         return shape_of(ShapeKind(int(self.kinds[row])), dimensions, centre)
 
+    @property
+    def constant(self) -> tuple[NDArray[Any], ...]:
+        """What does not change while bodies move, besides their names."""
+        return self.kinds, self.dimensions, self.centres, self.masses
+
     def same_body(self, row: int, other: StateTable, other_row: int) -> bool:
         """Return True if two bodies have the same shape and mass."""
-        return bool(
-            self.kinds[row] == other.kinds[other_row]
-            and self.masses[row] == other.masses[other_row]
-            and (self.dimensions[row] == other.dimensions[other_row]).all()
-            and (self.centres[row] == other.centres[other_row]).all()
-        )
+        pairs = zip(self.constant, other.constant, strict=True)
+        return all(np.array_equal(mine[row], its[other_row]) for mine, its in pairs)
 
     def same_bodies(self, other: StateTable) -> bool:
         """Return True if both tables hold the same bodies, whatever their states."""
-        return (
-            self.names == other.names
-            and np.array_equal(self.kinds, other.kinds)
-            and np.array_equal(self.dimensions, other.dimensions)
-            and np.array_equal(self.centres, other.centres)
-            and np.array_equal(self.masses, other.masses)
-        )
+        return self.names == other.names and all(map(np.array_equal, self.constant, other.constant))
 
 
 # Reasons and words of the refusals, in the order of the checks.
@@ -103,8 +98,6 @@ class SimulatedStates:
         if (self._world.client, followers.epoch) != self._described:
             self._describe()
         calls = BulletCalls(self._world.client)
-        if not followers.asleep.size:
-            return self._bodies._replace(numbers=calls.states(self._uids))
         numbers = followers.states[self._slots]
         moves = np.flatnonzero(followers.table["awake"][self._slots] | self._robot)
         numbers[moves] = calls.states([self._uids[place] for place in moves.tolist()])

@@ -12,11 +12,10 @@ import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.bullet import BulletCalls
+from smartmesh_ros.ground.bullet import BulletCalls, undone
 from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig, set_up
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.limits import FARTHEST_BODY
-from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.stopwatch import Stopwatch
@@ -275,7 +274,7 @@ class World(Population):
 
     def _drop_lost(self) -> None:
         """Remove bodies whose position is not finite or farther than `FARTHEST_BODY`."""
-        followers, awake = self.followers, self.followers.awake
+        followers, awake = self.ground.followers, self.ground.followers.awake
         positions = followers.positions_w[awake]
         if np.abs(positions).max(initial=0.0) <= FARTHEST_BODY:  # False if any value is NaN
             return

@@ -10,15 +10,14 @@ import numpy as np
 
 from smartmesh_ros.report.collect import queue_bfs, topology_around, union_bfs
 from smartmesh_ros.report.search import (
-    BruteForce,
     Cells,
     best_first_cells,
     best_first_vertices,
     brute_force_cells,
+    brute_force_vertex,
     nearest_vertices,
     ray_cast,
 )
-from smartmesh_ros.terrain.graph import GridGraph
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from studies.bench.measure import Bench, Case
@@ -69,14 +68,13 @@ def measure_general(bench: Bench, side: int) -> None:
     The average player moves by less than a cell from frame to frame; the worst case teleports between two corners.
     """
     mesh = general_mesh(Waves(side))
-    brute_force = BruteForce(mesh.size)
     average, worst = _Walk(side, 0.4 * RESOLUTION), _Walk(side, None)
     bench.time(
         Case("search", "brute_force", side),
-        lambda: brute_force.nearest(mesh.coordinates, average.position),
+        lambda: brute_force_vertex(mesh.coordinates, average.position),
         average.advance,
     )
-    vertex = brute_force.nearest(mesh.coordinates, average.position)
+    vertex = brute_force_vertex(mesh.coordinates, average.position)
     patch = topology_around(mesh, vertex, 1)
     corners, above = mesh.vertices[patch.vertices][None], mesh.vertices[vertex][None] + (0.01, 0.02, 1.0)
     bench.time(Case("search", "ray_cast", side), lambda: ray_cast(above, corners, patch.triangles))

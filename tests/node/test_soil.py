@@ -268,13 +268,12 @@ def test_the_links_of_a_robot_are_where_its_base_and_joints_put_them() -> None:
         pose.orientation.z, pose.orientation.w = math.sqrt(0.5), math.sqrt(0.5)  # turned by 90 degrees about z
         bodies.take_states(TrackedBodyArray(bodies=[TrackedBody(id="bot", pose=pose)]))
         bodies.take_joints({"axle": 0.3}, {"axle": 2.0})
-        wheel = bodies.read("bot/wheel")
-        assert wheel is not None
-        assert wheel.shape.kind == ShapeKind.CYLINDER
-        assert wheel.shape.record["half"] == pytest.approx([0.1, 0.1, 0.025], abs=1e-3)
-        assert wheel.state[:3] == pytest.approx([0.8, 2.3, 2.9], abs=1e-4)
-        assert np.linalg.norm(wheel.state[10:]) == pytest.approx(2.0, abs=1e-3)
-        assert bodies.read("bot/nothing") is None
-        assert bodies.read("nobody") is None
+        (shape, *others), states = bodies.read(["bot/wheel", "bot/nothing", "nobody"])
+        assert shape is not None
+        assert shape.kind == ShapeKind.CYLINDER
+        assert shape.record["half"] == pytest.approx([0.1, 0.1, 0.025], abs=1e-3)
+        assert states[0, :3] == pytest.approx([0.8, 2.3, 2.9], abs=1e-4)
+        assert np.linalg.norm(states[0, 10:]) == pytest.approx(2.0, abs=1e-3)
+        assert others == [None, None]
     finally:
         bodies.close()

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros.report.collect import cached_topology, queue_bfs, topology_around, union_bfs
-from smartmesh_ros.terrain.graph import GridGraph, TriangleGraph
+from smartmesh_ros.report.collect import GridGraph, cached_topology, queue_bfs, topology_around, union_bfs
+from smartmesh_ros.terrain.mesh_shape import TriangleGraph
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from studies.bench.searching import patch_template
 

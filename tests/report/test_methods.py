@@ -12,11 +12,11 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.config import SearchMethod
 from smartmesh_ros.report.methods import require_search
 from smartmesh_ros.report.search import (
-    BruteForce,
     Cells,
     best_first_cells,
     best_first_vertices,
     brute_force_cells,
+    brute_force_vertex,
     nearest_vertices,
     ray_cast,
     uniform_grid_vertices,
@@ -101,10 +101,9 @@ def test_every_search_agrees_on_height_maps(seed: int, rows: int, columns: int, 
 
 def test_brute_force_is_three_dimensional_on_general_meshes() -> None:
     upright = TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 0, 10], [1, 0, 10]], [[0, 1, 2], [1, 3, 2]])
-    search = BruteForce(upright.size)
-    assert search.nearest(upright.coordinates, np.array([0.1, 0.0, 9.0])) == 2
-    assert search.nearest(upright.coordinates, np.array([0.1, 0.0, 1.0])) == 0
-    assert search.nearest(upright.coordinates, np.array([0.5, 0.0, 0.0])) == 0  # the lower of equal ones
+    assert brute_force_vertex(upright.coordinates, np.array([0.1, 0.0, 9.0])) == 2
+    assert brute_force_vertex(upright.coordinates, np.array([0.1, 0.0, 1.0])) == 0
+    assert brute_force_vertex(upright.coordinates, np.array([0.5, 0.0, 0.0])) == 0  # the lower of equal ones
 
 
 @settings(max_examples=40, deadline=None)

@@ -8,8 +8,7 @@ import pytest
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.ray_cast import RayCaster, checked_rays
-from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
+from smartmesh_ros.terrain.surface_query import RayCaster, checked_points, checked_rays, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.world import PhysicsConfig, World, WorldConfig
 

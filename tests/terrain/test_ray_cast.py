@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.terrain.ray_cast import GroundHits, RayCaster, checked_rays
+from smartmesh_ros.terrain.surface_query import GroundHits, RayCaster, checked_rays
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.terrain.surfaces import first_hit, triangles_of

@@ -4,22 +4,69 @@ each patch, replaced as ground and body move, and moved with the ground's veloci
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from typing import Any
 
 import numpy as np
+import pybullet as pb
 
-from smartmesh_ros.ground.bullet import BulletCalls
-from smartmesh_ros.ground.colliders.field import Field, make_field, quarter_turn
-from smartmesh_ros.ground.colliders.mesh import MeshCollider, make_mesh
-from smartmesh_ros.ground.colliders.pairs import Pairs
+from smartmesh_ros.ground.bullet import BulletCalls, undone
+from smartmesh_ros.ground.colliders.made import Field, MeshCollider, make_field, make_mesh, quarter_turn
 from smartmesh_ros.ground.colliders.whole_mesh import WholeMesh
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.shown_patches import ShownPatches
-from smartmesh_ros.ground.undone import undone
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig, is_mesh, is_whole
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
+
+
+class Pairs:
+    """Rules for which colliders touch which bodies in one PyBullet world.
+
+    PyBullet keeps the rule of a pair of ids for ever, even after a body is removed and a new one gets its id. An id of
+    a collider may go to a body, and an id of a body to a collider. The rules are recorded under both ids and reset, so
+    that no pair inherits the rule of an earlier one. A body that touched another body's collider from below would be
+    thrown.
+    """
+
+    def __init__(self, client: Any) -> None:
+        self._client: int = getattr(client, "_client", 0)
+        self._colliders: set[int] = set()  # claimed and not retired
+        # By id, of bodies and colliders: its link, the other id, and the other's link.
+        self._rules: dict[int, set[tuple[int, int, int]]] = defaultdict(set)
+
+    def claim(self, collider: int) -> None:
+        """Make a new collider touch nothing, and reset the rules of removed bodies and colliders with the same id."""
+        for link in range(-1, pb.getNumJoints(collider, self._client)):
+            # PyBullet lets two bodies touch if either mask contains the other's group, so the group must be empty, too.
+            pb.setCollisionFilterGroupMask(collider, link, 0, 0, self._client)
+        self._colliders.add(collider)
+        self._reset(collider)
+
+    def join(self, collider: int, body: int, link: int) -> None:
+        """Makes a collider touch one body or link."""
+        for part in range(-1, pb.getNumJoints(collider, self._client)):
+            self._rules[collider].add((part, body, link))
+            self._rules[body].add((link, collider, part))
+            pb.setCollisionFilterPair(collider, body, part, link, 1, self._client)
+
+    def part(self, collider: int, body: int, link: int) -> None:
+        """Stop a collider from touching a body or link."""
+        for part in range(-1, pb.getNumJoints(collider, self._client)):
+            pb.setCollisionFilterPair(collider, body, part, link, 0, self._client)
+
+    def retire(self, collider: int) -> None:
+        """Reset a collider's rules before the collider is removed, so that a body that gets its id touches other bodies
+        normally, and no collider."""
+        self._colliders.discard(collider)
+        self._reset(collider)
+
+    def _reset(self, uid: int) -> None:
+        """Let a body or collider touch whatever it had a rule with, unless one of the two is a collider."""
+        for link, other, other_link in self._rules.get(uid, ()):
+            touch = int(self._colliders.isdisjoint((uid, other)))
+            pb.setCollisionFilterPair(uid, other, link, other_link, touch, self._client)
 
 
 class PatchContacts:
@@ -46,7 +93,6 @@ class PatchContacts:
         self._held: dict[Follower, Field | MeshCollider] = {}
         self._whole = WholeMesh(client, terrain)
         self._time = 0.0
-        self._wakes = -1
 
     def configure(self, config: PatchConfig) -> None:
         """Take settings from the next `refresh` on."""
@@ -64,8 +110,11 @@ class PatchContacts:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""
         self._time = time
 
-    def refresh(self) -> None:
-        """Set the colliders to the patches of the followers that are awake."""
+    def refresh(self, stopped: BoolArray) -> None:
+        """Set the colliders to the patches of the followers that are awake, and remove those of the others. Colliders
+        wake no body that is ``stopped`` (S,)."""
+        for follower in [follower for follower in self._held if not self._followers.table["awake"][follower.slot]]:
+            self._release(follower)
         if not self._followers.awake.size:
             return
         batches, supports = self._patches.batches, self._patches.supports
@@ -76,21 +125,12 @@ class PatchContacts:
                 self._whole.release()
             self._apply(batches, supports)
 
-    def hold(self, stopped: BoolArray) -> None:
-        """Colliders wake nobody."""
-
-    def let_go(self, slots: IntArray) -> None:
-        """Remove the colliders of followers that fell asleep."""
-        self.detach(slots.tolist())
-
     def read(self, states: FloatArray, dt: float) -> None:
-        """Read the awake followers into ``states`` (S, 13), and note their places before a step of ``dt`` [s]: each
-        base by two calls of PyBullet, all links of a robot by one."""
-        self._list_awake()
-        calls, slots = self._calls, self._slots
-        parts = [calls.states(self._bases), *(calls.link_states(body, links) for body, links in self._robots)]
-        states[slots] = found = np.concatenate(parts)
-        self._followers.note_places(slots, found, dt)
+        """Read the awake followers into ``states`` (S, 13), and note their places before a step of ``dt`` [s]."""
+        awake = self._followers.awake
+        for slot in awake.tolist():
+            states[slot] = self._calls.state(self._followers[slot].body, self._followers[slot].link)
+        self._followers.note_places(awake, states[awake], dt)
 
     def states_of(self, slots: IntArray) -> FloatArray | None:
         """None: PyBullet's calls read bodies one by one."""
@@ -101,21 +141,6 @@ class PatchContacts:
         for follower in self._followers:
             self._release(follower)
         self._whole.release()
-
-    def _list_awake(self) -> None:
-        """List the awake followers in the order in which they are read: bases, then the links of each robot."""
-        if self._wakes == self._followers.wakes:
-            return
-        self._wakes = self._followers.wakes
-        awake = [self._followers[slot] for slot in self._followers.awake.tolist()]
-        bases = [follower for follower in awake if follower.link < 0]
-        links = sorted((follower for follower in awake if follower.link >= 0), key=lambda follower: follower.body)
-        by_robot: dict[int, list[int]] = {}
-        for follower in links:
-            by_robot.setdefault(follower.body, []).append(follower.link)
-        self._bases = [follower.body for follower in bases]
-        self._robots = list(by_robot.items())
-        self._slots = np.array([follower.slot for follower in bases + links], np.int64)
 
     def _apply(self, batches: list[PatchBatch], supports: Any) -> None:
         """Give the awake followers that are solid the colliders of their patches, and take the colliders of those

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.ground.colliders.field import HOLE, Field, make_field, quarter_turn
-from smartmesh_ros.ground.colliders.mesh import make_mesh
-from smartmesh_ros.ground.undone import undone
+from smartmesh_ros.ground.bullet import undone
+from smartmesh_ros.ground.colliders.made import HOLE, Field, make_field, make_mesh, quarter_turn
 from smartmesh_ros.patches.config import WholeKind
 from smartmesh_ros.report.methods import require_whole
 from smartmesh_ros.terrain.grid import FloatArray

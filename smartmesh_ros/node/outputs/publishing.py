@@ -23,7 +23,7 @@ from smartmesh_msgs.msg import (
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros.ground.undone import undone
+from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs

@@ -20,8 +20,7 @@ from smartmesh_ros.node.services.turns import NextTurn, parts_of
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.ray_cast import checked_rays
-from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
+from smartmesh_ros.terrain.surface_query import checked_points, checked_rays, ground_samples
 from smartmesh_ros.world.body_rays import RayHits, cast_rays, require_bodies
 from smartmesh_ros.world.standing import NO_TERRAIN
 

@@ -26,7 +26,7 @@ from smartmesh_ros.node.inputs.conversions import (
 )
 from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.patches.shapes import ShapeKind
-from smartmesh_ros.soil.bodies import BulletBodies, GivenBodies, PressingBody
+from smartmesh_ros.soil.bodies import BulletBodies, GivenBodies, ManyBodies
 from smartmesh_ros.soil.layer import Region
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.grid import GridGeometry
@@ -191,11 +191,14 @@ class MessageBodies:
                 if key in positions:
                     self._client.resetJointState(robot.uid, index, positions[key], velocities.get(key, 0.0))
 
-    def read(self, name: str) -> PressingBody | None:
-        """Return a body, None if there is no such body."""
-        if "/" in name:
-            return None if self._links is None else self._links.read(name)
-        return self._given.read(name)
+    def read(self, names: list[str]) -> ManyBodies:
+        """Return bodies and links by name."""
+        given = self._given.read(names)
+        if self._links is None:
+            return given
+        links = self._links.read(names)
+        shapes = [shape or link for shape, link in zip(given.shapes, links.shapes, strict=True)]
+        return ManyBodies(shapes, given.states + links.states)
 
     def set_grip(self, name: str, grip: float) -> None:
         """Do nothing: friction belongs to the collider's node, which has no topic for it."""

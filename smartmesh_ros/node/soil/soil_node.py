@@ -206,7 +206,8 @@ class SoilNode(ParameterNode):
         self._contacts, self._steps = [], 0
         if not 0.0 < dt <= LONGEST_UPDATE:
             return
-        for name in [name for name in loads if self._bodies.read(name) is None]:
+        shapes = self._bodies.read([*loads]).shapes
+        for name in [name for name, shape in zip([*loads], shapes, strict=True) if shape is None]:
             del loads[name]
             problem = f"there is no shape and state of {name!r}; it presses no soil"
             self.refusals.add("terrain_collider/contacts", InputError("unknown_body", problem))

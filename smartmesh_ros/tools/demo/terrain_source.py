@@ -16,8 +16,17 @@ from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.scenes import SCENES
-from smartmesh_ros.scenes.elevation import jacksboro_fault
-from smartmesh_ros.scenes.moving import Crater, Heave, InwardWaves, Region, Rut, Scene, Wave, WaveOnRelief
+from smartmesh_ros.scenes.moving import (
+    Crater,
+    Heave,
+    InwardWaves,
+    Region,
+    Rut,
+    Scene,
+    Wave,
+    WaveOnRelief,
+    jacksboro_fault,
+)
 from smartmesh_ros.terrain.grid import GridGeometry
 
 NAME = "terrain_source"

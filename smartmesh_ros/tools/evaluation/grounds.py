@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.scenes.elevation import jacksboro_fault
-from smartmesh_ros.scenes.moving import Crater, FloatGrid, Heave, InwardWaves, Rut, Scene, Wave
+from smartmesh_ros.scenes.moving import Crater, FloatGrid, Heave, InwardWaves, Rut, Scene, Wave, jacksboro_fault
 from smartmesh_ros.terrain.grid import GridGeometry
 
 

@@ -16,8 +16,8 @@ from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.terrain.grid import MOST_SAMPLES, FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.terrain.ray_cast import RayCaster, checked_rays
 from smartmesh_ros.terrain.scrolling import carry_friction
+from smartmesh_ros.terrain.surface_query import RayCaster, checked_rays
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 

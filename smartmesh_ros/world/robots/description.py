@@ -12,6 +12,7 @@ import re
 from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -68,18 +69,18 @@ def read_description(urdf: str) -> Description:
     """Parse a robot from its URDF text, or from the path of its file. Raises `InputError` if the file cannot be read,
     or the text is no robot whose links and joints form a tree."""
     if is_text(urdf):
-        return parsed(urdf, None)
+        return _parsed(urdf, None)
     path = Path(urdf)
     try:
-        if path.is_file():
-            return parsed(path.read_text(encoding="utf-8"), path.parent)
+        text = path.read_text(encoding="utf-8") if path.is_file() else None
     except (OSError, ValueError) as error:
         raise InputError("urdf", f"URDF file {urdf!r} cannot be read: {error}") from None
-    raise InputError("urdf", f"there is no URDF file {urdf[:200]!r}")
+    if text is None:
+        raise InputError("urdf", f"there is no URDF file {urdf[:200]!r}")
+    return _parsed(text, path.parent)
 
 
-def parsed(text: str, folder: Path | None) -> Description:
-    """Parse a URDF text whose file is in ``folder``. Raises `InputError`."""
+def _parsed(text: str, folder: Path | None) -> Description:
     robot = xml_of(text)
     _require_expanded(robot)
     links = _named(robot, "link")
@@ -177,17 +178,12 @@ def _root(links: dict[str, ElementTree.Element], joints: tuple[Joint, ...]) -> s
         raise InputError(
             "urdf", f"{len(roots)} links have no parent: {named}; one link is the root, joints hold the others"
         )
-    children: dict[str, list[str]] = {}
-    for joint in joints:
-        children.setdefault(joint.parent, []).append(joint.child)
-    reached, waiting = set(roots), list(roots)
-    while waiting:
-        found = children.get(waiting.pop(), [])
-        reached.update(found)
-        waiting += found
-    if len(reached) < len(links):
-        lost = next(link for link in links if link not in reached)
-        raise InputError("urdf", f"link {lost!r} is its own ancestor by the joints above it; links must form a tree")
+    try:
+        TopologicalSorter({joint.child: [joint.parent] for joint in joints}).prepare()
+    except CycleError as error:
+        raise InputError(
+            "urdf", f"link {error.args[1][0]!r} is its own ancestor by the joints above it; links must form a tree"
+        ) from None
     return roots[0]
 
 

@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from xml.etree import ElementTree
 
 import pybullet as pb
@@ -69,29 +69,10 @@ NEEDED_MASS, NEEDED_INERTIA = 1.0, 0.01
 _MOVING = (pb.JOINT_REVOLUTE, pb.JOINT_PRISMATIC, pb.JOINT_SPHERICAL, pb.JOINT_PLANAR)
 
 
-class LinkMasses(NamedTuple):
-    """Names of the links without <inertial>: those that have no mass now, and those that have `NEEDED_MASS`, because
-    without it a joint would move no mass at all, or the root would be fixed to the world."""
-
-    without: tuple[str, ...] = ()
-    needed: tuple[str, ...] = ()
-
-    @property
-    def note(self) -> str:
-        """What to tell the user, empty if every link has an <inertial>."""
-        parts = []
-        if self.without:
-            parts.append(f"links without <inertial> have no mass: {', '.join(self.without)}")
-        if self.needed:
-            parts.append(
-                f"links without <inertial> weigh {NEEDED_MASS:g} kg each, because a joint or the root needs a mass to "
-                f"move: {', '.join(self.needed)}; give them an <inertial>"
-            )
-        return "; ".join(parts)
-
-
-def set_masses(client: Any, uid: int, urdf: str) -> LinkMasses:
-    """Take the mass of links without <inertial>, by the ``urdf`` text that PyBullet loaded, and return their names."""
+def set_masses(client: Any, uid: int, urdf: str) -> str:
+    """Take the mass of links without <inertial>, by the ``urdf`` text that PyBullet loaded, and return what to tell the
+    user, empty if every link has an <inertial>. Links keep `NEEDED_MASS` if without it a joint would move no mass at
+    all, or the root would be fixed to the world."""
     links = ElementTree.fromstring(urdf).iterfind("link")
     bare = {link.get("name", "") for link in links if link.find("inertial") is None}
     joints = [client.getJointInfo(uid, index) for index in range(client.getNumJoints(uid))]
@@ -114,7 +95,15 @@ def set_masses(client: Any, uid: int, urdf: str) -> LinkMasses:
             client.changeDynamics(uid, index, mass=0.0)
     if names[0] in bare and masses[0]:  # PyBullet gives a root called world no mass
         needed.append(names[0])
-    return LinkMasses(tuple(without), tuple(needed))
+    notes = []
+    if without:
+        notes.append(f"links without <inertial> have no mass: {', '.join(without)}")
+    if needed:
+        notes.append(
+            f"links without <inertial> weigh {NEEDED_MASS:g} kg each, because a joint or the root needs a mass to "
+            f"move: {', '.join(needed)}; give them an <inertial>"
+        )
+    return "; ".join(notes)
 
 
 def _set_needed_mass(client: Any, uid: int, index: int) -> None:

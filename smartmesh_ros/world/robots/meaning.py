@@ -9,6 +9,7 @@ stands beside the links and joints.
 from __future__ import annotations
 
 import math
+from graphlib import CycleError, TopologicalSorter
 from typing import NamedTuple
 from xml.etree import ElementTree
 
@@ -52,13 +53,10 @@ def mimics_of(robot: Description) -> tuple[Mimic, ...]:
                 )  # fmt: skip
             factors = number_of(element, "multiplier", 1.0), number_of(element, "offset", 0.0)
             found[joint.name] = Mimic(joint.name, leader, *factors)
-    for mimic in found.values():
-        seen, leader = {mimic.joint}, mimic.leader
-        while leader in found and leader not in seen:
-            seen.add(leader)
-            leader = found[leader].leader
-        if leader in seen:
-            raise InputError("urdf", f"joint {leader!r} mimics itself by way of other joints")
+    try:
+        TopologicalSorter({mimic.joint: [mimic.leader] for mimic in found.values()}).prepare()
+    except CycleError as error:
+        raise InputError("urdf", f"joint {error.args[1][0]!r} mimics itself by way of other joints") from None
     return tuple(found.values())
 
 

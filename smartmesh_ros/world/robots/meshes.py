@@ -7,7 +7,7 @@ ROS does: in metres by the file's unit, and as if z were up.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -25,7 +25,11 @@ _VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
 
 def mesh_parts(path: Path, scale: tuple[float, float, float]) -> list[FloatArray]:
     """Return the points (n, 3) [m] of each convex part of a mesh. Raises `InputError` that names the file."""
-    readers = {".stl": _stl, ".obj": _obj, ".dae": _collada}
+    readers: dict[str, Callable[[Path], list[FloatArray]]] = {
+        ".stl": _stl,
+        ".obj": lambda path: obj_parts(str(path)),
+        ".dae": lambda path: [collada_points(ElementTree.parse(path).getroot())],
+    }
     reader = readers.get(path.suffix.lower())
     if reader is None:
         raise _refused(path, f"only {', '.join(readers)} are read; convert it")
@@ -55,14 +59,6 @@ def _stl(path: Path) -> list[FloatArray]:
             raise ValueError("it is neither a binary nor an ASCII STL, or it is not complete")
         return [words.astype(np.float64)]
     return [np.frombuffer(data, _STL_FACET, count, _HEADER)["corners"].reshape(-1, 3).astype(np.float64)]
-
-
-def _obj(path: Path) -> list[FloatArray]:
-    return obj_parts(str(path))
-
-
-def _collada(path: Path) -> list[FloatArray]:
-    return [collada_points(ElementTree.parse(path).getroot())]
 
 
 _PRIMITIVES = ("triangles", "polylist", "polygons", "tristrips", "trifans")

@@ -44,7 +44,7 @@ def make(robot: PreparedRobot) -> Any:
     """Return the mesh files of a robot and the shapes of its links. Raises `InputError`."""
     parts = {mesh: _hulls(mesh) for mesh in robot.meshes}
     allowed = MOST_VERTICES // max(sum(len(parts[mesh]) for mesh in robot.meshes), 1)
-    files = {mesh.name: _obj([_within(hull, allowed) for hull in hulls]) for mesh, hulls in parts.items()}
+    files = {mesh.name: _obj([fewer_vertices(hull, allowed) for hull in hulls]) for mesh, hulls in parts.items()}
     client: Any = BulletClient(pb.DIRECT)
     try:
         factory = BodyFactory(client, PhysicsConfig())
@@ -74,11 +74,6 @@ def _hulls(mesh: Mesh) -> list[FloatArray]:
         raise InputError("urdf", f"collision mesh {str(mesh.path)!r} has no convex hull: {error}") from None
     finally:
         client.disconnect()
-
-
-def _within(vertices: FloatArray, allowed: int) -> FloatArray:
-    """Return the vertices of a hull, fewer if they are more than ``allowed``."""
-    return vertices if len(vertices) <= allowed else fewer_vertices(vertices, allowed)
 
 
 def _obj(parts: list[FloatArray]) -> bytes:

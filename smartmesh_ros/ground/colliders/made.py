@@ -1,4 +1,9 @@
-"""PyBullet heightfields of patches, replaced in place."""
+"""Colliders of PyBullet's own: heightfields of patches, replaced in place; and those of the report, a trimesh, its
+convex hull with depth, and one convex prism per triangle.
+
+PyBullet cannot change one of the latter, so it is rebuilt whenever its vertices move, and PyBullet leaks 5 to 15 KiB
+per rebuild. Use these kinds for comparisons and general meshes, not for hours of deforming terrain.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +13,9 @@ from typing import Any
 
 import numpy as np
 import pybullet as pb
+from numpy.typing import NDArray
 
+from smartmesh_ros.patches.config import MeshKind
 from smartmesh_ros.terrain.grid import FloatArray
 
 # Depth of holes below a field's base [m].
@@ -85,3 +92,75 @@ def make_field(client: Any, rows: int, columns: int, spacing: float, bound: floa
     visual = client.createVisualShape(pb.GEOM_BOX, halfExtents=[1e-3] * 3)
     uid = client.createMultiBody(0.0, shape, visual)
     return Field(rows, columns, spacing, shape, uid, np.full((rows, columns), np.inf))
+
+
+# Depth below the nearest vertex of the hull's extra point (Figure 18), and of the prisms' lower faces [m].
+BULK = 50.0
+PRISM_DEPTH = 2.0
+# Smallest motion of a vertex that rebuilds a collider [m].
+SAME_PLACE = 1e-6
+
+
+@dataclass(eq=False)
+class MeshCollider:
+    """A collider of ``triangles`` (T, 3) among ``vertices`` (K, 3) relative to its base [m], with its body ``uid`` and
+    its coefficient of ``friction``."""
+
+    kind: MeshKind
+    uid: int
+    vertices: FloatArray
+    triangles: NDArray[np.int32]
+    friction: float = 1.0
+
+    def fits(self, kind: MeshKind, vertices: FloatArray, triangles: NDArray[np.int32]) -> bool:
+        """Return True if this is a collider of such a surface."""
+        return (
+            self.kind == kind
+            and self.triangles.shape == triangles.shape
+            and self.vertices.shape == vertices.shape
+            and bool((np.abs(self.vertices - vertices) <= SAME_PLACE).all())
+            and bool((self.triangles == triangles).all())
+        )
+
+
+def make_mesh(client: Any, kind: MeshKind, vertices: FloatArray, triangles: NDArray[np.int32]) -> MeshCollider:
+    """Create a collider and its body."""
+    if kind == "prisms":
+        uid = _make_prisms(client, vertices[triangles])
+    else:
+        if kind == "hull":
+            points = [*vertices[np.unique(triangles)].tolist(), [0.0, 0.0, -BULK]]
+            shape = client.createCollisionShape(pb.GEOM_MESH, vertices=points)
+        else:
+            shape = client.createCollisionShape(
+                pb.GEOM_MESH, vertices=vertices.tolist(), indices=triangles.ravel().tolist(),
+                flags=pb.GEOM_FORCE_CONCAVE_TRIMESH,
+            )  # fmt: skip
+        uid = client.createMultiBody(0.0, shape)
+    return MeshCollider(kind, int(uid), vertices, triangles)
+
+
+def _make_prisms(client: Any, corners: FloatArray) -> int:
+    """Create one body with a fixed link per triangle (T, 3, 3): its convex prism down to a common depth."""
+    shapes = []
+    for triangle in corners:
+        lower = triangle - (0.0, 0.0, PRISM_DEPTH)
+        shapes.append(client.createCollisionShape(pb.GEOM_MESH, vertices=[*triangle.tolist(), *lower.tolist()]))
+    count = len(shapes)
+    zeros, unturned = [[0.0, 0.0, 0.0]] * count, [[0.0, 0.0, 0.0, 1.0]] * count
+    return int(
+        client.createMultiBody(
+            0.0,
+            -1,
+            linkMasses=[0.0] * count,
+            linkCollisionShapeIndices=shapes,
+            linkVisualShapeIndices=[-1] * count,
+            linkPositions=zeros,
+            linkOrientations=unturned,
+            linkInertialFramePositions=zeros,
+            linkInertialFrameOrientations=unturned,
+            linkParentIndices=[0] * count,
+            linkJointTypes=[pb.JOINT_FIXED] * count,
+            linkJointAxis=[[0.0, 0.0, 1.0]] * count,
+        )
+    )
