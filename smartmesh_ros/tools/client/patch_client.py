@@ -143,7 +143,7 @@ class PatchClient:
     def _extrapolated(self, patch: Patch, stamp: float, age: float) -> Patch:
         """Return a patch extrapolated by its age. ``stamp`` is the last message's, also for a patch that an incremental
         message left out, because such a patch is unchanged."""
-        return patch.after(min(max(age, -self.ahead), self.ahead)).with_age(stamp, age)
+        return patch.after(min(max(age, -self.ahead), self.ahead), stamp=stamp, age=age)
 
     def _on_bytes(self, data: bytes) -> None:
         try:
