@@ -7,8 +7,6 @@ changes are corrections, the true ground is the node's main mesh, which applies 
 from __future__ import annotations
 
 import hashlib
-import heapq
-import itertools
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -68,6 +66,7 @@ class BagCase(Case):
         search = min(longest, 0.5 * recording.length)
         confirm = min(recording.length, LONGER * search)
         self.span = Span(search=search, confirm=confirm, settle=min(0.5, 0.25 * search))
+        self.finest = 0.0 if settings.motion.corrects else LIMITS.truth_rate
         self._bodies = _entries(settings)
         balls = [] if self._bodies else _test_balls(recording, settings)
         self._bodies += balls
@@ -87,24 +86,11 @@ class BagCase(Case):
     def events(self) -> Iterator[Event]:
         return iter(self._recording.events)
 
-    def finest_events(self) -> Iterator[Event] | None:
-        if self._settings.motion.corrects:
-            return self.events()
-        changes = set(self._recording.changes)
-        others = (event for event in self._recording.events if event not in changes)
-        return heapq.merge(self._finest_maps(), others, key=lambda event: event.arrives)
-
     def truth(self) -> Truth:
         tiles = recorded_ground(self._recording.changes, self._settings)
-        return lambda time: [
-            Surface(raster.geometry, raster.heights.astype(np.float64)) for raster in tiles(time).values()
-        ]
-
-    def _finest_maps(self) -> Iterator[Event]:
-        tiles = recorded_ground(self._recording.changes, self._settings)
-        for time in (number / LIMITS.truth_rate for number in itertools.count()):
-            for tile, raster in tiles(time).items():
-                yield MapCame(arrives=time, at=time, tile=tile, raster=raster)
+        return lambda time: {
+            name: Surface(raster.geometry, raster.heights.astype(np.float64)) for name, raster in tiles(time).items()
+        }
 
 
 def _entries(settings: Settings) -> list[Entry]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import groupby
@@ -175,7 +175,7 @@ def measure(case: Case, runners: Sequence[Runner], reference: Mapping[str, Vecto
     truth = case.truth()
     snapshots = sorted((taken for runner in runners for taken in runner.snapshots), key=lambda taken: taken.time)
     for time, together in groupby(snapshots, key=lambda taken: taken.time):
-        surfaces = truth(time)
+        surfaces = truth(time).values()
         for snapshot in together:
             snapshot.measured = _measure_parts(snapshot, surfaces)
     return [_figures(case, runner, reference or {}) for runner in runners]
@@ -212,7 +212,7 @@ def _deviation(runner: Runner, horizon: float, reference: Mapping[str, Vector]) 
     return float(np.median(apart)) if apart else math.nan
 
 
-def _measure_parts(snapshot: Snapshot, surfaces: Sequence[Surface]) -> dict[Part, tuple[float, bool, bool]]:
+def _measure_parts(snapshot: Snapshot, surfaces: Iterable[Surface]) -> dict[Part, tuple[float, bool, bool]]:
     """Measure all parts of a snapshot against the nearest tile at their x and y."""
     shapes: dict[Shape, list[Part]] = defaultdict(list)
     for part in snapshot.poses:
