@@ -17,7 +17,7 @@ from rclpy.time import Time
 from smartmesh_msgs.msg import ColliderPatchArray, TrackedBodyArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.client.messages import PatchesMessage, TrackedLink, read_patches, tracked_bodies
+from smartmesh_ros.tools.client.messages import TrackedLink, read_patches, tracked_bodies
 from smartmesh_ros.tools.client.patch import Patch
 
 # Reliable, because an incremental message must not be lost.
@@ -152,15 +152,8 @@ class PatchClient:
             self.refused += 1
             return
         with self._lock:
-            self._take(message)
+            # An increment without a base is skipped; a message with all patches follows within seconds.
+            if not message.incremental or self._stamp is not None:
+                self._known = message.onto(self._known)
+                self._stamp, self._frame_id = message.stamp, message.frame_id
         self.received += 1
-
-    def _take(self, message: PatchesMessage) -> None:
-        if message.incremental and self._stamp is None:
-            return  # an increment without a base; a message with all patches follows within seconds
-        if not message.incremental:
-            self._known = {}
-        for name in message.removed:
-            self._known.pop(name, None)
-        self._known.update((patch.name, patch) for patch in message.patches)
-        self._stamp, self._frame_id = message.stamp, message.frame_id
