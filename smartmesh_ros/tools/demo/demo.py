@@ -181,6 +181,7 @@ def demo_running() -> Iterator[Demo]:
     demo = Demo()
     try:
         with _node_process("terrain_source", SOURCE), _node_process("terrain_collider", COLLIDER):
+            print("starting terrain_source and terrain_collider ...", flush=True)
             demo.spawn_all()
             yield demo
     finally:
@@ -248,7 +249,6 @@ def run(seconds: float) -> tuple[list[Snapshot], int, dict[str, int]]:
     """Start the processes and run the demo for ``seconds`` [s]. Return snapshots to draw, the largest number of lost
     bodies, and the number of messages by output."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    print("starting terrain_source and terrain_collider ...", flush=True)
     try:
         with demo_running() as demo:
             demo.wait_for(lambda: all(demo.counts.values()), "message on some output")
