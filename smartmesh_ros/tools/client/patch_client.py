@@ -101,20 +101,11 @@ class PatchClient:
 
     def patches(self, now: float | None = None) -> dict[str, Patch]:
         """Return the patches by body name, extrapolated to ``now`` [s] (None = the clock's time)."""
-        with self._lock:
-            known, stamp = dict(self._known), self._stamp
-        if stamp is None:
-            return {}
-        age = (self.now() if now is None else now) - stamp
-        return {name: self._extrapolated(patch, stamp, age) for name, patch in known.items()}
+        return self._extrapolated(now)
 
     def patch(self, name: str, now: float | None = None) -> Patch | None:
         """Return the patch of a body, extrapolated to ``now`` [s] (None = the clock's time); None if it has none."""
-        with self._lock:
-            found, stamp = self._known.get(name), self._stamp
-        if found is None or stamp is None:
-            return None
-        return self._extrapolated(found, stamp, (self.now() if now is None else now) - stamp)
+        return self._extrapolated(now, name).get(name)
 
     def age(self, now: float | None = None) -> float:
         """Return the time since the stamp of the last message [s]; infinite before the first."""
@@ -140,10 +131,17 @@ class PatchClient:
         time: Any = clock.now() if stamp is None else Time(nanoseconds=round(stamp * 1e9), clock_type=clock.clock_type)
         self._publisher.publish(tracked_bodies(links, self._frame_id, time.to_msg()))
 
-    def _extrapolated(self, patch: Patch, stamp: float, age: float) -> Patch:
-        """Return a patch extrapolated by its age. ``stamp`` is the last message's, also for a patch that an incremental
-        message left out, because such a patch is unchanged."""
-        return patch.after(min(max(age, -self.ahead), self.ahead), stamp=stamp, age=age)
+    def _extrapolated(self, now: float | None, only: str | None = None) -> dict[str, Patch]:
+        """Return the patches, or ``only`` one, extrapolated by their age. The stamp is the last message's, also for a
+        patch that an incremental message left out, because such a patch is unchanged."""
+        with self._lock:
+            known, stamp = dict(self._known), self._stamp
+        if stamp is None:
+            return {}
+        age = (self.now() if now is None else now) - stamp
+        time = min(max(age, -self.ahead), self.ahead)
+        names = known.keys() & {only} if only is not None else known
+        return {name: known[name].after(time, stamp=stamp, age=age) for name in names}
 
     def _on_bytes(self, data: bytes) -> None:
         try:
