@@ -15,10 +15,9 @@ import rclpy
 from playwright.sync_api import sync_playwright
 
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
-from smartmesh_ros.tools.demo.demo import ROBOT, Demo
+from smartmesh_ros.tools.demo.demo import ROBOT, Demo, demo_running
 from smartmesh_ros.tools.view.browser import FLAGS, find_browser
 from smartmesh_ros.tools.view.camera import Camera
-from smartmesh_ros.tools.view.main import demo_running
 from smartmesh_ros.tools.view.page import Page
 from smartmesh_ros.tools.view.panel import WINDOW
 from smartmesh_ros.tools.view.remote import OUTPUTS, Remote

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from smartmesh_ros.report.collect import queue_bfs, topology_around, union_bfs
+from smartmesh_ros.report.collect import GridGraph, queue_bfs, topology_around, union_bfs
 from smartmesh_ros.report.search import (
     Cells,
     best_first_cells,

@@ -3,7 +3,7 @@ and links of a simulator as tracked bodies."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +29,11 @@ class PatchesMessage:
     incremental: bool
     removed: list[str]
     patches: list[Patch]
+
+    def onto(self, known: Mapping[str, Patch]) -> dict[str, Patch]:
+        """Return the patches by body after this message, if those before it are ``known``."""
+        kept = {name: patch for name, patch in known.items() if self.incremental and name not in self.removed}
+        return kept | {patch.name: patch for patch in self.patches}
 
 
 def read_patches(data: bytes) -> PatchesMessage:

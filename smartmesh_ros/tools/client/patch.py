@@ -54,23 +54,16 @@ class Patch:
         rows, columns = self.shape
         return (rows - 1) // 2 * columns + (columns - 1) // 2
 
-    def after(self, time: float) -> Patch:
-        """Return the patch extrapolated by ``time`` [s] (negative = backwards), to first order in the twist."""
-        centre, vertices = self.centre, self.vertices_w
+    def after(self, time: float, **changes: Any) -> Patch:
+        """Return the patch extrapolated by ``time`` [s] (negative = backwards), to first order in the twist, with
+        other ``changes`` of fields. The cached shape and centre are reused."""
+        vertices = self.vertices_w
         if time and (self.linear_w.any() or self.angular_w.any()):
-            away = vertices - vertices[centre]
+            away = vertices - vertices[self.centre]
             # A height field moves vertically, so height differences must not cause horizontal motion.
             away[:, 2] = 0.0
             vertices = vertices + time * (self.linear_w + _cross(self.angular_w, away))
-        return self._with(vertices_w=vertices, moved=self.moved + time)
-
-    def with_age(self, stamp: float, age: float) -> Patch:
-        """Return a copy with another ``stamp`` [s] and ``age`` [s]."""
-        return self._with(stamp=stamp, age=age)
-
-    def _with(self, **changes: Any) -> Patch:
-        """Return a copy with changed fields that reuses the cached shape and centre."""
-        copy = replace(self, **changes)
+        copy = replace(self, vertices_w=vertices, moved=self.moved + time, **changes)
         copy.__dict__.update(shape=self.shape, centre=self.centre)
         return copy
 

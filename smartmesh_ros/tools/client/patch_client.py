@@ -17,7 +17,7 @@ from rclpy.time import Time
 from smartmesh_msgs.msg import ColliderPatchArray, TrackedBodyArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.client.messages import PatchesMessage, TrackedLink, read_patches, tracked_bodies
+from smartmesh_ros.tools.client.messages import TrackedLink, read_patches, tracked_bodies
 from smartmesh_ros.tools.client.patch import Patch
 
 # Reliable, because an incremental message must not be lost.
@@ -101,20 +101,11 @@ class PatchClient:
 
     def patches(self, now: float | None = None) -> dict[str, Patch]:
         """Return the patches by body name, extrapolated to ``now`` [s] (None = the clock's time)."""
-        with self._lock:
-            known, stamp = dict(self._known), self._stamp
-        if stamp is None:
-            return {}
-        age = (self.now() if now is None else now) - stamp
-        return {name: self._extrapolated(patch, stamp, age) for name, patch in known.items()}
+        return self._extrapolated(now)
 
     def patch(self, name: str, now: float | None = None) -> Patch | None:
         """Return the patch of a body, extrapolated to ``now`` [s] (None = the clock's time); None if it has none."""
-        with self._lock:
-            found, stamp = self._known.get(name), self._stamp
-        if found is None or stamp is None:
-            return None
-        return self._extrapolated(found, stamp, (self.now() if now is None else now) - stamp)
+        return self._extrapolated(now, name).get(name)
 
     def age(self, now: float | None = None) -> float:
         """Return the time since the stamp of the last message [s]; infinite before the first."""
@@ -140,10 +131,17 @@ class PatchClient:
         time: Any = clock.now() if stamp is None else Time(nanoseconds=round(stamp * 1e9), clock_type=clock.clock_type)
         self._publisher.publish(tracked_bodies(links, self._frame_id, time.to_msg()))
 
-    def _extrapolated(self, patch: Patch, stamp: float, age: float) -> Patch:
-        """Return a patch extrapolated by its age. ``stamp`` is the last message's, also for a patch that an incremental
-        message left out, because such a patch is unchanged."""
-        return patch.after(min(max(age, -self.ahead), self.ahead)).with_age(stamp, age)
+    def _extrapolated(self, now: float | None, only: str | None = None) -> dict[str, Patch]:
+        """Return the patches, or ``only`` one, extrapolated by their age. The stamp is the last message's, also for a
+        patch that an incremental message left out, because such a patch is unchanged."""
+        with self._lock:
+            known, stamp = dict(self._known), self._stamp
+        if stamp is None:
+            return {}
+        age = (self.now() if now is None else now) - stamp
+        time = min(max(age, -self.ahead), self.ahead)
+        names = known.keys() & {only} if only is not None else known
+        return {name: known[name].after(time, stamp=stamp, age=age) for name in names}
 
     def _on_bytes(self, data: bytes) -> None:
         try:
@@ -152,15 +150,8 @@ class PatchClient:
             self.refused += 1
             return
         with self._lock:
-            self._take(message)
+            # An increment without a base is skipped; a message with all patches follows within seconds.
+            if not message.incremental or self._stamp is not None:
+                self._known = message.onto(self._known)
+                self._stamp, self._frame_id = message.stamp, message.frame_id
         self.received += 1
-
-    def _take(self, message: PatchesMessage) -> None:
-        if message.incremental and self._stamp is None:
-            return  # an increment without a base; a message with all patches follows within seconds
-        if not message.incremental:
-            self._known = {}
-        for name in message.removed:
-            self._known.pop(name, None)
-        self._known.update((patch.name, patch) for patch in message.patches)
-        self._stamp, self._frame_id = message.stamp, message.frame_id

@@ -12,7 +12,6 @@ import argparse
 import math
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,7 +20,6 @@ from typing import Any
 
 import pybullet_data
 import rclpy
-import yaml
 from ament_index_python.packages import get_package_prefix
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
@@ -117,7 +115,7 @@ class Demo(Node):
         end = monotonic() + START_TIMEOUT
         while not (value := condition()):
             if monotonic() > end:
-                raise TimeoutError(f"no {what} after {START_TIMEOUT:.0f} s")
+                raise TimeoutError(f"no {what} after {START_TIMEOUT:.0f} s; received {self.counts}")
             rclpy.spin_once(self, timeout_sec=0.1)
         return value
 
@@ -177,18 +175,29 @@ class Demo(Node):
 
 
 @contextmanager
-def node_process(name: str, parameters: dict[str, Any]) -> Iterator[subprocess.Popen[bytes]]:
-    """Run an installed executable of the package as a process for the length of the block; yield the process."""
+def demo_running() -> Iterator[Demo]:
+    """Run the demo's nodes, each in its own process, with its bodies and robot, for the length of the block."""
+    demo = Demo()
+    try:
+        with _node_process("terrain_source", SOURCE), _node_process("terrain_collider", COLLIDER):
+            print("starting terrain_source and terrain_collider ...", flush=True)
+            demo.spawn_all()
+            yield demo
+    finally:
+        demo.destroy_node()
+
+
+@contextmanager
+def _node_process(name: str, parameters: dict[str, Any]) -> Iterator[None]:
+    """Run an installed executable of the package as a process for the length of the block."""
     path = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / name
-    with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
-        yaml.safe_dump({"/**": {"ros__parameters": parameters}}, file)
-        file.flush()
-        process = subprocess.Popen([str(path), "--ros-args", "--params-file", file.name], stdout=subprocess.DEVNULL)
-        try:
-            yield process
-        finally:
-            process.terminate()
-            process.wait(10)
+    given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={value}")]
+    process = subprocess.Popen([str(path), "--ros-args", *given], stdout=subprocess.DEVNULL)
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.wait(10)
 
 
 def watch(demo: Demo, seconds: float) -> tuple[list[Snapshot], int]:
@@ -239,16 +248,11 @@ def run(seconds: float) -> tuple[list[Snapshot], int, dict[str, int]]:
     """Start the processes and run the demo for ``seconds`` [s]. Return snapshots to draw, the largest number of lost
     bodies, and the number of messages by output."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    demo = Demo()
     try:
-        with node_process("terrain_source", SOURCE), node_process("terrain_collider", COLLIDER):
-            print("starting terrain_source and terrain_collider ...", flush=True)
-            demo.spawn_all()
+        with demo_running() as demo:
             demo.wait_for(lambda: all(demo.counts.values()), "message on some output")
-            snapshots, lost = watch(demo, seconds)
+            return *watch(demo, seconds), demo.counts
     except (TimeoutError, RuntimeError) as error:
-        sys.exit(f"demo failed: {error}; received {demo.counts}")
+        sys.exit(f"demo failed: {error}")
     finally:
-        demo.destroy_node()
         rclpy.shutdown()
-    return snapshots, lost, demo.counts

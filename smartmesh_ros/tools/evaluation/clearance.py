@@ -84,9 +84,6 @@ def clearances(
     """
     sample = skin(shape)
     points = positions[:, None] + rotate(orientations, sample.points)
-    count = len(sample.points)
-    if count == 1:
-        return np.asarray(nearest(surface, points[:, 0], sample.radius + reach).distance - sample.radius)
     chosen = _lowest_points(surface, points)
     distance = np.full(points.shape[:2], np.inf)
     distance[chosen] = nearest(surface, points[chosen], sample.radius + reach).distance

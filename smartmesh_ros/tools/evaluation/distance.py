@@ -148,21 +148,14 @@ def closest_points(points: FloatArray, corners: FloatArray) -> FloatArray:
     u, v = _dot(ap, ab), _dot(ap, ac)
     scale = np.maximum(aa * cc - bb * bb, 1e-300)
     s, t = (cc * u - bb * v) / scale, (aa * v - bb * u) / scale
-    best = a + ab * s[:, None] + ac * t[:, None]
-    outside = np.flatnonzero((s < 0.0) | (t < 0.0) | (s + t > 1.0))
-    if outside.size:
-        p = points[outside]
-        least = np.full(outside.size, np.inf)
-        for start, end in ((a, b), (b, c), (c, a)):
-            first = start[outside]
-            edge = end[outside] - first
-            along = np.clip(_dot(p - first, edge) / np.maximum(_dot(edge, edge), 1e-300), 0.0, 1.0)
-            candidate = first + edge * along[:, None]
-            squared = _dot(p - candidate, p - candidate)
-            closer = squared < least
-            best[outside[closer]] = candidate[closer]
-            least[closer] = squared[closer]
-    return np.asarray(best)
+    inside = (s >= 0.0) & (t >= 0.0) & (s + t <= 1.0)
+    found = [np.where(inside[:, None], a + ab * s[:, None] + ac * t[:, None], np.inf)]
+    for start, end in ((a, b), (b, c), (c, a)):
+        edge = end - start
+        along = np.clip(_dot(points - start, edge) / np.maximum(_dot(edge, edge), 1e-300), 0.0, 1.0)
+        found.append(start + edge * along[:, None])
+    best = np.argmin([_dot(points - each, points - each) for each in found], axis=0)
+    return np.asarray(np.stack(found)[best, np.arange(len(points))])
 
 
 def _dot(first: FloatArray, second: FloatArray) -> FloatArray:

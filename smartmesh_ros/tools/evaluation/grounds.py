@@ -14,11 +14,13 @@ from smartmesh_ros.terrain.grid import GridGeometry
 
 
 class Rigid(Scene):
-    """Static ground with heights ``surface`` (rows, columns) [m]."""
+    """Static ground with heights ``surface`` (rows, columns) [m], or what gives them from x (columns,) and y (rows, 1)
+    [m] from the middle of the map."""
 
     def __init__(self, geometry: GridGeometry, surface: Any) -> None:
         super().__init__(geometry)
         shape = (geometry.rows, geometry.columns)
+        surface = surface(self.x, self.y) if callable(surface) else surface
         self.surface: FloatGrid = np.ascontiguousarray(np.broadcast_to(surface, shape), np.float32)
 
     def heights(self, time: float) -> FloatGrid:
@@ -56,21 +58,18 @@ def flat(geometry: GridGeometry) -> Scene:
 
 def slope(geometry: GridGeometry, angle: float = 20.0) -> Scene:
     """Return ground that rises along x with a slope of ``angle`` [deg]."""
-    plain = Rigid(geometry, 0.0)
-    return Rigid(geometry, plain.x * math.tan(math.radians(angle)))
+    return Rigid(geometry, lambda x, y: x * math.tan(math.radians(angle)))
 
 
 def sinusoid(geometry: GridGeometry, amplitude: float = 0.05, wavelength: float = 2.0) -> Scene:
     """Return ripples along x and y of ``amplitude`` and ``wavelength`` [m]."""
-    plain = Rigid(geometry, 0.0)
     number = 2.0 * math.pi / wavelength
-    return Rigid(geometry, 0.5 * amplitude * (np.sin(number * plain.x) + np.sin(number * plain.y)))
+    return Rigid(geometry, lambda x, y: 0.5 * amplitude * (np.sin(number * x) + np.sin(number * y)))
 
 
 def stairs(geometry: GridGeometry, rise: float = 0.1, tread: float = 1.0) -> Scene:
     """Return steps along x of height ``rise`` and length ``tread`` [m]; each riser is one cell wide."""
-    plain = Rigid(geometry, 0.0)
-    return Rigid(geometry, rise * np.floor(plain.x / tread + 1e-6))
+    return Rigid(geometry, lambda x, y: rise * np.floor(x / tread + 1e-6))
 
 
 def noise(geometry: GridGeometry, deviation: float = 0.02, seed: int = 1) -> Scene:

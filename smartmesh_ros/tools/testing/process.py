@@ -86,8 +86,7 @@ class Process:
 
     def __exit__(self, *_: object) -> None:
         try:
-            if not self._closed:
-                self.stop()
+            self.stop()
         finally:
             self.close()
 
@@ -106,22 +105,15 @@ class Process:
         """Kill the process if it still runs, and remove its files."""
         self._close()
 
-    @property
-    def _closed(self) -> bool:
-        return not self._close.alive
-
 
 def assert_cannot_start(
     parameters: dict[str, Any], words: str, *, name: str = "terrain_collider", environment: dict[str, str] | None = None
 ) -> None:
     """Assert that a node of this package exits with code 2 and that its output contains ``words``, no traceback."""
-    process = Process(name, parameters, environment=environment)
-    try:
+    with Process(name, parameters, environment=environment) as process:
         assert process.process.wait(TIMEOUT) == 2, process.output
         assert words in process.output, process.output
         assert "Traceback" not in process.output, process.output
-    finally:
-        process.close()
 
 
 def _end(process: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[str]) -> None:

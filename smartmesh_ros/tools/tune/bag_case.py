@@ -1,28 +1,34 @@
-"""A recorded bag as a case."""
+"""A recorded bag as a case, and its true ground.
+
+If changes of height are motion, the true ground is interpolated between the map before and the map after an instant. If
+changes are corrections, the true ground is the node's main mesh, which applies corrections over ``terrain.settle``.
+"""
 
 from __future__ import annotations
 
 import hashlib
-import heapq
-import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import Sphere
+from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.parameters.settings import RobotConfig, Settings
 from smartmesh_ros.node.services.initial_bodies import Entry, entry_from_text, spawn
 from smartmesh_ros.node.services.robot_files import with_package_paths
+from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.tune.bag import Bag
 from smartmesh_ros.tools.tune.case import LONGER, Case, Span, Truth
 from smartmesh_ros.tools.tune.recording import HEIGHTMAP_UPDATE, Recording
-from smartmesh_ros.tools.tune.replay import BodiesCame, Event, MapCame, Start
+from smartmesh_ros.tools.tune.replay import BodiesCame, Change, Event, MapCame, RegionCame, Start, change_terrain
 from smartmesh_ros.tools.tune.start import NODE, settings_of
-from smartmesh_ros.tools.tune.truth import recorded_ground
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +47,8 @@ class BagLimits:
 
 
 LIMITS = BagLimits()
+# The tiles by name at a time [s]; from call to call the time never decreases.
+Tiles = Callable[[float], dict[str, Raster]]
 
 
 class BagCase(Case):
@@ -58,6 +66,7 @@ class BagCase(Case):
         search = min(longest, 0.5 * recording.length)
         confirm = min(recording.length, LONGER * search)
         self.span = Span(search=search, confirm=confirm, settle=min(0.5, 0.25 * search))
+        self.finest = 0.0 if settings.motion.corrects else LIMITS.truth_rate
         self._bodies = _entries(settings)
         balls = [] if self._bodies else _test_balls(recording, settings)
         self._bodies += balls
@@ -77,24 +86,11 @@ class BagCase(Case):
     def events(self) -> Iterator[Event]:
         return iter(self._recording.events)
 
-    def finest_events(self) -> Iterator[Event] | None:
-        if self._settings.motion.corrects:
-            return self.events()
-        changes = set(self._recording.changes)
-        others = (event for event in self._recording.events if event not in changes)
-        return heapq.merge(self._finest_maps(), others, key=lambda event: event.arrives)
-
     def truth(self) -> Truth:
         tiles = recorded_ground(self._recording.changes, self._settings)
-        return lambda time: [
-            Surface(raster.geometry, raster.heights.astype(np.float64)) for raster in tiles(time).values()
-        ]
-
-    def _finest_maps(self) -> Iterator[Event]:
-        tiles = recorded_ground(self._recording.changes, self._settings)
-        for time in (number / LIMITS.truth_rate for number in itertools.count()):
-            for tile, raster in tiles(time).items():
-                yield MapCame(arrives=time, at=time, tile=tile, raster=raster)
+        return lambda time: {
+            name: Surface(raster.geometry, raster.heights.astype(np.float64)) for name, raster in tiles(time).items()
+        }
 
 
 def _entries(settings: Settings) -> list[Entry]:
@@ -156,7 +152,9 @@ def _require_enough(bag: Bag, recording: Recording) -> None:
     frames = ", ".join(recording.frames) or "none"
     if not recording.changes:
         raise bag.refusal("maps", f"no map of the bag can be taken: {refused or 'it has none'}; frames: {frames}")
-    refused_bodies = [words for words in recording.refused if "no transform" in words or "was asked for" in words]
+    refused_bodies = [
+        words for words in recording.refused if "no transform" in words or "not at the requested" in words
+    ]
     tracked = any(isinstance(event, BodiesCame) for event in recording.events)
     if refused_bodies and not tracked:
         raise bag.refusal("frame", f"bodies are in other frames than the maps, and the bag's /tf does not lead there: "
@@ -166,3 +164,81 @@ def _require_enough(bag: Bag, recording: Recording) -> None:
             "length", f"{len(recording.events)} messages within {recording.length:.3g} s that can be replayed; record "
             f"at least {LIMITS.shortest:g} s of maps and bodies"
         )  # fmt: skip
+
+
+def recorded_ground(changes: Sequence[Change], settings: Settings) -> Tiles:
+    """Return the true ground of a recording's changes."""
+    if settings.motion.corrects:
+        return _Corrected(changes, settings).at
+    of_tiles: dict[str, list[Change]] = defaultdict(list)
+    for change in sorted(changes, key=lambda change: change.at):
+        of_tiles[change.tile].append(change)
+    tiles = [_Moving(name, of_tile) for name, of_tile in of_tiles.items()]
+    return lambda time: dict(found for tile in tiles for found in tile.at(time))
+
+
+class _Moving:
+    """One tile, interpolated between the map before and the map after an instant."""
+
+    def __init__(self, name: str, changes: Sequence[Change]) -> None:
+        self._name = name
+        self._states = _states(changes)
+        # A time [s], and the tile from then on; None = it is removed.
+        self._before: tuple[float, Raster | None] = 0.0, None
+        self._after: tuple[float, Raster | None] | None = next(self._states)
+
+    def at(self, time: float) -> Iterator[tuple[str, Raster]]:
+        while self._after is not None and self._after[0] <= time:
+            self._before, self._after = self._after, next(self._states, None)
+        (begin, before), (end, after) = self._before, self._after or (0.0, None)
+        if before is None:
+            return
+        geometry, heights, *_ = before
+        if after is not None and after.geometry == geometry:
+            heights = heights + np.float32((time - begin) / (end - begin)) * (after.heights - heights)
+        yield self._name, Raster(geometry, heights)
+
+
+def _states(changes: Sequence[Change]) -> Iterator[tuple[float, Raster | None]]:
+    """Yield a tile after each of its changes."""
+    raster: Raster | None = None
+    for change in changes:
+        if isinstance(change, MapCame):
+            raster = change.raster
+        elif isinstance(change, RegionCame) and raster is not None:
+            heights = raster.heights.copy()
+            rows, columns = change.heights.shape
+            part = heights[change.row : change.row + rows, change.column : change.column + columns]
+            if part.shape == change.heights.shape:  # else the node refuses it
+                part[...] = change.heights
+            raster = raster._replace(heights=heights)
+        yield change.at, raster
+
+
+class _Corrected:
+    """Ground at rest, as the node estimates it."""
+
+    def __init__(self, changes: Sequence[Change], settings: Settings) -> None:
+        self._changes = sorted(changes, key=lambda change: change.arrives, reverse=True)
+        self._settings = settings
+        self._terrain = Terrain()
+
+    def at(self, time: float) -> dict[str, Raster]:
+        while self._changes and self._changes[-1].arrives <= time:
+            change = self._changes.pop()
+            self._show(change.arrives)
+            with suppress(InputError):  # what the node refuses leaves its ground as it was
+                change_terrain(self._terrain, self._settings, change)
+        return {name: self._raster(tile, time) for name, tile in self._show(time).items()}
+
+    def _show(self, time: float) -> dict[str, Any]:
+        """Blend corrections in up to ``time`` [s]; return the tiles, which are height maps."""
+        tiles: dict[str, Any] = self._terrain.tiles
+        for tile in tiles.values():
+            tile.show(time)
+        return tiles
+
+    def _raster(self, tile: Any, time: float) -> Raster:
+        geometry = tile.geometry
+        indices = np.arange(geometry.size).reshape(geometry.rows, geometry.columns)
+        return Raster(geometry, (tile.sample(indices, time).heights - geometry.origin[2]).astype(np.float32))

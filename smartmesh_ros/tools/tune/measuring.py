@@ -5,9 +5,9 @@ from __future__ import annotations
 import gc
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import groupby
 from time import process_time
 from typing import Any, NamedTuple
@@ -47,8 +47,6 @@ class Part(NamedTuple):
 
 # Position [m] and orientation of a part.
 Pose = tuple[Vector, Quaternion]
-# For each part at an instant: clearance [m], centre below the ground, body supported.
-Measurements = dict[Part, tuple[float, bool, bool]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,12 +67,14 @@ MEASURING = Measuring()
 @dataclass
 class Snapshot:
     """Poses of all parts at ``time`` [s]; ``held``: supported bodies without joints, which only the ground supports;
-    ``positions``: of the bodies [m]."""
+    ``positions``: of the bodies [m]; ``measured``: for each part its clearance [m], whether its centre is below the
+    ground, and whether its body is supported."""
 
     time: float
     poses: dict[Part, Pose]
     held: set[str]
     positions: dict[str, Vector]
+    measured: dict[Part, tuple[float, bool, bool]] = field(default_factory=dict)
 
 
 class Runner:
@@ -173,19 +173,17 @@ def _once(case: Case, settings: Sequence[Settings], duration: float) -> list[Run
 def measure(case: Case, runners: Sequence[Runner], reference: Mapping[str, Vector] | None) -> list[Figures]:
     """Return the figures of runs; ``reference``: positions of bodies at the span's horizon [m], None = unknown."""
     truth = case.truth()
-    measured: list[list[Measurements]] = [[] for _ in runners]
-    snapshots = [(taken.time, index, taken) for index, runner in enumerate(runners) for taken in runner.snapshots]
-    for time, group in groupby(sorted(snapshots, key=lambda entry: entry[:2]), key=lambda entry: entry[0]):
-        surfaces = truth(time)
-        for _, index, snapshot in group:
-            measured[index].append(_measure_parts(snapshot, surfaces))
-    return [_figures(case, *pair, reference) for pair in zip(runners, measured, strict=True)]
+    snapshots = sorted((taken for runner in runners for taken in runner.snapshots), key=lambda taken: taken.time)
+    for time, together in groupby(snapshots, key=lambda taken: taken.time):
+        surfaces = truth(time).values()
+        for snapshot in together:
+            snapshot.measured = _measure_parts(snapshot, surfaces)
+    return [_figures(case, runner, reference or {}) for runner in runners]
 
 
-def _figures(
-    case: Case, runner: Runner, measured: Sequence[Measurements], reference: Mapping[str, Vector] | None
-) -> Figures:
-    """Return the figures of a run from the measurements at its snapshots; of a stopped one the cost alone."""
+def _figures(case: Case, runner: Runner, reference: Mapping[str, Vector]) -> Figures:
+    """Return the figures of a run whose snapshots are measured; of a stopped one the cost alone."""
+    measured = [snapshot.measured for snapshot in runner.snapshots]
     parts = list(dict.fromkeys(part for seen in measured for part in seen))
     skip = sum(snapshot.time < case.span.settle for snapshot in runner.snapshots)
     if runner.stopped or not parts or len(measured) <= skip:
@@ -200,7 +198,7 @@ def _figures(
         longest=max(runner.steps[round(case.span.settle * runner.rate) :], default=math.nan),
         penetration=found.p99,
         hover=found.hover,
-        deviation=_deviation(runner, case.span.horizon, reference or {}),
+        deviation=_deviation(runner, case.span.horizon, reference),
         lost=len({parts[index].body for index in np.flatnonzero(below[-1])} | set(world.lost)),
         rescued=world.rescues,
     )
@@ -214,12 +212,12 @@ def _deviation(runner: Runner, horizon: float, reference: Mapping[str, Vector]) 
     return float(np.median(apart)) if apart else math.nan
 
 
-def _measure_parts(snapshot: Snapshot, surfaces: Sequence[Surface]) -> Measurements:
+def _measure_parts(snapshot: Snapshot, surfaces: Iterable[Surface]) -> dict[Part, tuple[float, bool, bool]]:
     """Measure all parts of a snapshot against the nearest tile at their x and y."""
     shapes: dict[Shape, list[Part]] = defaultdict(list)
     for part in snapshot.poses:
         shapes[part.shape].append(part)
-    found: Measurements = {}
+    found = {}
     for shape, parts in shapes.items():
         positions, orientations = (np.array(column) for column in zip(*map(snapshot.poses.get, parts), strict=True))
         clearance, below = np.full(len(parts), np.nan), np.zeros(len(parts), bool)

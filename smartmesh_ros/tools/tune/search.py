@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,12 @@ from smartmesh_ros.tools.tune.figures import FLOOR, Asked, Figures, Limits, Poin
 from smartmesh_ros.tools.tune.measuring import measure, run
 from smartmesh_ros.tools.tune.start import PRESETS, preset_values, settings_of
 
+# Changes that often help, tried first.
+HELPFUL: Sequence[Mapping[str, Any]] = (
+    {"physics.solver_residual": 1e-5},
+    {"physics.rate": 120.0, "physics.solver_residual": 1e-5},
+    {"physics.contact_erp": 0.6},
+)
 # Names of what is stored with the study and with a trial.
 BASE, REFERENCE, VALUES, FIGURES = "defaults", "reference", "values", "figures"
 
@@ -105,8 +111,8 @@ class Search:
                 "bodies", "nothing can be measured here: no body stayed over the ground; the parameter file's "
                 "bodies.spawn or robot.description must put bodies over the maps"
             )  # fmt: skip
-        for values in _first(self.case.start):
-            if (parameters := space.parameters_of(values)) is not None:
+        for given in (self.case.start, {}, *map(preset_values, PRESETS), *HELPFUL):
+            if (parameters := space.parameters_of({**space.defaults(), **given})) is not None:
                 self.study.enqueue_trial(parameters, skip_if_exists=True)
         self.study.set_user_attr(REFERENCE, positions)
         self.study.set_user_attr(BASE, asdict(base))
@@ -138,14 +144,3 @@ class Search:
 
 def _point(trial: FrozenTrial) -> Point:
     return Point(trial.user_attrs[VALUES], Figures(**trial.user_attrs[FIGURES]))
-
-
-def _first(start: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield settings to try first: the user's, the defaults, those of the presets, and changes that often help."""
-    helpful = (
-        {"physics.solver_residual": 1e-5},
-        {"physics.rate": 120.0, "physics.solver_residual": 1e-5},
-        {"physics.contact_erp": 0.6},
-    )
-    for given in (start, {}, *map(preset_values, PRESETS), *helpful):
-        yield {name: given.get(name, value) for name, value in space.defaults().items()}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import yaml
 
 import smartmesh_ros
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.parameters.declaring import nearest
 from smartmesh_ros.node.parameters.parameter_files import PARAMETERS, mismatch
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.parameters.specifications import NAMES, SPECS, settings_from
@@ -38,10 +38,7 @@ def read_start(file: Path | None, preset: str, single: Sequence[str]) -> dict[st
         values[name] = yaml.safe_load(text)
     for name in values:
         if name not in NAMES | {"use_sim_time"}:  # the latter is one of every ROS node
-            near = difflib.get_close_matches(name, NAMES, n=1)
-            raise InputError(
-                "parameter", f"parameter {name!r} is unknown{f'; did you mean {near[0]!r}?' if near else ''}"
-            )
+            raise InputError("parameter", f"parameter {name!r} is unknown{nearest(name, SPECS)}")
     settings_of(values)
     return values
 

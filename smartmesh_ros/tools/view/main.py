@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from time import monotonic
 
 import rclpy
@@ -18,7 +17,7 @@ from rclpy.utilities import try_shutdown
 from smartmesh_ros.node.parameters.helping import own_arguments
 from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
-from smartmesh_ros.tools.demo.demo import COLLIDER, SOURCE, Demo, node_process
+from smartmesh_ros.tools.demo.demo import demo_running
 from smartmesh_ros.tools.view.remote import Remote
 
 
@@ -57,13 +56,3 @@ def main(args: list[str] | None = None) -> None:
                 page.close()
                 remote.close()
         try_shutdown()
-
-
-@contextmanager
-def demo_running() -> Iterator[Demo]:
-    """Start the demo's nodes, each in its own process, and spawn its bodies and robot."""
-    demo = Demo()
-    with node_process("terrain_source", SOURCE), node_process("terrain_collider", COLLIDER):
-        demo.spawn_all()
-        yield demo
-    demo.destroy_node()

@@ -161,7 +161,7 @@ class Panel:
         x, y, z = sight.poses[name].position
         self._scene.mark((x, y, z), sight.radius_of(name))
         lines = []
-        for patch in sight.patches:
+        for patch in sight.patches.values():
             if patch.name == name or patch.name.startswith(f"{name}/"):
                 known = "unknown" if np.isnan(patch.deviation) else f"{1000 * patch.deviation:.3f} mm"
                 part = patch.name.removeprefix(name).strip("/") or "patch"

@@ -117,17 +117,11 @@ class Remote:
         for topic in KINDS:
             for data in self._new.pop(topic, ()):
                 self.sight.take(topic, data)
-        self._apply_patches()
-        for data in self._new.pop("timing", ()):
-            self.timings.append((monotonic(), deserialize_message(data, Timing)))
-
-    def _apply_patches(self) -> None:
         for data in self._new.pop("collider_patches", ()):
             with suppress(InputError):
-                message = read_patches(data)
-                old = self.sight.patches if message.incremental else []
-                known = {patch.name: patch for patch in old if patch.name not in message.removed}
-                self.sight.patches = list((known | {patch.name: patch for patch in message.patches}).values())
+                self.sight.patches = read_patches(data).onto(self.sight.patches)
+        for data in self._new.pop("timing", ()):
+            self.timings.append((monotonic(), deserialize_message(data, Timing)))
 
     def _subscribe(self) -> None:
         """Subscribe to maps and watched outputs that have publishers, with the best QoS that these offer, so that a

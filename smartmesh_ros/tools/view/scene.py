@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ class Scene:
         positions, radii = sight.bodies
         with self._server.atomic():
             self._terrain.show(ground, positions, radii, sunk=self.show_sunk)
-            self._patches.show(patch_meshes(sight.patches))
+            self._patches.show(patch_meshes(sight.patches.values()))
             self._show_robots(sight)
             self._show_bodies(sight)
             self._show_contacts(sight, float(np.median(radii)) if len(radii) else DEFAULT_RADIUS)
@@ -109,7 +110,7 @@ class Scene:
             shown.shaft_radius, shown.head_radius, shown.head_length = 0.06 * radius, 0.16 * radius, 0.4 * radius
 
 
-def patch_meshes(patches: list[Patch]) -> dict[str, Mesh]:
+def patch_meshes(patches: Iterable[Patch]) -> dict[str, Mesh]:
     """Return one mesh of the patches of each look, `LIFT` above the ground."""
     groups: dict[PatchLook, list[Patch]] = defaultdict(list)
     for patch in patches:

@@ -40,16 +40,16 @@ class Pose(NamedTuple):
 
 @dataclass
 class Sight:
-    """The newest state of everything but the terrain. ``poses`` and ``appearances`` by body; ``asleep``: simulated
-    bodies without any velocity; ``bases``: poses of robots' base links by frame as in ~/odometry; ``joints``: positions
-    [rad, m] by name as in ~/joint_states; ``contacts`` (n, 7): position [m], normal and force [N] of each."""
+    """The newest state of everything but the terrain. ``poses``, ``appearances`` and ``patches`` by body; ``asleep``:
+    simulated bodies without any velocity; ``bases``: poses of robots' base links by frame as in ~/odometry; ``joints``:
+    positions [rad, m] by name as in ~/joint_states; ``contacts`` (n, 7): position [m], normal and force [N] of each."""
 
     poses: dict[str, Pose] = field(default_factory=dict)
     appearances: dict[str, BodyDescription] = field(default_factory=dict)
     asleep: frozenset[str] = frozenset()
     bases: dict[str, Pose] = field(default_factory=dict)
     joints: dict[str, float] = field(default_factory=dict)
-    patches: list[Patch] = field(default_factory=list)
+    patches: dict[str, Patch] = field(default_factory=dict)
     contacts: FloatArray = field(default_factory=lambda: np.zeros((0, 7)))
 
     @property
