@@ -222,34 +222,6 @@ class TowedWheel:
         return float((self._sums[2] - self._sums[1]) / self._count)
 
 
-def wong_reece(soil: SoilType, wheel: Wheel, slip: float) -> tuple[float, float]:
-    """Return the sinkage [m] and the pull [N] of a driven wheel by Wong and Reece's integrals (1967).
-
-    Pressures and shear stresses act on the arc from the entry to the lowest point, as in the trials here; shear grows
-    with the slip since the entry.
-    """
-    modulus, phi = modulus_of(soil, wheel.width), math.radians(soil.Mohr_friction)
-
-    def forces(sinkage: float) -> tuple[float, float]:
-        entry = math.acos(1.0 - sinkage / wheel.radius)
-        angle = np.linspace(0.0, entry, 2001)
-        depth = np.maximum(wheel.radius * (np.cos(angle) - math.cos(entry)), 0.0)
-        pressure = modulus * depth**soil.Bekker_n
-        moved = wheel.radius * ((entry - angle) - (1.0 - slip) * (math.sin(entry) - np.sin(angle)))
-        strength = soil.Mohr_cohesion + pressure * math.tan(phi)
-        stress = np.sign(moved) * strength * -np.expm1(-np.abs(moved) / soil.Janosi_shear)
-        arc = wheel.radius * wheel.width
-        down = np.trapezoid(pressure * np.cos(angle) + stress * np.sin(angle), angle)
-        along = np.trapezoid(stress * np.cos(angle) - pressure * np.sin(angle), angle)
-        return float(arc * down), float(arc * along)
-
-    low, high = 0.0, 0.99 * wheel.radius
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if forces(middle)[0] < wheel.load else (low, middle)
-    return high, forces(high)[1]
-
-
 class Measured(NamedTuple):
     """A run of the smooth wheel of robomechanics/3d-terramechanics: pull, load [N] and sinkage [m] at a slip."""
 
