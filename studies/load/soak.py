@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
-import tempfile
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -19,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import rclpy
-import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
@@ -33,8 +30,9 @@ from smartmesh_msgs.srv import RemoveBody, SpawnBody
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.startup.domains import isolated_unless_chosen
+from smartmesh_ros.tools.testing.process import Process
 from studies.load import soak_report
-from studies.load.processes import Watch, environment, node_command
+from studies.load.processes import Watch, environment
 from studies.load.tables import PAGE, PICTURES
 
 # How often things happen [s].
@@ -65,14 +63,6 @@ class Log:
         """Adds a sample."""
         for name, value in values.items():
             self.samples.setdefault(name, []).append(float(value))
-
-
-def start_node(name: str, parameters: dict[str, Any], folder: Path) -> subprocess.Popen[bytes]:
-    """An installed executable of the package as a process."""
-    file = folder / f"{name}.yaml"
-    file.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
-    with (folder / f"{name}.txt").open("ab") as log:
-        return subprocess.Popen(node_command(name, file), env=environment(), stdout=log, stderr=log)
 
 
 class Soak(Node):
@@ -188,25 +178,25 @@ def source_parameters(rng: np.random.Generator) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def run(minutes: float, folder: Path, file: Path) -> None:
+def run(minutes: float, file: Path) -> None:
     """Soaks a node for so long, and keeps in ``file`` what was sampled, done and counted."""
     rng = np.random.default_rng(1)
     log = Log()
     rclpy.init()
     node = Soak(log, rng)
-    collider = start_node("terrain_collider", {"publish.patches": 10.0, "publish.body_states": 10.0}, folder)
-    source = start_node("terrain_source", source_parameters(rng), folder)
+    shown = {"publish.patches": 10.0, "publish.body_states": 10.0}
+    collider = Process("terrain_collider", shown, environment=environment())
+    source = Process("terrain_source", source_parameters(rng), environment=environment())
     try:
         if not node.wait(START_LIMIT, lambda: node.connected() and int(node.health.get("samples", 0)) > 0):
             raise RuntimeError("the node took no map")
-        watch = Watch(collider.pid)
+        watch = Watch(collider.process.pid)
         start = monotonic()
 
         def restart_source() -> None:
             nonlocal source
-            source.kill()
-            source.wait()
-            source = start_node("terrain_source", source_parameters(rng), folder)
+            source.close()
+            source = Process("terrain_source", source_parameters(rng), environment=environment())
             log.done["sources killed"] += 1
 
         def tell() -> None:
@@ -219,20 +209,19 @@ def run(minutes: float, folder: Path, file: Path) -> None:
             (TELL_EVERY, tell),
         )  # fmt: skip
         due = [start if every < SOURCE_EVERY else start + every for every, _ in actions]
-        while (now := monotonic()) < start + 60.0 * minutes and collider.poll() is None:
+        while (now := monotonic()) < start + 60.0 * minutes and collider.process.poll() is None:
             for index, (every, act) in enumerate(actions):
                 if now >= due[index]:
                     due[index] = now + every
                     act()
             node.wait(min(due) - monotonic())
-        if collider.poll() is not None:
-            raise RuntimeError(f"the node ended: {(folder / 'terrain_collider.txt').read_text()[-2000:]}")
+        if collider.process.poll() is not None:
+            raise RuntimeError(f"the node ended: {collider.output[-2000:]}")
         node.wait(3.0)
         _keep(node, log, file)
     finally:
-        for process in (source, collider):
-            process.terminate()
-            process.wait(20)
+        source.close()
+        collider.close()
         node.destroy_node()
         try_shutdown()
 
@@ -280,16 +269,13 @@ def main(args: list[str] | None = None) -> None:
     """Runs the soak."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=10.0, help="how long; 120 = the long form")
-    parser.add_argument("--out", type=Path, default=OUT, help=f"folder of JSON and picture (default {OUT})")
     parser.add_argument("--document", action="store_true", help=f"write the table of the docs, and to {PICTURES}")
-    parser.add_argument("--report", action="store_true", help="only draw and write what was measured before")
     options = parser.parse_args(args)
-    out = PICTURES if options.document else options.out
+    out = PICTURES if options.document else OUT
+    out.mkdir(parents=True, exist_ok=True)
     file = out / "soak.json"
-    if not options.report:
-        out.mkdir(parents=True, exist_ok=True)
-        with isolated_unless_chosen(), tempfile.TemporaryDirectory() as folder:
-            run(options.minutes, Path(folder), file)
+    with isolated_unless_chosen():
+        run(options.minutes, file)
     soak_report.report(json.loads(file.read_text()), out, PAGE if options.document else None)
 
 

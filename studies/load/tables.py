@@ -3,11 +3,103 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from studies.load.summary import UPDATE, Summary
+import numpy as np
+
+from studies.load.cases import Case
 from studies.markdown import table
+
+UPDATE = ("search", "collect", "collider", "bodies")
+
+
+@dataclass(frozen=True)
+class Summary:
+    """One run.
+
+    Stage times [ms]: median over windows of a second of the window's median and 99th percentile, and the maximum over
+    all windows; NaN for a stage that did not run. Times a step: number of runs times the window's median, summed and
+    divided by the number of steps, because not every stage runs in every step. ``latency`` [ms]: median, 99th
+    percentile and maximum, None if no marker was received.
+    """
+
+    case: Case
+    result: dict[str, Any]
+
+    @classmethod
+    def of(cls, result: dict[str, Any]) -> Summary:
+        """From what `processes.run_case` returned."""
+        return cls(Case(**result["case"]), result)
+
+    def stage(self, name: str) -> tuple[float, float, float]:
+        """Median, 99th percentile, maximum of a stage [ms]; the maximum is that of all windows."""
+        times = np.array([w["stages"][name][1:] for w in self.result["windows"] if w["stages"][name][0]])
+        if not len(times):
+            return math.nan, math.nan, math.nan
+        median, high = np.median(times[:, :2], axis=0) / 1e3
+        return float(median), float(high), float(times[:, 2].max() / 1e3)
+
+    def a_step(self, *names: str) -> float:
+        """Time of stages a step [ms]."""
+        windows = [w["stages"] for w in self.result["windows"]]
+        steps = sum(w["step"][0] for w in windows) or math.nan
+        return float(sum(w[name][0] * w[name][1] for w in windows for name in names) / steps / 1e3)
+
+    @property
+    def update_and_step(self) -> float:
+        """Time of everything that is physics, a step [ms]."""
+        return self.a_step(*UPDATE, "step")
+
+    @property
+    def steps_per_second(self) -> float:
+        """Physics steps that were run."""
+        windows = self.result["windows"]
+        return float(sum(w["stages"]["step"][0] for w in windows) / self.seconds)
+
+    @property
+    def seconds(self) -> float:
+        """Time that the windows cover [s]; a starved node may not have sent any."""
+        return float(sum(w["seconds"] for w in self.result["windows"])) or math.nan
+
+    @property
+    def cpu_per_step(self) -> float:
+        """Processor time of the node for each step, all in [ms]."""
+        return float(1e3 * self.result["cpus"]["node"] / (self.steps_per_second or math.nan))
+
+    @property
+    def missed(self) -> float:
+        """Share of the deadlines that were missed."""
+        windows = self.result["windows"]
+        return float(sum(w["misses"] for w in windows) / (self.case.physics_rate * self.seconds))
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds per second."""
+        factors = [w["real_time_factor"] for w in self.result["windows"]]
+        return float(np.mean(factors)) if factors else math.nan
+
+    @property
+    def latency(self) -> tuple[float, float, float] | None:
+        """From sending to the marker [ms]."""
+        times = self.result["latencies_ms"]
+        if not times:
+            return None
+        median, high, most = np.percentile(times, (50, 99, 100)).tolist()
+        return median, high, most
+
+    @property
+    def lost(self) -> int:
+        """Maps and regions that the node never took."""
+        return max(int(self.result["sent"]) - int(self.result["taken"]), 0)
+
+    @property
+    def memory(self) -> dict[str, float]:
+        """Memory of the node [MiB]: resident, its part shared with DDS, and the peak."""
+        found: dict[str, float] = self.result["memory_mib"]["node"]
+        return found
+
 
 # The page of the load study and the soak, and the folder of its pictures and what they show.
 PAGE, PICTURES = Path("docs/performance.md"), Path("docs/images/load")
@@ -49,52 +141,6 @@ def memory(summaries: list[Summary]) -> str:
         rows.append([f"{s.case.side}^2", s.case.mode, f"{size:.1f}", f"{m['resident']:.0f}", f"{m['shared']:.0f}",
                      f"{m['peak']:.0f}"])  # fmt: skip
     return table(head, rows)
-
-
-def targets(groups: dict[str, list[Summary]]) -> str:
-    """Return the table of targets, which the study prints and no page shows."""
-    grid = groups["grid"]
-
-    def find(bodies: int, rate: float, side: int = 1024, mode: str = "regions") -> Summary | None:
-        found = [s for s in grid if (s.case.bodies, s.case.physics_rate, s.case.side, s.case.mode)
-                 == (bodies, rate, side, mode)]  # fmt: skip
-        return max(found, key=lambda s: s.case.map_rate) if found else None
-
-    lines = []
-
-    def add(what: str, summary: Summary | None, measure: Callable[[Summary], float], most: float, unit: str) -> None:
-        value = measure(summary) if summary else math.nan
-        verdict = "not measured" if math.isnan(value) else "reached" if value <= most else "**missed**"
-        lines.append([what, f"{most:.3g} {unit}", f"{value:.3g} {unit}", verdict])
-
-    hundred, thousand = find(100, 240.0), find(1000, 60.0)
-    for name, s, most, markers in (
-        ("100 bodies, 240 Hz", hundred, 2.0, 0.3),
-        ("1000 bodies, 60 Hz", thousand, 14.0, 2.0),
-    ):
-        step = s.stage("step")[0] if s else 0.0
-        add(f"{name}: update and step, median", s, lambda s: s.stage("total")[0], most, "ms")
-        add(f"{name}: the same, from the medians of its stages", s, lambda s: s.update_and_step, most, "ms")
-        add(f"{name}: missed deadlines", s, lambda s: 100 * s.missed, 0.1, "%")
-        add(f"{name}: markers built and published, median", s, lambda s: s.stage("publish")[0], markers, "ms")
-        add(f"{name}: processor time a step of everything but `stepSimulation`", s,
-            lambda s: s.cpu_per_step - s.stage("step")[0], step, "ms")  # fmt: skip
-        add(f"{name}: the same without search, collect and collider", s,
-            _ros_side, step, "ms")  # fmt: skip
-    full = find(100, 240.0, mode="full")
-    add("full 1024^2 map taken, median", full, lambda s: s.stage("ingest")[0], 2.0, "ms")
-    add("64^2 region taken, median", hundred, lambda s: s.stage("ingest")[0], 0.2, "ms")
-    add("region in to marker out, 100 bodies, 99 %", hundred, lambda s: s.latency[1] if s.latency else math.nan, 10.0,
-        "ms")  # fmt: skip
-    for mode, what in (("full", "full 4096^2 maps at 5 Hz"), ("regions", "regions of 4096^2 at 60 Hz")):
-        add(f"{what}: lost", find(100, 240.0, 4096, mode), lambda s: s.lost, 0.0, "messages")
-    return table(["figure", "at most", "measured", ""], lines)
-
-
-def _ros_side(s: Summary) -> float:
-    """Processor time a step without patches and physics [ms]; NaN where waiting for a processor hides it in them."""
-    rest = s.cpu_per_step - s.update_and_step
-    return rest if rest >= 0.0 else math.nan
 
 
 def _run(s: Summary) -> list[str]:
