@@ -8,7 +8,6 @@ import sys
 # By name: the module and the function that run the study, ``main`` unless another is named, and a description.
 STUDIES = {
     "accuracy": ("studies.accuracy", "speed against accuracy, and the stability matrix"),
-    "before-after": ("studies.before_after", "this code against that of another checkout"),
     "bench": ("studies.bench.cli", "running times against the report's tables"),
     "fleet": ("studies.fleet.study", "several nodes on one terrain, in networks of their own"),
     "friction": ("studies.friction_picture", "a picture of boxes on ice beside gravel"),

@@ -12,6 +12,7 @@ import yaml
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.tools.tune.start import PRESETS, preset_folder
+from studies.engines.checkout import CheckoutOptions
 from studies.engines.engine import GroundSetup, build, missing
 from studies.engines.smartmesh import SmartMeshOptions
 
@@ -143,6 +144,15 @@ def rivals() -> list[Configuration]:
 def configurations(*, quick: bool) -> list[Configuration]:
     """All points of the chart of bodies, or those of the quick run."""
     return [one for one in (*OURS, *_presets("smartmesh"), *REPORT, *rivals()) if one.quick or not quick]
+
+
+def checkouts(before: Path) -> list[Configuration]:
+    """Our defaults by the code of this checkout and of another: each in a process of its own, as equals."""
+    options = CheckoutOptions(folder=before)
+    return [
+        Configuration(name="defaults", family="ours", engine="checkout"),
+        Configuration(name="before", family="ours, less", engine="checkout", options=options),
+    ]
 
 
 def robot_configurations(*, quick: bool) -> list[Configuration]:
