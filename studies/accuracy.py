@@ -20,8 +20,7 @@ from studies.matrix.run import run_matrix
 from studies.pages import fill
 from studies.progress import Progress
 from studies.results_file import save_results
-from studies.scene_charts import Charts
-from studies.tables import choosing_table, rates_table
+from studies.tables import Charts, choosing_table, rates_table
 
 CHARTS = Charts(
     "accuracy", "make studies", "[accuracy](accuracy.md)", "body", data="accuracy.json", tables="accuracy_tables.md"

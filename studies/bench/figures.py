@@ -14,7 +14,7 @@ from matplotlib import pyplot as plt
 
 from studies.bench import report
 from studies.bench.measure import Results
-from studies.bench.report_tables import update_per_body
+from studies.bench.tables import update_per_body
 
 # One colour a method, everywhere; the report's figures are hollow or dashed, today's filled or drawn through.
 ORANGE, BLUE, GREEN, RED, PURPLE, GREY, BROWN = (

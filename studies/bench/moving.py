@@ -18,6 +18,7 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from smartmesh_ros.world.world import World, WorldConfig
+from studies.bench.measure import Bench, Case
 
 T = TypeVar("T")
 S = TypeVar("S")
@@ -111,6 +112,11 @@ class Player:
         for index, (x, y) in enumerate(places.tolist()):
             self.world.spawn(f"body_{index}", Sphere(RADIUS), 1.0, BodyState((x, y, float(heights[index]))))
         self.world.refresh()
+
+    def time(self, bench: Bench, case: Case) -> None:
+        """Measure the refresh of the patches at each frame, and end the world."""
+        with self.world as world:
+            bench.time(case, world.refresh, self.next_frame)
 
     def next_frame(self) -> None:
         """Lets the bodies move by physics, and the ground by a frame."""
