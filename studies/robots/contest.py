@@ -54,7 +54,7 @@ class RobotContest(Contest):
         return engine
 
     def act(self, engine: Any, time: float) -> None:
-        if self._scene.trot is not None:
+        if self._scene.trot:
             engine.hold(self._scene.joints(time))
 
     def measure(self, instant: float, runners: Sequence[Runner]) -> None:
@@ -119,7 +119,7 @@ def reference_centres(scene: RobotScene, setup: RobotSetup) -> FloatArray:
     with WorldRobots(setup, options) as engine:
         for step in range(math.floor(HORIZON / setup.dt + 0.5)):
             time = step * setup.dt
-            if scene.trot is not None:
+            if scene.trot:
                 engine.hold(scene.joints(time))
             if scene.map_rate and step and step % round(1.0 / (setup.dt * MAPS)) == 0:
                 engine.set_ground(scene.ground.heights(time))

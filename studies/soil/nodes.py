@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from time import monotonic
 from typing import Any
 
@@ -34,19 +33,7 @@ def rates() -> list[list[str]]:
 
 
 def _figures(boxes: int, *, soil: bool) -> tuple[float, float]:
-    """Return the mean real-time factor, and the share of steps that started late [%]."""
-    with _running(boxes, soil=soil) as (node, windows):
-        _spin(node, SETTLE)
-        windows.clear()
-        _spin(node, SECONDS)
-        length = sum(window.window_s for window in windows)
-        factor = sum(window.window_s * window.real_time_factor for window in windows) / length
-        return factor, 100.0 * sum(window.deadline_misses for window in windows) / (RATE * length)
-
-
-@contextmanager
-def _running(boxes: int, *, soil: bool) -> Iterator[tuple[Any, list[Timing]]]:
-    """Run the nodes of a scene; yield a node and the list of the collider's timings."""
+    """Run the nodes of a scene; return the mean real-time factor, and the share of steps that started late [%]."""
     with isolated(), ExitStack() as stack:
         rclpy.init()
         stack.callback(rclpy.shutdown)
@@ -63,7 +50,12 @@ def _running(boxes: int, *, soil: bool) -> Iterator[tuple[Any, list[Timing]]]:
         else:
             stack.enter_context(Process("rover", {"listeners": listeners}))
         _wait(node, lambda: len(windows) > 2)
-        yield node, windows
+        _spin(node, SETTLE)
+        windows.clear()
+        _spin(node, SECONDS)
+        length = sum(window.window_s for window in windows)
+        factor = sum(window.window_s * window.real_time_factor for window in windows) / length
+        return factor, 100.0 * sum(window.deadline_misses for window in windows) / (RATE * length)
 
 
 def _place(node: Any, boxes: int, listeners: int) -> None:

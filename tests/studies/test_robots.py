@@ -22,7 +22,7 @@ from studies.robots import study
 from studies.robots.contest import shapes_of
 from studies.robots.engine import MASSLESS, SERVO, RobotEngine, RobotSetup, prepared
 from studies.robots.geometry import GroundPrisms, Part, cylinder, hull, placed, pose_of, read_links, sphere
-from studies.robots.robot import HUSKY, LAIKAGO, LEGS, PHASES, RACECAR, ROVER, Robot, Trot, laikago_joints
+from studies.robots.robot import HUSKY, LAIKAGO, LEGS, PHASES, RACECAR, ROVER, Robot, laikago_joints, trot_table
 from studies.robots.scene import RobotScene, scenes
 from studies.robots.study import Stranger, run_stranger
 
@@ -102,7 +102,7 @@ def test_the_shapes_of_links_fill_the_bounds_that_pybullet_gives_them(robot: Rob
 
 
 def test_diagonal_legs_of_the_trot_swing_together_and_the_others_half_a_period_later() -> None:
-    table = Trot().table
+    table = trot_table()
     half = len(table) // 2
     assert len(table) == 2 * half
     for row, positions in enumerate(table):
