@@ -155,9 +155,8 @@ def hovers_in_trough(method: PatchConfig) -> float:
     with Arena(method) as arena:
         heights = np.broadcast_to(0.6 * np.abs(arena.truth.x), (61, 61))
         arena.heightmap.replace(heights, time=0.0)
-        arena.spawn("ball", Sphere(0.3), (0.0, 0.013, 0.3 * math.hypot(1.0, 0.6) + 0.02))
-        arena.settle(1.0)
-        return 1e3 * abs(float(arena.positions()[0, 2]) - 0.3 * math.hypot(1.0, 0.6))
+        rest = 0.3 * math.hypot(1.0, 0.6)
+        return 1e3 * abs(float(arena.rest_of(Sphere(0.3), (0.0, 0.013, rest + 0.02))[2]) - rest)
 
 
 def normals(method: PatchConfig) -> float:

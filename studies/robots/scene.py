@@ -21,15 +21,13 @@ STILL = Wave(amplitude=0.0)
 
 
 class RoughHills(Scene):
-    """Hills of 0.1 m with independent normally distributed noise of standard ``deviation`` [m] at every sample, and a
-    ``wave`` along x that carries all of it up and down."""
+    """Hills of a height [m] with independent normally distributed noise of 1 cm at every sample, and a ``wave`` along x
+    that carries all of it up and down."""
 
-    def __init__(
-        self, geometry: GridGeometry, wave: Wave = STILL, deviation: float = 0.01, hills: float = 0.1, seed: int = 0
-    ) -> None:
+    def __init__(self, geometry: GridGeometry, wave: Wave, hills: float = 0.1) -> None:
         super().__init__(geometry)
         self.wave = wave
-        noise = np.random.default_rng(seed).normal(0.0, deviation, (geometry.rows, geometry.columns))
+        noise = np.random.default_rng(0).normal(0.0, 0.01, (geometry.rows, geometry.columns))
         self._still: FloatGrid = (hills * np.sin(1.5 * self.x) * np.cos(1.1 * self.y) + noise).astype(np.float32)
 
     def heights(self, time: float) -> FloatGrid:

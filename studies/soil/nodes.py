@@ -21,6 +21,7 @@ RATES = {f"publish.{topic}": 60.0 for topic in ("contacts", "body_states", "join
 BOX = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.2, 0.2])
 # Each run settles before it is measured [s].
 SETTLE, SECONDS = 5.0, 15.0
+LONGEST = 180.0  # wait for nodes to start [s]
 
 
 def rates() -> list[list[str]]:
@@ -78,8 +79,8 @@ def _spin(node: Any, seconds: float) -> None:
         rclpy.spin_once(node, timeout_sec=0.1)
 
 
-def _wait(node: Any, condition: Any, longest: float = 180.0) -> None:
-    end = monotonic() + longest
+def _wait(node: Any, condition: Any) -> None:
+    end = monotonic() + LONGEST
     while not condition():
         if monotonic() > end:
             raise TimeoutError("the nodes did not start")

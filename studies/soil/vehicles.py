@@ -202,16 +202,15 @@ def roll(
     slip: float,
     *,
     speed: float = 0.02,
-    way: float = 0.2,
     slip_sinkage: bool = True,
     implicit: bool = True,
 ) -> WheelForces:
-    """Roll a wheel over flat ground on a ``way`` [m] at a ``speed`` [m/s] and a ``slip``; the second half of the way
+    """Roll a wheel over flat ground on a way of 0.2 m at a ``speed`` [m/s] and a ``slip``; the second half of the way
     counts. ``implicit``: PyBullet collides a cylinder, else the hull of its mesh."""
     client = BulletClient(pb.DIRECT)
     client.setGravity(0.0, 0.0, -GRAVITY)
     client.setTimeStep(DT)
-    grid = 0.01
+    grid, way = 0.01, 0.2
     shape = (round((wheel.width + 0.12) / grid) + 1, round((way + 0.4 + 4.0 * wheel.radius) / grid) + 1)
     ground = Ground(client, HeightMap(np.zeros(shape), resolution=grid))
     with tempfile.TemporaryDirectory() as folder:
