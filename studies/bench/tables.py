@@ -138,7 +138,7 @@ def table_6(results: Results) -> str:
     )  # fmt: skip
 
 
-_SIMPLE = {
+SIMPLE = {
     "physx": "PhysX, cooked",
     "bullet_trimesh": "PyBullet trimesh, built anew",
     "bullet_heightfield": "PyBullet heightfield, replaced",
@@ -173,11 +173,11 @@ def all_tables(results: Results) -> str:
 def larger_maps(results: Results) -> str:
     """Every way to keep a collider of the whole map."""
     rows = [
-        [size(side), *(number(results.ms("simple", method, side=side)) for method in _SIMPLE)]
+        [size(side), *(number(results.ms("simple", method, side=side)) for method in SIMPLE)]
         for side in (*report.SIMPLE_PHYSX, *report.LARGER)
     ]
     note = f"\n- = the engine does not take so large a map, or a frame would take longer than {LONGEST_FRAME:g} s."
-    return table(["main mesh", *_SIMPLE.values()], rows) + note
+    return table(["main mesh", *SIMPLE.values()], rows) + note
 
 
 def map_searches(results: Results) -> str:

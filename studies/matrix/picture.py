@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from smartmesh_ros.ground.config import PhysicsConfig
@@ -55,7 +54,6 @@ def draw_matrix(path: Path, outcomes: Sequence[Outcome]) -> None:
     methods = list(dict.fromkeys(outcome.method for outcome in outcomes))
     rows = list(dict.fromkeys(outcome.row for outcome in outcomes))
     figure = Figure(figsize=(3.6 + 1.15 * len(methods), 1.6 + 0.26 * len(rows)), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     for outcome in outcomes:
         x, y = methods.index(outcome.method), rows.index(outcome.row)
@@ -129,7 +127,6 @@ def draw_box(path: Path, seconds: float = 5.0) -> None:
     """A correction and noise, each in the three ways."""
     by, noise = 0.1, 0.01  # [m]
     figure = Figure((9.0, 3.0), layout="constrained")
-    FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2)
     for way in ways(0.0):
         moved = 1e3 * corrected(way, by)
