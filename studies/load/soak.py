@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -51,26 +50,16 @@ TELL_EVERY = 60.0
 OUT = Path("out/soak")
 
 
-@dataclass
-class Log:
-    """What was sampled, a list for each figure, and what was done how often."""
-
-    samples: dict[str, list[float]] = field(default_factory=dict)
-    done: Counter[str] = field(default_factory=Counter)
-    missing: list[str] = field(default_factory=list)  # bodies that the node did not have when it was to remove them
-
-    def add(self, **values: float) -> None:
-        """Adds a sample."""
-        for name, value in values.items():
-            self.samples.setdefault(name, []).append(float(value))
-
-
 class Soak(Node):
-    """Does things to the node and keeps its answers."""
+    """Does things to the node and keeps its answers. ``samples``: a list for each figure. ``done``: what was done how
+    often. ``missing``: bodies that the node did not have when it was to remove them."""
 
-    def __init__(self, log: Log, rng: np.random.Generator) -> None:
+    def __init__(self, rng: np.random.Generator) -> None:
         super().__init__("soak")
-        self._log, self._rng = log, rng
+        self._rng = rng
+        self.samples: defaultdict[str, list[float]] = defaultdict(list)
+        self.done: Counter[str] = Counter()
+        self.missing: list[str] = []
         self._executor = EventsExecutor()
         self._executor.add_node(self)
         base = "terrain_collider"
@@ -119,26 +108,26 @@ class Soak(Node):
         position.z = 1.5
         if self.call(self._spawner, request).success:
             self.alive.append(name)
-            self._log.done["spawned"] += 1
+            self.done["spawned"] += 1
         if len(self.alive) > MOST_BODIES:
             oldest = self.alive.pop(0)
             answer = self.call(self._remover, RemoveBody.Request(id=oldest))
-            self._log.done["removed"] += answer.success
+            self.done["removed"] += answer.success
             if not answer.success:
-                self._log.missing.append(f"{oldest}, last seen at {self.last_seen.get(oldest)}: {answer.message}")
+                self.missing.append(f"{oldest}, last seen at {self.last_seen.get(oldest)}: {answer.message}")
 
     def change_kind(self) -> None:
         """Changes the patches' kind while bodies stand on them, and measures how long the answer takes."""
         value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=str(self._rng.choice(KINDS)))
         request = SetParameters.Request(parameters=[Parameter(name="patch.kind", value=value)])
         if self.call(self._setter, request).results[0].successful:
-            self._log.done["kinds changed"] += 1
+            self.done["kinds changed"] += 1
 
     def ping(self) -> float:
         """How long a refused call takes to come back [ms]."""
         start = monotonic()
         self.call(self._remover, RemoveBody.Request(id="nobody"))
-        self._log.done["bad calls"] += 1
+        self.done["bad calls"] += 1
         return 1e3 * (monotonic() - start)
 
     def send_bad(self) -> None:
@@ -149,7 +138,7 @@ class Soak(Node):
             self._maps.publish(message)
         else:
             self._updates.publish(HeightmapUpdate(x=2**31, width=1, height=1, heights=[0.0]))
-        self._log.done["bad messages"] += 1
+        self.done["bad messages"] += 1
 
     def refused(self) -> dict[str, int]:
         """How often the node says that it refused something, by topic or service and reason."""
@@ -181,9 +170,8 @@ def source_parameters(rng: np.random.Generator) -> dict[str, Any]:
 def run(minutes: float, file: Path) -> None:
     """Soaks a node for so long, and keeps in ``file`` what was sampled, done and counted."""
     rng = np.random.default_rng(1)
-    log = Log()
     rclpy.init()
-    node = Soak(log, rng)
+    node = Soak(rng)
     shown = {"publish.patches": 10.0, "publish.body_states": 10.0}
     collider = Process("terrain_collider", shown, environment=environment())
     source = Process("terrain_source", source_parameters(rng), environment=environment())
@@ -197,15 +185,15 @@ def run(minutes: float, file: Path) -> None:
             nonlocal source
             source.close()
             source = Process("terrain_source", source_parameters(rng), environment=environment())
-            log.done["sources killed"] += 1
+            node.done["sources killed"] += 1
 
         def tell() -> None:
-            _keep(node, log, file)
-            _tell(node, log, minutes)
+            _keep(node, file)
+            _tell(node, minutes)
 
         actions: tuple[tuple[float, Callable[[], None]], ...] = (
             (SOURCE_EVERY, restart_source), (SPAWN_EVERY, node.spawn), (KIND_EVERY, node.change_kind),
-            (BAD_EVERY, node.send_bad), (SAMPLE_EVERY, lambda: _sample(node, watch, log, monotonic() - start)),
+            (BAD_EVERY, node.send_bad), (SAMPLE_EVERY, lambda: _sample(node, watch, monotonic() - start)),
             (TELL_EVERY, tell),
         )  # fmt: skip
         due = [start if every < SOURCE_EVERY else start + every for every, _ in actions]
@@ -218,7 +206,7 @@ def run(minutes: float, file: Path) -> None:
         if collider.process.poll() is not None:
             raise RuntimeError(f"the node ended: {collider.output[-2000:]}")
         node.wait(3.0)
-        _keep(node, log, file)
+        _keep(node, file)
     finally:
         source.close()
         collider.close()
@@ -226,14 +214,14 @@ def run(minutes: float, file: Path) -> None:
         try_shutdown()
 
 
-def _keep(node: Soak, log: Log, file: Path) -> None:
+def _keep(node: Soak, file: Path) -> None:
     """Writes what there is so far."""
     data = {
-        "minutes": round(log.samples["time"][-1] / 60.0, 1),
-        "samples": log.samples,
-        "done": dict(log.done),
+        "minutes": round(node.samples["time"][-1] / 60.0, 1),
+        "samples": node.samples,
+        "done": dict(node.done),
         "refused": node.refused(),
-        "missing": log.missing,
+        "missing": node.missing,
         "alive": sorted(node.alive),
         "seen": sorted(node.seen),
         "below_ground": int(node.health.get("below ground", 0)),
@@ -241,9 +229,9 @@ def _keep(node: Soak, log: Log, file: Path) -> None:
     file.write_text(json.dumps(data))
 
 
-def _tell(node: Soak, log: Log, minutes: float) -> None:
+def _tell(node: Soak, minutes: float) -> None:
     """Prints how it stands."""
-    last = {name: values[-1] for name, values in log.samples.items()}
+    last = {name: values[-1] for name, values in node.samples.items()}
     print(
         f"{last['time'] / 60.0:4.0f} of {minutes:g} min  {len(node.alive)} bodies  {last['memory']:.0f} MiB  "
         f"real time {last['factor']:.2f}  latency {last['latency']:.1f} ms  {sum(node.refused().values())} refused",
@@ -251,18 +239,16 @@ def _tell(node: Soak, log: Log, minutes: float) -> None:
     )
 
 
-def _sample(node: Soak, watch: Watch, log: Log, time: float) -> None:
+def _sample(node: Soak, watch: Watch, time: float) -> None:
     memory = watch.memory()
-    log.add(
-        time=time,
-        memory=memory["resident"] - memory["shared"],
-        descriptors=watch.descriptors(),
-        threads=sum(process.num_threads() for process in watch.processes()),
-        topics=len(node.get_topic_names_and_types()),
-        factor=node.factor,
-        latency=node.ping(),
-        below=float(node.health.get("below ground", 0)),
-    )
+    figures = {
+        "time": time, "memory": memory["resident"] - memory["shared"], "descriptors": watch.descriptors(),
+        "threads": sum(process.num_threads() for process in watch.processes()),
+        "topics": len(node.get_topic_names_and_types()), "factor": node.factor, "latency": node.ping(),
+        "below": float(node.health.get("below ground", 0)),
+    }  # fmt: skip
+    for name, value in figures.items():
+        node.samples[name].append(float(value))
 
 
 def main(args: list[str] | None = None) -> None:

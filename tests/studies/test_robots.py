@@ -215,7 +215,8 @@ def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.Monke
     assert study.main(["--quick", "--out", str(tmp_path)]) == 0
     for name in ("robots.json", "robot_tables.md", "robot_charts.md", f"images/robots/{small.name}.png"):
         assert (tmp_path / name).stat().st_size > 500, name
-    assert study.main(["--scenes", "no such scene"]) == 2
+    with pytest.raises(SystemExit, match="2"):
+        study.main(["--scenes", "no such scene"])
 
 
 @pytest.mark.parametrize("part", ["--quick", "--scenes husky_rest_4cm"])
