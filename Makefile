@@ -50,7 +50,7 @@ laws:  ## laws of contact, and how far runs drift apart, in each engine (about f
 	@$(RUN) studies -- $(STUDIES) laws
 
 before-after:  ## the code of another checkout against this one's: BEFORE=/path/to/it, ARGS=--quick for a few scenes
-	@$(RUN) studies -- $(STUDIES) before-after --before "$(BEFORE)" $(ARGS)
+	@$(RUN) studies -- $(STUDIES) accuracy --charts-only --before "$(BEFORE)" $(ARGS)
 
 robots:  ## robots on rough and moving ground, beside other engines (about 12 minutes; ARGS=--quick: two)
 	@$(RUN) studies -- $(STUDIES) robots $(ARGS)

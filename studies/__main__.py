@@ -5,10 +5,9 @@ from __future__ import annotations
 import importlib
 import sys
 
-# By name: the module whose ``main`` runs the study, and a description.
+# By name: the module and the function that run the study, ``main`` unless another is named, and a description.
 STUDIES = {
     "accuracy": ("studies.accuracy", "speed against accuracy, and the stability matrix"),
-    "before-after": ("studies.before_after", "this code against that of another checkout"),
     "bench": ("studies.bench.cli", "running times against the report's tables"),
     "fleet": ("studies.fleet.study", "several nodes on one terrain, in networks of their own"),
     "friction": ("studies.friction_picture", "a picture of boxes on ice beside gravel"),
@@ -17,9 +16,12 @@ STUDIES = {
     "load": ("studies.load.study", "the node under load over DDS"),
     "rising": ("studies.rising_picture", "the README's moving picture: bodies sink into rising ground"),
     "robots": ("studies.robots.study", "robots on rough and moving ground, beside other engines"),
-    "rover": ("studies.soil.rover", "a wheeled robot on soil: pictures of its ruts"),
+    "rover": ("studies.soil.rut_pictures:drive_rover", "a wheeled robot on soil: pictures of its ruts"),
     "soil": ("studies.soil.study", "soil against closed forms, a measured wheel, and its cost"),
-    "tracks": ("studies.soil.tracks", "a tracked machine on soil: pictures of its turn and its climb"),
+    "tracks": (
+        "studies.soil.rut_pictures:drive_tracks",
+        "a tracked machine on soil: pictures of its ruts",
+    ),
     "soak": ("studies.load.soak", "the node for minutes or hours of everything changing"),
 }
 
@@ -42,7 +44,8 @@ def main() -> None:
         print(f"python -m studies: no study {name!r}\n{usage()}", file=sys.stderr)
         sys.exit(2)
     sys.argv = [f"python -m studies {name}", *options]
-    importlib.import_module(STUDIES[name][0]).main()
+    module, _, function = STUDIES[name][0].partition(":")
+    getattr(importlib.import_module(module), function or "main")()
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from typing import Any
 from smartmesh_ros.tools.evaluation.scene import read_scenes
 from studies.body_contest import run_scene
 from studies.chart import README_SCENE, draw_readme
-from studies.configurations import configurations
+from studies.configurations import checkouts, configurations
 from studies.machine import describe, measured_on
 from studies.matrix.picture import draw_box, draw_matrix, matrix_table
 from studies.matrix.row import METHODS
@@ -20,8 +20,7 @@ from studies.matrix.run import run_matrix
 from studies.pages import fill
 from studies.progress import Progress
 from studies.results_file import save_results
-from studies.scene_charts import Charts
-from studies.tables import choosing_table, rates_table
+from studies.tables import Charts, choosing_table, rates_table
 
 CHARTS = Charts(
     "accuracy", "make studies", "[accuracy](accuracy.md)", "body", data="accuracy.json", tables="accuracy_tables.md"
@@ -57,7 +56,8 @@ def folder_of(options: argparse.Namespace) -> Path:
     """Return the output folder of a run. Only whole runs write into docs/, so that no page mixes figures of
     machines."""
     part = options.quick or options.scenes or options.methods or options.charts_only or options.matrix_only
-    folder: Path = options.out or Path("out/studies" if part else "docs")
+    usual = "out/before_after" if options.before else "out/studies" if part else "docs"
+    folder: Path = options.out or Path(usual)
     return folder
 
 
@@ -77,14 +77,14 @@ def _charts(options: argparse.Namespace, out: Path, machine: str, say: Any) -> d
     scenes = [scene for scene in read_scenes() if scene.quick or not options.quick]
     if options.scenes:
         scenes = [scene for scene in read_scenes() if scene.name in options.scenes]
-    chosen = configurations(quick=options.quick)
+    chosen = checkouts(options.before) if options.before else configurations(quick=options.quick)
     captions = {f"{scene.title} ({scene.bodies.count} bodies)": scene for scene in scenes}
     results = CHARTS.run(out, captions, chosen, lambda scene: run_scene(scene, chosen, say))
     titles = {scene.name: scene.title for scene in scenes}
     blocks = CHARTS.write(out, titles, chosen, results, machine)
-    if README_SCENE in results:
+    if README_SCENE in results and not options.before:
         draw_readme(CHARTS.images(out) / "readme.png", results[README_SCENE])
-    if not options.quick:  # a quick run lacks configurations of these tables
+    if not options.quick and not options.before:  # these lack configurations of the tables
         blocks |= {"patch rates": rates_table(titles, results), "choosing": choosing_table(titles, results)}
     print("\n" + blocks["summary"])
     return blocks
@@ -96,6 +96,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, help="folder to write to (docs; out/studies for a part of a run)")
     parser.add_argument("--scenes", nargs="+", default=[], help="these scenes only")
     parser.add_argument("--methods", nargs="+", default=[], choices=list(METHODS), help="these columns of the matrix")
+    parser.add_argument("--before", type=Path, help="another checkout, whose defaults run beside this one's alone")
     parser.add_argument("--charts-only", action="store_true", help="no stability matrix")
     parser.add_argument("--matrix-only", action="store_true", help="the stability matrix alone")
     return parser

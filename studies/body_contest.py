@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -23,13 +23,6 @@ from studies.engines.smartmesh import SmartMeshOptions
 
 # Number of pieces of a run, and processor time in one scene after which an engine is stopped [s].
 PIECES, PATIENCE = 12, 2.5
-
-
-class Poses(NamedTuple):
-    """Centres (N, 3) [m] and orientations (N, 4) of the bodies."""
-
-    positions: FloatArray
-    orientations: FloatArray
 
 
 def setup_of(scene: Scene, heights: Any, rate: float, starts: Sequence[BodyState]) -> Setup:
@@ -57,21 +50,16 @@ class BodyContest(Contest):
         engine: Engine = configuration.build(replace(setup, slide=self._scene.slide))
         return engine
 
-    def state(self, engine: Engine) -> Poses:
-        return Poses(engine.positions(), engine.orientations())
-
     def measure(self, instant: float, runners: Sequence[Runner]) -> None:
         surface = self._scene.surface(self._truth.heights(instant), instant)
         for runner in runners:
             sample = runner.samples[instant]
-            ground = surface.below(sample.state.positions)
-            sample.below = sample.state.positions[:, 2] < ground
+            positions, orientations = (frames[:, 0] for frames in sample.links)
+            ground = surface.below(positions)
+            sample.below = positions[:, 2] < ground
             if instant > self.rules.settle:
-                sample.clearance = clearances(surface, self._shape, *sample.state)
+                sample.clearance = clearances(surface, self._shape, positions, orientations)
                 sample.clearance[np.isnan(ground)] = np.nan
-
-    def centres(self, state: Poses) -> FloatArray:
-        return state.positions
 
     def reference(self) -> FloatArray | None:
         return reference_positions(self._scene)

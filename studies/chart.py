@@ -7,7 +7,6 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
@@ -60,7 +59,6 @@ def draw_scene(
     """One scene: every configuration a point in both panels, ringed if it is on the front over cost and both; the front
     of each panel a line. ``unit``: what the cost is of."""
     figure = Figure(figsize=(17.0, 7.0), dpi=80)
-    FigureCanvasAgg(figure)
     for column, measure in enumerate(MEASURES):
         axes = figure.add_axes((0.05 + 0.44 * column, 0.09, 0.385, 0.82))
         axes.set_ylabel(WORDS[measure])
@@ -86,7 +84,6 @@ def draw_all(
     """All scenes, by their names in ``titles``, as pairs of small charts on common axes."""
     rows = math.ceil(len(titles) / PAIRS)
     figure = Figure(figsize=(7.2 * PAIRS, 2.7 * rows + 0.8), layout="constrained")
-    FigureCanvasAgg(figure)
     grid = figure.add_gridspec(rows, 2 * PAIRS)
     first: dict[Measure, Any] = {}
     for index, (scene, title) in enumerate(titles.items()):
@@ -215,7 +212,6 @@ def _covers(box: tuple[float, float, float, float], taken: Sequence[tuple[float,
 def draw_readme(path: Path, results: Mapping[str, Result]) -> None:
     """Write the chart of `README_SCENE`, whose results these are."""
     figure = Figure(figsize=(8.0, 4.6), dpi=100, layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.add_subplot(xscale="log", yscale="log", xlim=(0.5, 40.0), ylim=(0.006, 300.0))
     for family, names, title, shift in README_LINES:
         found = {name: results[name] for name in names if name in results and math.isfinite(distance_of(results[name]))}

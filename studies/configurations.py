@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import yaml
 
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.tools.tune.start import PRESETS, preset_folder
+from studies.engines.checkout import CheckoutOptions
 from studies.engines.engine import GroundSetup, build, missing
 from studies.engines.smartmesh import SmartMeshOptions
 
@@ -67,21 +68,13 @@ REPORT = (
 )
 
 
-class Preset(NamedTuple):
-    """Name of a preset of the package, and its configurations of patches and physics."""
-
-    name: str
-    patch: PatchConfig
-    physics: PhysicsConfig
-
-
-def read_presets() -> list[Preset]:
-    """Return all presets; an empty list if they are not installed."""
+def read_presets() -> dict[str, SmartMeshOptions]:
+    """Return the parameter files that come with the package by name; none if they are not installed."""
     found = preset_folder()
-    return [_read_preset(found / f"{name}.yaml") for name in PRESETS] if found else []
+    return {name: _read_preset(found / f"{name}.yaml") for name in PRESETS} if found else {}
 
 
-def _read_preset(path: Path) -> Preset:
+def _read_preset(path: Path) -> SmartMeshOptions:
     nodes: dict[str, Any] = yaml.safe_load(path.read_text())
     values = next(iter(nodes.values()))["ros__parameters"]
 
@@ -90,18 +83,14 @@ def _read_preset(path: Path) -> Preset:
         return {name: values[parameter] for name, parameter in names.items() if parameter in values}
 
     patch, physics = given("patch", PatchConfig), given("physics", PhysicsConfig)
-    return Preset(path.stem, PatchConfig(**patch), PhysicsConfig(**physics))
+    return SmartMeshOptions(patch=PatchConfig(**patch), physics=PhysicsConfig(**physics))
 
 
 def _presets(engine: str) -> list[Configuration]:
-    """Return the parameter files that come with the package."""
     return [
-        Configuration(
-            name=f"preset {preset.name}", family="ours", engine=engine, rate=preset.physics.rate,
-            options=SmartMeshOptions(patch=preset.patch, physics=preset.physics),
-        )
-        for preset in read_presets()
-    ]  # fmt: skip
+        Configuration(name=f"preset {name}", family="ours", engine=engine, options=options, rate=options.physics.rate)
+        for name, options in read_presets().items()
+    ]
 
 
 def _at_rates(words: str, family: Family, engine: str, rates: Sequence[float], **more: Any) -> list[Configuration]:
@@ -143,6 +132,15 @@ def rivals() -> list[Configuration]:
 def configurations(*, quick: bool) -> list[Configuration]:
     """All points of the chart of bodies, or those of the quick run."""
     return [one for one in (*OURS, *_presets("smartmesh"), *REPORT, *rivals()) if one.quick or not quick]
+
+
+def checkouts(before: Path) -> list[Configuration]:
+    """Our defaults by the code of this checkout and of another: each in a process of its own, as equals."""
+    options = CheckoutOptions(folder=before)
+    return [
+        Configuration(name="defaults", family="ours", engine="checkout"),
+        Configuration(name="before", family="ours, less", engine="checkout", options=options),
+    ]
 
 
 def robot_configurations(*, quick: bool) -> list[Configuration]:

@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from time import process_time
 from typing import Any, ClassVar
 
@@ -17,6 +18,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import BoolArray, deviation, held_up, penetration
 from studies.configurations import Configuration
 from studies.engines.checkout import Checkout
+from studies.engines.engine import Links
 
 # Step rate of references [Hz], and instant of the comparison with them [s]. A later comparison is meaningless, because
 # repeated contacts make the motion chaotic.
@@ -50,31 +52,13 @@ class Result:
 
 
 class Sample:
-    """N bodies at one instant: their ``state`` as `Contest.state` returns it, mask of supported bodies (N,), and, once
-    measured, clearance (N,) [m] and a mask of bodies that are below the ground (N,)."""
+    """N bodies or robots at one instant: their ``links``, mask of supported ones (N,), and, once measured, clearance
+    (N,) [m] and a mask of those that are below the ground (N,)."""
 
-    def __init__(self, state: Any, held: BoolArray) -> None:
-        self.state, self.held = state, held
+    def __init__(self, links: Links, held: BoolArray) -> None:
+        self.links, self.held = links, held
         self.clearance = np.full(len(held), np.nan)
         self.below = np.zeros(len(held), bool)
-
-
-class Maps:
-    """The maps of a scene by their number, made once for all engines."""
-
-    def __init__(self, ground: MovingGround, rate: float) -> None:
-        self._ground, self._rate = ground, rate
-        self._maps: dict[int, Any] = {}
-
-    def __call__(self, number: int) -> Any:
-        if number not in self._maps:
-            self._maps[number] = self._ground.heights(number / self._rate if self._rate else 0.0)
-        return self._maps[number]
-
-    def forget(self, before: int) -> None:
-        """Frees the maps with lower numbers."""
-        for number in [number for number in self._maps if number < before]:
-            del self._maps[number]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +87,9 @@ class Contest(ABC):
 
     def __init__(self, rules: Rules, ground: MovingGround) -> None:
         self.rules = rules
-        self.maps = Maps(ground, rules.map_rate)
+        # The maps by their number, made once for all engines; those of a piece are kept.
+        kept = lru_cache(math.ceil(rules.duration / rules.pieces * rules.map_rate) + 16)
+        self.maps = kept(lambda number: ground.heights(number / rules.map_rate if rules.map_rate else 0.0))
 
     @abstractmethod
     def enter(self, configuration: Configuration) -> Any:
@@ -113,16 +99,8 @@ class Contest(ABC):
         """What is done before each step, not timed."""
 
     @abstractmethod
-    def state(self, engine: Any) -> Any:
-        """Return what `measure` and `centres` need to know of the bodies."""
-
-    @abstractmethod
     def measure(self, instant: float, runners: Sequence[Runner]) -> None:
         """Fill in the samples at an instant [s]: who is below the ground, and after the settling the clearance."""
-
-    @abstractmethod
-    def centres(self, state: Any) -> FloatArray:
-        """Return the places (N, 3) [m] that are compared with those of the reference."""
 
     @abstractmethod
     def reference(self) -> FloatArray | None:
@@ -184,7 +162,7 @@ class Runner:
             self._used += np.array(taken)
             self._steps += 1
         held = held_up(before[:, :3], engine.velocities()[:, :3], 1.0 / rate)
-        self.samples[until] = Sample(contest.state(engine), held)
+        self.samples[until] = Sample(engine.links(), held)
 
 
 def run(contest: Contest, chosen: Sequence[Configuration], say: Callable[[str], None]) -> dict[str, Result]:
@@ -205,7 +183,6 @@ def run(contest: Contest, chosen: Sequence[Configuration], say: Callable[[str], 
             runner.run_piece(piece.tolist())
         for instant in piece.tolist():
             contest.measure(instant, [runner for runner in runners if instant in runner.samples])
-        contest.maps.forget(math.floor(float(piece[-1]) * rules.map_rate) - 1)
     say(f"{rules.name}: reference")
     reference = contest.reference()
     for runner in runners:
@@ -229,6 +206,6 @@ def _result(contest: Contest, runner: Runner, reference: FloatArray | None) -> R
     low, middle, high = np.percentile(times.sum(axis=1), (25, 50, 75)).tolist()
     more: dict[str, Any] = {"update": float(np.median(times[:, 0]))} if contest.tells_update else {}
     if reference is not None and HORIZON in runner.samples:
-        apart = deviation(contest.centres(runner.samples[HORIZON].state), reference)
+        apart = deviation(runner.samples[HORIZON].links.centres, reference)
         more |= {"deviation": float(np.median(apart)), "most_deviation": float(apart.max())}
     return Result(cost=middle, spread=(low, high), **asdict(found), **more, ran=runner.time, note=runner.note)

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pybullet as pb
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from smartmesh_ros import BodyState, Box, HeightMap, World
@@ -73,7 +72,6 @@ def main() -> None:
     """Run the boxes, and write the picture."""
     found = ways()
     figure = Figure(figsize=(11.0, 3.7), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2, width_ratios=[1.75, 1.0])
     left.imshow(shot(found))
     left.set_axis_off()

@@ -10,7 +10,7 @@ import pybullet as pb
 from PIL import Image, ImageDraw, ImageFont
 
 from smartmesh_ros import BodyState, Box, HeightMap, World
-from smartmesh_ros.scenes.eight import SPACING, ground, robot_file
+from smartmesh_ros.scenes.eight import ground, robot_file
 from studies.tiny_renderer import Camera, Stage
 
 OUT = Path("docs/images/lidar.png")
@@ -22,7 +22,6 @@ HALF = (0.35, 0.35, 0.4)  # half sides of the boxes [m]
 BEAMS = np.radians(np.linspace(-25.0, 5.0, 16))
 STEPS, RANGE = 720, 12.0
 HIDDEN = 0.25  # distance between a point and what its pixel shows from which something is before the point [m]
-TILE = 100  # rows of a mesh; PyBullet draws no mesh of all samples
 
 
 def directions() -> np.ndarray:
@@ -51,10 +50,7 @@ def main() -> None:
         state = world.base_state("husky")
         robot = stage.client.loadURDF(str(robot_file()))
         stage.client.resetBasePositionAndOrientation(robot, state.position, state.orientation)
-    heights = terrain.heights.astype(np.float64)
-    y, x = np.meshgrid(*(SPACING * np.arange(count) for count in heights.shape), indexing="ij")
-    points = np.stack([x, y, heights], axis=-1)
-    stage.replace_ground(*((points[first : first + TILE + 1], GROUND) for first in range(0, len(points) - 1, TILE)))
+    stage.replace_heights(terrain, GROUND)
     shot = stage.shoot(CAMERA)
     picture = Image.fromarray(shot.colours)
     write = ImageDraw.Draw(picture)

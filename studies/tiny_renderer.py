@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.heightmap import HeightMap
 
 NEAR, FAR = 0.2, 60.0  # planes of the camera [m]
 LIGHT = (-6.0, -3.0, 5.0)  # direction to the light
 BACKGROUND = 255
+TILE = 100  # rows of a mesh
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,13 @@ class Stage:
         for uid in self.ground:
             self.client.removeBody(uid)
         self.ground = [self._surface(points, colour) for points, colour in surfaces]
+
+    def replace_heights(self, ground: HeightMap, colour: tuple[float, float, float]) -> None:
+        """Draw a map from now on, in tiles: PyBullet draws no mesh of all samples."""
+        rows, columns = np.indices(ground.heights.shape)
+        points = ground.geometry.to_world(rows, columns)
+        points = np.dstack([points[..., :2], ground.heights.astype(np.float64)])
+        self.replace_ground(*((points[row : row + TILE + 1], colour) for row in range(0, len(points) - 1, TILE)))
 
     def _surface(self, points: FloatArray, colour: tuple[float, float, float]) -> int:
         rows, columns = points.shape[:2]

@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from shutil import copyfile
-from typing import Any, NamedTuple
+from typing import Any
 
-from studies.bench import crowds, searching, simple_mesh, smart_mesh
+from studies.bench import crowds, searching, smart_mesh
 from studies.bench.figures import draw_all
 from studies.bench.measure import FULL, QUICK, Bench, Results
 from studies.bench.report import BATCHES
@@ -22,55 +23,40 @@ from studies.progress import Progress
 RESULTS, TABLES, PICTURES = "bench.json", "tables.md", Path("images/bench")
 
 
-class Job(NamedTuple):
-    """A part of the bench: what it says while it runs, its share of the time, and what it calls with the bench."""
-
-    label: str
-    share: float
-    run: Callable[..., None]
-    arguments: tuple[Any, ...] = ()
-
-
-def jobs(*, quick: bool) -> list[Job]:
-    """All parts, in the order they run."""
-    found = [Job(f"whole mesh, {name}", 30.0, simple_mesh.measure_engine, (name,)) for name in simple_mesh.ENGINES]
-    found.append(Job("whole mesh, coal", 45.0, simple_mesh.measure_trees))
+def jobs(*, quick: bool) -> Iterator[tuple[str, Callable[[Bench], None]]]:
+    """Yield all parts in the order they run: what each says while it runs, and what it does with the bench."""
+    for name in smart_mesh.ENGINES:
+        yield f"whole mesh, {name}", partial(smart_mesh.measure_engine, name=name)
+    yield "whole mesh, coal", smart_mesh.measure_trees
     for side in smart_mesh.sides(quick):
-        found.append(Job(f"patch on {side}x{side}", 4.0, smart_mesh.measure_main_meshes, (side,)))
+        yield f"patch on {side}x{side}", partial(smart_mesh.measure_main_meshes, side=side)
         if side <= smart_mesh.SIDE:
-            found.append(Job(f"frames on {side}x{side}", 5.0, smart_mesh.measure_frames, (side,)))
-    found.append(Job("local colliders", 3.0, smart_mesh.measure_local_colliders))
-    found += [
-        Job(f"searches on {side}x{side}", 1.0, searching.measure_general, (side,))
-        for side in searching.report_sides(quick)
-    ]
-    found += [
-        Job(f"searches on a map of {side}x{side}", 3.0, searching.measure_maps, (side,))
-        for side in searching.map_sides(quick)
-    ]
-    found.append(Job("searches in batches", 2.0, searching.measure_batches))
-    found.append(Job("collecting", 1.0, searching.measure_collecting))
-    found.append(Job("collecting in batches", 1.0, searching.measure_collecting_batches))
-    found.append(Job("collider updates", 5.0, crowds.measure_updates))
+            yield f"frames on {side}x{side}", partial(smart_mesh.measure_frames, side=side)
+    yield "local colliders", smart_mesh.measure_local_colliders
+    for side in searching.report_sides(quick):
+        yield f"searches on {side}x{side}", partial(searching.measure_general, side=side)
+    for side in searching.map_sides(quick):
+        yield f"searches on a map of {side}x{side}", partial(searching.measure_maps, side=side)
+    yield "searches in batches", searching.measure_batches
+    yield "collecting", searching.measure_collecting
+    yield "collecting in batches", searching.measure_collecting_batches
+    yield "collider updates", crowds.measure_updates
     for count in BATCHES[:1] if quick else BATCHES:
         if count != crowds.BATCH:
-            found.append(Job(f"updates of {count}", 1.0, crowds.measure_batches, (count,)))
-        found.append(Job(f"engines, {count} bodies", 15.0, crowds.measure_engines, (crowds.COARSE, count)))
+            yield f"updates of {count}", partial(crowds.measure_batches, count=count)
+        yield f"engines, {count} bodies", partial(crowds.measure_engines, scale=crowds.COARSE, count=count)
         if count <= crowds.BATCH:  # more do not fit on it
-            found.append(Job(f"fine map, {count} bodies", 4.0, crowds.measure_engines, (crowds.FINE, count)))
-    found.append(Job("general mesh", 1.0, crowds.measure_general))
-    return found
+            yield f"fine map, {count} bodies", partial(crowds.measure_engines, scale=crowds.FINE, count=count)
+    yield "general mesh", crowds.measure_general
 
 
 def measure(*, quick: bool) -> Results:
     """Runs every part; a line on stderr tells how far it is."""
     bench, say = Bench(QUICK if quick else FULL), Progress()
-    todo = jobs(quick=quick)
-    total, done = sum(job.share for job in todo), 0.0
-    for job in todo:
-        say(f"{done / total:4.0%} {job.label}")
-        job.run(bench, *job.arguments)
-        done += job.share
+    todo = list(jobs(quick=quick))
+    for number, (label, run) in enumerate(todo, 1):
+        say(f"{number} of {len(todo)}: {label}")
+        run(bench)
     print(file=sys.stderr)
     return bench.results
 

@@ -82,9 +82,9 @@ def _replacements(client: Any, rings: int) -> Callable[[], None]:
 def measure_batches(bench: Bench, count: int) -> None:
     """The update of 5 x 5 patches by the number of bodies."""
     waves = Waves(SIDE)
-    player = Player(waves, height_map(waves), PatchConfig(kind="heightfield", rings=2), count)
-    with player.world as world:
-        bench.time(Case("update", "heightfield", SIDE, count, 2), world.refresh, player.next_frame)
+    Player(waves, height_map(waves), PatchConfig(kind="heightfield", rings=2), count).time(
+        bench, Case("update", "heightfield", SIDE, count, 2)
+    )
 
 
 def measure_general(bench: Bench) -> None:
@@ -98,9 +98,9 @@ def measure_general(bench: Bench) -> None:
     base = PatchConfig(kind="trimesh", rings=1)
     for search in ("brute_force", "best_first"):
         for collect in ("cached", "union_bfs"):
-            player = Player(waves, general_mesh(waves), replace(base, search=search, collect=collect))
-            with player.world as world:
-                bench.time(Case("general", f"{search} {collect}", MESH_SIDE), world.refresh, player.next_frame)
+            Player(waves, general_mesh(waves), replace(base, search=search, collect=collect)).time(
+                bench, Case("general", f"{search} {collect}", MESH_SIDE)
+            )
 
 
 def measure_engines(bench: Bench, scale: Scale, count: int) -> None:

@@ -14,7 +14,8 @@ from matplotlib import pyplot as plt
 
 from studies.bench import report
 from studies.bench.measure import Results
-from studies.bench.report_tables import update_per_body
+from studies.bench.tables import SIMPLE, update_per_body
+from studies.markdown import size
 
 # One colour a method, everywhere; the report's figures are hollow or dashed, today's filled or drawn through.
 ORANGE, BLUE, GREEN, RED, PURPLE, GREY, BROWN = (
@@ -62,15 +63,8 @@ def figure_12(axes: Any, results: Results) -> None:
         (report.SIMPLE_BULLET, BLUE, "Bullet (BVH refitted)"),
     ):
         _line(axes, [side**2 for side in reported], list(reported.values()), colour, f"{name}, report", REPORT)
-    for method, colour, name in (
-        ("physx", ORANGE, "PhysX, cooked"),
-        ("bullet_trimesh", BLUE, "PyBullet trimesh, built anew"),
-        ("bullet_heightfield", PURPLE, "PyBullet heightfield, replaced"),
-        ("coal_rebuild", RED, "coal BVH, built anew"),
-        ("coal_refit", BROWN, "coal BVH, refitted"),
-        ("coal_heightfield", GREY, "coal heights, updated"),
-        ("mujoco", GREEN, "MuJoCo, written"),
-    ):
+    colours = (ORANGE, BLUE, PURPLE, RED, BROWN, GREY, GREEN)
+    for (method, name), colour in zip(SIMPLE.items(), colours, strict=True):
         times = [results.ms("simple", method, side=side) for side in sides]
         _line(axes, [side**2 for side in sides], times, colour, f"{name}, today")
     axes.set(title="Figure 12: update of a collider of the whole main mesh", xlabel="vertices", ylabel=MS)
@@ -87,7 +81,7 @@ def figure_13(axes: Any, results: Results) -> None:
         "Smart-Mesh Bullet": (BLUE, report.SMART_BULLET, ("smart", "trimesh")),
         "heightfield patch": (GREEN, {}, ("smart", "heightfield")),
     }
-    _pairs(axes, results, [f"{side}x{side}" for side in sides], sides, bars, by="side")
+    _pairs(axes, results, [size(side) for side in sides], sides, bars, by="side")
     axes.set(title="Figure 13: Simple-Mesh and Smart-Mesh of 3x3, one body", xlabel="main mesh", ylabel=MS)
     _finish(axes, None)
 
@@ -99,7 +93,7 @@ def figure_14(axes: Any, results: Results) -> None:
         "constant": (BLUE, report.LOCAL_CONSTANT, ("local", "constant")),
         "heightfield": (GREEN, {}, ("local", "heightfield")),
     }
-    _pairs(axes, results, _collider_names(), list(report.RINGS), bars, by="rings")
+    _pairs(axes, results, [size(2 * rings + 1) for rings in report.RINGS], list(report.RINGS), bars, by="rings")
     places = [index + 0.45 for index in range(len(report.RINGS))]
     batch = [update_per_body(results, rings) / 1e3 for rings in report.RINGS]
     axes.plot(places, batch, "D", color=GREEN, markeredgecolor="black", label="heightfield, one of 100")
@@ -141,7 +135,7 @@ def figure_16(axes: Any, results: Results) -> None:
         "union BFS": (BLUE, report.COLLECT["union_bfs"], ("collect", "union_bfs")),
         "cached": (GREEN, report.COLLECT["cached"], ("collect", "cached")),
     }
-    _pairs(axes, results, _collider_names(), list(report.RINGS), bars, by="rings")
+    _pairs(axes, results, [size(2 * rings + 1) for rings in report.RINGS], list(report.RINGS), bars, by="rings")
     axes.set(title="Figure 16: collecting the vertices of one local collider", xlabel="collider", ylabel=MS)
     _finish(axes, None)
 
@@ -189,10 +183,6 @@ def _pairs(axes: Any, results: Results, names: list[str], keys: list[int], bars:
         axes.bar(x, values, 0.92 * width, label=label, linewidth=1.0, **fill)
     axes.set_xticks(range(len(keys)), names)
     axes.set_yscale("log")
-
-
-def _collider_names() -> list[str]:
-    return [f"{2 * rings + 1}x{2 * rings + 1}" for rings in report.RINGS]
 
 
 def _finish(axes: Any, x_scale: str | None) -> None:

@@ -18,6 +18,7 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from smartmesh_ros.world.world import World, WorldConfig
+from studies.bench.measure import Bench, Case
 
 T = TypeVar("T")
 S = TypeVar("S")
@@ -100,28 +101,24 @@ def crowd_positions(count: int, side: int, resolution: float = RESOLUTION) -> Fl
 class Player:
     """Bodies in a world over moving ground; each frame moves the ground and the bodies first."""
 
-    def __init__(self, waves: Waves, mesh: MainMesh, patch: PatchConfig, count: int = 1, rate: float = 60.0) -> None:
+    def __init__(self, waves: Waves, mesh: MainMesh, patch: PatchConfig, count: int = 1) -> None:
         self._waves = waves
         self._mesh = mesh
-        self._steps_per_frame = max(round(rate * FRAME), 1)
-        self._steps = 0
-        self.world = World(mesh, WorldConfig(physics=PhysicsConfig(rate=rate), patch=patch))
+        self.world = World(mesh, WorldConfig(physics=PhysicsConfig(rate=60.0), patch=patch))
         places = crowd_positions(count, waves.side)
         heights = self.world.terrain.at(places, 0.0).heights + RADIUS
         for index, (x, y) in enumerate(places.tolist()):
             self.world.spawn(f"body_{index}", Sphere(RADIUS), 1.0, BodyState((x, y, float(heights[index]))))
         self.world.refresh()
 
+    def time(self, bench: Bench, case: Case) -> None:
+        """Measure the refresh of the patches at each frame, and end the world."""
+        with self.world as world:
+            bench.time(case, world.refresh, self.next_frame)
+
     def next_frame(self) -> None:
         """Lets the bodies move by physics, and the ground by a frame."""
         self.world.step()
-        self.move_ground()
-
-    def move_ground(self) -> None:
-        """Gives the ground its next frame, if one is due."""
-        self._steps += 1
-        if self._steps % self._steps_per_frame:
-            return
         heights = self._waves.next()
         if isinstance(self._mesh, HeightMap):
             self._mesh.replace(heights, time=self.world.time)

@@ -67,7 +67,7 @@ def measure_general(bench: Bench, side: int) -> None:
 
     The average player moves by less than a cell from frame to frame; the worst case teleports between two corners.
     """
-    mesh = general_mesh(Waves(side))
+    mesh, geometry = general_mesh(Waves(side)), GridGeometry(rows=side, columns=side, resolution=RESOLUTION)
     average, worst = _Walk(side, 0.4 * RESOLUTION), _Walk(side, None)
     bench.time(
         Case("search", "brute_force", side),
@@ -86,10 +86,7 @@ def measure_general(bench: Bench, side: int) -> None:
 
         search()
         bench.time(Case("search", f"best_first{suffix}", side), search, walk.advance)
-    geometry = GridGeometry(rows=side, columns=side, resolution=RESOLUTION)
-    for walk, suffix in ((average, ""), (worst, "_worst")):
-        run = _traversal(geometry, walk)
-        bench.time(Case("search", f"grid_traversal{suffix}", side), run, walk.advance)
+        bench.time(Case("search", f"grid_traversal{suffix}", side), _traversal(geometry, walk), walk.advance)
 
 
 def measure_maps(bench: Bench, side: int) -> None:

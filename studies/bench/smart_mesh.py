@@ -1,15 +1,29 @@
-"""Local colliders of one body (Tables 2, 3 and 6, Figure 2): everything an update does, search and collecting too."""
+"""Colliders of the whole main mesh (Simple-Mesh, Table 1), and local colliders of one body (Tables 2, 3 and 6, Figure
+2): everything an update does, search and collecting too."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.terrain.trimesh import grid_triangles
 from studies.bench.measure import Bench, Case
-from studies.bench.moving import FRAME, RADIUS, RESOLUTION, Player, Waves, general_mesh, height_map
-from studies.bench.report import LARGER, RINGS
+from studies.bench.moving import (
+    FRAME,
+    RADIUS,
+    RESOLUTION,
+    Player,
+    Waves,
+    doubles,
+    general_mesh,
+    grid_vertices,
+    height_map,
+)
+from studies.bench.report import LARGER, RINGS, SIMPLE_PHYSX
 from studies.engines.engine import Setup, build, missing
 
 # Main mesh of the measurements that vary the collider [vertices on a side].
@@ -31,13 +45,11 @@ def measure_main_meshes(bench: Bench, side: int) -> None:
     """One body on a main mesh of ``side`` x ``side``: the report's trimesh patch and today's heightfield patch."""
     waves = Waves(side)
     for method, patch in (("trimesh", REPORT), ("heightfield", UNIFORM)):
-        player = Player(waves, height_map(waves), patch)
-        with player.world as world:
-            bench.time(Case("smart", method, side), world.refresh, player.next_frame)
+        Player(waves, height_map(waves), patch).time(bench, Case("smart", method, side))
     if side <= LARGEST_GENERAL:
-        player = Player(waves, general_mesh(waves), replace(REPORT, search="brute_force"))
-        with player.world as world:
-            bench.time(Case("smart", "general", side), world.refresh, player.next_frame)
+        Player(waves, general_mesh(waves), replace(REPORT, search="brute_force")).time(
+            bench, Case("smart", "general", side)
+        )
     _measure_physx(bench, waves)
 
 
@@ -73,9 +85,7 @@ def measure_local_colliders(bench: Bench) -> None:
         plain = replace(UNIFORM, rings=rings)
         for method, config in (("varying", varying), ("constant", constant), ("heightfield", plain)):
             mesh = general_mesh(waves) if method == "varying" else height_map(waves)
-            player = Player(waves, mesh, config)
-            with player.world as world:
-                bench.time(Case("local", method, SIDE, rings=rings), world.refresh, player.next_frame)
+            Player(waves, mesh, config).time(bench, Case("local", method, SIDE, rings=rings))
 
 
 def measure_frames(bench: Bench, side: int) -> None:
@@ -85,3 +95,98 @@ def measure_frames(bench: Bench, side: int) -> None:
         player = Player(waves, height_map(waves), patch)
         with player.world:
             bench.time(Case("frame", method, side), player.next_frame)
+
+
+ENGINES = ("physx", "bullet_trimesh", "bullet_heightfield", "mujoco")
+
+
+def whole_sides(quick: bool) -> tuple[int, ...]:
+    """Sizes to measure, ascending."""
+    return (3, 5, 25, 50) if quick else (*SIMPLE_PHYSX, *LARGER)
+
+
+def measure_engine(bench: Bench, name: str) -> None:
+    """Measure updates of the whole collider in one engine, up to the size at which a frame takes too long."""
+    if missing(name):
+        bench.results.left_out[name] = missing(name)
+        return
+    before = 0
+    for side in whole_sides(bench.effort.quick):
+        case = Case("simple", name, side)
+        if before and bench.hopeless(case, before):
+            return
+        try:
+            _measure_update(bench, case)
+        except InputError as error:  # larger than the engine takes
+            bench.results.left_out[f"{name} {side}x{side}"] = str(error)
+            return
+        before = side
+
+
+def _measure_update(bench: Bench, case: Case) -> None:
+    waves = Waves(case.side)
+    setup = Setup(heights=doubles(waves.now), resolution=RESOLUTION, bodies=(), dt=FRAME)
+    with build(case.method, setup) as engine:
+        maps = waves.converted(engine.ready)
+        in_report = case.method in ("physx", "bullet_trimesh") and case.side in SIMPLE_PHYSX
+        seconds = bench.effort.report_seconds if in_report else None
+        bench.time(case, lambda: engine.set_ground(maps.now), maps.next, seconds)
+
+
+def measure_trees(bench: Bench) -> None:
+    """Bounding volume hierarchies alone, with coal: rebuilt, refitted, and the heights of a height field replaced."""
+    try:
+        import coal
+    except ImportError as error:
+        bench.results.left_out["coal"] = str(error)
+        return
+    before = 0
+    for side in whole_sides(bench.effort.quick):
+        waves = Waves(side)
+        _measure_bvh(bench, coal, waves, before)
+        field = Case("simple", "coal_heightfield", side)
+        if before and bench.hopeless(field, before):
+            return
+        _measure_field(bench, coal, waves, field)
+        before = side
+
+
+def _measure_field(bench: Bench, coal: Any, waves: Waves, case: Case) -> None:
+    frames = waves.converted(doubles)
+    extent = (waves.side - 1) * RESOLUTION
+    field = coal.HeightFieldOBBRSS(extent, extent, frames.now, -10.0)
+    bench.time(case, lambda: field.updateHeights(frames.now), frames.next)
+
+
+def _measure_bvh(bench: Bench, coal: Any, waves: Waves, before: int) -> None:
+    rebuild, refit = (Case("simple", method, waves.side) for method in ("coal_rebuild", "coal_refit"))
+    if before and bench.hopeless(refit, before):
+        return
+    triangles = grid_triangles(waves.side, waves.side)
+    vertices = grid_vertices(waves.next())
+
+    def built() -> Any:
+        model = coal.BVHModelOBBRSS()
+        model.beginModel(len(triangles), len(vertices))
+        model.addVertices(vertices)
+        model.addTriangles(triangles)
+        model.endModel()
+        return model
+
+    if not before or not bench.hopeless(rebuild, before):
+        bench.time(rebuild, built)
+    model = built()
+    # Two frames in coal's own kind of list, because making one takes longer than the refit.
+    frames = []
+    for _ in range(2):
+        frame = coal.StdVec_Vec3s()
+        frame.extend(list(grid_vertices(waves.next())))
+        frames.append(frame)
+
+    def refitted() -> None:
+        frames.reverse()
+        model.beginReplaceModel()
+        model.replaceSubModel(frames[0])
+        model.endReplaceModel(True, True)
+
+    bench.time(refit, refitted)

@@ -21,10 +21,9 @@ HERE = Path(smartmesh_ros.__file__).parents[1]
 
 @dataclass(frozen=True, kw_only=True)
 class CheckoutOptions:
-    """``folder``: directory that holds ``smartmesh_ros/``. ``kind``: of patches."""
+    """``folder``: directory that holds ``smartmesh_ros/``."""
 
     folder: Path = HERE
-    kind: str = "auto"
 
 
 class Checkout(Engine):
@@ -49,7 +48,7 @@ class Checkout(Engine):
             self._call(
                 "start",
                 heights=setup.heights, resolution=setup.resolution, rate=1.0 / setup.dt, gravity=setup.gravity,
-                slide=setup.slide, kind=chosen.kind,
+                slide=setup.slide,
                 bodies=[_plain(body) for body in setup.bodies],
             )  # fmt: skip
         except InputError:

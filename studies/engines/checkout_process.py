@@ -28,19 +28,15 @@ class Run:
 
         return str(smartmesh_ros.__file__)
 
-    def start(
-        self, *, heights: Any, resolution: float, rate: float, gravity: Any, slide: Any, kind: Any, bodies: Any
-    ) -> None:
+    def start(self, *, heights: Any, resolution: float, rate: float, gravity: Any, slide: Any, bodies: Any) -> None:
         """Make the world; ``bodies``: shape's class, its arguments, mass, state, friction, restitution of each."""
         import smartmesh_ros as package
 
         self._slide = slide
         self._map: Any = {"resolution": resolution}
         self._heightmap = package.HeightMap(heights, **self._map)
-        config = package.WorldConfig(
-            physics=package.PhysicsConfig(rate=rate, gravity=gravity), patch=package.PatchConfig(kind=kind)
-        )
-        self._world = package.World(self._heightmap, config)
+        physics = package.PhysicsConfig(rate=rate, gravity=gravity)
+        self._world = package.World(self._heightmap, package.WorldConfig(physics=physics))
         for index, (shape, arguments, mass, state, *_) in enumerate(bodies):
             made = getattr(package, shape)(**arguments)
             self._world.spawn(f"body_{index}", made, mass, package.BodyState(**state))

@@ -103,6 +103,19 @@ class Contacts(NamedTuple):
         return cls(bodies[:, 0].astype(np.int64), points, normals, gaps[:, 0], velocities, forces[:, 0], frictions)
 
 
+class Links(NamedTuple):
+    """Frames of the links of N robots, or of N bodies, which are links by themselves: ``positions`` (N, L, 3) [m] and
+    ``orientations`` (N, L, 4) (x, y, z, w)."""
+
+    positions: FloatArray
+    orientations: FloatArray
+
+    @property
+    def centres(self) -> FloatArray:
+        """Return where robots or bodies are (N, 3) [m]: the mean of the frames of their links."""
+        return np.asarray(self.positions.mean(axis=1))
+
+
 class Simulation(ABC):
     """A simulation on moving ground in one engine. Call `close`, or use it as a context manager.
 
@@ -127,6 +140,10 @@ class Simulation(ABC):
         """Return the velocities of the bodies in the world frame, linear (N, 3) [m/s] in front, angular [rad/s]
         after."""
 
+    @abstractmethod
+    def links(self) -> Links:
+        """Return where the bodies are."""
+
     def contacts(self) -> Contacts | None:
         """Return the contacts with the ground in the last step, None if the engine does not tell their forces."""
         return None
@@ -143,6 +160,9 @@ class Simulation(ABC):
 
 class Engine(Simulation):
     """Simulation of the bodies of a `Setup`, with the engine's own dataclass of options, None = defaults."""
+
+    def links(self) -> Links:
+        return Links(self.positions()[:, None], self.orientations()[:, None])
 
     @abstractmethod
     def positions(self) -> FloatArray:

@@ -11,7 +11,6 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from smartmesh_ros.node.fleet.layout import WAVES, FleetPlan
@@ -104,7 +103,6 @@ def carried(runs: list[dict[str, Any]]) -> float:
 def draw_capacity(path: Path, capacities: list[dict[str, Any]], machine: str) -> None:
     """Real-time factors against the number of bodies."""
     figure = Figure(figsize=(7.0, 4.2), dpi=90, layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots()
     for capacity in capacities:
         runs = capacity["runs"]

@@ -3,28 +3,202 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.evaluation.grounds import Rigid, flat
+from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
+from studies.body_contest import setup_of
 from studies.configurations import OURS, RATE, Configuration, rivals, robot_configurations
+from studies.engines.engine import Contacts, Engine
 from studies.engines.smartmesh import SmartMeshOptions
-from studies.laws.trials import (
-    COURSES,
-    TRIALS,
-    Residuals,
-    end_in,
-    end_of_husky,
-    joined,
-    residuals_in,
-    residuals_of_husky,
-    spread,
-)
 from studies.markdown import number, table
+from studies.matrix.arena import square
 from studies.pages import ROOT, fill
+from studies.robots.engine import FRICTION, RobotEngine
+from studies.robots.engine import setup_of as setup_of_robots
+from studies.robots.robot import HUSKY
+from studies.robots.scene import RobotScene
+
+GRAVITY = 9.81
+# Contacts count that carry more than this share of the weight. They slip above this speed [m/s]: maps leave open by up
+# to 6 cm/s how ground that tilts under a body moves along x and y.
+PRESSED, SLIPS = 0.01, 0.1
+length = partial(np.linalg.norm, axis=-1)
+
+
+class Residuals(NamedTuple):
+    """Residuals of P contacts, each (P,).
+
+    ``signorini``: the smaller of the gap after the step, relative to how far a body falls in a step from rest, and the
+    normal force relative to the weight. ``normal_speeds`` [m/s]: towards or away from the ground. ``depths`` [m]: after
+    the step. ``beyond``: friction outside the cone, relative to its radius. Where a contact slips, else NaN: ``angles``
+    [rad] between friction and the direction against slip, ``used``: friction relative to the cone's radius, and
+    ``dissipated``: its power relative to the largest. All zero where the laws hold; ``used`` and ``dissipated`` one.
+    """
+
+    signorini: FloatArray
+    normal_speeds: FloatArray
+    depths: FloatArray
+    beyond: FloatArray
+    angles: FloatArray
+    used: FloatArray
+    dissipated: FloatArray
+
+
+def residuals(contacts: Contacts, weight: float, friction: float, dt: float) -> Residuals:
+    """Return the residuals of the contacts that press in a step of ``dt`` [s], of bodies of one ``weight`` [N] and
+    coefficient of ``friction``; their velocities are relative to the ground."""
+    pressed = contacts.normal_forces > PRESSED * weight
+    normals, gaps, velocities, forces, frictions = (np.asarray(column[pressed], np.float64) for column in contacts[2:])
+    normal_speeds = np.sum(velocities * normals, axis=1)
+    against = normal_speeds[:, None] * normals - velocities  # the direction against slip
+    gaps = gaps + dt * normal_speeds
+    used = length(frictions) / (friction * forces)
+    angles = np.arctan2(length(np.cross(frictions, against)), np.sum(frictions * against, axis=1))
+    slipping = np.where(length(against) > SLIPS, 1.0, np.nan)
+    return Residuals(
+        signorini=np.minimum(np.maximum(gaps, 0.0) / (GRAVITY * dt**2), forces / weight),
+        normal_speeds=np.abs(normal_speeds),
+        depths=np.maximum(-gaps, 0.0),
+        beyond=np.maximum(used - 1.0, 0.0),
+        angles=slipping * angles,
+        used=slipping * used,
+        dissipated=slipping * used * np.cos(angles),
+    )
+
+
+def joined(parts: Sequence[Residuals]) -> Residuals:
+    """Return the residuals of several steps as one."""
+    return Residuals(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def spread(ends_w: FloatArray) -> tuple[float, float]:
+    """Return the standard deviation of positions (N, 3) about their mean, and the largest distance of two of them."""
+    deviation = np.sqrt(np.mean(length(ends_w - ends_w.mean(axis=0)) ** 2))
+    return float(deviation), float(length(ends_w[:, None] - ends_w).max())
+
+
+# Bodies have 1 kg.
+BOX: dict[str, Any] = {"shape": "box", "size": (0.5, 0.4, 0.3)}
+SLOPE, WAVES, ROUGH = {"kind": "slope", "angle": 20}, {"kind": "waves"}, {"kind": "noise"}
+STAIRS = {"kind": "stairs", "rise": 0.3, "tread": 0.5}
+ASKEW = (0.5, 1.0, 0.0)  # a velocity [m/s] along no axis of the world, which a solver could prefer
+HUSKY_MASS = 44.063  # [kg]
+
+
+def scene_of(name: str, ground: dict[str, Any], seconds: float = 1.25, settle: float = 0.25, **bodies: Any) -> Scene:
+    """Return a scene of twelve bodies, or as many as ``bodies`` says, on a map of 10 m."""
+    return Scene(
+        name=name, title=name, ground=ground, grid=(41, 0.25), duration=seconds, settle=settle,
+        map_rate=240.0 if ground == WAVES else 0.0, bodies=Bodies(**{"count": 12, "spread": (3.0, 3.0), **bodies}),
+    )  # fmt: skip
+
+
+# Balls start without spin: they slip, then roll. Boxes slide, or stay where they are.
+TRIALS = (
+    scene_of("slope", SLOPE, settle=0.05, drop=0.0, velocity=ASKEW, friction=0.3),
+    scene_of("slope", SLOPE, drop=0.0, velocity=ASKEW, friction=0.3, **BOX),
+    scene_of("slope", SLOPE, drop=0.0, **BOX),
+    scene_of("waves", WAVES),
+    scene_of("waves", WAVES, **BOX),
+    scene_of("drop", ROUGH, settle=0.0, drop=0.3, velocity=ASKEW),
+    scene_of("drop", ROUGH, settle=0.0, drop=0.3, velocity=ASKEW, **BOX),
+)
+LONE: dict[str, Any] = {"count": 1, "spread": (0.03, 0.02), "drop": 0.001}
+COURSES = (
+    scene_of("box slides to rest", {"kind": "flat"}, 1.5, velocity=(2.0, 0.7, 0.0), **LONE, **BOX),
+    scene_of("ball on waves", WAVES, 2.0, velocity=ASKEW, **LONE),
+    scene_of("box tumbles down stairs", STAIRS, 2.0, velocity=(-2.0, 0.3, 0.0), **LONE, **BOX),
+)
+
+
+def entered(configuration: Configuration, scene: Scene, shift: Any = (0.0, 0.0, 0.0)) -> Engine:
+    """Return an engine with the bodies of a scene, moved by a ``shift`` (3,) [m]."""
+    heights = np.asarray(scene.make_ground().heights(0.0), np.float64)
+    starts = [replace(one, position=tuple(np.add(one.position, shift).tolist())) for one in scene.starts()]
+    engine: Engine = configuration.build(setup_of(scene, heights, configuration.rate, starts))
+    return engine
+
+
+def residuals_in(configuration: Configuration, scene: Scene) -> Residuals | None:
+    """Return the residuals of all contacts in a scene, None if the engine does not tell contacts."""
+    ground, dt, parts = scene.make_ground(), 1.0 / configuration.rate, []
+    with entered(configuration, scene) as engine:
+        for step in range(round(scene.duration / dt)):
+            now, then = (np.asarray(ground.heights((step + late) * dt), np.float64) for late in (0, 1))
+            if scene.moves:
+                engine.set_ground(engine.ready(now))
+            before = engine.velocities()
+            engine.step()
+            contacts = engine.contacts()
+            if contacts is None:
+                return None
+            if step * dt >= scene.settle and contacts.bodies.size:
+                contacts = completed(contacts, (engine.velocities() - before)[:, :3] / dt)
+                contacts.velocities_w[:, 2] -= scene.surface((then - now) / dt).below(contacts.points_w)
+                parts.append(residuals(contacts, GRAVITY, scene.bodies.friction, dt))
+    return joined(parts)
+
+
+def completed(contacts: Contacts, accelerations_w: FloatArray) -> Contacts:
+    """Return contacts with the friction that an engine keeps to itself, of bodies of 1 kg with one contact: what their
+    ``accelerations_w`` (N, 3) [m/s^2] leave to it."""
+    alone = np.bincount(contacts.bodies)[contacts.bodies] == 1
+    untold = np.isnan(contacts.frictions_w[:, 0]) & alone
+    rest = accelerations_w[contacts.bodies] - contacts.normal_forces[:, None] * contacts.normals_w
+    rest[:, 2] += GRAVITY
+    return contacts._replace(frictions_w=np.where(untold[:, None], rest, contacts.frictions_w))
+
+
+def end_in(configuration: Configuration, scene: Scene, shift: FloatArray) -> FloatArray:
+    """Return where a body is (3,) [m] at the end of a scene, whose start is moved by a ``shift`` (3,) [m]. Ground that
+    moves is told at 60 Hz."""
+    ground, dt = scene.make_ground(), 1.0 / configuration.rate
+    with entered(configuration, scene, shift) as engine:
+        for step in range(round(scene.duration / dt)):
+            if scene.moves and step % round(configuration.rate / 60.0) == 0:
+                engine.set_ground(engine.ready(np.asarray(ground.heights(step * dt), np.float64)))
+            engine.step()
+        return np.array(engine.positions()[0])
+
+
+def husky_entered(configuration: Configuration, ground: MovingGround, start: FloatArray, speed: float) -> RobotEngine:
+    """Return an engine with a husky whose middle starts at ``start`` (3,) [m] with wheels of a ``speed`` [rad/s]."""
+    engine: RobotEngine = configuration.build(setup_of_robots(HUSKY, ground, start[None], configuration.rate, speed))
+    return engine
+
+
+def end_of_husky(configuration: Configuration, shift: FloatArray) -> FloatArray:
+    """Return where a husky is (3,) [m] that drove over rough ground for a second."""
+    scene = RobotScene(robot=HUSKY, motion="maps", resolution=0.1)
+    with husky_entered(configuration, scene.ground, scene.starts[0] + shift, HUSKY.speed) as engine:
+        for _ in range(round(configuration.rate)):
+            engine.step()
+        return np.array(engine.links().centres[0])
+
+
+def residuals_of_husky(configuration: Configuration) -> Residuals | None:
+    """Return the residuals of a husky that slides with braked wheels, None if the engine does not tell contacts. The
+    ground falls by 30 degrees along no axis of the world, nor of the robot."""
+    plane, parts = flat(square(31, 0.1)), []
+    fall = np.tan(np.radians(30.0)) * (plane.x * ASKEW[0] + plane.y * ASKEW[1]) / np.hypot(*ASKEW[:2])
+    with husky_entered(configuration, Rigid(plane.geometry, -fall), np.array([0.0, 0.0, 0.35]), 0.0) as engine:
+        for step in range(round(1.5 * configuration.rate)):
+            engine.step()
+            contacts = engine.contacts()
+            if contacts is None:
+                return None
+            if step >= 0.5 * configuration.rate:
+                parts.append(residuals(contacts, HUSKY_MASS * GRAVITY, FRICTION, 1.0 / configuration.rate))
+    return joined(parts)
+
 
 PAGE = ROOT / "docs" / "accuracy.md"
 # Runs, and how far their starts are from the middle one at most [m].

@@ -13,8 +13,8 @@ from time import monotonic, sleep
 from typing import Any
 
 import psutil
-import yaml
 
+from smartmesh_ros.tools.testing.process import Process
 from studies.load.cases import Case
 
 SHARE = "share/smartmesh_ros/config/fastdds.xml"
@@ -31,14 +31,6 @@ def environment() -> dict[str, str]:
         "RMW_FASTRTPS_USE_QOS_FROM_XML": "1",
         **os.environ,
     }
-
-
-def node_command(executable: str, parameters: Path) -> list[str]:
-    """How a node of the package is started."""
-    from ament_index_python.packages import get_package_prefix
-
-    path = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / executable
-    return [str(path), "--ros-args", "--params-file", str(parameters)]
 
 
 class Watch:
@@ -72,32 +64,21 @@ class Watch:
 
 def run_case(case: Case) -> dict[str, Any]:
     """Runs a case and returns what the driver saw and what the processes took. Raises `RuntimeError` if it fails."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "case.json").write_text(json.dumps(asdict(case)))
-        (folder / "parameters.yaml").write_text(yaml.safe_dump({"/**": {"ros__parameters": case.parameters()}}))
-        variables = environment()
-        log = (folder / "node.txt").open("wb")
-        start = node_command("terrain_collider", folder / "parameters.yaml")
-        node = subprocess.Popen(start, stdout=log, stderr=subprocess.STDOUT, env=variables)
-        command = [sys.executable, "-m", "studies.load.driver", str(folder / "case.json")]
-        driver = subprocess.Popen(
-            [*command, str(folder / "result.json")], stdout=subprocess.PIPE, env=variables, text=True
-        )
-        try:
-            usage = _watch(node, driver)
-            if driver.wait(10) or node.poll() is not None:
-                raise RuntimeError(f"{case.name} failed: {(folder / 'node.txt').read_text()[-2000:]}")
-            return {"case": asdict(case), **json.loads((folder / "result.json").read_text()), **usage}
-        finally:
-            log.close()
-            for process in (driver, node):
-                process.terminate()
-                try:
-                    process.wait(10)
-                except subprocess.TimeoutExpired:
-                    process.kill()
-                    process.wait()
+    with (
+        tempfile.TemporaryDirectory() as name,
+        Process("terrain_collider", case.parameters(), environment=environment()) as node,
+    ):
+        given, found = Path(name) / "case.json", Path(name) / "result.json"
+        given.write_text(json.dumps(asdict(case)))
+        command = [sys.executable, "-m", "studies.load.driver", str(given), str(found)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment(), text=True) as driver:
+            try:
+                usage = _watch(node.process, driver)
+                if driver.wait(10) or node.process.poll() is not None:
+                    raise RuntimeError(f"{case.name} failed: {node.output[-2000:]}")
+            finally:
+                driver.kill()
+        return {"case": asdict(case), **json.loads(found.read_text()), **usage}
 
 
 def _watch(node: subprocess.Popen[bytes], driver: subprocess.Popen[str]) -> dict[str, Any]:

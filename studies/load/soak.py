@@ -8,18 +8,14 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
-import tempfile
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
 import numpy as np
 import rclpy
-import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
@@ -33,8 +29,9 @@ from smartmesh_msgs.srv import RemoveBody, SpawnBody
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.startup.dds import isolated_unless_chosen
+from smartmesh_ros.tools.testing.process import Process
 from studies.load import soak_report
-from studies.load.processes import Watch, environment, node_command
+from studies.load.processes import Watch, environment
 from studies.load.tables import PAGE, PICTURES
 
 # How often things happen [s].
@@ -53,34 +50,16 @@ TELL_EVERY = 60.0
 OUT = Path("out/soak")
 
 
-@dataclass
-class Log:
-    """What was sampled, a list for each figure, and what was done how often."""
-
-    samples: dict[str, list[float]] = field(default_factory=dict)
-    done: Counter[str] = field(default_factory=Counter)
-    missing: list[str] = field(default_factory=list)  # bodies that the node did not have when it was to remove them
-
-    def add(self, **values: float) -> None:
-        """Adds a sample."""
-        for name, value in values.items():
-            self.samples.setdefault(name, []).append(float(value))
-
-
-def start_node(name: str, parameters: dict[str, Any], folder: Path) -> subprocess.Popen[bytes]:
-    """An installed executable of the package as a process."""
-    file = folder / f"{name}.yaml"
-    file.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
-    with (folder / f"{name}.txt").open("ab") as log:
-        return subprocess.Popen(node_command(name, file), env=environment(), stdout=log, stderr=log)
-
-
 class Soak(Node):
-    """Does things to the node and keeps its answers."""
+    """Does things to the node and keeps its answers. ``samples``: a list for each figure. ``done``: what was done how
+    often. ``missing``: bodies that the node did not have when it was to remove them."""
 
-    def __init__(self, log: Log, rng: np.random.Generator) -> None:
+    def __init__(self, rng: np.random.Generator) -> None:
         super().__init__("soak")
-        self._log, self._rng = log, rng
+        self._rng = rng
+        self.samples: defaultdict[str, list[float]] = defaultdict(list)
+        self.done: Counter[str] = Counter()
+        self.missing: list[str] = []
         self._executor = EventsExecutor()
         self._executor.add_node(self)
         base = "terrain_collider"
@@ -129,26 +108,26 @@ class Soak(Node):
         position.z = 1.5
         if self.call(self._spawner, request).success:
             self.alive.append(name)
-            self._log.done["spawned"] += 1
+            self.done["spawned"] += 1
         if len(self.alive) > MOST_BODIES:
             oldest = self.alive.pop(0)
             answer = self.call(self._remover, RemoveBody.Request(id=oldest))
-            self._log.done["removed"] += answer.success
+            self.done["removed"] += answer.success
             if not answer.success:
-                self._log.missing.append(f"{oldest}, last seen at {self.last_seen.get(oldest)}: {answer.message}")
+                self.missing.append(f"{oldest}, last seen at {self.last_seen.get(oldest)}: {answer.message}")
 
     def change_kind(self) -> None:
         """Changes the patches' kind while bodies stand on them, and measures how long the answer takes."""
         value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=str(self._rng.choice(KINDS)))
         request = SetParameters.Request(parameters=[Parameter(name="patch.kind", value=value)])
         if self.call(self._setter, request).results[0].successful:
-            self._log.done["kinds changed"] += 1
+            self.done["kinds changed"] += 1
 
     def ping(self) -> float:
         """How long a refused call takes to come back [ms]."""
         start = monotonic()
         self.call(self._remover, RemoveBody.Request(id="nobody"))
-        self._log.done["bad calls"] += 1
+        self.done["bad calls"] += 1
         return 1e3 * (monotonic() - start)
 
     def send_bad(self) -> None:
@@ -159,7 +138,7 @@ class Soak(Node):
             self._maps.publish(message)
         else:
             self._updates.publish(HeightmapUpdate(x=2**31, width=1, height=1, heights=[0.0]))
-        self._log.done["bad messages"] += 1
+        self.done["bad messages"] += 1
 
     def refused(self) -> dict[str, int]:
         """How often the node says that it refused something, by topic or service and reason."""
@@ -188,63 +167,61 @@ def source_parameters(rng: np.random.Generator) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def run(minutes: float, folder: Path, file: Path) -> None:
+def run(minutes: float, file: Path) -> None:
     """Soaks a node for so long, and keeps in ``file`` what was sampled, done and counted."""
     rng = np.random.default_rng(1)
-    log = Log()
     rclpy.init()
-    node = Soak(log, rng)
-    collider = start_node("terrain_collider", {"publish.patches": 10.0, "publish.body_states": 10.0}, folder)
-    source = start_node("terrain_source", source_parameters(rng), folder)
+    node = Soak(rng)
+    shown = {"publish.patches": 10.0, "publish.body_states": 10.0}
+    collider = Process("terrain_collider", shown, environment=environment())
+    source = Process("terrain_source", source_parameters(rng), environment=environment())
     try:
         if not node.wait(START_LIMIT, lambda: node.connected() and int(node.health.get("samples", 0)) > 0):
             raise RuntimeError("the node took no map")
-        watch = Watch(collider.pid)
+        watch = Watch(collider.process.pid)
         start = monotonic()
 
         def restart_source() -> None:
             nonlocal source
-            source.kill()
-            source.wait()
-            source = start_node("terrain_source", source_parameters(rng), folder)
-            log.done["sources killed"] += 1
+            source.close()
+            source = Process("terrain_source", source_parameters(rng), environment=environment())
+            node.done["sources killed"] += 1
 
         def tell() -> None:
-            _keep(node, log, file)
-            _tell(node, log, minutes)
+            _keep(node, file)
+            _tell(node, minutes)
 
         actions: tuple[tuple[float, Callable[[], None]], ...] = (
             (SOURCE_EVERY, restart_source), (SPAWN_EVERY, node.spawn), (KIND_EVERY, node.change_kind),
-            (BAD_EVERY, node.send_bad), (SAMPLE_EVERY, lambda: _sample(node, watch, log, monotonic() - start)),
+            (BAD_EVERY, node.send_bad), (SAMPLE_EVERY, lambda: _sample(node, watch, monotonic() - start)),
             (TELL_EVERY, tell),
         )  # fmt: skip
         due = [start if every < SOURCE_EVERY else start + every for every, _ in actions]
-        while (now := monotonic()) < start + 60.0 * minutes and collider.poll() is None:
+        while (now := monotonic()) < start + 60.0 * minutes and collider.process.poll() is None:
             for index, (every, act) in enumerate(actions):
                 if now >= due[index]:
                     due[index] = now + every
                     act()
             node.wait(min(due) - monotonic())
-        if collider.poll() is not None:
-            raise RuntimeError(f"the node ended: {(folder / 'terrain_collider.txt').read_text()[-2000:]}")
+        if collider.process.poll() is not None:
+            raise RuntimeError(f"the node ended: {collider.output[-2000:]}")
         node.wait(3.0)
-        _keep(node, log, file)
+        _keep(node, file)
     finally:
-        for process in (source, collider):
-            process.terminate()
-            process.wait(20)
+        source.close()
+        collider.close()
         node.destroy_node()
         try_shutdown()
 
 
-def _keep(node: Soak, log: Log, file: Path) -> None:
+def _keep(node: Soak, file: Path) -> None:
     """Writes what there is so far."""
     data = {
-        "minutes": round(log.samples["time"][-1] / 60.0, 1),
-        "samples": log.samples,
-        "done": dict(log.done),
+        "minutes": round(node.samples["time"][-1] / 60.0, 1),
+        "samples": node.samples,
+        "done": dict(node.done),
         "refused": node.refused(),
-        "missing": log.missing,
+        "missing": node.missing,
         "alive": sorted(node.alive),
         "seen": sorted(node.seen),
         "below_ground": int(node.health.get("below ground", 0)),
@@ -252,9 +229,9 @@ def _keep(node: Soak, log: Log, file: Path) -> None:
     file.write_text(json.dumps(data))
 
 
-def _tell(node: Soak, log: Log, minutes: float) -> None:
+def _tell(node: Soak, minutes: float) -> None:
     """Prints how it stands."""
-    last = {name: values[-1] for name, values in log.samples.items()}
+    last = {name: values[-1] for name, values in node.samples.items()}
     print(
         f"{last['time'] / 60.0:4.0f} of {minutes:g} min  {len(node.alive)} bodies  {last['memory']:.0f} MiB  "
         f"real time {last['factor']:.2f}  latency {last['latency']:.1f} ms  {sum(node.refused().values())} refused",
@@ -262,34 +239,29 @@ def _tell(node: Soak, log: Log, minutes: float) -> None:
     )
 
 
-def _sample(node: Soak, watch: Watch, log: Log, time: float) -> None:
+def _sample(node: Soak, watch: Watch, time: float) -> None:
     memory = watch.memory()
-    log.add(
-        time=time,
-        memory=memory["resident"] - memory["shared"],
-        descriptors=watch.descriptors(),
-        threads=sum(process.num_threads() for process in watch.processes()),
-        topics=len(node.get_topic_names_and_types()),
-        factor=node.factor,
-        latency=node.ping(),
-        below=float(node.health.get("below ground", 0)),
-    )
+    figures = {
+        "time": time, "memory": memory["resident"] - memory["shared"], "descriptors": watch.descriptors(),
+        "threads": sum(process.num_threads() for process in watch.processes()),
+        "topics": len(node.get_topic_names_and_types()), "factor": node.factor, "latency": node.ping(),
+        "below": float(node.health.get("below ground", 0)),
+    }  # fmt: skip
+    for name, value in figures.items():
+        node.samples[name].append(float(value))
 
 
 def main(args: list[str] | None = None) -> None:
     """Runs the soak."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=10.0, help="how long; 120 = the long form")
-    parser.add_argument("--out", type=Path, default=OUT, help=f"folder of JSON and picture (default {OUT})")
     parser.add_argument("--document", action="store_true", help=f"write the table of the docs, and to {PICTURES}")
-    parser.add_argument("--report", action="store_true", help="only draw and write what was measured before")
     options = parser.parse_args(args)
-    out = PICTURES if options.document else options.out
+    out = PICTURES if options.document else OUT
+    out.mkdir(parents=True, exist_ok=True)
     file = out / "soak.json"
-    if not options.report:
-        out.mkdir(parents=True, exist_ok=True)
-        with isolated_unless_chosen(), tempfile.TemporaryDirectory() as folder:
-            run(options.minutes, Path(folder), file)
+    with isolated_unless_chosen():
+        run(options.minutes, file)
     soak_report.report(json.loads(file.read_text()), out, PAGE if options.document else None)
 
 

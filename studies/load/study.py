@@ -4,18 +4,62 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from time import monotonic
+from time import perf_counter
 from typing import Any
 
+import numpy as np
+
 from smartmesh_ros.startup.dds import isolated_unless_chosen
-from studies.load import cases, pictures, regions, tables
+from smartmesh_ros.terrain.heightmap import HeightMap
+from studies.load import cases, tables
 from studies.load.cases import Case
 from studies.load.processes import run_case
-from studies.load.summary import Summary
-from studies.load.tables import PAGE, PICTURES
+from studies.load.tables import PAGE, PICTURES, Summary
 from studies.machine import short
+from studies.markdown import table
 from studies.pages import digest_of, fill
+
+SIDES = (256, 1024, 4096, 8192, 16384)
+# Samples on one side of a region, and how many are taken.
+REGION, COUNT, WARM_UP = 64, 1000, 20
+
+
+def measure_regions(*, quick: bool) -> list[dict[str, Any]]:
+    """Times [us] of regions on each map, ``still``: under a body that stays, ``anywhere``: at places all over the map,
+    most of them for the first time."""
+    sides, count = (SIDES[:2], 200) if quick else (SIDES, COUNT)
+    maps = {side: HeightMap(np.zeros((side, side), np.float32), resolution=0.1) for side in sides}
+    rng = np.random.default_rng(0)
+    found: list[dict[str, Any]] = []
+    for way in ("still", "anywhere"):
+        times: dict[int, list[float]] = {side: [] for side in sides}
+        for turn in range(WARM_UP + count):
+            heights = rng.normal(size=(REGION, REGION)).astype(np.float32)
+            for side, heightmap in maps.items():
+                row, column = (side // 3, side // 3) if way == "still" else rng.integers(0, side - REGION, 2).tolist()
+                time = heightmap.time + 0.02
+                start = perf_counter()
+                heightmap.update_region(row, column, heights, time=time)
+                if turn >= WARM_UP:
+                    times[side].append(1e6 * (perf_counter() - start))
+        for side in sides:
+            low, median, high, highest = np.percentile(times[side], [10, 50, 90, 99])
+            found.append({"side": side, "way": way, "count": count, "p10_us": low, "p50_us": median, "p90_us": high,
+                          "p99_us": highest})  # fmt: skip
+            print(f"regions {way} on {side}^2: {median:.1f} us ({low:.1f} to {high:.1f})", flush=True)
+    return found
+
+
+def regions_table(found: Sequence[dict[str, Any]]) -> str:
+    """The same as a Markdown table."""
+    head = ["map", "regions", "place", "median [us]", "10 to 90 % [us]", "99 % [us]"]
+    rows = []
+    for r in found:
+        low, median, high, highest = (f"{r[f'p{share}_us']:.1f}" for share in (10, 50, 90, 99))
+        rows.append([f"{r['side']}^2", str(r["count"]), r["way"], median, f"{low} to {high}", highest])
+    return table(head, rows)
 
 
 def groups(*, quick: bool) -> dict[str, list[Case]]:
@@ -24,33 +68,23 @@ def groups(*, quick: bool) -> dict[str, list[Case]]:
     return {name: make(quick=quick) for name, make in makers.items()}
 
 
-def run_all(chosen: dict[str, list[Case]], file: Path, known: dict[str, Any]) -> None:
-    """Runs every case that is not ``known`` yet, a line each, and keeps what there is in ``file`` after each, with the
-    digest of the code that each group was measured with."""
-    groups = {**known.get("groups", {}), **{group: known.get("groups", {}).get(group, []) for group in chosen}}
-    code = {**known.get("code", {}), **{group: digest_of("node") for group in chosen}}
-    data: dict[str, Any] = {**known, "machine": short(), "code": code, "groups": groups}
-    file.write_text(json.dumps(data, indent=1))
-    start = monotonic()
-    for group, members in chosen.items():
-        done = {Case(**result["case"]).name for result in data["groups"][group]}
-        for case in (case for case in members if case.name not in done):
-            result = run_case(case)
-            data["groups"][group].append(result)
-            file.write_text(json.dumps(data, indent=1))
-            s = Summary.of(result)
-            print(
-                f"{monotonic() - start:6.0f} s  {case.name:50s} update+step {s.update_and_step:6.2f} ms  "
-                f"missed {100 * s.missed:6.2f} %  real time {s.real_time_factor:.2f}  lost {s.lost}",
-                flush=True,
-            )
+def run(case: Case) -> dict[str, Any]:
+    """Runs a case, and prints a line about it."""
+    result = run_case(case)
+    s = Summary.of(result)
+    print(
+        f"{case.name:50s} update+step {s.update_and_step:6.2f} ms  missed {100 * s.missed:6.2f} %  "
+        f"real time {s.real_time_factor:.2f}  lost {s.lost}",
+        flush=True,
+    )
+    return result
 
 
 def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     """Pictures, and the tables of the page."""
     found = data["groups"]
     summaries = {name: [Summary.of(result) for result in found.get(name, [])] for name in groups(quick=True)}
-    for path in pictures.draw(summaries, data["machine"], out):
+    for path in tables.draw(summaries, data["machine"], out):
         print(f"wrote {path}")
     blocks = {
         "grid": tables.runs(summaries["grid"]),
@@ -58,9 +92,8 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
         "memory": tables.memory(summaries["memory"]),
         "rest": tables.runs(summaries["rest"]),
         "machine": f"Machine: {data['machine']}.",
-        "regions": regions.table(data.get("regions", [])),
+        "regions": regions_table(data.get("regions", [])),
     }
-    print(tables.targets(summaries))
     if page is not None:
         code = data["code"]
         fill(page, blocks, {name: code.get(name, code.get("grid", "unknown")) for name in blocks})
@@ -68,33 +101,30 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
 
 
 def main(args: list[str] | None = None) -> None:
-    """Runs the study."""
+    """Runs the study, and keeps what there is after each case, with the digest of the code of each group."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a few cases in less than two minutes; writes no page")
     parser.add_argument(
         "--out", type=Path, help=f"folder of JSON and pictures (default {PICTURES}; out/load with --quick)"
     )
-    parser.add_argument("--report", action="store_true", help="only draw and write what was measured before")
-    parser.add_argument("--resume", action="store_true", help="run only what was not measured before")
     parser.add_argument("--only", choices=[*groups(quick=True), "regions"], help="run one group again, keep the others")
     options = parser.parse_args(args)
     out = options.out or (Path("out/load") if options.quick else PICTURES)
+    out.mkdir(parents=True, exist_ok=True)
     file = out / "load.json"
-    if not options.report:
-        out.mkdir(parents=True, exist_ok=True)
-        known = json.loads(file.read_text()) if (options.resume or options.only) and file.is_file() else {}
-        chosen = groups(quick=options.quick)
-        if options.only:
-            chosen = {name: cases for name, cases in chosen.items() if name == options.only}
-            known.get("groups", {}).pop(options.only, None)
-        with isolated_unless_chosen():
-            run_all(chosen, file, known)
-            if options.only in (None, "regions"):
-                data = json.loads(file.read_text())
-                code = {**data["code"], "regions": digest_of("node")}
-                found = regions.measure(quick=options.quick)
-                file.write_text(json.dumps({**data, "code": code, "regions": found}, indent=1))
-    report(json.loads(file.read_text()), out, None if options.quick else PAGE)
+    data: dict[str, Any] = json.loads(file.read_text()) if options.only and file.is_file() else {}
+    data = {"groups": {}, "code": {}, **data, "machine": short()}
+    with isolated_unless_chosen():
+        for group, members in groups(quick=options.quick).items():
+            if options.only in (None, group):
+                data["code"][group], data["groups"][group] = digest_of("node"), []
+            for case in members if options.only in (None, group) else []:
+                data["groups"][group].append(run(case))
+                file.write_text(json.dumps(data, indent=1))
+        if options.only in (None, "regions"):
+            data["code"]["regions"], data["regions"] = digest_of("node"), measure_regions(quick=options.quick)
+    file.write_text(json.dumps(data, indent=1))
+    report(data, out, None if options.quick else PAGE)
 
 
 if __name__ == "__main__":

@@ -1,13 +1,109 @@
-"""The tables of docs/performance.md."""
+"""The figures of runs, and the tables and pictures of docs/performance.md."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from studies.load.summary import UPDATE, Summary
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+
+from studies.load.cases import Case
 from studies.markdown import table
+
+mpl.use("Agg")
+
+UPDATE = ("search", "collect", "collider", "bodies")
+
+
+@dataclass(frozen=True)
+class Summary:
+    """One run.
+
+    Stage times [ms]: median over windows of a second of the window's median and 99th percentile, and the maximum over
+    all windows; NaN for a stage that did not run. Times a step: number of runs times the window's median, summed and
+    divided by the number of steps, because not every stage runs in every step. ``latency`` [ms]: median, 99th
+    percentile and maximum, None if no marker was received.
+    """
+
+    case: Case
+    result: dict[str, Any]
+
+    @classmethod
+    def of(cls, result: dict[str, Any]) -> Summary:
+        """From what `processes.run_case` returned."""
+        return cls(Case(**result["case"]), result)
+
+    def stage(self, name: str) -> tuple[float, float, float]:
+        """Median, 99th percentile, maximum of a stage [ms]; the maximum is that of all windows."""
+        times = np.array([w["stages"][name][1:] for w in self.result["windows"] if w["stages"][name][0]])
+        if not len(times):
+            return math.nan, math.nan, math.nan
+        median, high = np.median(times[:, :2], axis=0) / 1e3
+        return float(median), float(high), float(times[:, 2].max() / 1e3)
+
+    def a_step(self, *names: str) -> float:
+        """Time of stages a step [ms]."""
+        windows = [w["stages"] for w in self.result["windows"]]
+        steps = sum(w["step"][0] for w in windows) or math.nan
+        return float(sum(w[name][0] * w[name][1] for w in windows for name in names) / steps / 1e3)
+
+    @property
+    def update_and_step(self) -> float:
+        """Time of everything that is physics, a step [ms]."""
+        return self.a_step(*UPDATE, "step")
+
+    @property
+    def steps_per_second(self) -> float:
+        """Physics steps that were run."""
+        windows = self.result["windows"]
+        return float(sum(w["stages"]["step"][0] for w in windows) / self.seconds)
+
+    @property
+    def seconds(self) -> float:
+        """Time that the windows cover [s]; a starved node may not have sent any."""
+        return float(sum(w["seconds"] for w in self.result["windows"])) or math.nan
+
+    @property
+    def cpu_per_step(self) -> float:
+        """Processor time of the node for each step, all in [ms]."""
+        return float(1e3 * self.result["cpus"]["node"] / (self.steps_per_second or math.nan))
+
+    @property
+    def missed(self) -> float:
+        """Share of the deadlines that were missed."""
+        windows = self.result["windows"]
+        return float(sum(w["misses"] for w in windows) / (self.case.physics_rate * self.seconds))
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds per second."""
+        factors = [w["real_time_factor"] for w in self.result["windows"]]
+        return float(np.mean(factors)) if factors else math.nan
+
+    @property
+    def latency(self) -> tuple[float, float, float] | None:
+        """From sending to the marker [ms]."""
+        times = self.result["latencies_ms"]
+        if not times:
+            return None
+        median, high, most = np.percentile(times, (50, 99, 100)).tolist()
+        return median, high, most
+
+    @property
+    def lost(self) -> int:
+        """Maps and regions that the node never took."""
+        return max(int(self.result["sent"]) - int(self.result["taken"]), 0)
+
+    @property
+    def memory(self) -> dict[str, float]:
+        """Memory of the node [MiB]: resident, its part shared with DDS, and the peak."""
+        found: dict[str, float] = self.result["memory_mib"]["node"]
+        return found
+
 
 # The page of the load study and the soak, and the folder of its pictures and what they show.
 PAGE, PICTURES = Path("docs/performance.md"), Path("docs/images/load")
@@ -51,52 +147,6 @@ def memory(summaries: list[Summary]) -> str:
     return table(head, rows)
 
 
-def targets(groups: dict[str, list[Summary]]) -> str:
-    """Return the table of targets, which the study prints and no page shows."""
-    grid = groups["grid"]
-
-    def find(bodies: int, rate: float, side: int = 1024, mode: str = "regions") -> Summary | None:
-        found = [s for s in grid if (s.case.bodies, s.case.physics_rate, s.case.side, s.case.mode)
-                 == (bodies, rate, side, mode)]  # fmt: skip
-        return max(found, key=lambda s: s.case.map_rate) if found else None
-
-    lines = []
-
-    def add(what: str, summary: Summary | None, measure: Callable[[Summary], float], most: float, unit: str) -> None:
-        value = measure(summary) if summary else math.nan
-        verdict = "not measured" if math.isnan(value) else "reached" if value <= most else "**missed**"
-        lines.append([what, f"{most:.3g} {unit}", f"{value:.3g} {unit}", verdict])
-
-    hundred, thousand = find(100, 240.0), find(1000, 60.0)
-    for name, s, most, markers in (
-        ("100 bodies, 240 Hz", hundred, 2.0, 0.3),
-        ("1000 bodies, 60 Hz", thousand, 14.0, 2.0),
-    ):
-        step = s.stage("step")[0] if s else 0.0
-        add(f"{name}: update and step, median", s, lambda s: s.stage("total")[0], most, "ms")
-        add(f"{name}: the same, from the medians of its stages", s, lambda s: s.update_and_step, most, "ms")
-        add(f"{name}: missed deadlines", s, lambda s: 100 * s.missed, 0.1, "%")
-        add(f"{name}: markers built and published, median", s, lambda s: s.stage("publish")[0], markers, "ms")
-        add(f"{name}: processor time a step of everything but `stepSimulation`", s,
-            lambda s: s.cpu_per_step - s.stage("step")[0], step, "ms")  # fmt: skip
-        add(f"{name}: the same without search, collect and collider", s,
-            _ros_side, step, "ms")  # fmt: skip
-    full = find(100, 240.0, mode="full")
-    add("full 1024^2 map taken, median", full, lambda s: s.stage("ingest")[0], 2.0, "ms")
-    add("64^2 region taken, median", hundred, lambda s: s.stage("ingest")[0], 0.2, "ms")
-    add("region in to marker out, 100 bodies, 99 %", hundred, lambda s: s.latency[1] if s.latency else math.nan, 10.0,
-        "ms")  # fmt: skip
-    for mode, what in (("full", "full 4096^2 maps at 5 Hz"), ("regions", "regions of 4096^2 at 60 Hz")):
-        add(f"{what}: lost", find(100, 240.0, 4096, mode), lambda s: s.lost, 0.0, "messages")
-    return table(["figure", "at most", "measured", ""], lines)
-
-
-def _ros_side(s: Summary) -> float:
-    """Processor time a step without patches and physics [ms]; NaN where waiting for a processor hides it in them."""
-    rest = s.cpu_per_step - s.update_and_step
-    return rest if rest >= 0.0 else math.nan
-
-
 def _run(s: Summary) -> list[str]:
     return [
         str(s.case.bodies), f"{s.case.side}^2", f"{s.case.mode} at {s.case.map_rate:g} Hz", f"{s.case.physics_rate:g}",
@@ -117,3 +167,98 @@ def _ms(value: float) -> str:
 
 def _three(values: tuple[float, float, float] | None) -> str:
     return " / ".join(_ms(value) for value in values) if values else "-"
+
+
+STAGES = {
+    "search": "#9ecae1", "collect": "#4292c6", "collider": "#084594", "bodies": "#807dba", "step": "#d95f0e",
+    "publish": "#74c476",
+}  # fmt: skip
+
+
+def draw(groups: dict[str, list[Summary]], machine: str, folder: Path) -> list[Path]:
+    """Draws every picture there are runs for."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    if groups["grid"]:
+        paths += [_bodies(groups["grid"], machine, folder / "bodies.png")]
+        paths += [_latency(groups["grid"], machine, folder / "latency.png")]
+    if groups["executors"]:
+        paths += [_executors(groups["executors"], machine, folder / "executors.png")]
+    return paths
+
+
+def _bodies(summaries: list[Summary], machine: str, path: Path) -> Path:
+    """Where a step's time goes, by the number of bodies."""
+    figure, axes = plt.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
+    for axis, rate in zip(axes, (240.0, 60.0), strict=True):
+        runs = sorted(
+            (s for s in summaries if s.case.physics_rate == rate and s.case.side == 1024 and s.case.mode == "regions"
+             and s.case.map_rate == 60.0), key=lambda s: s.case.bodies)  # fmt: skip
+        bottom = np.zeros(len(runs))
+        for stage, colour in STAGES.items():
+            times = np.nan_to_num([s.a_step(stage) for s in runs])
+            axis.bar(range(len(runs)), times, bottom=bottom, color=colour, label=stage, width=0.6)
+            bottom += times
+        axis.axhline(1e3 / rate, color="black", linestyle="--", linewidth=1, label="time there is")
+        axis.plot(range(len(runs)), [s.cpu_per_step for s in runs], "kx", label="processor time a step, all in")
+        axis.set_xticks(range(len(runs)), [str(s.case.bodies) for s in runs])
+        axis.set_xlabel("bodies")
+        axis.set_ylabel("time a step [ms]")
+        axis.set_title(f"{rate:g} Hz physics, regions of a 1024$^2$ map at 60 Hz")
+    axes[0].legend(fontsize=8)
+    return _save(figure, machine, path)
+
+
+def _executors(summaries: list[Summary], machine: str, path: Path) -> Path:
+    """Lateness, real-time factor and processor time of the ways to run the loop."""
+    figure, axes = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained")
+    place = np.arange(len(summaries))
+    late = np.array([s.stage("lateness") for s in summaries]) + 1e-3
+    axes[0].bar(place, late[:, 1], color="#084594")
+    axes[0].plot(place, late[:, 2], "k_", markersize=14, label="maximum")
+    axes[0].set_yscale("log")
+    axes[0].set_ylabel("start of a step after its deadline, 99 % [ms]")
+    axes[0].legend(fontsize=8)
+    axes[1].bar(place, [s.real_time_factor for s in summaries], color="#084594")
+    axes[1].axhline(1.0, color="black", linestyle="--", linewidth=1)
+    axes[1].set_ylabel("real-time factor")
+    axes[2].bar(place, [s.cpu_per_step for s in summaries], color="#084594")
+    axes[2].set_ylabel("processor time a step, all in [ms]")
+    for axis in axes:
+        axis.set_xticks(
+            place, [s.case.executor for s in summaries], fontsize=7, rotation=30, ha="right", rotation_mode="anchor"
+        )
+    figure.suptitle("Ways to run the loop: 100 bodies, full 1024$^2$ maps at 30 Hz")
+    return _save(figure, machine, path)
+
+
+def _latency(summaries: list[Summary], machine: str, path: Path) -> Path:
+    """From a region that is sent to the marker that shows it."""
+    figure, axis = plt.subplots(figsize=(10, 4.5), layout="constrained")
+    axis.set_prop_cycle(color=[*plt.get_cmap("tab10").colors, "black", "gold"])  # twelve, one for each line
+    for s in sorted(summaries, key=lambda s: (s.case.bodies, -s.case.physics_rate)):
+        if s.case.side != 1024 or not s.result["latencies_ms"] or s.case.map_rate not in (30.0, 60.0):
+            continue
+        times = np.sort(s.result["latencies_ms"])
+        share = np.arange(1, len(times) + 1) / len(times)
+        style = "--" if s.case.mode == "full" else "-"
+        bodies = "1 body" if s.case.bodies == 1 else f"{s.case.bodies} bodies"
+        label = f"{bodies}, {s.case.mode} at {s.case.map_rate:g} Hz, physics {s.case.physics_rate:g} Hz"
+        axis.plot(times, share, style, linewidth=1.2, label=label)
+    axis.set_xscale("log")
+    ticks = [2, 5, 10, 20, 50, 100]
+    axis.set_xticks(ticks, [str(tick) for tick in ticks])
+    axis.minorticks_off()
+    axis.set_xlabel("from the map that is sent to the marker that shows it [ms]")
+    axis.set_ylabel("share of the maps")
+    axis.set_title("Latency through the node, 1024$^2$ map")
+    figure.legend(loc="outside right upper", fontsize=7, frameon=False)
+    axis.grid(alpha=0.3)
+    return _save(figure, machine, path)
+
+
+def _save(figure: plt.Figure, machine: str, path: Path) -> Path:
+    figure.text(0.995, 0.002, machine, fontsize=6, ha="right", va="bottom", color="grey")
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+    return path

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import TracebackType
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pybullet_data
@@ -17,6 +16,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.grounds import Rigid, make_ground
@@ -34,7 +34,8 @@ def square(size: int, resolution: float) -> GridGeometry:
 class Arena:
     """Bodies on one height map that follows a ground function. Use it as a context manager.
 
-    ``ground``: name and settings as in `make_ground`. ``map_rate`` [Hz]: rate of maps; 0 = one map.
+    ``ground``: name and settings as in `make_ground`. ``map_rate`` [Hz]: rate of maps; 0 = one map. ``motion``: how
+    maps are processed. ``heights`` (R, C) [m]: of the first map, None = those of the ground.
     """
 
     def __init__(
@@ -46,29 +47,35 @@ class Arena:
         resolution: float = 0.25,
         map_rate: float = 0.0,
         physics: PhysicsConfig | None = None,
+        motion: MotionConfig | None = None,
+        heights: FloatArray | None = None,
     ) -> None:
         self.geometry = square(size, resolution)
         self.ground = make_ground(self.geometry, **(ground or {"kind": "flat"}))
         self.truth = make_ground(self.geometry, **(ground or {"kind": "flat"}))
-        self.heightmap = HeightMap(self.ground.heights(0.0), geometry=self.geometry)
+        first = self.ground.heights(0.0) if heights is None else heights
+        self.heightmap = HeightMap(first, geometry=self.geometry, motion=motion)
         self.world = World(self.heightmap, WorldConfig(physics=physics or PhysicsConfig(), patch=method))
         self.shapes: dict[str, Shape] = {}
         self._map_rate = map_rate
         self._map = 0
-        self._steps = 0
 
-    def __enter__(self) -> Arena:
+    def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.world.close()
 
     def spawn(self, name: str, shape: Shape, position: tuple[float, float, float], **state: Any) -> None:
         """Adds a body of 1 kg."""
         self.world.spawn(name, shape, 1.0, BodyState(position, **state))
         self.shapes[name] = shape
+
+    def rest_of(self, shape: Shape, position: tuple[float, float, float], seconds: float = 1.0) -> FloatArray:
+        """Return where a body is (3,) [m] so many seconds after it was put down at a ``position``."""
+        self.spawn("body", shape, position)
+        self.settle(seconds)
+        return np.asarray(self.positions()[0])
 
     def form(self, height: Callable[[FloatArray, FloatArray], Any]) -> None:
         """Set the surface of rigid ground to height(x, y) [m], a function of positions (1, C) and (R, 1) [m]."""
@@ -99,15 +106,18 @@ class Arena:
         for _ in self.run(seconds):
             pass
 
+    def _poses(self) -> tuple[FloatArray, FloatArray]:
+        """Return centres (N, 3) [m] and orientations (N, 4) of the bodies."""
+        states = [self.world.client.getBasePositionAndOrientation(self.world.bodies[name].uid) for name in self.shapes]
+        return np.array([position for position, _ in states]), np.array([turn for _, turn in states])
+
     def positions(self) -> FloatArray:
         """Centres of the bodies (N, 3) [m]."""
-        client, bodies = self.world.client, self.world.bodies
-        return np.array([client.getBasePositionAndOrientation(bodies[name].uid)[0] for name in self.shapes])
+        return self._poses()[0]
 
     def velocities(self) -> FloatArray:
         """Their velocities (N, 3) [m/s]."""
-        client, bodies = self.world.client, self.world.bodies
-        return np.array([client.getBaseVelocity(bodies[name].uid)[0] for name in self.shapes])
+        return np.array([self.world.client.getBaseVelocity(self.world.bodies[name].uid)[0] for name in self.shapes])
 
     def surface(self) -> Surface:
         """The main mesh as it truly is now."""
@@ -115,10 +125,7 @@ class Arena:
 
     def clearances(self) -> FloatArray:
         """Distance of the bodies' surfaces from the ground (N,) [m]; all bodies must be of one shape."""
-        client, bodies = self.world.client, self.world.bodies
-        poses = [client.getBasePositionAndOrientation(bodies[name].uid) for name in self.shapes]
-        positions, orientations = np.array([pose[0] for pose in poses]), np.array([pose[1] for pose in poses])
-        return clearances(self.surface(), next(iter(self.shapes.values())), positions, orientations)
+        return clearances(self.surface(), next(iter(self.shapes.values())), *self._poses())
 
     def lost(self) -> int:
         """Bodies whose centre is below the ground."""

@@ -63,17 +63,13 @@ def rim(method: PatchConfig) -> float:
         heights = np.zeros((61, 61))
         heights[20:41, 20:41] = np.nan
         arena.heightmap.replace(heights, time=0.0)
-        arena.spawn("ball", Sphere(0.1), (-2.85, 0.017, 0.1))
-        arena.settle(1.0)
-        return 1e3 * abs(float(arena.positions()[0, 2]) - 0.1)
+        return 1e3 * abs(float(arena.rest_of(Sphere(0.1), (-2.85, 0.017, 0.1))[2]) - 0.1)
 
 
 def map_edge(method: PatchConfig) -> float:
     """Error [mm] of the rest height of a ball at the corner of the map."""
     with Arena(method) as arena:
-        arena.spawn("ball", Sphere(0.3), (-7.4, -7.4, 0.3))
-        arena.settle(1.0)
-        return 1e3 * abs(float(arena.positions()[0, 2]) - 0.3)
+        return 1e3 * abs(float(arena.rest_of(Sphere(0.3), (-7.4, -7.4, 0.3))[2]) - 0.3)
 
 
 def teleports(method: PatchConfig) -> float:

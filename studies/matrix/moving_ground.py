@@ -75,9 +75,7 @@ def falls_away(method: PatchConfig) -> float:
 def lands_after_fall(method: PatchConfig) -> float:
     """Error [mm] of the rest height on ground that fell away at 2 g by 2 m."""
     with Arena(method, {"kind": "drop", "acceleration": 2.0 * GRAVITY, "depth": 2.0}, size=21, map_rate=240.0) as arena:
-        arena.spawn("ball", BALL, (0.013, 0.017, 0.2))
-        arena.settle(2.0)
-        return 1e3 * abs(float(arena.positions()[0, 2]) + 1.8)
+        return 1e3 * abs(float(arena.rest_of(BALL, (0.013, 0.017, 0.2), 2.0)[2]) + 1.8)
 
 
 def floats(method: PatchConfig) -> float:
@@ -106,12 +104,12 @@ def _rides(frequency: int, shape: Shape = BALL, map_rate: float = 240.0, rate: f
     return figure
 
 
-def _loses(frequency: int, count: int = 16, map_rate: float = 240.0, rate: float = 240.0, **state: Any) -> Any:
+def _loses(frequency: int, map_rate: float = 240.0, rate: float = 240.0, **state: Any) -> Any:
     def figure(method: PatchConfig) -> float:
         """Bodies whose centre is below the ground at any time."""
         physics = PhysicsConfig(rate=rate)
         with Arena(method, WAVES[frequency], size=61, map_rate=map_rate, physics=physics) as arena:
-            arena.scatter(count, BALL, 4.0, 0.25, **state)
+            arena.scatter(16, BALL, 4.0, 0.25, **state)
             return lost_in(arena, 1.5)
 
     return figure

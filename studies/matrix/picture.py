@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from smartmesh_ros.ground.config import PhysicsConfig
@@ -20,6 +19,7 @@ from studies.markdown import table
 from studies.matrix.real_maps import CELLS, STEP, Site
 from studies.matrix.row import Outcome
 
+NOISE_RATE = 20.0  # of noisy maps [Hz]
 PASS, FAIL, NONE = "#cfe8d5", "#f4c7c3", "#eeeeee"
 
 
@@ -54,7 +54,6 @@ def draw_matrix(path: Path, outcomes: Sequence[Outcome]) -> None:
     methods = list(dict.fromkeys(outcome.method for outcome in outcomes))
     rows = list(dict.fromkeys(outcome.row for outcome in outcomes))
     figure = Figure(figsize=(3.6 + 1.15 * len(methods), 1.6 + 0.26 * len(rows)), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     for outcome in outcomes:
         x, y = methods.index(outcome.method), rows.index(outcome.row)
@@ -102,32 +101,32 @@ def ways(noise: float) -> tuple[Way, ...]:
     )  # fmt: skip
 
 
-def corrected(way: Way, by: float, kind: str = "box") -> FloatArray:
+def corrected(way: Way, by: float) -> FloatArray:
     """Height of a body over where it was [m], for 0.2 s before its ground is corrected and 1.3 s after."""
-    with Site(way.patch, kind, motion=way.motion, physics=way.physics) as site:
-        rest = [state.position[2] for state in site.run(1.0)][-1]
+    with Site(way.patch, "box", motion=way.motion, physics=way.physics) as site:
+        rest = [state.position[2] for state in site.states(1.0)][-1]
         site.tell(site.level)
-        before = [state.position[2] for state in site.run(0.2)]
+        before = [state.position[2] for state in site.states(0.2)]
         site.tell(site.level + by)
-        return np.array(before + [state.position[2] for state in site.run(1.3)]) - rest
+        return np.array(before + [state.position[2] for state in site.states(1.3)]) - rest
 
 
-def noisy(way: Way, noise: float, seconds: float, rate: float = 20.0, kind: str = "box") -> FloatArray:
+def noisy(way: Way, noise: float, seconds: float) -> FloatArray:
     """Return the height of a body over its true rest [m] on ground whose maps have white noise [m]."""
     rng = np.random.default_rng(2)
     heights: list[float] = []
-    with Site(way.patch, kind, motion=way.motion, physics=way.physics) as site:
+    with Site(way.patch, "box", motion=way.motion, physics=way.physics) as site:
         rest = site.state.position[2]
-        for _ in range(round(seconds * rate)):
+        for _ in range(round(seconds * NOISE_RATE)):
             site.tell(rng.normal(0.0, noise, (CELLS, CELLS)))
-            heights += [state.position[2] for state in site.run(1.0 / rate)]
+            heights += [state.position[2] for state in site.states(1.0 / NOISE_RATE)]
     return np.array(heights) - rest
 
 
-def draw_box(path: Path, by: float = 0.1, noise: float = 0.01, seconds: float = 5.0) -> None:
+def draw_box(path: Path, seconds: float = 5.0) -> None:
     """A correction and noise, each in the three ways."""
+    by, noise = 0.1, 0.01  # [m]
     figure = Figure((9.0, 3.0), layout="constrained")
-    FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2)
     for way in ways(0.0):
         moved = 1e3 * corrected(way, by)

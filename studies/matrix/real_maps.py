@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -16,11 +15,9 @@ from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.joints import JointCommand
-from smartmesh_ros.world.world import World, WorldConfig
-from studies.matrix.arena import HUSKY, square
+from studies.matrix.arena import HUSKY, Arena
 from studies.matrix.row import METHODS, Row
 
 CELLS, RESOLUTION = 61, 0.1
@@ -44,7 +41,7 @@ class Thrown(NamedTuple):
     slid: float
 
 
-class Site:
+class Site(Arena):
     """One body at rest on ground of a slope [rad] along x. ``motion``: how maps are processed, by default as
     corrections. Use it as a context manager."""
 
@@ -59,8 +56,7 @@ class Site:
     ) -> None:
         self.level = inclined(slope)
         motion = motion or MotionConfig(changes="correction", noise=noise)
-        self.heightmap = HeightMap(self.level, geometry=square(CELLS, RESOLUTION), motion=motion)
-        self.world = World(self.heightmap, WorldConfig(patch=method, physics=physics or PhysicsConfig()))
+        super().__init__(method, size=CELLS, resolution=RESOLUTION, physics=physics, motion=motion, heights=self.level)
         away = ROBOTS[kind][1] if kind in ROBOTS else 0.15
         state = BodyState(
             (-math.sin(slope) * away, 0.017, math.cos(slope) * away),
@@ -74,22 +70,14 @@ class Site:
         else:
             self.world.spawn("body", SHAPES[kind], 20.0, state)
 
-    def __enter__(self) -> Site:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.world.close()
-
     @property
     def state(self) -> BodyState:
         """How the body is."""
         return self.world.state("body")
 
-    def run(self, seconds: float) -> Iterator[BodyState]:
-        """Steps through so many seconds; yields the body's state after every step."""
-        for _ in range(round(seconds / STEP)):
-            self.world.step()
-            yield self.state
+    def states(self, seconds: float) -> list[BodyState]:
+        """Steps through so many seconds; returns how the body was after every step."""
+        return [self.state for _ in self.run(seconds)]
 
     def tell(self, heights: FloatArray) -> None:
         """Apply a map."""
@@ -113,14 +101,12 @@ def correction(
 ) -> Thrown:
     """A body at rest whose ground is corrected by a height [m] and a turn [rad], a time after the last map [s]."""
     with Site(method, kind, slope) as site:
-        for _ in site.run(2.0):
-            pass
+        site.settle(2.0)
         site.tell(site.level)
-        for _ in site.run(after):
-            pass
+        site.settle(after)
         before = site.state
         site.tell(inclined(slope + turn) + by)
-        states = list(site.run(2.0))
+        states = site.states(2.0)
         end = states[-1]
         rest = max(before.position[2], end.position[2])
         turned = math.acos(min(float(up(before) @ up(end)), 1.0)) - abs(turn)
@@ -151,7 +137,7 @@ def at_rest_in_noise(measure: str, kind: str, sigma: float, method: PatchConfig)
         speeds, errors, places = [], [], []
         for number in range(220):
             site.tell(rng.normal(0.0, sigma, (CELLS, CELLS)))
-            for state in site.run(0.05):
+            for state in site.states(0.05):
                 if number >= 20:
                     speeds.append(math.hypot(*state.linear))
                     errors.append(abs(state.position[2] - rest) / sigma)

@@ -17,7 +17,6 @@ from smartmesh_ros.tools.evaluation.scene import lowest
 from studies.engines.bullet import BulletOptions
 from studies.engines.engine import EngineBody, Setup, build
 from studies.matrix.arena import Arena, deepest
-from studies.matrix.quantities import angles_between, energies
 from studies.matrix.row import Row
 
 SPEED = 3.0
@@ -55,12 +54,11 @@ def _rolled(method: PatchConfig) -> tuple[float, float]:
     """A ball that rolls at 3 m/s for a second: how far it is from where it should be [mm], and loss of energy [%]."""
     with Arena(method, size=101, resolution=0.1) as arena:
         arena.spawn("ball", Sphere(0.2), (-2.0, 0.013, 0.2), linear=(SPEED, 0.0, 0.0), angular=(0.0, SPEED / 0.2, 0.0))
-        inertia = np.full(3, 0.4 * 0.2**2)
 
         def energy() -> float:
-            state = arena.world.state("ball")
-            arrays = (np.array(value) for value in (state.position, state.linear, state.angular))
-            return float(energies(1.0, inertia, *arrays))
+            state, inertia = arena.world.state("ball"), 0.4 * 0.2**2
+            kinetic = 0.5 * (np.square(state.linear).sum() + inertia * np.square(state.angular).sum())
+            return float(kinetic + GRAVITY * state.position[2])
 
         before = energy()
         arena.settle(1.0)
@@ -157,9 +155,8 @@ def hovers_in_trough(method: PatchConfig) -> float:
     with Arena(method) as arena:
         heights = np.broadcast_to(0.6 * np.abs(arena.truth.x), (61, 61))
         arena.heightmap.replace(heights, time=0.0)
-        arena.spawn("ball", Sphere(0.3), (0.0, 0.013, 0.3 * math.hypot(1.0, 0.6) + 0.02))
-        arena.settle(1.0)
-        return 1e3 * abs(float(arena.positions()[0, 2]) - 0.3 * math.hypot(1.0, 0.6))
+        rest = 0.3 * math.hypot(1.0, 0.6)
+        return 1e3 * abs(float(arena.rest_of(Sphere(0.3), (0.0, 0.013, rest + 0.02))[2]) - rest)
 
 
 def normals(method: PatchConfig) -> float:
@@ -190,6 +187,12 @@ def _normal_errors(arena: Arena, surface: Surface, positions: FloatArray) -> lis
     true = nearest(surface, positions[owner], 0.4).normal
     errors = angles_between(np.array([normal for _, normal in contacts]), true)
     return [float(error) for error in errors[np.isfinite(true).all(axis=1)]]
+
+
+def angles_between(normals: FloatArray, true_normals: FloatArray) -> FloatArray:
+    """Return the angles (N,) [deg] between unit vectors (N, 3); accurate for small angles."""
+    sine = np.linalg.norm(np.cross(normals, true_normals), axis=1)
+    return np.asarray(np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", normals, true_normals))), np.float64)
 
 
 def wide_box(method: PatchConfig) -> float:

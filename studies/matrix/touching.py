@@ -34,9 +34,7 @@ def rests_in_corner(shape: Shape, height: float, drop: float) -> Figure:
     def figure(method: PatchConfig) -> float:
         with Arena(method, size=21) as arena:
             arena.form(_pit)
-            arena.spawn("body", shape, (0.0, 0.0, height + drop))
-            arena.settle(1.0)
-            return 1e3 * math.dist(arena.positions()[0], (0.0, 0.0, height))
+            return 1e3 * math.dist(arena.rest_of(shape, (0.0, 0.0, height + drop)), (0.0, 0.0, height))
 
     return figure
 
@@ -71,9 +69,8 @@ def box_in_valley(method: PatchConfig) -> float:
         with Arena(method, size=21, resolution=resolution) as arena:
             arena.form(lambda x, y: SLOPE * np.abs(x))
             expected = SLOPE * 0.2 + 0.1
-            arena.spawn("box", Box(0.4, 0.3, 0.2), (0.0, 0.013, expected + 0.005))
-            arena.settle(1.0)
-            worst = max(worst, math.dist(arena.positions()[0], (0.0, 0.013, expected)))
+            found = arena.rest_of(Box(0.4, 0.3, 0.2), (0.0, 0.013, expected + 0.005))
+            worst = max(worst, math.dist(found, (0.0, 0.013, expected)))
     return 1e3 * worst
 
 
@@ -143,9 +140,8 @@ def ball_on_trench(method: PatchConfig) -> float:
 def _error_on_trench(arena: Arena) -> float:
     """Lay a ball onto the lips of the trench; return its distance [mm] from where it should rest, a second later."""
     arena.form(_trench)
-    arena.spawn("ball", Sphere(0.2), (0.0, 0.013, 0.15))
-    arena.settle(1.0)
-    return 1e3 * math.dist(arena.positions()[0], (0.0, 0.013, math.sqrt(0.2**2 - 0.15**2)))
+    found = arena.rest_of(Sphere(0.2), (0.0, 0.013, 0.15))
+    return 1e3 * math.dist(found, (0.0, 0.013, math.sqrt(0.2**2 - 0.15**2)))
 
 
 def trench_opens(method: PatchConfig) -> float:
@@ -219,9 +215,7 @@ def height_on_cliff(method: PatchConfig, beyond: float) -> float:
     cliff of 2 m; 0.1 m where it stays."""
     with Arena(method, size=41) as arena:
         arena.form(lambda x, y: np.where(x > 0.1, -2.0, 0.0))
-        arena.spawn("box", Box(0.4, 0.3, 0.2), (beyond, 0.013, 0.101))
-        arena.settle(2.0)
-        return float(arena.positions()[0, 2])
+        return float(arena.rest_of(Box(0.4, 0.3, 0.2), (beyond, 0.013, 0.101), 2.0)[2])
 
 
 ROWS = (

@@ -11,9 +11,9 @@ import pybullet as pb
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.engines.bullet import bullet_contacts
-from studies.engines.engine import Contacts
+from studies.engines.engine import Contacts, Links
 from studies.engines.smartmesh import SmartMeshOptions, world_on
-from studies.robots.engine import FRICTION, SERVO, Links, RobotEngine, RobotSetup
+from studies.robots.engine import FRICTION, SERVO, RobotEngine, RobotSetup
 
 
 class WorldRobots(RobotEngine):

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from tempfile import NamedTemporaryFile
 from typing import Any, ClassVar
 
-import numpy as np
 import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
@@ -19,7 +18,7 @@ from studies.configurations import Configuration
 from studies.contest import FINE_RATE, HORIZON, Contest, Result, Rules, Runner, run
 from studies.engines.smartmesh import SmartMeshOptions
 from studies.robots.bullet_robots import WorldRobots
-from studies.robots.engine import Links, RobotEngine, RobotSetup, setup_of
+from studies.robots.engine import RobotEngine, RobotSetup, setup_of
 from studies.robots.geometry import GroundPrisms, Part, read_links
 from studies.robots.scene import STARTS, RobotScene
 
@@ -55,25 +54,19 @@ class RobotContest(Contest):
         return engine
 
     def act(self, engine: Any, time: float) -> None:
-        if self._scene.trot is not None:
+        if self._scene.trot:
             engine.hold(self._scene.joints(time))
-
-    def state(self, engine: RobotEngine) -> Links:
-        return engine.links()
 
     def measure(self, instant: float, runners: Sequence[Runner]) -> None:
         surface = self._scene.surface(instant)
         prisms = GroundPrisms(surface.geometry, surface.heights)
         for runner in runners:
             sample, parts = runner.samples[instant], self._parts[runner.configuration.name]
-            centres = centres_of(sample.state)
+            centres = sample.links.centres
             sample.below = ~(centres[:, 2] >= surface.below(centres))
             if instant > SETTLE:
-                for robot, (positions, orientations) in enumerate(zip(*sample.state, strict=True)):
+                for robot, (positions, orientations) in enumerate(zip(*sample.links, strict=True)):
                     sample.clearance[robot] = prisms.least_clearance(parts, positions, orientations)
-
-    def centres(self, state: Links) -> FloatArray:
-        return centres_of(state)
 
     def reference(self) -> FloatArray:
         return reference_centres(self._scene, self._setup(FINE_RATE))
@@ -115,11 +108,6 @@ def shapes_of(text: str, *, prisms: bool) -> Mapping[str, list[Part]]:
         client.disconnect()
 
 
-def centres_of(links: Links) -> FloatArray:
-    """Return where robots are (N, 3) [m]: the mean of the frames of their links."""
-    return np.asarray(links.positions.mean(axis=1))
-
-
 def reference_centres(scene: RobotScene, setup: RobotSetup) -> FloatArray:
     """Return where robots are after `HORIZON` (N, 3) [m].
 
@@ -131,9 +119,9 @@ def reference_centres(scene: RobotScene, setup: RobotSetup) -> FloatArray:
     with WorldRobots(setup, options) as engine:
         for step in range(math.floor(HORIZON / setup.dt + 0.5)):
             time = step * setup.dt
-            if scene.trot is not None:
+            if scene.trot:
                 engine.hold(scene.joints(time))
             if scene.map_rate and step and step % round(1.0 / (setup.dt * MAPS)) == 0:
                 engine.set_ground(scene.ground.heights(time))
             engine.step()
-        return centres_of(engine.links())
+        return engine.links().centres

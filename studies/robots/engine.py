@@ -8,7 +8,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -47,20 +47,13 @@ def setup_of(robot: Robot, ground: Scene, starts: FloatArray, rate: float, speed
     )  # fmt: skip
 
 
-class Links(NamedTuple):
-    """Frames of the links of N robots, as their URDF defines them: ``positions`` (N, L, 3) [m] and ``orientations``
-    (N, L, 4) (x, y, z, w)."""
-
-    positions: FloatArray
-    orientations: FloatArray
-
-
 class RobotEngine(Simulation):
     """Simulation of robots on moving ground in one engine.
 
-    ``names``: of the links with collision shapes (L,). All joints of the robot's stance are servos of time constant
-    `SERVO` and the robot's torque; its wheels keep their speed with the same torque; other joints turn freely. Links of
-    robots do not collide with one another. Velocities are those of the centres of mass.
+    ``names``: of the links with collision shapes (L,), whose frames are those of the URDF. All joints of the robot's
+    stance are servos of time constant `SERVO` and the robot's torque; its wheels keep their speed with the same torque;
+    other joints turn freely. Links of robots do not collide with one another. Velocities are those of the centres of
+    mass.
     """
 
     names: tuple[str, ...]
@@ -70,10 +63,6 @@ class RobotEngine(Simulation):
     @abstractmethod
     def hold(self, positions: Mapping[str, float]) -> None:
         """Set the positions [rad] that all robots' servos hold, by joint."""
-
-    @abstractmethod
-    def links(self) -> Links:
-        """Return the frames of the links ``names``."""
 
 
 def xyzw(wxyz: FloatArray) -> FloatArray:

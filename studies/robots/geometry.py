@@ -126,16 +126,12 @@ class GroundPrisms:
         self._highest = float(self._tops.max())
         self._prisms: dict[tuple[int, int, int], Any] = {}
 
-    def clearance(self, parts: Sequence[Part], position: FloatArray, orientation: FloatArray) -> float:
-        """Return the distance [m] of a link's shapes from the ground, at most `REACH`; negative = penetration: how far
-        the deepest overlap of a shape and a prism has to be moved apart. NaN beside the map."""
-        return self.least_clearance([parts], position[None], orientation[None])
-
     def least_clearance(
         self, links: Sequence[Sequence[Part]], positions: FloatArray, orientations: FloatArray
     ) -> float:
-        """Return the least clearance [m] of L links at ``positions`` (L, 3) [m] and ``orientations`` (L, 4); NaN if one
-        is beside the map."""
+        """Return the least distance [m] of L links at ``positions`` (L, 3) [m] and ``orientations`` (L, 4) from the
+        ground, at most `REACH`; negative = penetration: how far the deepest overlap of a shape and a prism has to be
+        moved apart. NaN if a link is beside the map."""
         least = REACH
         for index in np.argsort(positions[:, 2]):
             link = pose_of(positions[index], orientations[index])

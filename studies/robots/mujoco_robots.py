@@ -10,9 +10,9 @@ import mujoco
 import numpy as np
 
 from smartmesh_ros.terrain.grid import FloatArray
-from studies.engines.engine import Contacts
+from studies.engines.engine import Contacts, Links
 from studies.engines.mujoco_hfield import BODY, GROUND, MujocoGround, MujocoOptions
-from studies.robots.engine import FRICTION, SERVO, Links, RobotEngine, RobotSetup, root_link, xyzw
+from studies.robots.engine import FRICTION, SERVO, RobotEngine, RobotSetup, root_link, xyzw
 
 
 class MujocoRobots(MujocoGround, RobotEngine):

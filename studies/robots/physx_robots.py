@@ -11,8 +11,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from smartmesh_ros.terrain.grid import FloatArray
+from studies.engines.engine import Links
 from studies.engines.physx import BODY, GROUND, PhysxGround, Pose
-from studies.robots.engine import FRICTION, SERVO, Links, RobotEngine, RobotSetup, xyzw
+from studies.robots.engine import FRICTION, SERVO, RobotEngine, RobotSetup, xyzw
 
 # Gain [Nm s/rad] of the servos: joints follow as far as the torque allows, as PyBullet's do.
 GAIN = 200.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 import pybullet_data
@@ -87,30 +88,25 @@ RACECAR = Robot(
 PHASES = {"FR": 0.0, "RL": 0.0, "FL": 0.5, "RR": 0.5}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Trot:
-    """``period`` [s]: of a step of each leg. ``swing`` [rad]: of the hips, forwards and backwards. ``lift`` [rad]: of
-    the knees while their leg swings forwards. ``rate`` [Hz]: of the table's rows."""
+# A trot of laikago: period of a step of each leg [s], swing of the hips forwards and backwards [rad], lift of the knees
+# while their leg swings forwards [rad], and rate of the table's rows [Hz].
+PERIOD, SWING, LIFT, TROT_RATE = 0.4, 0.12, 0.35, 60.0
 
-    period: float = 0.4
-    swing: float = 0.12
-    lift: float = 0.35
-    rate: float = 60.0
 
-    @property
-    def table(self) -> list[Mapping[str, float]]:
-        """Return the joint positions [rad] of one period, a row for each instant of the table."""
-        rows = round(self.period * self.rate)
-        return [self._positions(row / rows) for row in range(rows)]
+@cache
+def trot_table() -> list[Mapping[str, float]]:
+    """Return the joint positions [rad] of one period of the trot, a row for each instant. A leg swings forwards in the
+    first half of its period, its knee bent, and pushes the ground backwards in the second."""
+    rows = round(PERIOD * TROT_RATE)
+    return [_trot_at(row / rows) for row in range(rows)]
 
-    def _positions(self, share: float) -> Mapping[str, float]:
-        """Return the positions at a share of the period [-]: a leg swings forwards in the first half of its period, its
-        knee bent, and pushes the ground backwards in the second."""
-        found = {}
-        for leg in LEGS:
-            angle = 2.0 * math.pi * (share + PHASES[leg])
-            abduction, hip, knee = laikago_joints(leg)
-            found[abduction] = 0.0
-            found[hip] = self.swing * math.cos(angle)
-            found[knee] = LAIKAGO_KNEE - self.lift * max(math.sin(angle), 0.0)
-        return found
+
+def _trot_at(share: float) -> Mapping[str, float]:
+    found = {}
+    for leg in LEGS:
+        angle = 2.0 * math.pi * (share + PHASES[leg])
+        abduction, hip, knee = laikago_joints(leg)
+        found[abduction] = 0.0
+        found[hip] = SWING * math.cos(angle)
+        found[knee] = LAIKAGO_KNEE - LIFT * max(math.sin(angle), 0.0)
+    return found

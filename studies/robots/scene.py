@@ -13,7 +13,7 @@ from smartmesh_ros.scenes.moving import FloatGrid, Scene, Wave
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.tools.evaluation.distance import Surface
 from studies.matrix.arena import square
-from studies.robots.robot import HUSKY, LAIKAGO, RACECAR, ROVER, Robot, Trot
+from studies.robots.robot import HUSKY, LAIKAGO, RACECAR, ROVER, TROT_RATE, Robot, trot_table
 
 # A wave whose ground moves at up to 0.2 m/s and 0.8 m/s^2, upwards and downwards.
 HEAVING = Wave(amplitude=0.05, number=1.0, frequency=4.0)
@@ -21,15 +21,13 @@ STILL = Wave(amplitude=0.0)
 
 
 class RoughHills(Scene):
-    """Hills of 0.1 m with independent normally distributed noise of standard ``deviation`` [m] at every sample, and a
-    ``wave`` along x that carries all of it up and down."""
+    """Hills of a height [m] with independent normally distributed noise of 1 cm at every sample, and a ``wave`` along x
+    that carries all of it up and down."""
 
-    def __init__(
-        self, geometry: GridGeometry, wave: Wave = STILL, deviation: float = 0.01, hills: float = 0.1, seed: int = 0
-    ) -> None:
+    def __init__(self, geometry: GridGeometry, wave: Wave, hills: float = 0.1) -> None:
         super().__init__(geometry)
         self.wave = wave
-        noise = np.random.default_rng(seed).normal(0.0, deviation, (geometry.rows, geometry.columns))
+        noise = np.random.default_rng(0).normal(0.0, 0.01, (geometry.rows, geometry.columns))
         self._still: FloatGrid = (hills * np.sin(1.5 * self.x) * np.cos(1.1 * self.y) + noise).astype(np.float32)
 
     def heights(self, time: float) -> FloatGrid:
@@ -60,13 +58,13 @@ MOTIONS: dict[Motion, tuple[float, str]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class RobotScene:
-    """Three robots on rough hills. ``resolution`` [m]: of the map. ``trot``: how they walk, None = they stand, or drive
-    where the ground moves. ``quick``: part of the quick run."""
+    """Three robots on rough hills. ``resolution`` [m]: of the map. ``trot``: they walk, else they stand, or drive where
+    the ground moves. ``quick``: part of the quick run."""
 
     robot: Robot
     motion: Motion
     resolution: float
-    trot: Trot | None = None
+    trot: bool = False
     quick: bool = False
 
     @property
@@ -115,10 +113,10 @@ class RobotScene:
 
     def joints(self, time: float) -> Mapping[str, float]:
         """Return the positions [rad] that the servos hold at ``time`` [s]."""
-        if self.trot is None:
+        if not self.trot:
             return self.robot.stance
-        table = self.trot.table
-        return table[int(time * self.trot.rate + 1e-6) % len(table)]
+        table = trot_table()
+        return table[int(time * TROT_RATE + 1e-6) % len(table)]
 
 
 def scenes(*, quick: bool) -> list[RobotScene]:
@@ -128,9 +126,9 @@ def scenes(*, quick: bool) -> list[RobotScene]:
     found = [
         RobotScene(
             robot=robot, motion=motion, resolution=resolution, trot=trot,
-            quick=(robot.name, motion, resolution, trot is not None) in quick_ones,
+            quick=(robot.name, motion, resolution, trot) in quick_ones,
         )
-        for robot, trot in ((ROVER, None), (HUSKY, None), (RACECAR, None), (LAIKAGO, None), (LAIKAGO, Trot()))
+        for robot, trot in ((ROVER, False), (HUSKY, False), (RACECAR, False), (LAIKAGO, False), (LAIKAGO, True))
         for motion, spacings in grids.items()
         for resolution in spacings
     ]  # fmt: skip

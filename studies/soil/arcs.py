@@ -64,13 +64,13 @@ def wheel_forces(
     return WheelForces(high, forces(high)[1])
 
 
-def free_slip(soil: SoilType, wheel: Wheel, *, speed: float = 0.0, sinks_by_slip: bool = True) -> float:
+def free_slip(soil: SoilType, wheel: Wheel, *, speed: float = 0.0) -> float:
     """Return the slip of a cart on four such wheels, the rear ones in the ruts of the front ones: there their pulls add
     up to nothing. NaN if it gets stuck."""
 
     def pull(slip: float) -> float:
-        front = wheel_forces(soil, wheel, slip, speed=speed, sinks_by_slip=sinks_by_slip)
-        rear = wheel_forces(soil, wheel, slip, rut=front.sinkage, speed=speed, sinks_by_slip=sinks_by_slip)
+        front = wheel_forces(soil, wheel, slip, speed=speed)
+        rear = wheel_forces(soil, wheel, slip, rut=front.sinkage, speed=speed)
         return front.pull + rear.pull
 
     tried = [0.02 * k for k in range(-10, 48)]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from time import monotonic
 from typing import Any
 
@@ -22,6 +21,7 @@ RATES = {f"publish.{topic}": 60.0 for topic in ("contacts", "body_states", "join
 BOX = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.2, 0.2])
 # Each run settles before it is measured [s].
 SETTLE, SECONDS = 5.0, 15.0
+LONGEST = 180.0  # wait for nodes to start [s]
 
 
 def rates() -> list[list[str]]:
@@ -34,19 +34,7 @@ def rates() -> list[list[str]]:
 
 
 def _figures(boxes: int, *, soil: bool) -> tuple[float, float]:
-    """Return the mean real-time factor, and the share of steps that started late [%]."""
-    with _running(boxes, soil=soil) as (node, windows):
-        _spin(node, SETTLE)
-        windows.clear()
-        _spin(node, SECONDS)
-        length = sum(window.window_s for window in windows)
-        factor = sum(window.window_s * window.real_time_factor for window in windows) / length
-        return factor, 100.0 * sum(window.deadline_misses for window in windows) / (RATE * length)
-
-
-@contextmanager
-def _running(boxes: int, *, soil: bool) -> Iterator[tuple[Any, list[Timing]]]:
-    """Run the nodes of a scene; yield a node and the list of the collider's timings."""
+    """Run the nodes of a scene; return the mean real-time factor, and the share of steps that started late [%]."""
     with isolated(), ExitStack() as stack:
         rclpy.init()
         stack.callback(rclpy.shutdown)
@@ -63,7 +51,12 @@ def _running(boxes: int, *, soil: bool) -> Iterator[tuple[Any, list[Timing]]]:
         else:
             stack.enter_context(Process("rover", {"listeners": listeners}))
         _wait(node, lambda: len(windows) > 2)
-        yield node, windows
+        _spin(node, SETTLE)
+        windows.clear()
+        _spin(node, SECONDS)
+        length = sum(window.window_s for window in windows)
+        factor = sum(window.window_s * window.real_time_factor for window in windows) / length
+        return factor, 100.0 * sum(window.deadline_misses for window in windows) / (RATE * length)
 
 
 def _place(node: Any, boxes: int, listeners: int) -> None:
@@ -86,8 +79,8 @@ def _spin(node: Any, seconds: float) -> None:
         rclpy.spin_once(node, timeout_sec=0.1)
 
 
-def _wait(node: Any, condition: Any, longest: float = 180.0) -> None:
-    end = monotonic() + longest
+def _wait(node: Any, condition: Any) -> None:
+    end = monotonic() + LONGEST
     while not condition():
         if monotonic() > end:
             raise TimeoutError("the nodes did not start")

@@ -1,21 +1,28 @@
-"""Pictures of a robot on soil, whose sunk places are coloured by their depth."""
+"""``make rover``: a wheeled robot drives an eight on an elevation model of soil. ``make tracks``: an excavator's
+undercarriage drives, turns on the spot and climbs 20 degrees on soil. Pictures and a GIF of ruts, coloured by depth."""
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.scenes import eight, tracks
+from smartmesh_ros.soil.bodies import BulletBodies
+from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.world.world import World
+from studies.progress import Progress
 from studies.tiny_renderer import Camera, Stage
 
 GROUND = (0.86, 0.84, 0.80)
 LIT = 175.0  # brightness of level ground in a picture
-TILE = 100  # rows of a mesh; PyBullet draws no mesh of all samples
 SHALLOW, DEEP = 0.0005, 0.04  # depths [m] from which ground is coloured, and at which the colours end
 COLOURS = mpl.colormaps["autumn_r"]
 
@@ -31,32 +38,17 @@ class RutPictures:
         names = [self.stage.client.getJointInfo(self.robot, joint)[1].decode() for joint in range(count)]
         self.joints = {name: joint for joint, name in enumerate(names)}
 
-    def place(self, world: World) -> None:
-        """Stand the robot as it stands in a world."""
+    def shoot(self, world: World, soil: ContactSoil | Soil, title: str) -> Image.Image:
+        """Return a picture of the robot as it stands in a world."""
         state = world.base_state(self.name)
         self.stage.client.resetBasePositionAndOrientation(self.robot, state.position, state.orientation)
         for joint in world.joints(self.name):
             self.stage.client.resetJointState(self.robot, self.joints[joint.name], joint.position)
-
-    def shoot(self, soil: ContactSoil | Soil, title: str) -> Image.Image:
-        """Return a picture."""
-        heights, geometry = soil.map.heights.astype(np.float64), soil.map.geometry
-        spacing, origin = geometry.resolution, geometry.origin
-        y, x = np.meshgrid(
-            *(origin[axis] + spacing * np.arange(heights.shape[1 - axis]) for axis in (1, 0)), indexing="ij"
-        )
-        points = np.stack([x, y, heights], axis=-1)
-        self.stage.replace_ground(
-            *((points[first : first + TILE + 1], GROUND) for first in range(0, len(points) - 1, TILE))
-        )
+        self.stage.replace_heights(soil.map, GROUND)
         shot = self.stage.shoot(self.camera)
-        row, column = (
-            np.clip(
-                np.rint((shot.points[:, :, axis] - origin[axis]) / spacing).astype(int), 0, heights.shape[1 - axis] - 1
-            )
-            for axis in (1, 0)
-        )
-        depth = soil.sinkage()[row, column]
+        places = soil.map.geometry.to_grid(shot.points[:, :, :2].reshape(-1, 2))
+        row, column = np.clip(np.rint(places).astype(int), 0, np.array(soil.map.heights.shape) - 1).T
+        depth = soil.sinkage()[row, column].reshape(shot.uids.shape)
         sunk = np.isin(shot.uids, self.stage.ground) & (depth > SHALLOW)
         light = shot.colours[sunk].mean(axis=1, keepdims=True) / LIT
         shot.colours[sunk] = np.clip(255.0 * light * COLOURS(depth[sunk] / DEEP)[:, :3], 0.0, 255.0).astype(np.uint8)
@@ -72,3 +64,84 @@ class RutPictures:
         write.text((width - 258, 8), "sinkage 0", "black", font, anchor="ra")
         write.text((width - 12, 8), f"{1e3 * DEEP:.0f} mm", "black", font, anchor="ra")
         return picture
+
+
+def options_of(study: str, seconds: float) -> argparse.Namespace:
+    """Return the options of a study that drives for so long [s] by default."""
+    parser = argparse.ArgumentParser(prog=f"python -m studies {study}", description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures")
+    parser.add_argument("--seconds", type=float, default=seconds, help="time to drive")
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    return options
+
+
+def film(
+    world: World, step: Callable[[int], None], every: int, shoot: Callable[[], Image.Image], options: argparse.Namespace
+) -> list[Image.Image]:
+    """Run ``step`` with the number of each step; return a picture of one of ``every`` steps."""
+    say, frames = Progress(), []
+    for number in range(round(options.seconds / world.dt)):
+        step(number)
+        if number % every == every - 1:
+            frames.append(shoot())
+            say(f"{world.time:.0f} of {options.seconds:.0f} s")
+    return frames
+
+
+def save(frames: list[Image.Image], folder: Path, study: str) -> None:
+    """Write the last picture, and a GIF of all."""
+    frames[-1].save(folder / f"{study}.png")
+    frames[0].save(folder / f"{study}.gif", save_all=True, append_images=frames[1:], duration=120, loop=0)
+    print(f"wrote {folder / study}.png and {folder / study}.gif")
+
+
+def drive_rover() -> None:
+    """Drive the eight."""
+    options, name = options_of("rover", 110.0), "hit_lss1"
+    camera = Camera((6.3, -1.6, 4.6), (6.15, 5.6, 0.0), 35.0, 800, 420)
+    with World(eight.ground()) as world:
+        # The robot turns by the slip of its wheels. With slip sinkage the outer ones dig in, and it turns no more.
+        soil = ContactSoil(world.terrain, name, slip_sinkage=False)
+        world.ground.set_soil(soil)
+        world.spawn_robot("rover", str(eight.robot_file()), BodyState((*eight.PLACE, 0.0)), on_ground=True, align=True)
+        pictures, way = RutPictures(eight.robot_file(), "rover", camera), 0.0
+
+        def step(number: int) -> None:
+            nonlocal way
+            if number % 24 == 0 and world.time > 1.0:
+                state = world.state("rover")
+                way, speeds = eight.steered(state.position, state.orientation, way)
+                for joint, speed in speeds.items():
+                    world.drive("rover", joint, speed, 60.0)
+            world.step()
+
+        frames = film(world, step, 360, lambda: pictures.shoot(world, soil, f"{world.time:.0f} s on {name}"), options)
+        print(f"\ndeepest rut {1e3 * soil.sinkage().max():.0f} mm, rescues {world.rescues}, lost {world.lost}")
+    save(frames, options.out, "rover")
+
+
+def drive_tracks() -> None:
+    """Drive the tracked machine by its plan."""
+    options, name = options_of("tracks", tracks.PLAN[-1][0]), "lete_sand"
+    camera = Camera((1.6, -9.2, 4.2), (3.75, 0.0, 0.75), 35.0, 800, 420)
+    with World(tracks.ground()) as world:
+        soil = Soil(world.terrain, name, BulletBodies(world.client, world), SoilConfig())
+        world.spawn_robot("machine", tracks.robot_file().read_text(), BodyState(), on_ground=True, align=True)
+        pictures = RutPictures(tracks.robot_file(), "machine", camera)
+
+        def step(_: int) -> None:
+            for track, speed in tracks.speeds(world.time).items():
+                world.drive("machine", track, speed)
+            world.step()
+            soil.apply(world.contacts(), world.dt, world.time)
+
+        def shoot() -> Image.Image:
+            left, right = tracks.speeds(world.time).values()
+            title = f"{world.time:.0f} s on {name}, tracks {left:+.1f} and {right:+.1f} m/s"
+            return pictures.shoot(world, soil, title)
+
+        frames = film(world, step, 72, shoot, options)
+        x, _, z = world.state("machine").position
+        print(f"\nat x = {x:.2f} m, {z:.2f} m high; deepest rut {1e3 * soil.sinkage().max():.0f} mm")
+    save(frames, options.out, "tracks")

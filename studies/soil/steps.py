@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from time import thread_time
 
@@ -14,10 +15,9 @@ from smartmesh_ros.soil.soils import soil_named, soils_of
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.world.world import World
 from studies.markdown import table
-from studies.soil.arcs import free_slip, undamped, wheel_forces
-from studies.soil.rig import roll
+from studies.soil.arcs import WheelForces, free_slip, undamped, wheel_forces
 from studies.soil.trials import K10, SMOOTH, Wheel, plate_sinkage
-from studies.soil.vehicles import GRAVITY, WARTHOG, Cart, drive, set_down
+from studies.soil.vehicles import GRAVITY, WARTHOG, Cart, drive, roll, set_down
 
 # Damping at which boxes do not sink beyond their depth of rest [Pa s/m].
 SLOW = 1e5
@@ -53,16 +53,22 @@ def _box(soil: object) -> tuple[float, float]:
 
 def forced_slip() -> str:
     """Return the table of the measured wheel at forced slips."""
-    soil, rows = undamped(soil_named("k10_sand")), []
+    soil, found, wanted = undamped(soil_named("k10_sand")), [], []
     for run in SMOOTH:
         wheel = Wheel(radius=K10.radius, width=K10.width, load=run.load)
-        found, wanted = roll(wheel, soil, run.slip), wheel_forces(soil, wheel, run.slip)
-        rows.append([
-            f"{run.slip:g}", f"{1e3 * run.sinkage:.1f}", f"{1e3 * found.sinkage:.1f}", f"{1e3 * wanted.sinkage:.1f}",
-            f"{run.pull / run.load:+.2f}", f"{found.pull / run.load:+.2f}", f"{wanted.pull / run.load:+.2f}",
-        ])  # fmt: skip
-    head = ["slip", "sinkage [mm]: measured", "soil", "integrals", "pull / load: measured", "soil", "integrals"]
-    return table(head, rows)
+        found.append(roll(wheel, soil, run.slip))
+        wanted.append(wheel_forces(soil, wheel, run.slip))
+    return wheel_table("integrals", found, wanted)
+
+
+def wheel_table(form: str, found: Sequence[WheelForces], wanted: Sequence[WheelForces]) -> str:
+    """Return the table of the measured wheel, beside what was found and what a closed ``form`` says."""
+    rows = []
+    for run, one, other in zip(SMOOTH, found, wanted, strict=True):
+        sinkages = (f"{1e3 * sinkage:.1f}" for sinkage in (run.sinkage, one.sinkage, other.sinkage))
+        pulls = (f"{pull / run.load:+.2f}" for pull in (run.pull, one.pull, other.pull))
+        rows.append([f"{run.slip:g}", *sinkages, *pulls])
+    return table(["slip", "sinkage [mm]: measured", "soil", form, "pull / load: measured", "soil", form], rows)
 
 
 def carts() -> str:

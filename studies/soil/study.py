@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from dataclasses import replace
 from time import thread_time
 
 import matplotlib
@@ -19,6 +21,8 @@ from smartmesh_ros.world.world import World
 from studies.markdown import table
 from studies.pages import ROOT, fill
 from studies.soil import steps
+from studies.soil.arcs import WheelForces, wheel_forces
+from studies.soil.steps import wheel_table
 from studies.soil.trials import (
     K10,
     RIGID,
@@ -31,7 +35,6 @@ from studies.soil.trials import (
     sled_shear,
     wheel_sinkage,
     wheel_work,
-    wong_reece,
 )
 
 matplotlib.use("Agg")
@@ -85,35 +88,28 @@ def wheels() -> str:
 
 def measured() -> str:
     """Return the table of the measured wheel, and draw its chart."""
-    rows, ours, theirs = [], [], []
+    ours, theirs = [], []
     for run in SMOOTH:
         wheel = Wheel(radius=K10.radius, width=K10.width, load=run.load)
         trial = TowedWheel("k10_sand", wheel, spacing=0.005, slip=run.slip if run.slip else 1e-6, elastic=2e8)
         trial.roll(0.2)
-        sinkage, pull = wong_reece(soil_named("k10_sand"), wheel, run.slip)
-        ours.append((trial.sinkage, trial.pull / run.load))
-        theirs.append((sinkage, pull / run.load))
-        rows.append([
-            f"{run.slip:g}", f"{1e3 * run.sinkage:.1f}", f"{1e3 * trial.sinkage:.1f}", f"{1e3 * sinkage:.1f}",
-            f"{run.pull / run.load:+.2f}", f"{trial.pull / run.load:+.2f}", f"{pull / run.load:+.2f}",
-        ])  # fmt: skip
-    draw(np.array(ours), np.array(theirs))
-    head = ["slip", "sinkage [mm]: measured", "soil", "Wong-Reece", "pull / load: measured", "soil", "Wong-Reece"]
-    return table(head, rows)
+        ours.append(WheelForces(trial.sinkage, trial.pull))
+        rigid = replace(soil_named("k10_sand"), elastic_K=1e13, damping_R=0.0)  # carries nothing behind the wheel
+        theirs.append(wheel_forces(rigid, wheel, run.slip, sinks_by_slip=False))
+    draw(ours, theirs)
+    return wheel_table("Wong-Reece", ours, theirs)
 
 
-def draw(ours: np.ndarray, theirs: np.ndarray) -> None:
+def draw(ours: Sequence[WheelForces], theirs: Sequence[WheelForces]) -> None:
     """Draw sinkage and pull against slip."""
-    slips = [run.slip for run in SMOOTH]
+    slips, loads = [run.slip for run in SMOOTH], np.array([run.load for run in SMOOTH])
     figure, axes = plt.subplots(1, 2, figsize=(10, 4))
-    for axis, index, name, values in (
-        (axes[0], 0, "sinkage [mm]", [1e3 * run.sinkage for run in SMOOTH]),
-        (axes[1], 1, "pull / load", [run.pull / run.load for run in SMOOTH]),
-    ):
-        scale = 1e3 if index == 0 else 1.0
-        axis.plot(slips, values, "ko", label="measured")
-        axis.plot(slips, scale * ours[:, index], "C0o-", label="this soil, 5 mm grid")
-        axis.plot(slips, scale * theirs[:, index], "C1--", label="Wong-Reece")
+    curves = ((SMOOTH, "ko", "measured"), (ours, "C0o-", "this soil, 5 mm grid"), (theirs, "C1--", "Wong-Reece"))
+    for axis, figure_of, name, unit in (
+        (axes[0], "sinkage", "sinkage [mm]", np.full(len(loads), 1e3)), (axes[1], "pull", "pull / load", 1.0 / loads)
+    ):  # fmt: skip
+        for found, style, label in curves:
+            axis.plot(slips, unit * [getattr(run, figure_of) for run in found], style, label=label)
         axis.set_xlabel("slip")
         axis.set_ylabel(name)
         axis.grid(alpha=0.3)

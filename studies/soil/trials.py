@@ -22,6 +22,8 @@ DT = 1.0 / 60.0
 EXACT = SoilConfig(load_time=0.0, lean_time=0.0, still=1e-4)
 # Elastic stiffness that recovers next to nothing, as the closed form of the wheel assumes [Pa/m].
 RIGID = 1e11
+# Way of a towed wheel between updates [m].
+STEP = 5e-4
 # Rotation of a cylinder that lies along y.
 LYING = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 
@@ -132,10 +134,12 @@ class PlateTrial:
 
 
 class TowedWheel:
-    """A wheel that a constant load presses into flat ground while it is moved along x.
+    """A wheel that a constant load presses into flat ground while it is moved along x by `STEP` an update.
 
-    ``slip``: share of the wheel's rim speed that is lost; the shear stresses follow from it. Its shape moves on by
-    ``step`` [m] an update; damping is left out, because the closed forms are those of slow wheels.
+    ``slip``: share of the wheel's rim speed that is lost; the shear stresses follow from it. Damping is left out,
+    because the closed forms are those of slow wheels. ``sinkage`` [m]: mean of the wheel's lowest point;
+    ``resistance`` [N]: mean horizontal force of the pressures against the motion; ``pull`` [N]: mean horizontal force
+    on the wheel along its motion, thrust less resistance.
     """
 
     def __init__(
@@ -146,11 +150,10 @@ class TowedWheel:
         spacing: float,
         slip: float = 0.0,
         elastic: float = RIGID,
-        step: float = 5e-4,
     ) -> None:
         known = soil_named(soil) if isinstance(soil, str) else soil
         self._type = replace(known, elastic_K=elastic, damping_R=0.0)
-        self.wheel, self._slip, self._step, self._spacing = wheel, slip, step, spacing
+        self.wheel, self._slip, self._spacing = wheel, slip, spacing
         self._x, self._y = 2.0 * wheel.radius, 0.5 * wheel.width + 0.021
         shape = (round((2.0 * self._y + 0.02) / spacing) + 2, round((4.0 * wheel.radius + 1.2) / spacing) + 1)
         self.map = HeightMap(np.zeros(shape), resolution=spacing)
@@ -158,21 +161,19 @@ class TowedWheel:
         self.soil = Soil(self.map, self._type, self._bodies, SoilConfig(load_time=0.0, still=0.0, grip=False))
         self._seat, self._time = wheel.radius, 0.0
         self._normal = wheel.load  # part of the load that pressures carry [N]
-        self._sums = np.zeros(3)
-        self._count = 0
 
     def roll(self, distance: float) -> None:
         """Roll by a ``distance`` [m], and measure on its second half."""
-        total = round(distance / self._step)
-        for number in range(total):
-            shear = self._advance()
-            if number >= total // 2:
-                self._sums += (self.wheel.radius - self._seat, *shear)
-                self._count += 1
+        rows = []
+        for _ in range(round(distance / STEP)):
+            forces = self._advance()
+            rows.append((self.wheel.radius - self._seat, *forces))
+        self.sinkage, self.resistance, thrust = np.mean(rows[len(rows) // 2 :], axis=0).tolist()
+        self.pull = thrust - self.resistance
 
     def _advance(self) -> tuple[float, float]:
         """Make one step; return resistance and thrust [N]."""
-        wheel, speed = self.wheel, self._step / DT
+        wheel, speed = self.wheel, STEP / DT
         spin = speed / (1.0 - self._slip) / wheel.radius if self._slip < 1.0 else 0.0
         state = (self._x, self._y, self._seat, *LYING, speed, 0.0, 0.0, 0.0, spin, 0.0)
         self._bodies.put("wheel", cylinder(wheel.radius, wheel.width), state)
@@ -182,7 +183,7 @@ class TowedWheel:
         resistance, thrust, lift = self._forces()
         self._normal = max(wheel.load - lift, 0.1 * wheel.load)
         self._time += DT
-        self._x += self._step
+        self._x += STEP
         return resistance, thrust
 
     def _forces(self) -> tuple[float, float, float]:
@@ -205,49 +206,6 @@ class TowedWheel:
         share = -np.expm1(-np.abs(moved) / soil.Janosi_shear) * np.sign(moved)
         stress = np.where(pressure > 0.0, strength * share, 0.0)
         return resistance, float((area * stress).sum()), float((area * stress * slope).sum())
-
-    @property
-    def sinkage(self) -> float:
-        """Mean sinkage of the wheel's lowest point [m]."""
-        return float(self._sums[0] / self._count)
-
-    @property
-    def resistance(self) -> float:
-        """Mean horizontal force of the pressures against the motion [N]."""
-        return float(self._sums[1] / self._count)
-
-    @property
-    def pull(self) -> float:
-        """Mean horizontal force on the wheel along its motion [N]: thrust less resistance."""
-        return float((self._sums[2] - self._sums[1]) / self._count)
-
-
-def wong_reece(soil: SoilType, wheel: Wheel, slip: float) -> tuple[float, float]:
-    """Return the sinkage [m] and the pull [N] of a driven wheel by Wong and Reece's integrals (1967).
-
-    Pressures and shear stresses act on the arc from the entry to the lowest point, as in the trials here; shear grows
-    with the slip since the entry.
-    """
-    modulus, phi = modulus_of(soil, wheel.width), math.radians(soil.Mohr_friction)
-
-    def forces(sinkage: float) -> tuple[float, float]:
-        entry = math.acos(1.0 - sinkage / wheel.radius)
-        angle = np.linspace(0.0, entry, 2001)
-        depth = np.maximum(wheel.radius * (np.cos(angle) - math.cos(entry)), 0.0)
-        pressure = modulus * depth**soil.Bekker_n
-        moved = wheel.radius * ((entry - angle) - (1.0 - slip) * (math.sin(entry) - np.sin(angle)))
-        strength = soil.Mohr_cohesion + pressure * math.tan(phi)
-        stress = np.sign(moved) * strength * -np.expm1(-np.abs(moved) / soil.Janosi_shear)
-        arc = wheel.radius * wheel.width
-        down = np.trapezoid(pressure * np.cos(angle) + stress * np.sin(angle), angle)
-        along = np.trapezoid(stress * np.cos(angle) - pressure * np.sin(angle), angle)
-        return float(arc * down), float(arc * along)
-
-    low, high = 0.0, 0.99 * wheel.radius
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if forces(middle)[0] < wheel.load else (low, middle)
-    return high, forces(high)[1]
 
 
 class Measured(NamedTuple):

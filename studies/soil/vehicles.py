@@ -1,21 +1,26 @@
-"""Boxes, wheels and carts on `ContactSoil`, in PyBullet."""
+"""Boxes and carts on `ContactSoil` in PyBullet, and a wheel whose slip is forced, as in a single-wheel test bed."""
 
 from __future__ import annotations
 
 import math
+import tempfile
 from dataclasses import dataclass
-from time import thread_time
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pybullet as pb
+from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.soil.config import SoilType
 from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.world.world import World, WorldConfig
+from studies.soil.arcs import WheelForces
 from studies.soil.trials import Wheel
 
 GRAVITY = 9.81
@@ -45,13 +50,10 @@ class Cart:
         """Its description."""
         body, wheel = self.mass - 4.0 * self.wheel_mass, self.wheel_mass
         x, y = self.track**2 * body / 12.0, self.base**2 * body / 12.0
-        along, across = 0.5 * wheel * self.radius**2, wheel * (self.radius**2 / 4.0 + self.width**2 / 12.0)
-        shape = f'<geometry><cylinder radius="{self.radius}" length="{self.width}"/></geometry>'
         parts = [link_of("body", body, (x, y, 0.9 * (x + y)))]
         for index, name in enumerate(WHEELS):
             place = f"{(0.5 - index // 2) * self.base} {(0.5 - index % 2) * self.track} {-BELOW}"
-            turned = f'<collision><origin xyz="0 0 0" rpy="{0.5 * math.pi} 0 0"/>{shape}</collision>'
-            parts.append(link_of(name, wheel, (across, along, across), turned))
+            parts.append(_wheel_link(name, wheel, self.radius, self.width))
             parts.append(
                 f'<joint name="{name}_axle" type="continuous"><parent link="body"/><child link="{name}"/>'
                 f'<axis xyz="0 1 0"/><origin xyz="{place}"/></joint>'
@@ -72,41 +74,37 @@ def link_of(name: str, mass: float, inertia: tuple[float, float, float], collisi
     )
 
 
+def _wheel_link(name: str, mass: float, radius: float, width: float) -> str:
+    """Return a wheel that turns about y: a cylinder of a ``mass`` [kg], a ``radius`` and a ``width`` [m]."""
+    along, across = 0.5 * mass * radius**2, mass * (radius**2 / 4.0 + width**2 / 12.0)
+    shape = f'<geometry><cylinder radius="{radius}" length="{width}"/></geometry>'
+    turned = f'<collision><origin xyz="0 0 0" rpy="{0.5 * math.pi} 0 0"/>{shape}</collision>'
+    return link_of(name, mass, (across, along, across), turned)
+
+
 class Drive(NamedTuple):
     """How a cart drove: its ``slip``; share of the steps in which a wheel was ``unloaded``; ``worst`` force on a wheel
-    over its share of the weight; ``cost`` of a step [ms]."""
+    over its share of the weight."""
 
     slip: float
     unloaded: float
     worst: float
-    cost: float
 
 
-def drive(
-    cart: Cart,
-    soil: SoilType | str,
-    *,
-    speed: float = 0.3,
-    seconds: float = 6.0,
-    grid: float = 0.02,
-    spacing: float = 0.01,
-    slip_sinkage: bool = True,
-) -> Drive:
+def drive(cart: Cart, soil: SoilType | str, *, speed: float = 0.3, seconds: float = 6.0, grid: float = 0.02) -> Drive:
     """Drive a cart straight ahead with rims that turn at a ``speed`` [m/s]; the second half of the time counts."""
     shape = (round(2.0 * cart.track / grid) + 20, round((speed * seconds + 3.0 * cart.base) / grid) + 20)
     with World(HeightMap(np.zeros(shape), resolution=grid)) as world:
         place = (cart.base, 0.503 * grid * (shape[0] - 1), cart.radius + BELOW)
         world.spawn_robot("cart", cart.urdf, BodyState(place))
-        world.ground.set_soil(ContactSoil(world.terrain, soil, spacing=spacing, slip_sinkage=slip_sinkage))
+        world.ground.set_soil(ContactSoil(world.terrain, soil, spacing=0.01))
         steps = round(seconds / world.dt)
-        forces, ways, took = [], [], 0.0
+        forces, ways = [], []
         for step in range(steps):
             share = min(max(2.0 * step * world.dt - 1.0, 0.0), 1.0)  # stands, then starts gently
             for name in WHEELS:
                 world.drive("cart", f"{name}_axle", share * speed / cart.radius, 20.0 * GRAVITY * cart.mass)
-            start = thread_time()
             world.step()
-            took += thread_time() - start
             ways.append(world.state("cart").position[0])
             if step >= steps // 2:
                 forces.append(vertical_forces(world, [f"cart/{name}" for name in WHEELS]))
@@ -115,7 +113,6 @@ def drive(
         1.0 - (ways[-1] - ways[-1 - counted]) / (counted * world.dt) / speed,
         float(np.mean(np.array(forces) <= 0.0)),
         float(np.max(forces)) / cart.wheel.load,
-        1e3 * took / steps,
     )
 
 
@@ -176,3 +173,68 @@ def _spin_energy(world: World, uid: int, angular: tuple[float, float, float]) ->
     axes = np.array(world.client.getMatrixFromQuaternion(world.state("body").orientation)).reshape(3, 3)
     own = axes.T @ np.array(angular)
     return float(0.5 * (np.array(inertia) * own**2).sum() / mass)
+
+
+DT = 1.0 / 240.0
+STRONG = 1e4  # force of motors [N], [N m]
+
+
+def _rig_urdf(wheel: Wheel) -> str:
+    mass, light = wheel.load / GRAVITY, (0.01, 0.01, 0.01)
+    rim = 0.25 * mass
+    parts = [link_of("base", 1.0, light), link_of("carriage", 1.0, light), link_of("hub", mass - rim, light)]
+    parts.append(_wheel_link("wheel", rim, wheel.radius, wheel.width))
+    for name, kind, parent, child, axis in (
+        ("slide", "prismatic", "base", "carriage", "1 0 0"), ("lift", "prismatic", "carriage", "hub", "0 0 1"),
+        ("axle", "continuous", "hub", "wheel", "0 1 0"),
+    ):  # fmt: skip
+        limit = '<limit lower="-10" upper="10" effort="1e5" velocity="10"/>' if kind == "prismatic" else ""
+        parts.append(
+            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/>'
+            f"{limit}</joint>"
+        )
+    return f'<robot name="rig">{"".join(parts)}</robot>'
+
+
+def roll(
+    wheel: Wheel,
+    soil: SoilType | str,
+    slip: float,
+    *,
+    speed: float = 0.02,
+    slip_sinkage: bool = True,
+    implicit: bool = True,
+) -> WheelForces:
+    """Roll a wheel over flat ground on a way of 0.2 m at a ``speed`` [m/s] and a ``slip``; the second half of the way
+    counts. ``implicit``: PyBullet collides a cylinder, else the hull of its mesh."""
+    client = BulletClient(pb.DIRECT)
+    client.setGravity(0.0, 0.0, -GRAVITY)
+    client.setTimeStep(DT)
+    grid, way = 0.01, 0.2
+    shape = (round((wheel.width + 0.12) / grid) + 1, round((way + 0.4 + 4.0 * wheel.radius) / grid) + 1)
+    ground = Ground(client, HeightMap(np.zeros(shape), resolution=grid))
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "rig.urdf"
+        file.write_text(_rig_urdf(wheel))
+        place = (0.1 + 2.0 * wheel.radius, 0.5 * grid * (shape[0] - 1), wheel.radius)
+        flags = pb.URDF_USE_INERTIA_FROM_FILE | (pb.URDF_USE_IMPLICIT_CYLINDER if implicit else 0)
+        rig = client.loadURDF(str(file), place, useFixedBase=True, flags=flags)
+    slide, lift, axle = range(3)
+    for joint in (slide, lift, axle):
+        client.setJointMotorControl2(rig, joint, pb.VELOCITY_CONTROL, force=0.0)
+    ground.attach(rig, axle)
+    ground.set_soil(ContactSoil(ground.terrain, soil, spacing=0.005, slip_sinkage=slip_sinkage))
+    stand, steps = 120, round(way / speed / DT)
+    sinkages, pulls = [], []
+    for step in range(stand + steps):
+        if step >= stand:
+            now = speed * min((step - stand) / 48, 1.0)
+            client.setJointMotorControl2(rig, slide, pb.VELOCITY_CONTROL, targetVelocity=now, force=STRONG)
+            turn = now / (1.0 - slip) / wheel.radius
+            client.setJointMotorControl2(rig, axle, pb.VELOCITY_CONTROL, targetVelocity=turn, force=STRONG)
+        ground.step(step * DT, DT)
+        if step >= stand + steps // 2:
+            sinkages.append(-client.getJointState(rig, lift)[0])
+            pulls.append(-client.getJointState(rig, slide)[3])
+    client.disconnect()
+    return WheelForces(float(np.mean(sinkages)), float(np.mean(pulls)))

@@ -13,9 +13,8 @@ from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.soil.soils import map_from, soil_named
 from smartmesh_ros.terrain.motion import MotionConfig
 from studies.soil.arcs import free_slip, undamped, wheel_forces
-from studies.soil.rig import roll
 from studies.soil.trials import Wheel, plate_sinkage
-from studies.soil.vehicles import WARTHOG, Cart, drive, set_down, vertical_forces
+from studies.soil.vehicles import WARTHOG, Cart, drive, roll, set_down, vertical_forces
 
 SOILS = ("dry_sand", "clay", "sandy_loam", "lunar", "hit_lss1", "lete_sand", "chrono_rig", "k10_sand")
 FLAT = np.zeros((101, 101))

@@ -13,7 +13,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from studies.configurations import Configuration
 from studies.engines.engine import Contacts, Simulation
 from studies.laws import study
-from studies.laws.trials import (
+from studies.laws.study import (
     COURSES,
     GRAVITY,
     PRESSED,

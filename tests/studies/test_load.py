@@ -15,11 +15,10 @@ from smartmesh_ros.node.parameters.specifications import NAMES
 from smartmesh_ros.tools.testing import domain
 from studies.load import cases
 from studies.load.cases import CODES, RESOLUTION, RISE, WAVE, Case
+from studies.load.driver import TerrainMessages
 from studies.load.processes import run_case
 from studies.load.soak_report import slope_of
-from studies.load.summary import Summary
-from studies.load.tables import runs
-from studies.load.terrain_messages import TerrainMessages
+from studies.load.tables import Summary, runs
 
 __all__ = ["domain"]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros.tools.evaluation.measures import deviation, held_up, penetration
-from studies.matrix.quantities import angles_between, energies
+from studies.matrix.still_ground import angles_between
 
 
 def test_percentiles_leave_lost_bodies_out_from_when_they_are_lost() -> None:
@@ -26,12 +26,6 @@ def test_a_falling_body_is_not_held_up_and_a_resting_one_is() -> None:
     before = np.array([[1.0, 0.0, -2.0], [0.0, 0.0, 0.0]])
     after = np.array([[1.0, 0.0, -2.0 - 9.81 / 240.0], [0.0, 0.0, 0.0]])
     assert held_up(before, after, 1.0 / 240.0).tolist() == [False, True]
-
-
-def test_energy_of_a_rolling_sphere_is_seven_tenths_m_v_squared() -> None:
-    inertia = np.full(3, 0.4 * 2.0 * 0.3**2)
-    found = energies(2.0, inertia, np.zeros(3), np.array([1.5, 0.0, 0.0]), np.array([0.0, 1.5 / 0.3, 0.0]))
-    assert float(found) == pytest.approx(0.7 * 2.0 * 1.5**2)
 
 
 def test_angles_and_deviation() -> None:

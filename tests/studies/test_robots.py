@@ -22,9 +22,9 @@ from studies.robots import study
 from studies.robots.contest import shapes_of
 from studies.robots.engine import MASSLESS, SERVO, RobotEngine, RobotSetup, prepared
 from studies.robots.geometry import GroundPrisms, Part, cylinder, hull, placed, pose_of, read_links, sphere
-from studies.robots.robot import HUSKY, LAIKAGO, LEGS, PHASES, RACECAR, ROVER, Robot, Trot, laikago_joints
+from studies.robots.robot import HUSKY, LAIKAGO, LEGS, PHASES, RACECAR, ROVER, Robot, laikago_joints, trot_table
 from studies.robots.scene import RobotScene, scenes
-from studies.robots.strangers import Stranger, run_stranger
+from studies.robots.study import Stranger, run_stranger
 
 LEVEL = square(51, 0.04)
 FLAT = GroundPrisms(LEVEL, np.zeros((51, 51)))
@@ -50,7 +50,7 @@ def gon() -> Part:
 @given(depth=st.floats(-0.08, 0.03), x=near, y=near, yaw=st.floats(-math.pi, math.pi))
 def test_a_wheel_is_as_deep_as_it_was_sunk(part: Part, depth: float, x: float, y: float, yaw: float) -> None:
     turn = np.array([0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)])
-    found = FLAT.clearance([part], np.array([x, y, RADIUS - depth]), turn)
+    found = FLAT.least_clearance([[part]], np.array([[x, y, RADIUS - depth]]), turn[None])
     assert found == pytest.approx(-depth, abs=1e-5)
 
 
@@ -62,7 +62,8 @@ def test_balls_are_as_far_from_rough_ground_as_brute_force_says(
     centre = np.array([[x, y, 0.0]])
     centre[0, 2] = surface.below(centre)[0] + height
     expected = nearest(surface, centre, 0.3).distance[0] - radius
-    found = GroundPrisms(LEVEL, ROUGH).clearance([sphere(radius, np.eye(4))], centre[0], np.array([0.0, 0.0, 0.0, 1.0]))
+    upright = np.array([[0.0, 0.0, 0.0, 1.0]])
+    found = GroundPrisms(LEVEL, ROUGH).least_clearance([[sphere(radius, np.eye(4))]], centre, upright)
     assert found == pytest.approx(min(expected, 0.1), abs=1e-6)
 
 
@@ -101,7 +102,7 @@ def test_the_shapes_of_links_fill_the_bounds_that_pybullet_gives_them(robot: Rob
 
 
 def test_diagonal_legs_of_the_trot_swing_together_and_the_others_half_a_period_later() -> None:
-    table = Trot().table
+    table = trot_table()
     half = len(table) // 2
     assert len(table) == 2 * half
     for row, positions in enumerate(table):
@@ -185,7 +186,8 @@ def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.Monke
     assert study.main(["--quick", "--out", str(tmp_path)]) == 0
     for name in ("robots.json", "robot_tables.md", "robot_charts.md", f"images/robots/{small.name}.png"):
         assert (tmp_path / name).stat().st_size > 500, name
-    assert study.main(["--scenes", "no such scene"]) == 2
+    with pytest.raises(SystemExit, match="2"):
+        study.main(["--scenes", "no such scene"])
 
 
 @pytest.mark.parametrize("part", ["--quick", "--scenes husky_rest_4cm"])

@@ -68,7 +68,7 @@ def test_unknown_grounds_and_settings_are_refused() -> None:
 
 
 def test_presets_are_points_of_the_chart() -> None:
-    found = {preset.name: preset for preset in read_presets()}
+    found = read_presets()
     assert set(found) == set(PRESETS)
     assert found["fast"].physics.rate == 120.0
     assert found["fast"].physics.solver_residual > found["rover"].physics.solver_residual
