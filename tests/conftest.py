@@ -44,6 +44,7 @@ COSTS = {
     "node/test_tracking.py": 14,
     "node/test_clock.py": 14,
     "fuzz/test_quick.py": 13,
+    "studies/test_matrix_rows.py": 40,
     "studies/test_accuracy.py": 13,
     "studies/test_laws.py": 13,
     "world/test_robots_asleep.py": 12,

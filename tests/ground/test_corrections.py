@@ -86,24 +86,6 @@ def test_a_body_at_rest_goes_with_the_correction(kind: str, by: float, after: fl
         assert world.rescues == 0
 
 
-@pytest.mark.parametrize("kind", ["box", "cylinder", "husky"])
-@pytest.mark.parametrize("turn", [0.0, 2.0])
-def test_what_holds_on_a_slope_by_friction_still_holds(kind: str, turn: float) -> None:
-    """The slope goes up by 10 cm, and is tilted by some degrees about the body."""
-    steep, steeper = math.radians(15.0 - turn), math.radians(15.0)
-    world, heightmap = on_ground(slope(steep))
-    with world:
-        spawn(world, kind, steep)
-        world.step(480)
-        before = world.state("body")
-        heightmap.replace(slope(steeper) + 0.1, time=world.time)
-        fastest, _ = fastest_and_highest(world, 480)
-        after = world.state("body")
-        assert fastest < 0.2
-        assert np.linalg.norm(np.subtract(after.position, before.position) - (0.0, 0.0, 0.1)) < 0.01
-        assert tilt(after) @ tilt(before) == pytest.approx(math.cos(math.radians(turn)), abs=2e-4)
-
-
 @pytest.mark.parametrize("change", [lambda h: h + 0.2, lambda h: h + 0.05 * AXIS, lambda h: h + np.sin(AXIS) * 0.1])
 def test_a_correction_changes_no_velocity(change: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> None:
     world, heightmap = on_ground(slope(0.1))

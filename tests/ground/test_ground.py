@@ -84,19 +84,6 @@ def test_a_patch_collides_with_its_own_body_only(client: Any, kind: PatchKind) -
     assert client.getBasePositionAndOrientation(other)[0][2] < -0.5
 
 
-def test_colliders_never_pile_up(client: Any) -> None:
-    heightmap = HeightMap(np.zeros((50, 50)), resolution=0.1)
-    bodies = [sphere(client, (1.0 + 0.5 * i, 2.0, 1.0)) for i in range(4)]
-    ground = Ground(client, heightmap, PatchConfig(kind="heightfield"))
-    for _ in range(50):
-        for body in bodies:
-            ground.attach(body, radius=0.2)
-        ground.update(0.0, DT)
-        for body in bodies:
-            ground.detach(body)
-    assert client.getNumBodies() == 4
-
-
 def test_bad_attachments_are_refused(client: Any) -> None:
     ground = Ground(client, HeightMap(np.zeros((5, 5))))
     body = sphere(client, (2.0, 2.0, 1.0))

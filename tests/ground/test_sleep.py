@@ -150,21 +150,6 @@ def test_a_correction_moves_a_body_once_however_often_it_sleeps() -> None:
         assert min(heights) > 0.1495
 
 
-def test_a_sleeping_body_is_awake_before_it_is_touched() -> None:
-    """A ball rolls towards a box: as it comes near the box has its collider again, and is no deeper for it."""
-    with flat_world() as world:
-        world.spawn("box", BOX, 1.0, BodyState((0.0, 0.0, 0.1)))
-        world.step(RATE)
-        world.spawn("ball", Sphere(0.1), 1.0, BodyState((-1.0, 0.0, 0.1), linear=(3.0, 0.0, 0.0)))
-        while asleep(world):
-            world.step()
-            assert world.time < 10.0
-        gap = world.state("box").position[0] - world.state("ball").position[0] - 0.2
-        assert -1e-3 < gap < 0.05
-        lowest = [world.state("box").position[2] for _ in range(60) if world.step() is None]
-        assert min(lowest) > 0.099
-
-
 def test_a_body_moved_through_pybullet_is_noticed_within_a_second() -> None:
     with flat_world() as world:
         for index in range(20):

@@ -135,25 +135,6 @@ def test_between_updates_colliders_go_on_as_the_ground_does(kind: PatchKind) -> 
             assert max(point[6][2] for point in points) == pytest.approx(ground.height(y), abs=1e-4)
 
 
-@pytest.mark.parametrize("velocity", [(6.0, 0.0, 0.0), (0.0, 0.0, -12.0), (8.0, 0.0, -6.0)])
-def test_what_is_hit_between_updates_stays_on_the_ground(velocity: tuple[float, float, float]) -> None:
-    """At rest or falling, at a quarter of a second from update to update: nobody sees a hit coming."""
-    x = np.arange(201) * 0.1
-    heights = 0.05 * np.sin(2.0 * x) + np.zeros((41, 1))
-    config = WorldConfig(physics=PhysicsConfig(rate=RATE, guard=False), patch=PatchConfig(rate=4.0))
-    with World(HeightMap(heights, resolution=0.1), config) as world:
-        above = RADIUS if velocity[2] == 0.0 else 2.5
-        start = 2.0 + 0.25 * math.pi  # a crest
-        world.spawn("ball", Sphere(RADIUS), 1.0, BodyState((start, 2.0, 0.05 + above)))
-        world.step(61)
-        world.client.resetBaseVelocity(world.bodies["ball"].uid, velocity)
-        for _ in range(120):
-            world.step()
-            place = world.state("ball").position
-            [height] = world.terrain.at(np.array([place[:2]]), world.time).heights
-            assert place[2] > height + 0.9 * RADIUS
-
-
 def test_what_fell_off_the_map_asks_for_no_updates_however_fast_it_gets() -> None:
     with World(HeightMap(np.zeros((41, 41)), resolution=0.1)) as world:
         world.spawn("ball", Sphere(RADIUS), 1.0, BodyState((9.0, 2.0, 0.0), linear=(0.0, 0.0, -45.0)))

@@ -15,7 +15,6 @@ from smartmesh_ros.report.fixed import extent_for
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.terrain.trimesh import grid_triangles
 from tests.bodies import shapes_of
 from tests.examples import examples
 from tests.ground.selecting import Selecting
@@ -172,24 +171,6 @@ def test_fixed_rings_are_the_reports_collider_size_by_every_method(rings: int, c
         nearest = np.rint(positions[:, :2] / 0.1) * 0.1
         np.testing.assert_allclose(one.centres_w[:, :2], nearest, atol=1e-9)
         positions[:, :2] += rng.uniform(-0.05, 0.05, (6, 2))
-
-
-@pytest.mark.parametrize("rings", [1, 2, 3, 4])
-def test_triangles_cover_the_patch_once_and_face_up(rings: int) -> None:
-    size = 2 * rings + 1
-    triangles = grid_triangles(size, size)
-    points = np.stack(np.divmod(np.arange(size * size), size)[::-1], axis=1).astype(float)
-    a, b, c = (points[triangles[:, corner]] for corner in range(3))
-    area = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
-    np.testing.assert_allclose(area, 0.5)
-    assert area.sum() == (2 * rings) ** 2
-    # Every cell's diagonal joins (r, c) and (r + 1, c + 1), as in the report's Figure 3.
-    edges = {
-        tuple(sorted((i, j)))
-        for corners in triangles.tolist()
-        for i, j in zip(corners, corners[1:] + corners[:1], strict=True)
-    }
-    assert all((i, i + size + 1) in edges for i in range(size * (size - 1) - 1) if i % size != size - 1)
 
 
 def by_body(batches: list[PatchBatch]) -> dict[int, FloatArray]:

@@ -186,13 +186,6 @@ def test_parts_of_a_mesh_are_counted(triangles: list[tuple[int, int, int]]) -> N
     assert count_parts(table, 31) == parts_by_walking(table)
 
 
-def test_parts_of_a_long_strip_are_counted() -> None:
-    first = np.random.default_rng(0).permutation(4002)
-    strip = np.stack([first[:-2], first[1:-1], first[2:]], axis=1)
-    assert count_parts(strip, 4002) == 1
-    assert count_parts(np.concatenate([strip[:2000], strip[2003:]]), 4002) == 2
-
-
 def waves(*, shared: bool) -> TriangleMesh:
     """Ground whose vertices are no even grid; not shared = three vertices for each triangle, as in STL files."""
     r, c = np.divmod(np.arange(100), 10)

@@ -17,18 +17,6 @@ from studies.matrix.run import ROWS, run_cell
 from studies.patch_tables import choosing_table, rates_table
 
 
-@pytest.mark.parametrize("row", [row for row in ROWS if row.quick], ids=lambda row: row.name)
-def test_the_defaults_pass(row) -> None:  # type: ignore[no-untyped-def]
-    outcome = run_cell(row, "defaults")
-    assert outcome.passed, outcome
-
-
-@pytest.mark.parametrize("name", ["T1 sliding box", "T5 ground rising, 3 m/s"])
-def test_the_reports_collider_fails_where_it_must(name: str) -> None:
-    [row] = [row for row in ROWS if row.name == name]
-    assert run_cell(row, "rebuilt trimesh").passed is False
-
-
 def test_a_front_holds_what_nothing_beats() -> None:
     results = {
         "slow and true": Result(cost=9.0, p99=0.001),

@@ -12,9 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.tools.evaluation.distance import Surface, nearest
-from smartmesh_ros.world.world import World
 from studies.contest import Result
 from studies.engines.registry import missing
 from studies.matrix.arena import square
@@ -115,16 +113,6 @@ def test_diagonal_legs_of_the_trot_swing_together_and_the_others_half_a_period_l
     assert set(PHASES) == set(LEGS)
     angles = np.array([list(positions.values()) for positions in [*table, table[0]]])
     assert np.abs(np.diff(angles, axis=0)).max() < 0.2, "no joint jumps, not even from the last row to the first"
-
-
-def test_the_rover_weighs_what_its_description_says() -> None:
-    with World() as world:
-        world.spawn_robot("rover", ROVER.urdf, BodyState((0.0, 0.0, 1.0)))
-        body = world.bodies["rover"]
-        assert body.mass == pytest.approx(14.0)
-        masses = [world.client.getDynamicsInfo(body.uid, link)[0] for link in range(-1, 4)]
-        assert masses == pytest.approx([10.0, 1.0, 1.0, 1.0, 1.0])
-        assert set(body.joints) == set(ROVER.wheels)
 
 
 @pytest.mark.parametrize("robot", [HUSKY, RACECAR, LAIKAGO], ids=lambda robot: robot.name)

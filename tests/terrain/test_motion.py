@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -102,7 +103,13 @@ def test_ground_of_which_no_map_is_expected_is_at_rest(mode: Mode) -> None:
     assert phase_of(0.3, 0.0, 0.0, 0.05, int(mode)) == AT_REST
 
 
-@pytest.mark.parametrize("bad", [{"mode": "guess"}, {"max_interval": 0.0}, {"max_velocity": float("nan")}])
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"mode": "guess"}, {"max_interval": 0.0}, {"max_velocity": math.nan}, {"changes": "guess"}, {"settle": 0.0},
+        {"noise": math.nan}, {"min_interval": 1.0}, {"min_interval": -1.0},
+    ],
+)  # fmt: skip
 def test_impossible_settings_are_refused(bad: dict[str, object]) -> None:
     with pytest.raises(InputError):
         MotionConfig(**bad)  # type: ignore[arg-type]
