@@ -89,7 +89,7 @@ def test_figures_within_their_limit_pass() -> None:
 def test_the_study_writes_what_it_says(
     results: dict[str, Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What it measures is tested above, and the picture of a box in test_real_maps_picture.py."""
+    """What it measures is tested above, and the picture of a box in test_pictures.py."""
     monkeypatch.setattr(accuracy, "read_scenes", lambda: [small_scene()])
     monkeypatch.setattr(accuracy, "run_scene", lambda *_, **__: results)
     monkeypatch.setattr(accuracy, "draw_box", lambda path: path.touch())

@@ -121,26 +121,6 @@ def test_a_true_change_is_taken_at_once_and_noise_is_not(step: float) -> None:
     assert np.abs(known.heights[:20]).max() < 2.5 * deviation
 
 
-@pytest.mark.parametrize(
-    ("shape", "first", "noise", "elapsed", "words"),
-    [
-        ((3, 3), (2, 0), 0.1, 0.1, "leave a map"),
-        ((3, 3), (-1, 0), 0.1, 0.1, "leave a map"),
-        ((9,), (0, 0), 0.1, 0.1, "leave a map"),
-        ((3, 3), (0, 0), np.ones((2, 3), np.float32), 0.1, "variances have shape"),
-        ((3, 3), (0, 0), 0.1, -1.0, "have passed"),
-        ((3, 3), (0, 0), 0.1, math.nan, "have passed"),
-    ],
-)
-def test_what_does_not_fit_is_refused(
-    shape: tuple[int, ...], first: tuple[int, int], noise: float, elapsed: float, words: str
-) -> None:
-    known = nothing_known(4, 4)
-    with pytest.raises(ValueError, match=words):
-        fuse(known, np.zeros(shape, np.float32), noise, elapsed, FusionConfig(), first)
-    assert np.isnan(known.heights).all()
-
-
 @pytest.mark.parametrize("settings", [{"growth": -1.0}, {"growth": math.inf}, {"gate": 0.0}, {"gate": math.nan}])
 def test_settings_without_sense_are_refused(settings: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="must be"):
