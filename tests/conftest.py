@@ -1,11 +1,15 @@
 """What holds for all tests."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import pybullet as pb
 import pytest
 from hypothesis import settings
 from hypothesis.internal.conjecture import providers
+from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.tools.testing import Process
 from tests import preloaded
@@ -44,6 +48,7 @@ COSTS = {
     "node/test_tracking.py": 14,
     "node/test_clock.py": 14,
     "fuzz/test_quick.py": 13,
+    "studies/test_matrix_rows.py": 40,
     "studies/test_accuracy.py": 13,
     "studies/test_laws.py": 13,
     "world/test_robots_asleep.py": 12,
@@ -62,6 +67,15 @@ COSTS = {
     "node/test_terrain_sensor.py": 10,
     "soil/test_contact_soil.py": 13,
 }
+
+
+@pytest.fixture
+def client() -> Iterator[Any]:
+    """A PyBullet world with gravity, and nothing in it."""
+    bullet = BulletClient(pb.DIRECT)
+    bullet.setGravity(0.0, 0.0, -9.81)
+    yield bullet
+    bullet.disconnect()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

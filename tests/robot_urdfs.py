@@ -1,4 +1,4 @@
-"""URDFs of robots from boxes, balls and cylinders, with the main dimensions and masses of real ones."""
+"""URDFs of robots on legs from boxes and balls, with the main dimensions and masses of real ones."""
 
 from __future__ import annotations
 
@@ -10,24 +10,20 @@ SIDES = {"left": 1.0, "right": -1.0}
 
 
 class Robot(NamedTuple):
-    """A robot's URDF, the positions at which its joints are held [rad], its wheels' joints and their radius [m], and
-    the height of its root's centre of mass above the ground in this stance [m]."""
+    """A robot's URDF, the positions at which its joints are held [rad], and the height of its root's centre of mass
+    above the ground in this stance [m]."""
 
     urdf: str
     stance: dict[str, float]
-    wheels: list[str]
-    wheel_radius: float
     height: float
 
 
-def link(
-    name: str, mass: float, box: Vector, geometry: str = "", at: Vector = (0.0, 0.0, 0.0), rpy: str = "0 0 0"
-) -> str:
+def link(name: str, mass: float, box: Vector, geometry: str = "", at: Vector = (0.0, 0.0, 0.0)) -> str:
     """A link of a ``mass`` [kg] with the inertia of a ``box`` [m] around ``at`` [m]; without ``geometry`` nothing
     collides with it."""
     x, y, z = (value * value for value in box)
     inertia = f'ixx="{mass * (y + z) / 12}" iyy="{mass * (x + z) / 12}" izz="{mass * (x + y) / 12}"'
-    origin = f'<origin xyz="{at[0]} {at[1]} {at[2]}" rpy="{rpy}"/>'
+    origin = f'<origin xyz="{at[0]} {at[1]} {at[2]}"/>'
     shape = f"<collision>{origin}<geometry>{geometry}</geometry></collision>" if geometry else ""
     return (
         f'<link name="{name}"><inertial><origin xyz="{at[0]} {at[1]} {at[2]}"/><mass value="{mass}"/>'
@@ -81,7 +77,7 @@ class Quadruped:
                 ]
                 stance |= {f"{leg}_hip": 0.7, f"{leg}_knee": -1.4}
         height = (self.thigh + self.shank) * 0.7648 + self.foot
-        return Robot(f'<robot name="{name}">{"".join(parts)}</robot>', stance, [], 0.0, height)
+        return Robot(f'<robot name="{name}">{"".join(parts)}</robot>', stance, height)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,77 +112,24 @@ class Humanoid:
             ]
             stance |= {f"{side}_hip": -0.2, f"{side}_knee": 0.4, f"{side}_ankle": -0.2}
         height = (self.thigh + self.shank) * 0.9801 + self.foot[2] + above[2]
-        return Robot(f'<robot name="{name}">{"".join(parts)}</robot>', stance, [], 0.0, height)
+        return Robot(f'<robot name="{name}">{"".join(parts)}</robot>', stance, height)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Rover:
-    """Four wheels. ``axle`` [m]: x, y and z of the wheels in the chassis; ``wheel`` [m]: radius and width; masses of
-    the chassis and a wheel [kg]. The root is a link without shape, as ``base_footprint`` is."""
-
-    chassis: Vector
-    axle: Vector
-    wheel: tuple[float, float]
-    masses: tuple[float, float]
-
-    def build(self, name: str) -> Robot:
-        """Return the robot with its wheels braked."""
-        (heavy, light), (radius, width) = self.masses, self.wheel
-        parts = [
-            link("base", 0.1 * heavy, self.chassis),
-            joint("mount", "base", "chassis", (0.0, 0.0, 0.0), "fixed"),
-            link("chassis", 0.9 * heavy, self.chassis, box(self.chassis)),
-        ]
-        x, y, z = self.axle
-        wheels = []
-        for end, ahead in (("front", x), ("rear", -x)):
-            for side, sign in SIDES.items():
-                wheel = f"{end}_{side}_wheel"
-                shape = f'<cylinder radius="{radius}" length="{width}"/>'
-                parts += [
-                    joint(wheel, "base", f"{wheel}_link", (ahead, sign * y, z), "continuous", effort=10.0 * heavy),
-                    link(f"{wheel}_link", light, (1.7 * radius, width, 1.7 * radius), shape, rpy="1.570796 0 0"),
-                ]
-                wheels.append(wheel)
-        return Robot(f'<robot name="{name}">{"".join(parts)}</robot>', {}, wheels, radius, radius - z)
-
-
-MODELS: dict[str, Quadruped | Humanoid | Rover] = {
+MODELS: dict[str, Quadruped | Humanoid] = {
     "anymal": Quadruped(
         trunk=(0.53, 0.27, 0.24), hip=(0.30, 0.19), thigh=0.285, shank=0.33, masses=(27.0, 3.5, 1.2), foot=0.03
     ),
-    "go2": Quadruped(
-        trunk=(0.376, 0.094, 0.114), hip=(0.193, 0.142), thigh=0.213, shank=0.213, masses=(9.6, 1.15, 0.2), foot=0.022
-    ),
     "solo": Quadruped(
         trunk=(0.40, 0.11, 0.06), hip=(0.195, 0.124), thigh=0.16, shank=0.16, masses=(1.5, 0.15, 0.04), foot=0.017,
-        bare=True,
-    ),
-    "spot": Quadruped(
-        trunk=(0.85, 0.19, 0.16), hip=(0.298, 0.166), thigh=0.321, shank=0.337, masses=(20.0, 2.3, 0.6), foot=0.03
-    ),
-    "hyq": Quadruped(
-        trunk=(1.0, 0.35, 0.2), hip=(0.374, 0.287), thigh=0.35, shank=0.33, masses=(60.0, 3.5, 0.9), foot=0.025,
         bare=True,
     ),
     "g1": Humanoid(
         torso=(0.15, 0.2, 0.55), hip=0.12, thigh=0.30, shank=0.30, foot=(0.2, 0.07, 0.04), masses=(20.0, 4.5, 2.0, 0.7),
         bare=True,
     ),
-    "h1": Humanoid(
-        torso=(0.2, 0.3, 0.7), hip=0.11, thigh=0.40, shank=0.40, foot=(0.28, 0.08, 0.05), masses=(27.0, 6.0, 2.5, 1.0)
-    ),
     "talos": Humanoid(
         torso=(0.3, 0.4, 0.7), hip=0.085, thigh=0.38, shank=0.325, foot=(0.21, 0.13, 0.1), masses=(55.0, 10.0, 5.0, 3.0)
     ),
-    "warthog": Rover(
-        chassis=(1.0, 0.8, 0.3), axle=(0.4575, 0.565, -0.05), wheel=(0.3, 0.245), masses=(200.0, 20.0)
-    ),
-    "jackal": Rover(
-        chassis=(0.42, 0.31, 0.12), axle=(0.131, 0.1875, -0.03), wheel=(0.098, 0.04), masses=(15.0, 0.48)
-    ),
-    "leo": Rover(chassis=(0.3, 0.2, 0.1), axle=(0.153, 0.2, -0.02), wheel=(0.0625, 0.07), masses=(4.5, 0.5)),
-    "husky": Rover(chassis=(0.8, 0.4, 0.2), axle=(0.256, 0.285, -0.05), wheel=(0.165, 0.114), masses=(40.0, 2.6)),
 }  # fmt: skip
 
 

@@ -1,5 +1,7 @@
 """Patches of fixed extent, as the report makes them: around the nearest vertex, as large as asked for."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np
@@ -12,10 +14,10 @@ from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, ball
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.report.fixed import extent_for
+from smartmesh_ros.report.mesh import mesh_twist
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.terrain.trimesh import grid_triangles
 from tests.bodies import shapes_of
 from tests.examples import examples
 from tests.ground.selecting import Selecting
@@ -174,24 +176,6 @@ def test_fixed_rings_are_the_reports_collider_size_by_every_method(rings: int, c
         positions[:, :2] += rng.uniform(-0.05, 0.05, (6, 2))
 
 
-@pytest.mark.parametrize("rings", [1, 2, 3, 4])
-def test_triangles_cover_the_patch_once_and_face_up(rings: int) -> None:
-    size = 2 * rings + 1
-    triangles = grid_triangles(size, size)
-    points = np.stack(np.divmod(np.arange(size * size), size)[::-1], axis=1).astype(float)
-    a, b, c = (points[triangles[:, corner]] for corner in range(3))
-    area = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
-    np.testing.assert_allclose(area, 0.5)
-    assert area.sum() == (2 * rings) ** 2
-    # Every cell's diagonal joins (r, c) and (r + 1, c + 1), as in the report's Figure 3.
-    edges = {
-        tuple(sorted((i, j)))
-        for corners in triangles.tolist()
-        for i, j in zip(corners, corners[1:] + corners[:1], strict=True)
-    }
-    assert all((i, i + size + 1) in edges for i in range(size * (size - 1) - 1) if i % size != size - 1)
-
-
 def by_body(batches: list[PatchBatch]) -> dict[int, FloatArray]:
     return {
         body: points for batch in batches for body, points in zip(batch.bodies.tolist(), batch.vertices_w, strict=True)
@@ -231,3 +215,33 @@ def test_fixed_patches_say_how_far_they_are_from_the_ground_where_they_know(x: f
     assert (batch.deviation[0] == 0.0) == known
     assert (batch.stride[0] == 1) == known
     assert selector.supports["state"][0] == Support.FIELD
+
+
+numbers = st.floats(-2.0, 2.0)
+vectors = st.tuples(numbers, numbers, numbers).map(np.array)
+
+PLACES = np.array([[x, y, 0.1 * x * y] for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0)])
+
+
+@given(vectors, vectors, vectors)
+def test_a_rigid_motion_is_found_wherever_the_body_is(
+    linear: np.ndarray, angular: np.ndarray, body: np.ndarray
+) -> None:
+    found = mesh_twist(PLACES, linear + np.cross(angular, PLACES), body, 1.0)
+    np.testing.assert_allclose(found, (linear, angular), atol=1e-6)
+
+
+@given(st.floats(-0.7, 0.7), st.floats(-0.7, 0.7))
+def test_where_the_velocity_is_curved_that_at_the_body_counts(x: float, y: float) -> None:
+    """A rate of x^2: the mean over the patch is 2 / 3 everywhere."""
+    velocities = np.zeros((9, 3))
+    velocities[:, 2] = PLACES[:, 0] ** 2
+    linear, angular = mesh_twist(PLACES, velocities, np.array([x, y, 0.3]), 0.5)
+    facet = abs(x)  # between the vertices at 0 and 1 or -1
+    assert abs((linear + np.cross(angular, [x, y, 0.0]))[2] - facet) < 0.12
+
+
+def test_vertices_as_far_away_as_numbers_reach_have_a_twist_of_numbers() -> None:
+    far = np.array([[0.0, 0.0, 0.0], [1e200, 0.0, 0.0], [0.0, 1e200, 0.0]])
+    linear, angular = mesh_twist(far, far, np.full(3, 5e199), 1e200)
+    assert np.isfinite(linear).all() and np.isfinite(angular).all()

@@ -17,18 +17,6 @@ from studies.matrix.run import ROWS, run_cell
 from studies.tables import choosing_table, rates_table
 
 
-@pytest.mark.parametrize("row", [row for row in ROWS if row.quick], ids=lambda row: row.name)
-def test_the_defaults_pass(row) -> None:  # type: ignore[no-untyped-def]
-    outcome = run_cell(row, "defaults")
-    assert outcome.passed, outcome
-
-
-@pytest.mark.parametrize("name", ["T1 sliding box", "T5 ground rising, 3 m/s"])
-def test_the_reports_collider_fails_where_it_must(name: str) -> None:
-    [row] = [row for row in ROWS if row.name == name]
-    assert run_cell(row, "rebuilt trimesh").passed is False
-
-
 def test_a_front_holds_what_nothing_beats() -> None:
     results = {
         "slow and true": Result(cost=9.0, p99=0.001),
@@ -101,7 +89,7 @@ def test_figures_within_their_limit_pass() -> None:
 def test_the_study_writes_what_it_says(
     results: dict[str, Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What it measures is tested above, and the picture of a box in test_real_maps_picture.py."""
+    """What it measures is tested above, and the picture of a box in test_pictures.py."""
     monkeypatch.setattr(accuracy, "read_scenes", lambda: [small_scene()])
     monkeypatch.setattr(accuracy, "run_scene", lambda *_, **__: results)
     monkeypatch.setattr(accuracy, "draw_box", lambda path: path.touch())

@@ -1,13 +1,36 @@
-"""Rows of the matrix are seen to fail for methods that are wrong on purpose: what passes everything shows nothing."""
+"""The defaults pass rows of the matrix, which fail for methods that are wrong on purpose."""
 
 import pytest
 
 from smartmesh_ros.patches.config import PatchConfig
-from studies.matrix.run import ROWS
+from studies.matrix import changes, edges, moving_ground, still_ground, touching
+from studies.matrix.run import ROWS, run_cell
 
 NARROW = PatchConfig(kind="heightfield", rings=1)  # 3 x 3 samples, whatever the body's size
 SELDOM = PatchConfig(kind="heightfield", rings=1, rate=1.0)  # the same for a second
 HULL = PatchConfig(kind="hull", rings=1)  # what is hollow filled in, and built anew for every update
+UNCARRIED = PatchConfig(carry_velocity=False)
+# All rows that take no longer than a few seconds.
+WHOLE = {row.name for part in (still_ground, moving_ground, changes, touching, edges) for row in part.ROWS}
+BY_DEFAULTS = [row.name for row in ROWS if row.quick or row.name in WHOLE]
+# Rows on ground that moves or changes, for height fields of PyBullet.
+MOVING = {row.name for part in (moving_ground, changes) for row in part.ROWS} | {"T4 raised above all before"}
+BY_FIELDS = [row.name for row in ROWS if row.quick and row.name in MOVING]
+
+
+@pytest.mark.parametrize(
+    ("name", "method"), [*((name, "defaults") for name in BY_DEFAULTS), *((name, "heightfield") for name in BY_FIELDS)]
+)
+def test_what_is_right_passes(name: str, method: str) -> None:
+    [row] = [row for row in ROWS if row.name == name]
+    outcome = run_cell(row, method)
+    assert outcome.passed, outcome
+
+
+@pytest.mark.parametrize("name", ["T1 sliding box", "T5 ground rising, 3 m/s"])
+def test_the_reports_collider_fails_where_it_must(name: str) -> None:
+    [row] = [row for row in ROWS if row.name == name]
+    assert run_cell(row, "rebuilt trimesh").passed is False
 
 
 @pytest.mark.parametrize(
@@ -27,6 +50,11 @@ HULL = PatchConfig(kind="hull", rings=1)  # what is hollow filled in, and built 
         ("hit over an edge, patches at 4 Hz", NARROW),
         ("hit against a step", SELDOM),
         ("hit against a step, patches at 4 Hz", NARROW),
+        ("T5 ground rising, 3 m/s", UNCARRIED),
+        ("T5 ground sliding, 0.5 m/s", UNCARRIED),
+        ("launch, 2 m/s", UNCARRIED),
+        ("waves, w = 4", UNCARRIED),
+        ("waves, w = 16", UNCARRIED),
     ],
 )
 def test_what_is_wrong_on_purpose_fails(name: str, wrong: PatchConfig) -> None:

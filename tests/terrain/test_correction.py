@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
@@ -142,19 +141,3 @@ def test_what_is_fused_scrolls_with_the_map() -> None:
     terrain.put("", HeightMap(np.full((SIZE, SIZE), 0.01), geometry=moved, time=1e-6, motion=motion))
     heights = terrain.at([[10.0, 10.0], [70.9, 10.0], [10.0, -2.0]], 0.0).heights
     np.testing.assert_allclose(heights, [0.005, 0.01, 0.01], atol=1e-4)
-
-
-@pytest.mark.parametrize(
-    "bad", [{"changes": "guess"}, {"settle": 0.0}, {"noise": math.nan}, {"min_interval": 1.0}, {"min_interval": -1.0}]
-)
-def test_impossible_settings_are_refused(bad: dict[str, float]) -> None:
-    with pytest.raises(InputError):
-        MotionConfig(**bad)  # type: ignore[arg-type]
-
-
-def test_a_burst_of_maps_is_one_that_came_in_parts() -> None:
-    """Its velocity is how far the ground went in the whole time since the map before it."""
-    heightmap = HeightMap(np.zeros((SIZE, SIZE)))
-    for time, height in ((0.05, 0.01), (0.1, 0.02), (0.101, 0.03), (0.102, 0.04)):
-        heightmap.replace(np.full((SIZE, SIZE), height), time=time)
-    assert heightmap.sample(np.array([0]), 0.102).velocities[0] == pytest.approx(0.03 / 0.052, rel=1e-3)

@@ -119,18 +119,3 @@ def test_a_true_change_is_taken_at_once_and_noise_is_not(step: float) -> None:
     fuse(known, dug, deviation**2, 0.1, FusionConfig())
     np.testing.assert_array_equal(known.heights[20:30], dug[20:30])
     assert np.abs(known.heights[:20]).max() < 2.5 * deviation
-
-
-@pytest.mark.parametrize(
-    ("shape", "first", "noise", "words"),
-    [
-        ((3, 3), (2, 0), 0.1, "leave the map"),
-        ((3, 3), (-1, 0), 0.1, "leave the map"),
-        ((3, 3), (0, 0), np.ones((2, 3), np.float32), "must have the shape"),
-    ],
-)
-def test_what_does_not_fit_is_refused(shape: tuple[int, ...], first: tuple[int, int], noise: float, words: str) -> None:
-    known = nothing_known(4, 4)
-    with pytest.raises(ValueError, match=words):
-        fuse(known, np.zeros(shape, np.float32), noise, 0.1, FusionConfig(), first)
-    assert np.isnan(known.heights).all()

@@ -71,15 +71,6 @@ def test_rectangles_at_once_equal_regions_one_by_one(
         np.testing.assert_array_equal(left, right)
 
 
-@given(st.floats(-5, 5), st.floats(0.01, 0.2))
-def test_velocity_is_that_of_successive_maps(speed: float, interval: float) -> None:
-    heightmap = HeightMap(np.zeros((10, 10)), time=0.0)
-    heightmap.replace(np.full((10, 10), speed * interval), time=interval)
-    height, velocity = velocity_at(heightmap, 4, 4, interval)
-    assert velocity == pytest.approx(speed, rel=1e-4, abs=1e-4)
-    assert height == pytest.approx(speed * interval, rel=1e-5, abs=1e-6)
-
-
 def test_a_given_velocity_is_used_and_holds_for_one_map() -> None:
     rising = np.full((10, 10), 1.5)
     rising[3, 3] = np.nan
@@ -102,15 +93,6 @@ def test_a_region_moves_alone() -> None:
     heightmap.update_region(20, 10, np.full((8, 8), 0.2), time=0.2)
     assert velocity_at(heightmap, 12, 12, 0.2) == (pytest.approx(0.1), 0.0)
     assert velocity_at(heightmap, 22, 12, 0.2)[1] == pytest.approx(2.0, rel=1e-4)
-
-
-def test_regions_of_one_frame_may_share_a_stamp() -> None:
-    heightmap = HeightMap(np.zeros((20, 20)), time=0.0)
-    for column in (0, 10):
-        heightmap.update_region(0, column, np.full((20, 10), 0.1), time=0.1)
-    # The second half of the frame corrects the same block at the same instant: both halves have moved.
-    assert velocity_at(heightmap, 5, 5, 0.1)[1] == pytest.approx(1.0, rel=1e-4)
-    assert velocity_at(heightmap, 5, 15, 0.1)[1] == pytest.approx(1.0, rel=1e-4)
 
 
 @pytest.mark.parametrize("whole", [False, True])
@@ -136,19 +118,6 @@ def test_jumps_and_old_maps_give_no_velocity() -> None:
     late = HeightMap(np.zeros((5, 5)), time=0.0, motion=motion)
     late.replace(np.full((5, 5), 3.0), time=0.3)
     assert velocity_at(late, 2, 2, 0.35) == (3.0, 0.0)
-
-
-@pytest.mark.parametrize("velocities", [None, np.full((6, 6), 2.0)])
-def test_ground_comes_to_rest_at_the_last_map_when_maps_stop(velocities: np.ndarray | None) -> None:
-    heightmap = HeightMap(np.zeros((6, 6)), time=0.0)
-    heightmap.replace(np.full((6, 6), 0.2), time=0.1, velocities=velocities)
-    times = np.linspace(0.1, 2.0, 400)
-    states = np.array([velocity_at(heightmap, 3, 3, time) for time in times])
-    assert states[-1] == pytest.approx((0.2, 0.0))
-    # On the way nothing jumps, and what is carried is the derivative of the height.
-    slope = np.diff(states[:, 0]) / np.diff(times)
-    between = 0.5 * (states[1:, 1] + states[:-1, 1])
-    assert np.count_nonzero(np.abs(slope - between) > 1e-3) <= 2
 
 
 @pytest.mark.parametrize(

@@ -17,10 +17,12 @@ from smartmesh_ros import BodyState, HeightMap, World, WorldConfig
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand
-from tests.robot_urdfs import MODELS, Robot, Rover, robot
+from tests.robot_urdfs import MODELS, Robot, robot
+from tests.urdfs import HUSKY
 
 RATE, MINUTE = 240, 60 * 240
 APART = 3.0  # of robots in a row [m]
+WHEEL = 0.1651  # the radius of the wheels of the husky [m]
 # Robots of PyBullet's data that stand on the ground, or lie on it when their joints are held at zero.
 KNOWN = (
     "a1/a1", "aliengo/aliengo", "bicycle/bike", "biped/biped2d_pybullet", "humanoid/humanoid", "husky/husky",
@@ -47,8 +49,12 @@ def stand(world: World, name: str, made: Robot, x: float) -> None:
     for index, (joint, angle) in enumerate(made.stance.items()):
         world.client.resetJointState(body.uid, body.joints[joint], angle)
         world.command(name, joint, JointCommand(position=angle + (0.02 if index % 3 else -0.02)))
-    for joint in made.wheels:
-        world.command(name, joint, JointCommand(velocity=0.0))
+
+
+def drive_husky(world: World, command: JointCommand) -> None:
+    world.spawn_robot("husky", HUSKY, BodyState(), on_ground=True)
+    for joint in world.bodies["husky"].joints:
+        world.command("husky", joint, command)
 
 
 def poses(world: World, name: str) -> FloatArray:
@@ -107,22 +113,15 @@ def test_robots_stand_and_sleep_for_a_minute() -> None:
         require_still_for_a_minute(world)
 
 
-def test_rovers_drive_brake_and_sleep_for_a_minute() -> None:
-    """Each drives for 2 s at 0.5 m/s, along x, beside the others."""
-    names = [name for name, model in MODELS.items() if isinstance(model, Rover)]
-    heights = np.zeros((round(APART * len(names) / 0.1) + 61, 101))
-    with World(HeightMap(heights, resolution=0.1, origin=(-3.0, -3.0))) as world:
-        for index, name in enumerate(names):
-            made = robot(name)
-            world.spawn_robot(name, made.urdf, BodyState((0.0, APART * index, made.height)))
-            for joint in made.wheels:
-                world.command(name, joint, JointCommand(velocity=0.5 / made.wheel_radius))
+def test_a_rover_drives_brakes_and_sleeps_for_a_minute() -> None:
+    """It drives for 2 s at 0.5 m/s, along x."""
+    with row_world(1) as world:
+        drive_husky(world, JointCommand(velocity=0.5 / WHEEL))
         world.step(2 * RATE)
-        for name in names:
-            assert not world.is_asleep(name)
-            assert world.state(name).position[0] == pytest.approx(1.0, abs=0.1), name
-            for joint in robot(name).wheels:
-                world.command(name, joint, JointCommand(velocity=0.0))
+        assert not world.is_asleep("husky")
+        assert world.state("husky").position[0] == pytest.approx(1.0, abs=0.1)
+        for joint in world.bodies["husky"].joints:
+            world.command("husky", joint, JointCommand(velocity=0.0))
         sleep_all(world)
         require_still_for_a_minute(world)
 
@@ -158,22 +157,20 @@ def test_a_robot_without_a_shape_of_its_root_is_noticed_if_it_moves_asleep() -> 
 def test_a_robot_that_is_woken_through_pybullet_is_noticed() -> None:
     """PyBullet moves it again, but it has no colliders until that is noticed."""
     with row_world(1) as world:
-        stand(world, "leo", robot("leo"), 0.0)
+        drive_husky(world, JointCommand(velocity=0.0))
         sleep_all(world)
-        world.client.changeDynamics(world.bodies["leo"].uid, -1, activationState=pb.ACTIVATION_STATE_WAKE_UP)
-        slept = [world.is_asleep("leo") for _ in range(RATE) if world.step() is None]
+        height = world.state("husky").position[2]
+        world.client.changeDynamics(world.bodies["husky"].uid, -1, activationState=pb.ACTIVATION_STATE_WAKE_UP)
+        slept = [world.is_asleep("husky") for _ in range(RATE) if world.step() is None]
         assert not all(slept)
         sleep_all(world)
-        assert world.state("leo").position[2] == pytest.approx(robot("leo").height, abs=0.01)
+        assert world.state("husky").position[2] == pytest.approx(height, abs=0.01)
 
 
 def test_joints_that_are_driven_by_an_effort_keep_a_robot_awake() -> None:
     """PyBullet would sum up the efforts of all steps that it sleeps, and apply them at once as it wakes."""
     with row_world(1) as world:
-        made = robot("husky")
-        world.spawn_robot("husky", made.urdf, BodyState((0.0, 0.0, made.height)))
-        for joint in made.wheels:
-            world.command("husky", joint, JointCommand(effort=1e-3))
+        drive_husky(world, JointCommand(effort=1e-3))
         world.step(4 * RATE)
         assert not world.is_asleep("husky")
         start = world.state("husky").position

@@ -4,7 +4,9 @@ import asyncio
 import colorsys
 import itertools
 import math
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,6 +38,13 @@ from smartmesh_ros.tools.view.robots import GAP, Robot
 from smartmesh_ros.tools.view.scene import Scene
 from smartmesh_ros.tools.view.sight import Pose, Sight
 from smartmesh_ros.tools.view.terrain_scene import Depth, Grip, TerrainConfig, TerrainScene, triangles_by_band
+
+
+@pytest.fixture
+def server() -> Iterator[Any]:
+    made = start_server("127.0.0.1", 0)
+    yield made
+    stop_server(made)
 
 
 def knobs() -> dict:
@@ -237,122 +246,100 @@ def test_every_triangle_that_sank_has_the_colour_of_its_deepest_corner() -> None
 
 
 @pytest.mark.parametrize("topic", ["heightmap_update", "pressed_ground"])
-def test_ruts_are_coloured_while_that_is_asked_for(topic: str) -> None:
+def test_ruts_are_coloured_while_that_is_asked_for(server: Any, topic: str) -> None:
     ground = ground_of(np.full((40, 40), 3.0), resolution=0.1)
-    server = start_server("127.0.0.1", 0)
-    try:
-        drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, TerrainConfig(period=0.0))
+    drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, TerrainConfig(period=0.0))
 
-        def colours(*, sunk: bool) -> set[str]:
-            scene.show(ground, np.zeros((0, 3)), np.zeros(0), sunk=sunk)
-            return {name.rpartition("/")[2] for name in drawn if name.startswith("/sunk/")} & {d.name for d in Depth}
+    def colours(*, sunk: bool) -> set[str]:
+        scene.show(ground, np.zeros((0, 3)), np.zeros(0), sunk=sunk)
+        return {name.rpartition("/")[2] for name in drawn if name.startswith("/sunk/")} & {d.name for d in Depth}
 
-        assert colours(sunk=True) == set()
-        rut = HeightmapUpdate(x=5, y=10, width=20, height=3, heights=floats(np.full(60, 2.98)))
-        ground.take(topic, serialize_message(rut))
-        ground.apply_waiting()
-        assert colours(sunk=True) == {"DEEP"}
-        mesh = drawn["/sunk/terrain/map/DEEP"]
-        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-        assert np.allclose([low[:2], high[:2]], [[0.4, 0.9], [2.5, 1.3]], atol=1e-5), "to the first samples beside it"
-        assert colours(sunk=False) == set()
-        ground.take("heightmap", serialize_message(heightmap_message(np.full((40, 40), 3.0), resolution=0.1)))
-        ground.apply_waiting()
-        assert colours(sunk=True) == set()
-    finally:
-        stop_server(server)
+    assert colours(sunk=True) == set()
+    rut = HeightmapUpdate(x=5, y=10, width=20, height=3, heights=floats(np.full(60, 2.98)))
+    ground.take(topic, serialize_message(rut))
+    ground.apply_waiting()
+    assert colours(sunk=True) == {"DEEP"}
+    mesh = drawn["/sunk/terrain/map/DEEP"]
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    assert np.allclose([low[:2], high[:2]], [[0.4, 0.9], [2.5, 1.3]], atol=1e-5), "to the first samples beside it"
+    assert colours(sunk=False) == set()
+    ground.take("heightmap", serialize_message(heightmap_message(np.full((40, 40), 3.0), resolution=0.1)))
+    ground.apply_waiting()
+    assert colours(sunk=True) == set()
 
 
-def test_ground_with_another_friction_than_1_is_coloured_where_it_lies() -> None:
+def test_ground_with_another_friction_than_1_is_coloured_where_it_lies(server: Any) -> None:
     """The ground of a map that scrolls keeps it; new ground has 1."""
     ground = ground_of(np.zeros((40, 40)), resolution=0.1)
-    server = start_server("127.0.0.1", 0)
-    try:
-        drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, TerrainConfig(period=0.0))
+    drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, TerrainConfig(period=0.0))
 
-        def coloured(x: float = 0.0, **friction: ArrayLike) -> dict[str, tuple[float, float]]:
-            """Names of the colours, and from where to where along x [m]."""
-            message = heightmap_message(np.zeros((40, 40)), resolution=0.1, origin=(x, 0.0, 0.0), **friction)
-            ground.take("heightmap", serialize_message(message))
-            ground.apply_waiting()
-            scene.show(ground, np.zeros((0, 3)), np.zeros(0))
-            names = {band.name: drawn.get(f"/grip/terrain/map/{band.name}") for band in Grip}
-            along = {name: mesh.vertices[:, 0] for name, mesh in names.items() if mesh is not None}
-            return {
-                name: (pytest.approx(x.min(), abs=1e-5), pytest.approx(x.max(), abs=1e-5)) for name, x in along.items()
-            }
+    def coloured(x: float = 0.0, **friction: ArrayLike) -> dict[str, tuple[float, float]]:
+        """Names of the colours, and from where to where along x [m]."""
+        message = heightmap_message(np.zeros((40, 40)), resolution=0.1, origin=(x, 0.0, 0.0), **friction)
+        ground.take("heightmap", serialize_message(message))
+        ground.apply_waiting()
+        scene.show(ground, np.zeros((0, 3)), np.zeros(0))
+        names = {band.name: drawn.get(f"/grip/terrain/map/{band.name}") for band in Grip}
+        along = {name: mesh.vertices[:, 0] for name, mesh in names.items() if mesh is not None}
+        return {name: (pytest.approx(x.min(), abs=1e-5), pytest.approx(x.max(), abs=1e-5)) for name, x in along.items()}
 
-        friction = np.ones((40, 40))
-        friction[:, :10], friction[:, 20:] = 0.1, 1.5
-        assert coloured() == {}
-        assert coloured(friction=1.0) == {}
-        assert coloured(friction=friction) == {"ICE": (0.0, 1.0), "ROUGH": (1.9, 3.9)}
-        assert coloured() == {"ICE": (0.0, 1.0), "ROUGH": (1.9, 3.9)}
-        assert coloured(x=0.5) == {"ICE": (0.5, 1.0), "ROUGH": (1.9, 4.0)}
-        assert coloured(x=0.5, friction=0.5) == {"SLIPPERY": (0.5, 4.4)}
-        assert coloured(x=0.5, friction=np.nan) == {}
-    finally:
-        stop_server(server)
+    friction = np.ones((40, 40))
+    friction[:, :10], friction[:, 20:] = 0.1, 1.5
+    assert coloured() == {}
+    assert coloured(friction=1.0) == {}
+    assert coloured(friction=friction) == {"ICE": (0.0, 1.0), "ROUGH": (1.9, 3.9)}
+    assert coloured() == {"ICE": (0.0, 1.0), "ROUGH": (1.9, 3.9)}
+    assert coloured(x=0.5) == {"ICE": (0.5, 1.0), "ROUGH": (1.9, 4.0)}
+    assert coloured(x=0.5, friction=0.5) == {"SLIPPERY": (0.5, 4.4)}
+    assert coloured(x=0.5, friction=np.nan) == {}
 
 
-def test_a_robot_has_its_name_above_it() -> None:
-    urdf = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'
-    for text, least in ((urdf, 0.2), ("no robot", 0.0)):
-        server = start_server("127.0.0.1", 0)
-        try:
-            sight = Sight(
-                poses={"rover": Pose((3.0, 4.0, 1.0), (1.0, 0.0, 0.0, 0.0))},
-                appearances={"rover": BodyDescription(shape=BodyDescription.ROBOT, urdf=text)},
-                bases={"b": Pose((3.0, 4.0, 1.0), (1.0, 0.0, 0.0, 0.0))},
-            )
-            scene = Scene(server)
-            scene.show(Ground(), sight)
-            label = server.scene._handle_from_node_name["/labels/rover"]
-            assert label.text == "rover" and label.visible
-            assert np.allclose(label.position[:2], (3.0, 4.0)) and label.position[2] > 1.0 + least
-            scene.show(Ground(), Sight())
-            assert "/labels/rover" not in server.scene._handle_from_node_name
-        finally:
-            stop_server(server)
+URDF = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'
+
+
+@pytest.mark.parametrize(("text", "least"), [(URDF, 0.2), ("no robot", 0.0)], ids=["a robot", "none"])
+def test_a_robot_has_its_name_above_it(server: Any, text: str, least: float) -> None:
+    place = Pose((3.0, 4.0, 1.0), (1.0, 0.0, 0.0, 0.0))
+    described = BodyDescription(shape=BodyDescription.ROBOT, urdf=text)
+    scene = Scene(server)
+    scene.show(Ground(), Sight(poses={"rover": place}, appearances={"rover": described}, bases={"b": place}))
+    label = server.scene._handle_from_node_name["/labels/rover"]
+    assert label.text == "rover" and label.visible
+    assert np.allclose(label.position[:2], (3.0, 4.0)) and label.position[2] > 1.0 + least
+    scene.show(Ground(), Sight())
+    assert "/labels/rover" not in server.scene._handle_from_node_name
 
 
 @pytest.mark.parametrize("mesh", ["box.stl", "missing.stl", "package://nowhere/missing.stl"])
-def test_a_robot_is_drawn_by_its_meshes_and_else_by_its_collision_shapes(tmp_path: Path, mesh: str) -> None:
+def test_a_robot_is_drawn_by_its_meshes_and_else_by_its_collision_shapes(
+    server: Any, tmp_path: Path, mesh: str
+) -> None:
     trimesh.creation.box((1.0, 1.0, 0.8)).export(tmp_path / "box.stl")
     urdf = (
         f'<robot name="r"><link name="b"><visual><geometry><mesh filename="{mesh}"/></geometry></visual>'
         '<collision><geometry><box size="1 1 0.4"/></geometry></collision></link></robot>'
     )
-    server = start_server("127.0.0.1", 0)
-    try:
-        robot = Robot(server, "rover", BodyDescription(urdf=urdf, urdf_file=str(tmp_path / "robot.urdf")))
-        robot.show(Sight(bases={"b": Pose((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))}))
-        assert robot.readable
-        height = 0.4 if mesh == "box.stl" else 0.2
-        assert server.scene._handle_from_node_name["/labels/rover"].position[2] == pytest.approx(1.0 + height + GAP)
-    finally:
-        stop_server(server)
+    robot = Robot(server, "rover", BodyDescription(urdf=urdf, urdf_file=str(tmp_path / "robot.urdf")))
+    robot.show(Sight(bases={"b": Pose((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))}))
+    assert robot.readable
+    height = 0.4 if mesh == "box.stl" else 0.2
+    assert server.scene._handle_from_node_name["/labels/rover"].position[2] == pytest.approx(1.0 + height + GAP)
 
 
-def test_each_of_two_robots_is_where_its_own_frame_is() -> None:
+def test_each_of_two_robots_is_where_its_own_frame_is(server: Any) -> None:
     """The first has short names, the other prefixed ones."""
-    urdf = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'
     places = {"one": (3.0, 4.0), "two": (-1.0, 2.0)}
-    server = start_server("127.0.0.1", 0)
-    try:
-        poses = {name: Pose((*place, 1.0), (1.0, 0.0, 0.0, 0.0)) for name, place in places.items()}
-        appearances = {name: BodyDescription(shape=BodyDescription.ROBOT, urdf=urdf) for name in places}
-        sight = Sight(poses=poses, appearances=appearances, bases={"b": poses["one"], "two/b": poses["two"]})
-        Scene(server).show(Ground(), sight)
-        for name, place in places.items():
-            assert np.allclose(server.scene._handle_from_node_name[f"/labels/{name}"].position[:2], place)
-    finally:
-        stop_server(server)
+    poses = {name: Pose((*place, 1.0), (1.0, 0.0, 0.0, 0.0)) for name, place in places.items()}
+    appearances = {name: BodyDescription(shape=BodyDescription.ROBOT, urdf=URDF) for name in places}
+    sight = Sight(poses=poses, appearances=appearances, bases={"b": poses["one"], "two/b": poses["two"]})
+    Scene(server).show(Ground(), sight)
+    for name, place in places.items():
+        assert np.allclose(server.scene._handle_from_node_name[f"/labels/{name}"].position[:2], place)
 
 
-def test_a_page_is_refreshed_by_the_thread_that_sends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_page_is_refreshed_by_the_thread_that_sends_it(server: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """From another thread, viser now and then failed with "deque mutated during iteration"."""
-    server, loops = start_server("localhost", 0), []
+    loops: list[Any] = []
     page = Page.__new__(Page)
     page._server = server
 
@@ -360,8 +347,5 @@ def test_a_page_is_refreshed_by_the_thread_that_sends_it(monkeypatch: pytest.Mon
         loops.append(asyncio.get_running_loop())
 
     monkeypatch.setattr(Page, "_refresh", refresh)
-    try:
-        page.refresh()
-        assert loops == [server.get_event_loop()]
-    finally:
-        stop_server(server)
+    page.refresh()
+    assert loops == [server.get_event_loop()]

@@ -1,4 +1,4 @@
-"""The README's moving picture: what it shows is simulated, and the README names the depths of the run."""
+"""What pictures show is simulated, and the README names the depths of the run."""
 
 import re
 from pathlib import Path
@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 from smartmesh_ros.terrain.grid import FloatArray
+from studies import friction_picture
+from studies.friction_picture import BODY, GRAVITY, GROUND
+from studies.matrix.picture import corrected, draw_box, noisy, ways
 from studies.rising_picture import WAYS, grid, height, simulated
 
 README = (Path(__file__).parents[2] / "README.md").read_text()
@@ -31,3 +34,27 @@ def test_the_ground_rises_as_fast_as_the_readme_says() -> None:
     heights = np.array([height(0.0, time) for time in times])
     assert np.diff(heights).max() / 0.01 == pytest.approx(float(speed), rel=0.02)
     assert grid(0.0).shape == (41, 101)
+
+
+def test_each_way_is_short_by_half_of_the_first_step() -> None:
+    for (kind, speed), places in friction_picture.ways().items():
+        expected = speed**2 / (2.0 * GROUND[kind] * BODY * GRAVITY)
+        assert places[-1, 0] == pytest.approx(expected - 0.5 * speed / 240.0, abs=1e-3), f"{kind} at {speed} m/s"
+        assert places[-1, 0] == places[-100, 0], "it stands"
+
+
+def test_the_picture_is_drawn(tmp_path: Path) -> None:
+    draw_box(tmp_path / "box.png", seconds=0.2)
+    assert (tmp_path / "box.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_only_corrections_leave_a_box_on_the_ground() -> None:
+    *others, ours = ways(0.01)
+    assert corrected(ours, 0.1).max() < 0.1005
+    assert all(corrected(way, 0.1).max() > 0.2 for way in others)
+
+
+def test_only_corrections_keep_a_box_within_the_noise() -> None:
+    *others, ours = ways(0.01)
+    assert np.abs(noisy(ours, 0.01, 2.0)[240:]).max() < 0.01
+    assert all(np.abs(noisy(way, 0.01, 2.0)[240:]).max() > 0.02 for way in others)
