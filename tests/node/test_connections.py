@@ -91,20 +91,16 @@ def test_large_maps_go_through_with_the_installed_profile(probe: Probe, monkeypa
         monkeypatch.setenv(name, "")
         monkeypatch.delenv(name)
     use_large_message_profile()
-    with probe.running() as collider:
-        # Slowly: the source keeps only its newest map, so that one that is still on its way is given up for the next.
-        source = Process("terrain_source", {"rows": 2048, "columns": 2048, "rate": 0.5, "resolution": 0.05})
-        try:
-            probe.wait_for(lambda: int(probe.diagnostics("terrain").get("updates of ''", 0)) >= 3)
-            assert probe.diagnostics("terrain")["samples"] == str(2048 * 2048)
-            lines = Path(f"/proc/{collider.process.pid}/maps").read_text().splitlines()
-            segments = [line.split()[0].split("-") for line in lines if "/dev/shm/fastrtps_" in line]
-            # Its own and the source's.
-            assert sum(int(end, 16) - int(start, 16) >= SEGMENT for start, end in segments) >= 2
-            assert "XMLPARSER" not in collider.output
-        finally:
-            source.stop()
-            source.close()
+    # Slowly: the source keeps only its newest map, so that one that is still on its way is given up for the next.
+    source = {"rows": 2048, "columns": 2048, "rate": 0.5, "resolution": 0.05}
+    with probe.running() as collider, Process("terrain_source", source):
+        probe.wait_for(lambda: int(probe.diagnostics("terrain").get("updates of ''", 0)) >= 3)
+        assert probe.diagnostics("terrain")["samples"] == str(2048 * 2048)
+        lines = Path(f"/proc/{collider.process.pid}/maps").read_text().splitlines()
+        segments = [line.split()[0].split("-") for line in lines if "/dev/shm/fastrtps_" in line]
+        # Its own and the source's.
+        assert sum(int(end, 16) - int(start, 16) >= SEGMENT for start, end in segments) >= 2
+        assert "XMLPARSER" not in collider.output
 
 
 def seconds(stamp: Time) -> float:

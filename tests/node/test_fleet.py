@@ -17,10 +17,8 @@ from smartmesh_msgs.msg import BodySpecification, Heightmap, Timing, TrackedBody
 from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import layout as layout
 from smartmesh_ros.node.fleet.peer_bodies import NEWEST_QOS
-from smartmesh_ros.node.fleet.peer_names import peer_names
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
 
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
@@ -210,12 +208,3 @@ def test_peers_that_simulate_otherwise_are_refused_by_reason(fleet: Fleet) -> No
             said = TrackedBodyArray(rate=rate, gravity=np.array([0.0, 0.0, gravity], np.float32), bodies=bodies)
             said.header.frame_id = frame
             probe.wait_for(partial(refused, one, said, words))
-
-
-@pytest.mark.parametrize(
-    ("peers", "words"),
-    [(["auto", "/a"], "alone"), (["a"], "starts with '/'"), (["/a b"], "bodies.peers has entry '/a b'")],
-)
-def test_peers_are_full_names_of_nodes_or_auto_alone(peers: list[str], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        peer_names(peers)

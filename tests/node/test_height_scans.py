@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.srv import SpawnBody, StepPhysics
+from smartmesh_msgs.srv import StepPhysics
 from std_msgs.msg import Float32MultiArray
 from std_srvs.srv import SetBool
 
 from smartmesh_ros import BodyState, HeightMap, HeightScan, Sphere, Terrain
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.terrain.height_scan import yaws_of
-from smartmesh_ros.tools.testing import Probe, pose_message
+from smartmesh_ros.tools.testing import Probe
 from smartmesh_ros.world.height_scanner import HeightScanner
-from tests.node.shared import made_with, refusal_at_start, wait_until
+from tests.node.shared import box, made_with, refusal_at_start, spawn, wait_until
 
 SIDE, RESOLUTION, LOW = 81, 0.25, -10.0
 x = LOW + RESOLUTION * np.arange(SIDE)
@@ -64,11 +63,8 @@ def vector(message: Any) -> tuple[float, ...]:
 def test_scans_of_all_kinds_of_bodies_are_the_ground_around_them(shared: Probe) -> None:
     shared.publish_map(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
     shared.wait_for(lambda: shared.diagnostics("terrain")["samples"] != "0")
-    assert shared.call("spawn_body", SpawnBody, id="robot", urdf=ROBOT, pose=pose_message((2.0, 1.0, 1.0))).success
-    box = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.4, 0.2, 0.2])
-    assert shared.call(
-        "spawn_body", SpawnBody, id="2 boxes-1", shape=box, mass=1.0, pose=pose_message((-1.0, 2.0, 1.2))
-    ).success
+    spawn(shared, "robot", (2.0, 1.0, 1.0), urdf=ROBOT)
+    spawn(shared, "2 boxes-1", (-1.0, 2.0, 1.2), shape=box(0.4, 0.2, 0.2))
     shared.publish_bodies({"seen": (-3.0, -2.0, 0.7)})
     scans = {name: listen(shared, name) for name in ("robot", "_2_boxes_1", "seen", "nobody")}
     odometry = shared.listen("odometry", Odometry)
@@ -168,9 +164,6 @@ class Recorder:
         (["{body: robot, rate: fast}"], "rate must be"),
         (["{body: robot, rate: .nan}"], "rate must be"),
         (["{body: robot, noise: -1}"], "noise of a height scan is -1.0; it must be 0 to 1000 m"),
-        (["{body: robot, size: 1.0}"], "size of a height scan is 1.0; it must be 2 numbers"),
-        (["{body: robot, spacing: 1e-9}"], "spacing of a height scan is '1e-9'; it must be a number"),
-        (["{body: robot, order: [x]}"], "order of a height scan"),
         (["{body: a b}", "{body: a_b}"], "two entries for ~/height_scan/a_b"),
     ],
 )
@@ -178,7 +171,3 @@ def test_entries_that_cannot_be_are_refused_at_the_start(entries: list[str], wor
     refusal = refusal_at_start({"height_scans": entries})
     assert "height_scans has" in refusal
     assert words in refusal
-
-
-def test_a_removed_parameter_names_what_replaces_it() -> None:
-    assert "at most 256 characters" in refusal_at_start({"bodies.longest_name": 20})

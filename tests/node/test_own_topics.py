@@ -6,12 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 from grid_map_msgs.msg import GridMap
-from smartmesh_msgs.srv import SpawnBody
 
-from smartmesh_ros.tools.testing import COLLIDER, Probe, pose_message
+from smartmesh_ros.tools.testing import COLLIDER, Probe
 from tests.grid_maps import grid_map_message
 from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
-from tests.node.shared import refusal_at_start
+from tests.node.shared import refusal_at_start, spawn
 from tests.node.test_presets import own_topics
 
 __all__ = ["stand_ins"]
@@ -49,8 +48,7 @@ def test_a_spawned_robot_rests_beside_the_elevation_mapping_set_up(
         maps = probe.publisher(GridMap, topic)
         states = probe.received[f"{COLLIDER}/body_states"]
         probe.wait_for(lambda: maps.publish(flat_map(probe)) or probe.latest("body_states").header.frame_id)
-        pose = pose_message((0.0, 0.0, RESTING + 0.001))
-        assert probe.call("spawn_body", SpawnBody, id="mine", urdf=str(ROVER), pose=pose).success
+        spawn(probe, "mine", (0.0, 0.0, RESTING + 0.001), urdf=str(ROVER))
         seen: list[tuple[float, float]] = []  # stamps [s] and heights [m]
 
         def watched() -> bool:

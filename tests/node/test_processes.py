@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_cannot_start, assert_on_map, executable
-from tests.node.shared import has_ended, refusal_at_start, wait_until
+from tests.node.shared import has_ended, wait_until
 
 pytestmark = pytest.mark.usefixtures("executables")
 # Processor time that ending at once may take [s]. Compiling takes many times as long.
@@ -182,18 +182,6 @@ def test_a_source_may_be_killed_and_started_again(udp_only: None, probe: Probe) 
 
 def test_impossible_parameters_stop_the_start(domain: int) -> None:
     assert_cannot_start({"bodies.spawn": ["{id: x}"]}, "cannot start: bodies.spawn")
-    for parameters, words in (
-        ({"physics.rate": 0.0}, "physics.rate"),
-        ({"physics.rate": "fast"}, "physics.rate"),
-        ({"patch.kind": "jelly"}, "patch.kind"),
-        ({"physics.gravity": [0.0, 1.0]}, "gravity"),
-    ):
-        assert words in refusal_at_start(parameters)
-
-
-@pytest.mark.parametrize("name", ["patch.tolerance", "patch.edge_filter", "physics.landing"])
-def test_parameters_of_earlier_versions_are_refused_with_what_replaces_them(domain: int, name: str) -> None:
-    assert f"{name} is gone: contacts from the map" in refusal_at_start({name: 0.5})
 
 
 def test_signals_are_obeyed_within_a_second_under_load(probe: Probe) -> None:

@@ -10,9 +10,7 @@ import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from numpy.typing import NDArray
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Heightmap
-from smartmesh_msgs.srv import SpawnBody
 from std_srvs.srv import Trigger
 
 from smartmesh_ros.node.inputs.map_checks import MapChecks
@@ -23,9 +21,9 @@ from smartmesh_ros.scenes.moving import InwardWaves, Wave
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import Probe, Process, heightmap_message
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
-from tests.node.shared import changed, set_parameters
+from tests.node.shared import box, changed, set_parameters, spawn
 
 DEFAULTS = {spec.name: spec.default for spec in SPECS}
 GRID = GridGeometry(rows=21, columns=21, resolution=0.5)
@@ -190,9 +188,7 @@ def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are(shared: Pro
     """The clock of the source was set back by an hour."""
     shared.publish_map(LEVEL, resolution=0.5)
     shared.wait_for(lambda: shared.diagnostics("terrain").get("updates of ''") == "1")
-    box = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.4, 0.4, 0.3])
-    spawned = shared.call("spawn_body", SpawnBody, id="box", mass=1.0, shape=box, pose=pose_message((5.0, 5.0, 0.3)))
-    assert spawned.success
+    spawn(shared, "box", (5.0, 5.0, 0.3), shape=box(0.4, 0.4, 0.3))
 
     def place() -> tuple[float, float, float]:
         [body] = shared.latest("body_states").bodies

@@ -1,7 +1,6 @@
 """Robots over real DDS: described, driven, and reported, against mechanics."""
 
 import math
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import Pose, Quaternion, Twist, Vector3
 from nav_msgs.msg import Odometry
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import ContactWrenchArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
@@ -19,14 +17,13 @@ from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.tools.testing import Probe, Process, pose_message
-from tests.node.shared import changed
+from tests.node.shared import LATCHED, changed, refusals, require_refused, spawn
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
 RADIUS = 0.15  # of the wheels [m]
 WEIGHT = 14.0 * 9.81  # of the rover [N]
 WHEELS = ["front_left", "front_right", "rear_left", "rear_right"]
 SHARED = {"frame_id": "map", "bodies.urdf_folders": [str(ROVER.parent)]}
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 YAW = 2.1
 
 
@@ -168,7 +165,7 @@ def test_the_twist_of_odometry_is_in_the_frame_of_the_turned_base(shared: Probe)
         p = found.pose.pose.position
         assert (p.x, p.y, p.z) == pytest.approx((1.0, 2.0 - 0.1, 3.0 + 0.05), abs=1e-6)
         # The names of a second robot carry its name, and those of the first stay. Each has its odometry.
-        assert shared.call("spawn_body", SpawnBody, id="other", urdf=str(ROVER), pose=pose_message((9, 9, 9))).success
+        spawn(shared, "other", (9, 9, 9), urdf=str(ROVER))
         shared.wait_for(lambda: len(shared.latest("joint_states").name) == 8)
         assert shared.latest("joint_states").name == [*WHEELS, *(f"other/{joint}" for joint in WHEELS)]
         # The probe handles messages that arrive together at once, so that the latest may always be the rover's.
@@ -224,10 +221,8 @@ def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(
         ("non_finite", {"position": [0.0, 0.0, 0.0, math.inf]}),
         ("joint_command", {"velocity": [0.0] * 4, "effort": [1.0, 1.0, 1.0, -1.0]}),
     ]
-    for _, fields in bad:
-        publisher.publish(JointState(**{"name": WHEELS, **fields}))
-    counts = Counter(f"refused, joint_commands: {reason}" for reason, _ in bad)
-    probe.wait_for(lambda: counts.items() <= {k: int(v) for k, v in inputs(probe).items()}.items())
+    messages = [(reason, JointState(**{"name": WHEELS, **fields})) for reason, fields in bad]
+    require_refused(probe, [(publisher, reason, lambda sent=sent: sent) for reason, sent in messages])
     assert "1 of 4 joints are unknown: 'flux'" in process.output
     assert "rover/front_left, rover/front_right" in process.output
     step(probe, 240)
@@ -246,9 +241,9 @@ def test_a_latched_description_is_a_robot_that_later_ones_replace(probe: Probe) 
         elsewhere = text.replace("<geometry>", '<geometry><mesh filename="package://no_such_pkg/m.stl"/>', 1)
         ghost = '<robot name="r"><link name="ghost"/></robot>'
         for bad in (str(ROVER), "<sdf/>", ghost, elsewhere):
-            seen = refused(probe)
+            seen = refusals(probe)
             publisher.publish(String(data=bad))
-            probe.wait_for(lambda seen=seen: refused(probe) > seen)
+            probe.wait_for(lambda seen=seen: refusals(probe) > seen)
         assert probe.latest("joint_states").name == WHEELS
         assert probe.latest("odometry").pose.pose.position == mine
         publisher.publish(String(data=heavy))
@@ -261,11 +256,3 @@ def test_a_latched_description_is_a_robot_that_later_ones_replace(probe: Probe) 
         probe.wait_for(heavier)
         there = probe.latest("odometry").pose.pose.position
         assert (there.x, there.y) == pytest.approx((mine.x, mine.y), abs=0.02), "where the first one was"
-
-
-def inputs(probe: Probe) -> dict[str, str]:
-    return {key: value for key, value in probe.diagnostics("inputs").items() if key.startswith("refused, ")}
-
-
-def refused(probe: Probe) -> int:
-    return sum(int(value) for key, value in inputs(probe).items() if key.startswith("refused, robot_description: "))

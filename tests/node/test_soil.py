@@ -10,9 +10,8 @@ from builtin_interfaces.msg import Time
 from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import OccupancyGrid
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import (
     BodyDescription,
     BodyDescriptionArray,
@@ -22,7 +21,6 @@ from smartmesh_msgs.msg import (
     TrackedBody,
     TrackedBodyArray,
 )
-from smartmesh_msgs.srv import SpawnBody
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
@@ -39,10 +37,9 @@ from smartmesh_ros.tools.testing import Probe, pose_message
 from smartmesh_ros.tools.testing.messages import heightmap_message
 from smartmesh_ros.tools.testing.process import START_TIMEOUT
 from studies.soil.trials import plate_sinkage
-from tests.node.shared import made_with, refusal_at_start, set_parameters
+from tests.node.shared import LATCHED, box, made_with, set_parameters, spawn
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-PLATE = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.2, 0.1])
+PLATE = box(0.2, 0.2, 0.1)
 RATES = {"publish.contacts": 60.0, "publish.body_states": 60.0}
 SIDE = 101
 
@@ -60,11 +57,6 @@ def publish_flat(probe: Probe) -> None:
     probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] != "0")
 
 
-def spawn_plate(probe: Probe, name: str, place: tuple[float, float, float], mass: float) -> None:
-    pose = pose_message(place)
-    assert probe.call("spawn_body", SpawnBody, id=name, shape=PLATE, mass=mass, pose=pose).success
-
-
 def test_a_body_sinks_rests_and_sleeps_and_then_no_update_comes(probe: Probe) -> None:
     updates = probe.listen("/terrain_collider/heightmap_update", HeightmapUpdate, QoSProfile(depth=1000))
     grids = probe.listen("/soil/grid_map", GridMap, LATCHED)
@@ -75,7 +67,7 @@ def test_a_body_sinks_rests_and_sleeps_and_then_no_update_comes(probe: Probe) ->
         probe.wait_for(lambda: probe.node.count_subscribers("/terrain_collider/heightmap") == 2)
         publish_flat(probe)
         mass = 5e3 * 0.04 / 9.81
-        spawn_plate(probe, "plate", (0.003, 0.007, 0.0505), mass)
+        spawn(probe, "plate", (0.003, 0.007, 0.0505), shape=PLATE, mass=mass)
         probe.wait_for(lambda: bool(updates))
 
         def rests() -> bool:
@@ -98,7 +90,7 @@ def test_bodies_of_a_collider_stand_on_soil_without_another_node(probe: Probe) -
     with probe.running("terrain_collider", {"soil.type": "lunar", "publish.body_states": 60.0}):
         publish_flat(probe)
         mass = 5e3 * 0.04 / 9.81
-        spawn_plate(probe, "plate", (0.003, 0.007, 0.0501), mass)
+        spawn(probe, "plate", (0.003, 0.007, 0.0501), shape=PLATE, mass=mass)
         probe.wait_for(lambda: probe.diagnostics("bodies")["asleep"] == "1")
         sunk = 0.05 - height_of(probe, "plate")
         assert sunk == pytest.approx(plate_sinkage(soil_named("lunar"), 0.2, 5e3), rel=0.1)
@@ -113,18 +105,6 @@ def test_bodies_of_a_collider_stand_on_soil_without_another_node(probe: Probe) -
         probe.wait_for(lambda: height_of(probe, "plate") > 0.05 - sunk + 1e-4)
         probe.wait_for(lambda: probe.diagnostics("bodies")["asleep"] == "1")
         assert 0.05 - sunk < height_of(probe, "plate") < 0.05
-
-
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        ({"soil.type": "porridge"}, "there is no soil 'porridge'"),
-        ({"soil.type": "lunar", "patch.kind": "heightfield"}, "patch.kind"),
-        ({"soil.type": "lunar", "terrain.changes": "correction"}, "terrain.changes"),
-    ],
-)
-def test_a_collider_refuses_what_cannot_be_soil(parameters: dict[str, Any], words: str) -> None:
-    assert words in refusal_at_start(parameters)
 
 
 def test_a_map_that_cannot_be_soil_is_taken_without(domain: int) -> None:
@@ -161,7 +141,7 @@ def test_a_map_of_soils_lets_bodies_sink_by_the_soil_under_them(probe: Probe) ->
         probe.wait_for(lambda: soils.get_subscription_count() == 1)
         publish_flat(probe)
         for name, x in (("on_sand", -0.5), ("on_clay", 0.5)):
-            spawn_plate(probe, name, (x, 0.0, 0.0505), 20.0)
+            spawn(probe, name, (x, 0.0, 0.0505), shape=PLATE, mass=20.0)
         probe.wait_for(lambda: bool(updates))
         probe.wait_for(lambda: height_of(probe, "on_sand") < 0.047)
         assert height_of(probe, "on_clay") > 0.049

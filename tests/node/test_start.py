@@ -14,8 +14,6 @@ import numpy as np
 import pybullet_data
 import pytest
 import yaml
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
@@ -29,7 +27,7 @@ from smartmesh_ros.node.sensor import terrain_sensor
 from smartmesh_ros.node.soil import soil_node
 from smartmesh_ros.tools.demo import rover, terrain_source
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, executable
-from tests.node.shared import made_with, refusal_at_start
+from tests.node.shared import made_with, refusal_at_start, set_parameters
 
 pytestmark = pytest.mark.usefixtures("executables")
 
@@ -58,11 +56,6 @@ def probe(domain: int) -> Iterator[Probe]:
     """A probe in a namespace of its own: a node of the same name that another test left behind would be warned of."""
     with Probe(namespace="start") as made:
         yield made
-
-
-def set_string(probe: Probe, name: str, value: str) -> Any:
-    given = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
-    return probe.call("set_parameters", SetParameters, parameters=[Parameter(name=name, value=given)]).results[0]
 
 
 def test_one_line_tells_the_start_and_pybullet_says_nothing(probe: Probe) -> None:
@@ -235,9 +228,9 @@ def test_a_node_of_the_same_name_is_warned_about(shared: Probe, shared_node: tup
 
 def test_each_changed_parameter_has_a_line(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
     before = len(lines(shared_node[1], "INFO"))
-    assert set_string(shared, "patch.kind", "heightfield").successful
-    assert set_string(shared, "patch.kind", "heightfield").successful
-    assert set_string(shared, "terrain.motion", "hold").successful
+    assert set_parameters(shared, {"patch.kind": "heightfield"}).successful
+    assert set_parameters(shared, {"patch.kind": "heightfield"}).successful
+    assert set_parameters(shared, {"terrain.motion": "hold"}).successful
     changed = shared.wait_for(lambda: len(found := lines(shared_node[1], "INFO")[before:]) >= 2 and found)
     assert [line.partition("parameter ")[2] for line in changed] == [
         "patch.kind is now 'heightfield'; it was 'auto'",
@@ -255,7 +248,7 @@ def test_each_changed_parameter_has_a_line(shared: Probe, shared_node: tuple[Pro
     ],
 )
 def test_a_refused_change_says_what_would_be_right(shared: Probe, name: str, words: str) -> None:
-    result = set_string(shared, name, "single_threaded")
+    result = set_parameters(shared, {name: "single_threaded"})
     assert not result.successful
     assert words in result.reason
 

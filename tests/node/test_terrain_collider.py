@@ -9,20 +9,12 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Contact, HeightmapUpdate
-from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
+from smartmesh_msgs.srv import RemoveBody, StepPhysics
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker
 
-from smartmesh_ros.tools.testing import Probe, assert_on_map, floats, pose_message
-from tests.node.shared import changed, one_round, set_parameters, show_level_ground
-
-SPHERE = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
-
-
-def spawn(probe: Probe, name: str, position: tuple[float, float, float], **fields: object) -> object:
-    return probe.call(
-        "spawn_body", SpawnBody, **{"id": name, "shape": SPHERE, "mass": 1.0, "pose": pose_message(position), **fields}
-    )
+from smartmesh_ros.tools.testing import Probe, assert_on_map, floats
+from tests.node.shared import box, changed, one_round, set_parameters, show_level_ground, spawn
 
 
 def state(probe: Probe, name: str) -> Callable[[], tuple[float, float, float] | None]:
@@ -96,9 +88,9 @@ def test_poses_make_bodies_and_a_shorter_array_takes_them_away(shared: Probe) ->
 
 def test_bodies_fall_rest_and_report(shared: Probe) -> None:
     show_level_ground(shared)
-    assert spawn(shared, "ball", (3.0, 3.0, 0.6)).success
-    assert spawn(shared, "box", (2.0, 3.0, 0.6), shape=SolidPrimitive(type=1, dimensions=[0.2, 0.3, 0.4])).success
-    assert spawn(shared, "can", (4.0, 3.0, 0.6), shape=SolidPrimitive(type=3, dimensions=[0.4, 0.1])).success
+    spawn(shared, "ball", (3.0, 3.0, 0.6))
+    spawn(shared, "box", (2.0, 3.0, 0.6), shape=box(0.2, 0.3, 0.4))
+    spawn(shared, "can", (4.0, 3.0, 0.6), shape=SolidPrimitive(type=3, dimensions=[0.4, 0.1]))
 
     def resting() -> bool:
         heights = [body.pose.position.z for body in shared.latest("body_states").bodies]
@@ -158,7 +150,7 @@ def test_ground_that_slides_takes_a_box_along(shared: Probe) -> None:
     interval, speed = 12, 0.2  # [steps], [m/s]
     with changed(shared, {"publish.clock": 240.0}):
         assert shared.call("pause", SetBool, data=True).success
-        spawn(shared, "box", (2.0, 3.0, 0.1), shape=SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.3, 0.3, 0.2]))
+        spawn(shared, "box", (2.0, 3.0, 0.1), shape=box(0.3, 0.3, 0.2))
         shared.latest("body_states")  # may be of before the pause
         start = Time.from_msg(shared.latest("body_states").header.stamp)
         now = start
