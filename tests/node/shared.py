@@ -100,6 +100,23 @@ def spawn(probe: Probe, name: str, position: Sequence[float] = (0.0, 0.0, 0.0), 
     assert answer.success, answer.message
 
 
+def position_of(probe: Probe, name: str) -> tuple[float, float, float] | None:
+    """Position [m] of a simulated body in the next states, if it is there."""
+    places = {body.id: body.pose.position for body in probe.latest("body_states").bodies}
+    return (places[name].x, places[name].y, places[name].z) if name in places else None
+
+
+def seconds(stamp: Any) -> float:
+    """A stamp [s]."""
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+
+
+def stamped(probe: Probe, message: Any, frame_id: str = "map") -> Any:
+    """The message with a frame, and now as its stamp."""
+    message.header.stamp, message.header.frame_id = probe.now(), frame_id
+    return message
+
+
 def one_round(probe: Probe) -> None:
     """Waits until the node has handled what was published before, so that no queue overflows: it answers a call."""
     values(probe, ["physics.rate"])

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pybullet_data
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray
 from smartmesh_msgs.srv import RemoveBody
@@ -20,7 +21,8 @@ def described(messages: list[Any]) -> dict[str, BodyDescription]:
 
 
 def test_every_body_is_described_while_it_is_there(probe: Probe) -> None:
-    with probe.running(parameters={"bodies.spawn": [CAPSULE]}):
+    file = Path(pybullet_data.getDataPath()) / "r2d2.urdf"
+    with probe.running(parameters={"bodies.spawn": [CAPSULE, f"{{id: robot, urdf: {file}, xyz: [0, 4, 1]}}"]}):
         probe.publish_map(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0, 0.0))
         messages = probe.listen("body_descriptions", BodyDescriptionArray, LATCHED)
         can = SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.8, 0.3])  # height first, there
@@ -31,7 +33,7 @@ def test_every_body_is_described_while_it_is_there(probe: Probe) -> None:
 
         def all_are_described() -> bool:
             probe.publish_bodies({"guest": (2.0, 2.0, 1.0)}, radius=0.7)  # it goes if no pose comes for a second
-            return described(messages).keys() == {"pill", "box", "can", "rover", "guest"}
+            return described(messages).keys() == {"pill", "robot", "box", "can", "rover", "guest"}
 
         probe.wait_for(all_are_described)
         found = described(messages)
@@ -40,6 +42,7 @@ def test_every_body_is_described_while_it_is_there(probe: Probe) -> None:
         assert (found["pill"].shape, list(found["pill"].dimensions)) == (BodyDescription.CAPSULE, [0.1, 0.4])
         rover = found["rover"]
         assert (rover.shape, rover.urdf, rover.urdf_file) == (BodyDescription.ROBOT, text, "")
+        assert (found["robot"].urdf, found["robot"].urdf_file) == (file.read_text(), str(file))
         assert found["guest"].tracked
         assert np.allclose(found["guest"].dimensions, 0.7)
         with Probe() as late:
@@ -47,14 +50,3 @@ def test_every_body_is_described_while_it_is_there(probe: Probe) -> None:
             late.wait_for(lambda: {"box", "rover"} <= described(seen).keys())
         assert probe.call("remove_body", RemoveBody, id="box").success
         probe.wait_for(lambda: described(messages) and "box" not in described(messages))
-
-
-def test_the_file_of_a_robot_is_told(probe: Probe) -> None:
-    import pybullet_data
-
-    file = Path(pybullet_data.getDataPath()) / "r2d2.urdf"
-    with probe.running(parameters={"bodies.spawn": [f"{{id: robot, urdf: {file}, xyz: [0, 0, 1]}}"]}):
-        messages = probe.listen("body_descriptions", BodyDescriptionArray, LATCHED)
-        probe.wait_for(lambda: "robot" in described(messages))
-        found = described(messages)["robot"]
-        assert (found.urdf, found.urdf_file) == (file.read_text(), str(file))

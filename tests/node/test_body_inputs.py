@@ -16,7 +16,7 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.tools.testing import Probe, Process, assert_cannot_start, pose_message
-from tests.node.shared import LATCHED, changed, spawn
+from tests.node.shared import LATCHED, changed, spawn, stamped
 
 SHARED = {
     "bodies.poses": ["arm=/arm/tip_pose", "/second/pose"],
@@ -24,11 +24,6 @@ SHARED = {
     "frame_id": "map",
 }
 YAW = 0.5 * math.pi
-
-
-def stamped(probe: Probe, message: Any, frame_id: str) -> Any:
-    message.header.stamp, message.header.frame_id = probe.now(), frame_id
-    return message
 
 
 def transform(probe: Probe, parent: str, child: str, x: float, y: float, yaw: float = 0.0) -> TFMessage:

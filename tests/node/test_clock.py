@@ -16,13 +16,9 @@ from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, heightmap_message
-from tests.node.shared import changed, spawn
+from tests.node.shared import changed, seconds, spawn
 
 HEIGHT, GRAVITY, STEP = 1000.0, 9.81, 1 / 240
-
-
-def seconds(stamp: Time) -> float:
-    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
 def spawn_falling(probe: Probe) -> None:

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Time
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from smartmesh_msgs.msg import Timing
 
 from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE, use_large_message_profile
 from smartmesh_ros.tools.testing import COLLIDER, Probe, Process
+from tests.node.shared import seconds
 
 # Size of the shared memory that the profile asks for [bytes].
 SEGMENT = 128 * 1024**2
@@ -101,7 +101,3 @@ def test_large_maps_go_through_with_the_installed_profile(probe: Probe, monkeypa
         # Its own and the source's.
         assert sum(int(end, 16) - int(start, 16) >= SEGMENT for start, end in segments) >= 2
         assert "XMLPARSER" not in collider.output
-
-
-def seconds(stamp: Time) -> float:
-    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)

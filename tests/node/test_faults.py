@@ -103,13 +103,10 @@ def test_a_node_that_was_killed_comes_back_with_the_latched_map(udp_only: None, 
     keeper.publish(map_message)
     settings = {"terrain.durability": "transient_local", "terrain.motion": "hold"}
     for _ in range(2):
-        process = Process("terrain_collider", settings)
-        try:
+        with Process("terrain_collider", settings) as process:
             probe.wait_for(on_map(probe, map_message), watch=process)
             process.process.send_signal(signal.SIGKILL)
             assert process.process.wait(TIMEOUT) == -signal.SIGKILL
-        finally:
-            process.close()
     probe.node.destroy_publisher(keeper)
 
 

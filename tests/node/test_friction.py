@@ -14,12 +14,13 @@ import pytest
 from geometry_msgs.msg import Twist, Vector3
 from grid_map_msgs.msg import GridMap
 from numpy.typing import NDArray
+from smartmesh_msgs.msg import HeightmapUpdate
 from smartmesh_msgs.srv import RemoveBodies, StepPhysics
 from std_srvs.srv import SetBool
 
-from smartmesh_ros.tools.testing import Probe
+from smartmesh_ros.tools.testing import Probe, floats
 from tests.grid_maps import grid_map_message
-from tests.node.shared import box, changed, one_round, require_refused, set_parameters, spawn
+from tests.node.shared import box, changed, one_round, require_refused, set_parameters, spawn, stamped
 
 SHARED = {"physics.friction": 1.0, "terrain.input": "grid_map"}
 GRAVITY, SPEED = 9.81, 2.0
@@ -67,8 +68,14 @@ def grid_map(probe: Probe, friction: NDArray[np.float32], start: tuple[int, int]
 
 
 def test_boxes_stop_where_the_friction_of_their_place_stops_them(shared: Probe) -> None:
+    """Also after maps and regions that say nothing of friction, and one that scrolls on by 4 m to new ground."""
     shared.publish_map(FLAT, friction=halves(), **PLACE)
     assert ways(shared) == expected(ICE, GRAVEL)
+    shared.publish_map(FLAT, **PLACE)
+    update = HeightmapUpdate(x=0, y=0, width=COLUMNS, height=ROWS, heights=floats(FLAT.astype(np.float32)))
+    shared.publishers["heightmap_update"].publish(stamped(shared, update))
+    shared.publish_map(FLAT, resolution=RESOLUTION, origin=(ORIGIN[0] + 4.0, *ORIGIN[1:]))
+    assert ways(shared, (-4.0, 2.0, 11.0)) == expected(ICE, GRAVEL, 1.0)
 
 
 def test_one_coefficient_is_that_of_the_whole_map_and_unknown_ones_are_1(shared: Probe) -> None:

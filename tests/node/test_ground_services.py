@@ -210,16 +210,21 @@ def test_bodies_are_spawned_on_the_ground_or_refused(shared: Probe) -> None:
     assert len(shared.latest("body_states").bodies) == 1
 
 
-def test_the_parameter_spawns_on_the_ground(probe: Probe) -> None:
+def test_the_parameter_spawns_bodies_once_there_is_ground_for_them(probe: Probe) -> None:
     spawn = [
+        "{id: low, shape: sphere, size: [0.2], mass: 1.0, xyz: [2, 2, 9.0]}",
+        "{id: high, shape: box, size: [0.2, 0.2, 0.2], xy: [3, 3], above: 1.0, yaw: 0.5}",
         "{id: ball, shape: sphere, size: [0.3], xy: [0.2, 0.1]}",
         "{id: box, shape: box, size: [0.5, 0.4, 0.3], xy: [3, 2], clearance: 0.1, align: true}",
     ]
     with probe.running(parameters={"bodies.spawn": spawn, "physics.gravity": [0.0, 0.0, 0.0]}):
+        probe.wait_for(lambda: [body.id for body in probe.latest("body_states").bodies] == ["low"])
         publish_hills(probe)
-        probe.wait_for(lambda: len(probe.latest("body_states").bodies) == 2)
-        ball, box = probe.latest("body_states").bodies
-        ground = ground_samples(Terrain(hills()), checked_points([[0.2, 0.1], [3.0, 2.0]]), 0.0)
+        probe.wait_for(lambda: len(probe.latest("body_states").bodies) == 4)
+        found = {body.id: body for body in probe.latest("body_states").bodies}
+        ball, box, high = found["ball"], found["box"], found["high"].pose.position
+        ground = ground_samples(Terrain(hills()), checked_points([[0.2, 0.1], [3.0, 2.0], [3.0, 3.0]]), 0.0)
+        assert (high.x, high.y, high.z) == pytest.approx((3.0, 3.0, ground.z[2] + 1.0), abs=1e-6)
         assert ball.pose.position.z - ground.z[0] == pytest.approx(0.3 / ground.normals[0, 2], abs=0.02)
         assert box.pose.position.z - ground.z[1] == pytest.approx(0.25 / ground.normals[1, 2], abs=0.02)
         turn = box.pose.orientation

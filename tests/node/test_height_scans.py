@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -117,7 +118,10 @@ def test_scans_come_at_their_rate_in_simulated_time_and_only_to_subscribers(monk
         [output] = node._outputs._scans._outputs
         wait_until(output.publisher.get_subscription_count)
         published: list[tuple[float, np.ndarray]] = []
-        monkeypatch.setattr(output, "publisher", Recorder(lambda m: published.append((world.time, values(m)))))
+        recorder = SimpleNamespace(
+            publish=lambda message: published.append((world.time, values(message))), get_subscription_count=lambda: 1
+        )
+        monkeypatch.setattr(output, "publisher", recorder)
         seen = {}
         for _ in range(96):
             node.tick()
@@ -134,16 +138,6 @@ def test_scans_come_at_their_rate_in_simulated_time_and_only_to_subscribers(monk
             node.tick()
         assert len(measured) - count in (5, 6)
         watcher.destroy_node()
-
-
-class Recorder:
-    """A publisher with a subscriber, whose messages are recorded."""
-
-    def __init__(self, publish: Any) -> None:
-        self.publish = publish
-
-    def get_subscription_count(self) -> int:
-        return 1
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from itertools import count
 
 import numpy as np
@@ -23,7 +24,7 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
-from tests.node.shared import box, changed, set_parameters, spawn
+from tests.node.shared import box, changed, position_of, set_parameters, spawn
 
 DEFAULTS = {spec.name: spec.default for spec in SPECS}
 GRID = GridGeometry(rows=21, columns=21, resolution=0.5)
@@ -190,11 +191,7 @@ def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are(shared: Pro
     shared.wait_for(lambda: shared.diagnostics("terrain").get("updates of ''") == "1")
     spawn(shared, "box", (5.0, 5.0, 0.3), shape=box(0.4, 0.4, 0.3))
 
-    def place() -> tuple[float, float, float]:
-        [body] = shared.latest("body_states").bodies
-        p = body.pose.position
-        return p.x, p.y, p.z
-
+    place = partial(position_of, shared, "box")
     shared.wait_for(lambda: place()[2] < 0.152)
     back = Time(sec=shared.now().sec - 3600)
     shared.publish_map(LEVEL, resolution=0.5, stamp=back)

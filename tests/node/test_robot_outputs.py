@@ -8,7 +8,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from simulation_interfaces.msg import Result
 from simulation_interfaces.srv import GetEntityBounds, GetEntityInfo, GetEntityState
-from smartmesh_msgs.msg import BodyDescriptionArray, ContactWrenchArray
+from smartmesh_msgs.msg import BodyDescriptionArray
 from smartmesh_msgs.srv import RemoveBody
 
 from smartmesh_ros.tools.testing import Probe, Process
@@ -47,8 +47,6 @@ def test_robots_that_cannot_move_their_links_are_published(
 ) -> None:
     show_level_ground(shared)
     described = shared.listen("body_descriptions", BodyDescriptionArray, LATCHED)
-    for kind, topic in ((JointState, "joint_states"), (Odometry, "odometry"), (ContactWrenchArray, "contact_wrenches")):
-        shared.listen(topic, kind)
     for place, kind in enumerate(kinds):
         spawn(shared, kind, STIFF[kind], 0.5 + place)
     assert shared_node[1].process.poll() is None

@@ -2,7 +2,6 @@
 
 import math
 from itertools import count
-from typing import Any
 
 import numpy as np
 import pytest
@@ -37,19 +36,11 @@ from smartmesh_ros.tools.testing import Probe, pose_message
 from smartmesh_ros.tools.testing.messages import heightmap_message
 from smartmesh_ros.tools.testing.process import START_TIMEOUT
 from studies.soil.trials import plate_sinkage
-from tests.node.shared import LATCHED, box, made_with, set_parameters, spawn
+from tests.node.shared import LATCHED, box, made_with, position_of, seconds, set_parameters, spawn
 
 PLATE = box(0.2, 0.2, 0.1)
 RATES = {"publish.contacts": 60.0, "publish.body_states": 60.0}
 SIDE = 101
-
-
-def height_of(probe: Probe, name: str) -> float:
-    return next(body.pose.position.z for body in probe.latest("body_states").bodies if body.id == name)
-
-
-def seconds(message: Any) -> float:
-    return float(message.header.stamp.sec) + 1e-9 * float(message.header.stamp.nanosec)
 
 
 def publish_flat(probe: Probe) -> None:
@@ -71,12 +62,12 @@ def test_a_body_sinks_rests_and_sleeps_and_then_no_update_comes(probe: Probe) ->
         probe.wait_for(lambda: bool(updates))
 
         def rests() -> bool:
-            quiet = seconds(probe.latest("body_states")) > seconds(updates[-1]) + 1.0
+            quiet = seconds(probe.latest("body_states").header.stamp) > seconds(updates[-1].header.stamp) + 1.0
             return quiet and probe.diagnostics("bodies")["asleep"] == "1"
 
         probe.wait_for(rests)
         # Late contacts on a busy machine let the body sink farther, so there is no upper bound here.
-        sunk = 0.05 - height_of(probe, "plate")
+        sunk = 0.05 - position_of(probe, "plate")[2]
         assert sunk > 0.7 * plate_sinkage(soil_named("lunar"), 0.2, 5e3)
         probe.wait_for(lambda: bool(grids))
         grid = grids[-1]
@@ -92,7 +83,7 @@ def test_bodies_of_a_collider_stand_on_soil_without_another_node(probe: Probe) -
         mass = 5e3 * 0.04 / 9.81
         spawn(probe, "plate", (0.003, 0.007, 0.0501), shape=PLATE, mass=mass)
         probe.wait_for(lambda: probe.diagnostics("bodies")["asleep"] == "1")
-        sunk = 0.05 - height_of(probe, "plate")
+        sunk = 0.05 - position_of(probe, "plate")[2]
         assert sunk == pytest.approx(plate_sinkage(soil_named("lunar"), 0.2, 5e3), rel=0.1)
         # Who subscribes after the plate sank gets its print, with the map's sample below the plate's middle.
         found = probe.latest("pressed_ground")
@@ -102,9 +93,9 @@ def test_bodies_of_a_collider_stand_on_soil_without_another_node(probe: Probe) -
         assert not any(found.velocities)
         set_parameters(probe, {"soil.type": ""})
         # It stands on the map's print, whose samples at the plate's edge are less deep than the soil below it.
-        probe.wait_for(lambda: height_of(probe, "plate") > 0.05 - sunk + 1e-4)
+        probe.wait_for(lambda: position_of(probe, "plate")[2] > 0.05 - sunk + 1e-4)
         probe.wait_for(lambda: probe.diagnostics("bodies")["asleep"] == "1")
-        assert 0.05 - sunk < height_of(probe, "plate") < 0.05
+        assert 0.05 - sunk < position_of(probe, "plate")[2] < 0.05
 
 
 def test_a_map_that_cannot_be_soil_is_taken_without(domain: int) -> None:
@@ -143,8 +134,8 @@ def test_a_map_of_soils_lets_bodies_sink_by_the_soil_under_them(probe: Probe) ->
         for name, x in (("on_sand", -0.5), ("on_clay", 0.5)):
             spawn(probe, name, (x, 0.0, 0.0505), shape=PLATE, mass=20.0)
         probe.wait_for(lambda: bool(updates))
-        probe.wait_for(lambda: height_of(probe, "on_sand") < 0.047)
-        assert height_of(probe, "on_clay") > 0.049
+        probe.wait_for(lambda: position_of(probe, "on_sand")[2] < 0.047)
+        assert position_of(probe, "on_clay")[2] > 0.049
         soils.publish(soils_message([[1]], resolution=1.0, x=0.0, y=0.0))
         probe.wait_for(lambda: "cells are 1 to 1; they must be -1" in node.output)
 

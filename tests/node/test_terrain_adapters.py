@@ -17,7 +17,7 @@ from sensor_msgs.msg import Image, PointCloud2, PointField
 
 from smartmesh_ros.tools.testing import Probe, assert_cannot_start, pose_message
 from tests.grid_maps import grid_map_message
-from tests.node.shared import require_refused
+from tests.node.shared import require_refused, stamped
 
 RESOLUTION = 0.25
 ROWS, COLUMNS = 24, 32  # along y and along x
@@ -34,11 +34,6 @@ def places(first: tuple[float, float] = (1.0, -2.0)) -> tuple[NDArray[np.float64
     """Samples (rows along +y, columns along +x) of a map whose first sample lies there [m]."""
     rows, columns = np.mgrid[:ROWS, :COLUMNS]
     return first[0] + RESOLUTION * columns, first[1] + RESOLUTION * rows
-
-
-def stamped(probe: Probe, message: Any, frame_id: str = "map") -> Any:
-    message.header.stamp, message.header.frame_id = probe.now(), frame_id
-    return message
 
 
 def grid_map(

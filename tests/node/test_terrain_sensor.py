@@ -1,6 +1,7 @@
 """The simulated lidar and depth camera over real DDS, and the loop from the ground through a mapper to a map."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from tf2_msgs.msg import TFMessage
 
+from smartmesh_ros.node.sensor.range_sensors import Lidar
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.tools.testing import Probe
@@ -137,3 +139,12 @@ def test_impossible_sensors_do_not_start(shared: Probe, parameters: dict[str, An
     with shared.running("terrain_sensor", parameters) as process:
         shared.wait_for(lambda: process.process.poll() is not None)
         assert process.process.returncode == 1 and words in process.output
+
+
+def test_the_sectors_of_a_turn_are_the_turn() -> None:
+    lidar = Lidar()
+    whole = replace(lidar, sectors=1).directions_s(0)
+    parts = np.concatenate([lidar.directions_s(look) for look in range(lidar.sectors)])
+    rounded = [{tuple(ray) for ray in np.round(rays, 6).tolist()} for rays in (whole, parts)]
+    assert rounded[0] == rounded[1]
+    assert len(rounded[0]) == lidar.beams * lidar.steps
