@@ -27,15 +27,17 @@ from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.tools.testing import floats, heightmap_message, mesh_message, point_message, pose_message
+from tests import robot_urdfs
 from tests.grid_maps import grid_map_message
 
 ROWS, COLUMNS, RESOLUTION = 14, 17, 0.25
-ROBOT = """<robot name="r"><link name="base"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0"
-ixz="0" iyz="0"/></inertial><collision><geometry><box size="0.3 0.3 0.2"/></geometry></collision></link>
-<link name="wheel"><inertial><mass value="0.2"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>
-</inertial><collision><geometry><cylinder radius="0.1" length="0.05"/></geometry></collision></link>
-<joint name="axle" type="continuous"><parent link="base"/><child link="wheel"/><origin xyz="0 0.2 0"/>
-<axis xyz="0 1 0"/></joint></robot>"""
+SIZE, CYLINDER = (0.3, 0.3, 0.2), '<cylinder radius="0.1" length="0.05"/>'
+PARTS = [
+    robot_urdfs.link("base", 1.0, SIZE, robot_urdfs.box(SIZE)),
+    robot_urdfs.link("wheel", 0.2, (0.2, 0.2, 0.2), CYLINDER),
+    robot_urdfs.joint("axle", "base", "wheel", (0.0, 0.2, 0.0), "continuous"),
+]
+ROBOT = f'<robot name="r">{"".join(PARTS)}</robot>'
 
 
 def heights(rng: np.random.Generator) -> NDArray[np.float32]:

@@ -8,16 +8,14 @@ import numpy as np
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, pose_message
-from tests.node.shared import made_with
+from tests.node.shared import BALL, made_with
 
 # Answers that may wait while the caller does not run: by default ROS keeps ten.
 CALLS = QoSProfile(depth=1000)
-BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 
 
 def specification(index: int, **changes: Any) -> BodySpecification:

@@ -18,16 +18,14 @@ from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.terrain.height_scan import yaws_of
 from smartmesh_ros.tools.testing import Probe
 from smartmesh_ros.world.height_scanner import HeightScanner
+from tests import robot_urdfs
 from tests.node.shared import box, made_with, refusal_at_start, spawn, wait_until
 
 SIDE, RESOLUTION, LOW = 81, 0.25, -10.0
 x = LOW + RESOLUTION * np.arange(SIDE)
 HILLS = (0.4 * np.sin(0.6 * x[None]) * np.cos(0.5 * x[:, None])).astype(np.float32)
-ROBOT = """<robot name="r"><link name="base">
-  <inertial><origin xyz="0.1 0.05 0"/><mass value="5"/>
-    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
-  <collision><geometry><box size="0.5 0.3 0.2"/></geometry></collision>
-</link></robot>"""
+SIZE = (0.5, 0.3, 0.2)
+ROBOT = f'<robot name="r">{robot_urdfs.link("base", 5.0, SIZE, robot_urdfs.box(SIZE), (0.1, 0.05, 0.0))}</robot>'
 SHARED = {
     "frame_id": "map",
     "height_scans": [

@@ -36,6 +36,7 @@ from smartmesh_ros.tools.testing import Probe, pose_message
 from smartmesh_ros.tools.testing.messages import heightmap_message
 from smartmesh_ros.tools.testing.process import START_TIMEOUT
 from studies.soil.trials import plate_sinkage
+from tests import robot_urdfs
 from tests.node.shared import LATCHED, box, made_with, position_of, seconds, set_parameters, spawn
 
 PLATE = box(0.2, 0.2, 0.1)
@@ -219,15 +220,13 @@ def test_contacts_that_are_not_finite_are_refused() -> None:
         contacts_from(ContactArray(contacts=[contact]))
 
 
-ROBOT = """<robot name="bot">
-  <link name="base"><inertial><mass value="5"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><geometry><box size="0.4 0.3 0.1"/></geometry></collision></link>
-  <link name="wheel"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><origin rpy="1.5707963 0 0"/>
-      <geometry><cylinder radius="0.1" length="0.05"/></geometry></collision></link>
-  <joint name="axle" type="continuous"><parent link="base"/><child link="wheel"/>
-    <origin xyz="0.3 0.2 -0.1"/><axis xyz="0 1 0"/></joint>
-</robot>"""
+SIZE, CYLINDER = (0.4, 0.3, 0.1), '<cylinder radius="0.1" length="0.05"/>'
+PARTS = [
+    robot_urdfs.link("base", 5.0, SIZE, robot_urdfs.box(SIZE)),
+    robot_urdfs.link("wheel", 1.0, (0.1, 0.1, 0.1), CYLINDER, rpy="1.5707963 0 0"),
+    robot_urdfs.joint("axle", "base", "wheel", (0.3, 0.2, -0.1), "continuous"),
+]
+ROBOT = f'<robot name="bot">{"".join(PARTS)}</robot>'
 
 
 def test_the_links_of_a_robot_are_where_its_base_and_joints_put_them() -> None:
