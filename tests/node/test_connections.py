@@ -1,69 +1,41 @@
 """Peers in other processes whose quality of service does not fit are named, with the policy."""
 
-import subprocess
-import sys
-import textwrap
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from smartmesh_msgs.msg import Timing
+import rclpy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from smartmesh_msgs.msg import ContactArray, Heightmap, Timing
 
 from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE, use_large_message_profile
 from smartmesh_ros.tools.testing import COLLIDER, Probe, Process
-from tests.node.shared import seconds
+from tests.node.shared import LATCHED, seconds
 
 # Size of the shared memory that the profile asks for [bytes].
 SEGMENT = 128 * 1024**2
 
-MISMATCHED = """
-import rclpy
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from smartmesh_msgs.msg import ContactArray, Heightmap
-
-rclpy.init()
-node = rclpy.create_node("stubborn")
-maps = node.create_publisher(Heightmap, "/terrain_collider/heightmap",
-                             QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
-contacts = node.create_subscription(ContactArray, "/terrain_collider/contacts", print,
-                                    QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
-rclpy.spin(node)
-"""
-
-
-@contextmanager
-def stubborn_process() -> Iterator[None]:
-    process = subprocess.Popen([sys.executable, "-c", textwrap.dedent(MISMATCHED)])
-    try:
-        yield
-    finally:
-        while process.poll() is None:
-            process.terminate()  # again and again: rclpy loses a signal that comes just before its executor waits
-            with suppress(subprocess.TimeoutExpired):
-                process.wait(1.0)
-
 
 def test_a_peer_with_incompatible_qos_is_named_with_the_policy(probe: Probe) -> None:
+    best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     with probe.running():
         assert probe.diagnostics("connections")["message"] == "no incompatible QoS"
-        with stubborn_process():
-            values = probe.wait_for(
-                lambda: (
-                    "incompatible QoS on" in (v := probe.diagnostics("connections"))["message"]
-                    and sum(key.startswith("incompatible QoS on") for key in v) == 2
-                    and v
-                )
-            )
-            maps = values[f"incompatible QoS on {COLLIDER}/heightmap"]
-            assert "/stubborn" in maps
-            assert "reliable" in maps
-            contacts = values[f"incompatible QoS on {COLLIDER}/contacts"]
-            assert "/stubborn" in contacts
-            assert "transient local" in contacts.lower()
-            assert "/probe" not in str(values)
+        stubborn = rclpy.create_node("stubborn", context=probe.context)
+        stubborn.create_publisher(Heightmap, f"{COLLIDER}/heightmap", best_effort)
+        stubborn.create_subscription(ContactArray, f"{COLLIDER}/contacts", print, LATCHED)
+
+        def named() -> Any:
+            found = probe.diagnostics("connections")
+            words = "incompatible QoS on"
+            return words in found["message"] and sum(key.startswith(words) for key in found) == 2 and found
+
+        values = probe.wait_for(named)
+        stubborn.destroy_node()
+        maps, contacts = (values[f"incompatible QoS on {COLLIDER}/{topic}"] for topic in ("heightmap", "contacts"))
+        assert "/stubborn" in maps and "reliable" in maps
+        assert "/stubborn" in contacts and "transient local" in contacts.lower()
+        assert "/probe" not in str(values)
 
 
 def test_latched_outputs_reach_late_joiners(probe: Probe) -> None:
