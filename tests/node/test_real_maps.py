@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from itertools import count
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.scenes.moving import InwardWaves, Wave
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
 from tests.node.shared import box, changed, position_of, set_parameters, spawn
@@ -147,27 +148,21 @@ def terrain_status(probe: Probe) -> DiagnosticStatus:
     return status
 
 
-class Log:
-    """What a logger was told."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def warning(self, line: str) -> None:
-        self.lines.append(line)
-
-
-def checked(maps: int, *, given: bool = False, motion: MotionConfig | None = None) -> tuple[MapChecks, Log]:
-    checks = MapChecks(log := Log())
-    for number in range(maps):
-        heightmap = HeightMap(of_mapper(number), geometry=GRID, time=0.1 * number, motion=motion)
-        checks.take("", heightmap, 0.1 * number, given=given)
-    return checks, log
-
-
-def test_maps_whose_velocities_are_given_and_corrections_are_not_doubted() -> None:
-    for checks, log in (checked(50, given=True), checked(50, motion=MotionConfig(changes="correction"))):
-        assert checks.warning == "" and not log.lines
+@pytest.mark.parametrize(
+    ("given", "changes", "doubted"),
+    [(False, "motion", True), (True, "motion", False), (False, "correction", False)],
+)
+def test_a_doubt_goes_with_its_tile_and_there_is_none_of_given_velocities_and_corrections(
+    given: bool, changes: Changes, doubted: bool
+) -> None:
+    lines: list[str] = []
+    checks = MapChecks(SimpleNamespace(warning=lines.append))
+    for number in range(50):
+        heightmap = HeightMap(of_mapper(number), geometry=GRID, motion=MotionConfig(changes=changes))
+        checks.take("east", heightmap, 0.1 * number, given=given)
+    assert ("tile 'east'" in checks.warning and ADVICE in checks.warning) == bool(lines) == doubted
+    checks.forget("east")
+    assert checks.warning == ""
 
 
 def test_a_map_that_was_overtaken_is_neither_taken_nor_refused(shared: Probe) -> None:
