@@ -8,15 +8,8 @@ import numpy as np
 from geometry_msgs.msg import PoseArray, PoseStamped, TransformStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
 from numpy.typing import NDArray
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import (
-    DescribeParameters,
-    GetParameters,
-    GetParameterTypes,
-    ListParameters,
-    SetParameters,
-    SetParametersAtomically,
-)
+from rcl_interfaces import srv as parameters
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification, HeightmapUpdate, TerrainMeshUpdate, TrackedBody, TrackedBodyArray
@@ -34,15 +27,17 @@ from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.tools.testing import floats, heightmap_message, mesh_message, point_message, pose_message
+from tests import robot_urdfs
 from tests.grid_maps import grid_map_message
 
 ROWS, COLUMNS, RESOLUTION = 14, 17, 0.25
-ROBOT = """<robot name="r"><link name="base"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0"
-ixz="0" iyz="0"/></inertial><collision><geometry><box size="0.3 0.3 0.2"/></geometry></collision></link>
-<link name="wheel"><inertial><mass value="0.2"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>
-</inertial><collision><geometry><cylinder radius="0.1" length="0.05"/></geometry></collision></link>
-<joint name="axle" type="continuous"><parent link="base"/><child link="wheel"/><origin xyz="0 0.2 0"/>
-<axis xyz="0 1 0"/></joint></robot>"""
+SIZE, CYLINDER = (0.3, 0.3, 0.2), '<cylinder radius="0.1" length="0.05"/>'
+PARTS = [
+    robot_urdfs.link("base", 1.0, SIZE, robot_urdfs.box(SIZE)),
+    robot_urdfs.link("wheel", 0.2, (0.2, 0.2, 0.2), CYLINDER),
+    robot_urdfs.joint("axle", "base", "wheel", (0.0, 0.2, 0.0), "continuous"),
+]
+ROBOT = f'<robot name="r">{"".join(PARTS)}</robot>'
 
 
 def heights(rng: np.random.Generator) -> NDArray[np.float32]:
@@ -121,10 +116,8 @@ def _odometry(rng: np.random.Generator) -> Any:
 
 
 def _image(rng: np.random.Generator) -> Any:
-    data = heights(rng)
-    return _framed(
-        Image(height=ROWS, width=COLUMNS, encoding="32FC1", step=COLUMNS * 4, data=data.tobytes()),
-    )
+    data = heights(rng).tobytes()
+    return _framed(Image(height=ROWS, width=COLUMNS, encoding="32FC1", step=COLUMNS * 4, data=data))
 
 
 def _occupancy(rng: np.random.Generator) -> Any:
@@ -171,11 +164,8 @@ def _spawn(rng: np.random.Generator) -> Any:
     name = str(rng.choice(["ball", "crate", "tin", "robot", "again"]))
     request = SpawnBody.Request(id=name, mass=1.0, pose=_place(rng))
     if rng.random() < 0.3:
-        request.on_ground, request.clearance, request.align = (
-            True,
-            float(rng.uniform(0.0, 0.5)),
-            bool(rng.random() < 0.5),
-        )
+        request.on_ground, request.align = True, bool(rng.random() < 0.5)
+        request.clearance = float(rng.uniform(0.0, 0.5))
     if name == "robot":
         request.urdf = ROBOT
     elif name == "crate":
@@ -209,23 +199,17 @@ def _spawn_all(rng: np.random.Generator) -> Any:
     return SpawnBodies.Request(bodies=bodies)
 
 
-_SETTINGS = (
-    ("physics.rate", ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=120.0)),
-    ("patch.kind", ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="heightfield")),
-    ("patch.rings", ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=2)),
-    ("patch.rate", ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=30.0)),
-    ("physics.gravity", ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=[0.0, 0.0, -3.0])),
-    ("search.method", ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="best_first")),
-    ("collect.method", ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="union_bfs")),
-    ("patch.carry_velocity", ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=False)),
-    ("bodies.timeout", ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=0.5)),
-)
+_SETTINGS: tuple[tuple[str, Any], ...] = (
+    ("physics.rate", 120.0), ("patch.kind", "heightfield"), ("patch.rings", 2), ("patch.rate", 30.0),
+    ("physics.gravity", [0.0, 0.0, -3.0]), ("search.method", "best_first"), ("collect.method", "union_bfs"),
+    ("patch.carry_velocity", False), ("bodies.timeout", 0.5),
+)  # fmt: skip
 
 
 def _settings(kind: Any) -> Any:
     def make_settings(rng: np.random.Generator) -> Any:
         chosen = [_SETTINGS[int(i)] for i in rng.integers(len(_SETTINGS), size=int(rng.integers(1, 3)))]
-        return kind.Request(parameters=[Parameter(name=name, value=value) for name, value in chosen])
+        return kind.Request(parameters=[Parameter(name, value=value).to_parameter_msg() for name, value in chosen])
 
     return make_settings
 
@@ -259,10 +243,10 @@ _MAKERS: dict[str, Any] = {
     "reset": lambda rng: Trigger.Request(),
     "reset_terrain_clock": lambda rng: Trigger.Request(),
     "pause": lambda rng: SetBool.Request(data=bool(rng.random() < 0.2)),
-    "set_parameters": _settings(SetParameters),
-    "set_parameters_atomically": _settings(SetParametersAtomically),
-    "get_parameters": lambda rng: GetParameters.Request(names=_NAMES),
-    "get_parameter_types": lambda rng: GetParameterTypes.Request(names=_NAMES),
-    "describe_parameters": lambda rng: DescribeParameters.Request(names=_NAMES),
-    "list_parameters": lambda rng: ListParameters.Request(prefixes=["physics"], depth=2),
+    "set_parameters": _settings(parameters.SetParameters),
+    "set_parameters_atomically": _settings(parameters.SetParametersAtomically),
+    "get_parameters": lambda rng: parameters.GetParameters.Request(names=_NAMES),
+    "get_parameter_types": lambda rng: parameters.GetParameterTypes.Request(names=_NAMES),
+    "describe_parameters": lambda rng: parameters.DescribeParameters.Request(names=_NAMES),
+    "list_parameters": lambda rng: parameters.ListParameters.Request(prefixes=["physics"], depth=2),
 }

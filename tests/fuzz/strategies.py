@@ -5,12 +5,11 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
+import numpy as np
 from hypothesis import strategies as st
 from rosidl_parser.definition import AbstractSequence, AbstractString, Array, BasicType, NamespacedType
 
 _NAMES = ("", "map", "odom", "a", "ball", "rover", "body_0", "robot", "robot/wheel", "x" * 300, "\u00e4\u6f22", "a\nb")
-_BITS = {"uint8": 8, "octet": 8, "char": 8, "int8": 8, "uint16": 16, "int16": 16, "uint32": 32, "int32": 32,
-         "uint64": 64, "int64": 64}  # fmt: skip
 
 
 def messages(kind: Any) -> st.SearchStrategy[Any]:
@@ -41,10 +40,5 @@ def _numbers(name: str) -> st.SearchStrategy[Any]:
         return st.booleans()
     if name in ("float", "double"):
         return st.floats(-20.0, 20.0, width=32) | st.floats(width=32 if name == "float" else 64)
-    bits = _BITS[name]
-    low, high = (
-        (0, 2**bits - 1)
-        if name.startswith("u") or name in ("octet", "char")
-        else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
-    )
-    return st.integers(max(low, 0), 4) | st.integers(low, high)
+    bounds = np.iinfo({"octet": "uint8", "char": "uint8"}.get(name, name))
+    return st.integers(0, 4) | st.integers(int(bounds.min), int(bounds.max))

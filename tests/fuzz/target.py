@@ -5,7 +5,7 @@ from __future__ import annotations
 import traceback
 from collections import Counter
 from pathlib import Path
-from types import TracebackType
+from types import SimpleNamespace, TracebackType
 from typing import Any
 
 import numpy as np
@@ -56,7 +56,7 @@ class Target:
         values = {**BASE, "terrain.input": terrain_input, "terrain.changes": changes}
         overrides = [Parameter(name, value=value) for name, value in values.items()]
         self.node = TerrainCollider(context=self._context, parameter_overrides=overrides)
-        self.node.refusals._logger = _Silence()
+        self.node.refusals._logger = SimpleNamespace(warning=lambda _: None)
         self.oracle = Oracle()
         self.counts: Counter[str] = Counter()
         self._record = record
@@ -214,10 +214,3 @@ class Target:
         for name in [name for name in world.terrain.tiles if name not in ("", "far", "mesh")]:
             world.terrain.remove(name)
             self.oracle.tiles.pop(name, None)
-
-
-class _Silence:
-    """A logger that says nothing."""
-
-    def warning(self, _: str) -> None:
-        """Nothing."""

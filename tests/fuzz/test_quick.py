@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
-from smartmesh_msgs.msg import TrackedBodyArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
@@ -116,13 +115,6 @@ def test_one_impossible_body_refuses_all_of_its_message(target: Target) -> None:
     target.give("tracked_bodies", serialize_message(message))
     assert target.counts["tracked_bodies: refused"] == 2
     assert not target.node.session.world.bodies
-
-
-def test_a_count_without_its_elements_is_refused_before_memory_is_taken(target: Target) -> None:
-    data = bytearray(serialize_message(TrackedBodyArray()))
-    data[-4:] = (2**31 - 1).to_bytes(4, "little")
-    target.give("tracked_bodies", bytes(data))
-    assert target.node.refusals.counts == {"tracked_bodies: malformed": 1}
 
 
 def test_a_body_that_leaves_everything_is_taken_out_and_named(target: Target) -> None:

@@ -52,13 +52,9 @@ def environment() -> dict[str, str]:
     kept = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "COLCON_PREFIX_PATH")}
     for name in ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "LD_LIBRARY_PATH", "PATH"):
         parts = [part for part in os.environ.get(name, "").split(os.pathsep) if part]
-        kept[name] = os.pathsep.join(part for part in parts if not within(part, ROOT / "install", ROOT / "build"))
+        made = [part for part in parts if {ROOT / "install", ROOT / "build"} & {Path(part), *Path(part).parents}]
+        kept[name] = os.pathsep.join(part for part in parts if part not in made)
     return kept
-
-
-def within(path: str, *folders: Path) -> bool:
-    """Whether a path is below one of the folders."""
-    return any(Path(path).is_relative_to(folder) for folder in folders)
 
 
 def readme_block(beginning: str) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import re
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,18 +19,22 @@ import yaml
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.context import Context
 from rclpy.parameter import Parameter, parameter_value_to_python
-from smartmesh_msgs.srv import QueryGround, RemoveBodies
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.srv import QueryGround, RemoveBodies, SpawnBody
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.terrain_collider import TerrainCollider
-from smartmesh_ros.tools.testing import TIMEOUT, Probe, heightmap_message
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, heightmap_message, pose_message
 
 LISTS = {spec.name for spec in SPECS if isinstance(spec.default, list)}
 # What is still there is taken away again after so long [s], longer than bodies are tracked by default.
 AGAIN = 1.5
+BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 NOTHING = {"simulated": "0", "tracked": "0", "patches": "0"}
 
 
@@ -83,9 +88,54 @@ def show_level_ground(probe: Probe, size: int = 60) -> None:
     probe.wait_for(has_ground)
 
 
+def box(*edges: float) -> SolidPrimitive:
+    """A box of these edges [m]."""
+    return SolidPrimitive(type=SolidPrimitive.BOX, dimensions=edges)
+
+
+def spawn(probe: Probe, name: str, position: Sequence[float] = (0.0, 0.0, 0.0), **fields: Any) -> None:
+    """Has the node spawn a body: a ball of 1 kg, unless the request's fields say otherwise, or a robot."""
+    given = fields if "urdf" in fields else {"mass": 1.0, "shape": BALL, **fields}
+    answer = probe.call("spawn_body", SpawnBody, id=name, **{"pose": pose_message(position), **given})
+    assert answer.success, answer.message
+
+
+def position_of(probe: Probe, name: str) -> tuple[float, float, float] | None:
+    """Position [m] of a simulated body in the next states, if it is there."""
+    places = {body.id: body.pose.position for body in probe.latest("body_states").bodies}
+    return (places[name].x, places[name].y, places[name].z) if name in places else None
+
+
+def seconds(stamp: Any) -> float:
+    """A stamp [s]."""
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+
+
+def stamped(probe: Probe, message: Any, frame_id: str = "map") -> Any:
+    """The message with a frame, and now as its stamp."""
+    message.header.stamp, message.header.frame_id = probe.now(), frame_id
+    return message
+
+
 def one_round(probe: Probe) -> None:
     """Waits until the node has handled what was published before, so that no queue overflows: it answers a call."""
     values(probe, ["physics.rate"])
+
+
+def refusals(probe: Probe) -> Counter[str]:
+    """How many messages the node has refused so far, by topic and reason."""
+    found = probe.diagnostics("inputs").items()
+    return Counter({key.removeprefix("refused, "): int(count) for key, count in found if key.startswith("refused, ")})
+
+
+def require_refused(probe: Probe, cases: Iterable[tuple[Any, str, Callable[[], Any]]]) -> None:
+    """Publishes the messages that are made, each of which must be refused for its reason, and nothing besides."""
+    before, expected = refusals(probe), Counter[str]()
+    for publisher, reason, make in cases:
+        publisher.publish(make())
+        one_round(probe)
+        expected[f"{publisher.topic.rpartition('/')[2]}: {reason}"] += 1
+    probe.wait_for(lambda: refusals(probe) - before == expected)
 
 
 def values(probe: Probe, names: Iterable[str]) -> dict[str, Any]:

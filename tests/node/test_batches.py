@@ -1,25 +1,21 @@
 """Many bodies: by one call, all or none, and by many calls at once, each of which is answered."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from functools import partial
 from time import monotonic
 from typing import Any
 
 import numpy as np
-import rclpy
-from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, pose_message
+from tests.node.shared import BALL, made_with
 
 # Answers that may wait while the caller does not run: by default ROS keeps ten.
 CALLS = QoSProfile(depth=1000)
-BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 
 
 def specification(index: int, **changes: Any) -> BodySpecification:
@@ -68,24 +64,12 @@ def test_removal_of_one_that_is_not_there_removes_none(shared: Probe) -> None:
     assert simulated(shared) == 0
 
 
-@contextmanager
-def caller() -> Iterator[tuple[Node, SingleThreadedExecutor]]:
-    """A node that does nothing but call: one that is busy with large messages loses answers itself."""
-    context = Context()
-    rclpy.init(context=context)
-    node, executor = Node("caller", context=context), SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    try:
-        yield node, executor
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.shutdown(context=context)
-
-
 def answers(service: str, kind: Any, requests: list[Any]) -> list[Any]:
-    """The responses to calls that are all made before the first is answered."""
-    with caller() as (node, executor):
+    """The responses to calls that are all made before the first is answered, by a node that does nothing but call: one
+    that is busy with large messages loses answers itself."""
+    with made_with(partial(Node, "caller"), {}) as node:
+        executor = SingleThreadedExecutor(context=node.context)
+        executor.add_node(node)
         client = node.create_client(kind, service, qos_profile=CALLS)
         assert client.wait_for_service(TIMEOUT)
         futures = [client.call_async(request) for request in requests]

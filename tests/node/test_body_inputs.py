@@ -11,14 +11,12 @@ import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from nav_msgs.msg import Odometry
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.srv import QueryGround, SpawnBody
+from smartmesh_msgs.srv import QueryGround
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.tools.testing import Probe, Process, assert_cannot_start, pose_message
-from tests.node.shared import changed, refusal_at_start
+from tests.node.shared import LATCHED, changed, spawn, stamped
 
 SHARED = {
     "bodies.poses": ["arm=/arm/tip_pose", "/second/pose"],
@@ -26,12 +24,6 @@ SHARED = {
     "frame_id": "map",
 }
 YAW = 0.5 * math.pi
-LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-def stamped(probe: Probe, message: Any, frame_id: str) -> Any:
-    message.header.stamp, message.header.frame_id = probe.now(), frame_id
-    return message
 
 
 def transform(probe: Probe, parent: str, child: str, x: float, y: float, yaw: float = 0.0) -> TFMessage:
@@ -106,10 +98,7 @@ def test_a_driven_body_pushes_by_the_velocity_of_its_odometry(shared: Probe) -> 
     with changed(shared, {"bodies.default_radius": 0.5}):
         flat_map(shared)
         odom = shared.publisher(Odometry, "/odom")
-        ball = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
-        assert shared.call(
-            "spawn_body", SpawnBody, id="ball", shape=ball, mass=1.0, pose=pose_message((0.0, 0.69, 0.3))
-        ).success
+        spawn(shared, "ball", (0.0, 0.69, 0.3))
         shared.wait_for(lambda: "ball" in [body.id for body in shared.latest("body_states").bodies])
 
         def thrown() -> bool:
@@ -248,18 +237,6 @@ def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(probe: Probe,
         probe.wait_for(lambda: probe.diagnostics("bodies")["tracked"] == "0")
 
 
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        ({"bodies.poses": ["rover=/a b"]}, "rover=/a b"),
-        ({"bodies.poses": ["/a"], "bodies.odometry": ["a=/b"]}, "names body 'a' again"),
-        ({"bodies.odometry": ["x/y=/b"]}, "no '/' in the name"),
-    ],
-)
-def test_bodies_that_cannot_be_are_named_at_the_start(domain: int, parameters: dict[str, Any], words: str) -> None:
-    assert words in refusal_at_start(parameters)
-
-
 def test_the_missing_package_of_tf_is_named_at_the_start(domain: int, bare_environment: dict[str, str]) -> None:
     words = "apt install ros-jazzy-tf2-msgs"
     assert_cannot_start({"bodies.frames": ["base_link"]}, words, environment=bare_environment)
@@ -268,8 +245,7 @@ def test_the_missing_package_of_tf_is_named_at_the_start(domain: int, bare_envir
 def test_without_tf_foreign_frames_are_refused_and_what_is_missing_is_named(
     probe: Probe, bare_environment: dict[str, str]
 ) -> None:
-    process = Process("terrain_collider", {"frame_id": "map"}, environment=bare_environment)
-    try:
+    with Process("terrain_collider", {"frame_id": "map"}, environment=bare_environment) as process:
         probe.wait_for(probe.connected, watch=process)
         flat_map(probe)
 
@@ -283,6 +259,3 @@ def test_without_tf_foreign_frames_are_refused_and_what_is_missing_is_named(
         asked = probe.call("query_ground", QueryGround, header=Header(frame_id="rover"))
         assert asked.message.startswith("no body is called 'rover'"), "who gave the name of a body needs no tf2_msgs"
         assert "apt install ros-jazzy-tf2-msgs" in asked.message
-    finally:
-        process.stop()
-        process.close()

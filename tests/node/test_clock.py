@@ -12,26 +12,18 @@ from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rosgraph_msgs.msg import Clock
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
-from smartmesh_msgs.srv import SpawnBody
 from tf2_msgs.msg import TFMessage
 
-from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, heightmap_message, pose_message
-from tests.node.shared import changed, refusal_at_start
+from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, heightmap_message
+from tests.node.shared import changed, seconds, spawn
 
-BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.1])
 HEIGHT, GRAVITY, STEP = 1000.0, 9.81, 1 / 240
-
-
-def seconds(stamp: Time) -> float:
-    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
 def spawn_falling(probe: Probe) -> None:
     """A ball that falls freely, once it is seen: its height says how much time was simulated."""
-    pose = pose_message((0.0, 0.0, HEIGHT))
-    assert probe.call("spawn_body", SpawnBody, id="ball", shape=BALL, mass=1.0, pose=pose).success
+    spawn(probe, "ball", (0.0, 0.0, HEIGHT))
     # States of before, without a ball, may come after the answer.
     probe.wait_for(lambda: probe.latest("body_states").bodies)
 
@@ -223,7 +215,6 @@ def test_the_node_is_silent_while_another_publishes_the_clock(
 
 
 def test_a_node_does_not_follow_its_own_clock(shared: Probe) -> None:
-    assert "use_sim_time" in refusal_at_start({"use_sim_time": True, "publish.clock": 10.0})
     with changed(shared, {"publish.clock": 10.0}):
         value = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=True)
         parameters = [Parameter(name="use_sim_time", value=value)]

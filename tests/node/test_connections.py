@@ -1,69 +1,41 @@
 """Peers in other processes whose quality of service does not fit are named, with the policy."""
 
-import subprocess
-import sys
-import textwrap
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Time
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from smartmesh_msgs.msg import Timing
+import rclpy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from smartmesh_msgs.msg import ContactArray, Heightmap, Timing
 
 from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE, use_large_message_profile
 from smartmesh_ros.tools.testing import COLLIDER, Probe, Process
+from tests.node.shared import LATCHED, seconds
 
 # Size of the shared memory that the profile asks for [bytes].
 SEGMENT = 128 * 1024**2
 
-MISMATCHED = """
-import rclpy
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from smartmesh_msgs.msg import ContactArray, Heightmap
-
-rclpy.init()
-node = rclpy.create_node("stubborn")
-maps = node.create_publisher(Heightmap, "/terrain_collider/heightmap",
-                             QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
-contacts = node.create_subscription(ContactArray, "/terrain_collider/contacts", print,
-                                    QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
-rclpy.spin(node)
-"""
-
-
-@contextmanager
-def stubborn_process() -> Iterator[None]:
-    process = subprocess.Popen([sys.executable, "-c", textwrap.dedent(MISMATCHED)])
-    try:
-        yield
-    finally:
-        while process.poll() is None:
-            process.terminate()  # again and again: rclpy loses a signal that comes just before its executor waits
-            with suppress(subprocess.TimeoutExpired):
-                process.wait(1.0)
-
 
 def test_a_peer_with_incompatible_qos_is_named_with_the_policy(probe: Probe) -> None:
+    best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     with probe.running():
         assert probe.diagnostics("connections")["message"] == "no incompatible QoS"
-        with stubborn_process():
-            values = probe.wait_for(
-                lambda: (
-                    "incompatible QoS on" in (v := probe.diagnostics("connections"))["message"]
-                    and sum(key.startswith("incompatible QoS on") for key in v) == 2
-                    and v
-                )
-            )
-            maps = values[f"incompatible QoS on {COLLIDER}/heightmap"]
-            assert "/stubborn" in maps
-            assert "reliable" in maps
-            contacts = values[f"incompatible QoS on {COLLIDER}/contacts"]
-            assert "/stubborn" in contacts
-            assert "transient local" in contacts.lower()
-            assert "/probe" not in str(values)
+        stubborn = rclpy.create_node("stubborn", context=probe.context)
+        stubborn.create_publisher(Heightmap, f"{COLLIDER}/heightmap", best_effort)
+        stubborn.create_subscription(ContactArray, f"{COLLIDER}/contacts", print, LATCHED)
+
+        def named() -> Any:
+            found = probe.diagnostics("connections")
+            words = "incompatible QoS on"
+            return words in found["message"] and sum(key.startswith(words) for key in found) == 2 and found
+
+        values = probe.wait_for(named)
+        stubborn.destroy_node()
+        maps, contacts = (values[f"incompatible QoS on {COLLIDER}/{topic}"] for topic in ("heightmap", "contacts"))
+        assert "/stubborn" in maps and "reliable" in maps
+        assert "/stubborn" in contacts and "transient local" in contacts.lower()
+        assert "/probe" not in str(values)
 
 
 def test_latched_outputs_reach_late_joiners(probe: Probe) -> None:
@@ -91,21 +63,13 @@ def test_large_maps_go_through_with_the_installed_profile(probe: Probe, monkeypa
         monkeypatch.setenv(name, "")
         monkeypatch.delenv(name)
     use_large_message_profile()
-    with probe.running() as collider:
-        # Slowly: the source keeps only its newest map, so that one that is still on its way is given up for the next.
-        source = Process("terrain_source", {"rows": 2048, "columns": 2048, "rate": 0.5, "resolution": 0.05})
-        try:
-            probe.wait_for(lambda: int(probe.diagnostics("terrain").get("updates of ''", 0)) >= 3)
-            assert probe.diagnostics("terrain")["samples"] == str(2048 * 2048)
-            lines = Path(f"/proc/{collider.process.pid}/maps").read_text().splitlines()
-            segments = [line.split()[0].split("-") for line in lines if "/dev/shm/fastrtps_" in line]
-            # Its own and the source's.
-            assert sum(int(end, 16) - int(start, 16) >= SEGMENT for start, end in segments) >= 2
-            assert "XMLPARSER" not in collider.output
-        finally:
-            source.stop()
-            source.close()
-
-
-def seconds(stamp: Time) -> float:
-    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+    # Slowly: the source keeps only its newest map, so that one that is still on its way is given up for the next.
+    source = {"rows": 2048, "columns": 2048, "rate": 0.5, "resolution": 0.05}
+    with probe.running() as collider, Process("terrain_source", source):
+        probe.wait_for(lambda: int(probe.diagnostics("terrain").get("updates of ''", 0)) >= 3)
+        assert probe.diagnostics("terrain")["samples"] == str(2048 * 2048)
+        lines = Path(f"/proc/{collider.process.pid}/maps").read_text().splitlines()
+        segments = [line.split()[0].split("-") for line in lines if "/dev/shm/fastrtps_" in line]
+        # Its own and the source's.
+        assert sum(int(end, 16) - int(start, 16) >= SEGMENT for start, end in segments) >= 2
+        assert "XMLPARSER" not in collider.output

@@ -52,10 +52,6 @@ def test_the_arrays_lie_over_the_message() -> None:
     assert np.shares_memory(new.heights, np.frombuffer(data, np.uint8))
 
 
-@pytest.mark.parametrize("shape", (Sphere(0.2), Box(0.1, 0.2, 0.3), Cylinder(0.1, 0.5)))
-def test_a_shape_that_is_asked_for_again_is_the_same(shape: Shape) -> None:
-    assert shape_from(primitive_of(shape)) == shape
-
-
-def test_a_capsule_is_asked_for_as_the_cylinder_around_it() -> None:
-    assert shape_from(primitive_of(Capsule(0.1, 0.5))) == Cylinder(0.1, 0.7)
+@pytest.mark.parametrize("shape", [Sphere(0.2), Box(0.1, 0.2, 0.3), Cylinder(0.1, 0.5), Capsule(0.1, 0.5)])
+def test_a_shape_that_is_asked_for_again_is_the_same_but_a_capsule_the_cylinder_around_it(shape: Shape) -> None:
+    assert shape_from(primitive_of(shape)) == (Cylinder(0.1, 0.7) if isinstance(shape, Capsule) else shape)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -83,21 +81,15 @@ class Peer:
 
     participant: DomainParticipant
 
-    def writer(self, name: str, kind: Any) -> DataWriter:
-        return DataWriter(self.participant, Topic(self.participant, f"rt/{name}", cyclone_type(kind), qos=QOS), qos=QOS)
-
-    def reader(self, name: str, kind: Any) -> DataReader:
-        return DataReader(self.participant, Topic(self.participant, f"rt/{name}", cyclone_type(kind), qos=QOS), qos=QOS)
+    def end(self, way: Any, name: str, kind: Any) -> Any:
+        """A reader or writer of a ROS topic."""
+        return way(self.participant, Topic(self.participant, f"rt/{name}", cyclone_type(kind), qos=QOS), qos=QOS)
 
 
 @pytest.fixture
-def peer(domain: int) -> Iterator[Peer]:
-    before = os.environ.get("CYCLONEDDS_URI")
-    os.environ["CYCLONEDDS_URI"] = LOCALHOST
-    yield Peer(DomainParticipant(domain))
-    os.environ.pop("CYCLONEDDS_URI")
-    if before is not None:
-        os.environ["CYCLONEDDS_URI"] = before
+def peer(domain: int, monkeypatch: pytest.MonkeyPatch) -> Peer:
+    monkeypatch.setenv("CYCLONEDDS_URI", LOCALHOST)
+    return Peer(DomainParticipant(domain))
 
 
 def test_cyclone_publishes_a_map_and_receives_patches_that_lie_on_it(peer: Peer) -> None:
@@ -105,14 +97,12 @@ def test_cyclone_publishes_a_map_and_receives_patches_that_lie_on_it(peer: Peer)
     map_message = heightmap_message(heights, resolution=0.1)
     bodies = TrackedBodyArray()
     bodies.header.frame_id = "map"
-    bodies.bodies = [body("rover", 1.0, 1.5), body("walker", 2.0, 2.5)]
-    maps, poses = (
-        peer.writer("terrain_collider/heightmap", Heightmap),
-        peer.writer("terrain_collider/tracked_bodies", TrackedBodyArray),
-    )
-    patches = peer.reader("terrain_collider/patches", MarkerArray)
-    process = Process("terrain_collider", {"terrain.motion": "hold"})
-    try:
+    places = {"rover": (1.0, 1.5, 0.3), "walker": (2.0, 2.5, 0.3)}
+    bodies.bodies = [TrackedBody(id=name, pose=pose_message(place), radius=0.2) for name, place in places.items()]
+    maps = peer.end(DataWriter, "terrain_collider/heightmap", Heightmap)
+    poses = peer.end(DataWriter, "terrain_collider/tracked_bodies", TrackedBodyArray)
+    patches = peer.end(DataReader, "terrain_collider/patches", MarkerArray)
+    with Process("terrain_collider", {"terrain.motion": "hold"}) as process:
         end = monotonic() + TIMEOUT
         shown: list[Any] = []
         while len(shown) < 2:
@@ -128,9 +118,6 @@ def test_cyclone_publishes_a_map_and_receives_patches_that_lie_on_it(peer: Peer)
             assert marker.header.frame_id == "map"
             assert_on_map(points, map_message)
         assert "refused" not in process.output
-    finally:
-        process.stop()
-        process.close()
 
 
 def test_requests_that_are_none_do_no_harm(peer: Peer, probe: Probe) -> None:
@@ -148,7 +135,3 @@ def test_requests_that_are_none_do_no_harm(peer: Peer, probe: Probe) -> None:
             assert probe.call("spawn_body", SpawnBody, id=f"ball_{number}", shape=sphere, mass=1.0).success
         assert process.process.poll() is None
         probe.wait_for(lambda: len(probe.latest("body_states").bodies) == 4)
-
-
-def body(name: str, x: float, y: float) -> Any:
-    return TrackedBody(id=name, pose=pose_message((x, y, 0.3)), radius=0.2)

@@ -16,11 +16,8 @@ from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile
 from smartmesh_msgs.srv import QueryGround
 
-from smartmesh_ros import BodyState, Sphere, World
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.inputs.adapters import grid_map_raster as raster_from
-from smartmesh_ros.node.inputs.maps import take_map
-from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.testing import Probe, Process, pose_message
 from tests.grid_maps import grid_map_message
@@ -84,36 +81,10 @@ def test_heights_are_where_it_says(layers: Any, place: tuple[float, float]) -> N
     assert off < (1e-5 if on_grid else HALF_CELL)
 
 
-@pytest.mark.parametrize("variances", ["", "variance"])
-def test_a_body_stands_on_maps_that_follow_it(variances: str) -> None:
-    """The first map shows nothing, and the middle is off by another fraction of a cell in each."""
-    values = {spec.name: spec.default for spec in SPECS}
-    values |= {"terrain.input": "grid_map", "raster.layer": "elevation", "raster.variance_layer": variances}
-    settings = settings_from(values)
-    with World(config=settings.world) as world:
-
-        def take(x: float, seen: bool | FloatArray = True) -> None:
-            raster = raster_from(message(RAW, x, 0.013, seen=seen), settings.raster, settings.max_samples)
-            take_map(world.terrain, settings, "", raster, None, world.time)
-
-        take(0.0, seen=False)
-        assert np.isnan(world.ground_at([[0.0, 0.0]]).z).all()
-        rng = np.random.default_rng(4)
-        take(0.0, seen=rng.random((CELLS, CELLS)) > 0.02)
-        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, float(ground(0.0, 0.0)) + 0.21)))
-        for number in range(40):
-            world.move("ball", BodyState((0.0, 0.0, world.state("ball").position[2])))  # it would roll
-            take(0.037 * number)
-            world.step(24)
-        assert world.state("ball").position[2] == pytest.approx(float(ground(0.0, 0.0)) + 0.2, abs=2 * HALF_CELL)
-        assert world.lost == []
-
-
 def test_the_node_takes_them_with_the_file_of_the_page(probe: Probe) -> None:
     arguments = ["--ros-args", "--params-file", str(ROOT / "config" / "elevation_mapping.yaml")]
     arguments += ["-r", "~/grid_map:=/elevation_mapping_node/elevation_map_raw", "-r", "~/tracked_odometry:=/odom"]
-    process = Process("terrain_collider", arguments=arguments)
-    try:
+    with Process("terrain_collider", arguments=arguments) as process:
         maps = probe.publisher(GridMap, "/elevation_mapping_node/elevation_map_raw", QOS)
         odometry = probe.publisher(Odometry, "/odom")
 
@@ -139,6 +110,3 @@ def test_the_node_takes_them_with_the_file_of_the_page(probe: Probe) -> None:
         assert probe.diagnostics("terrain")["message"] == "maps arrive"
         refused = [key for key in probe.diagnostics("inputs") if key.startswith("refused")]
         assert [key for key in refused if "query_ground" not in key] == [], "questions before the first map are refused"
-    finally:
-        process.stop()
-        process.close()

@@ -17,40 +17,29 @@ def endpoint(gid: int, name: tuple[str, str], qos: QoSProfile = BEST_EFFORT) -> 
     return SimpleNamespace(endpoint_gid=[gid] * 16, node_name=name[0], node_namespace=name[1], qos_profile=qos)
 
 
-class Graph:
+def graph_of_two_publishers() -> Any:
     """A node that hears maps of two publishers, as the graph tells it. The second one's name is yet to come."""
-
-    def __init__(self) -> None:
-        self.publishers = [endpoint(1, ("mapper", "/robot")), endpoint(2, UNNAMED)]
-        self.subscription = SimpleNamespace(topic_name="/maps", get_publisher_count=lambda: 0)
-
-    def get_name(self) -> str:
-        return "terrain_collider"
-
-    def get_namespace(self) -> str:
-        return "/"
-
-    def count_publishers(self, _: str) -> int:
-        return len(self.publishers)
-
-    def get_publishers_info_by_topic(self, _: str) -> list[Any]:
-        return self.publishers
-
-    def get_subscriptions_info_by_topic(self, _: str) -> list[Any]:
-        return [endpoint(0, ("terrain_collider", "/"), RELIABLE)]
+    publishers = [endpoint(1, ("mapper", "/robot")), endpoint(2, UNNAMED)]
+    return SimpleNamespace(
+        publishers=publishers,
+        subscription=SimpleNamespace(topic_name="/maps", get_publisher_count=lambda: 0),
+        get_name=lambda: "terrain_collider",
+        get_namespace=lambda: "/",
+        count_publishers=lambda _: len(publishers),
+        get_publishers_info_by_topic=lambda _: publishers,
+        get_subscriptions_info_by_topic=lambda _: [endpoint(0, ("terrain_collider", "/"), RELIABLE)],
+    )
 
 
 def test_rivals_are_named_once_the_names_of_all_have_arrived() -> None:
-    graph: Any = Graph()
-    names = EndpointNames()
+    graph, names = graph_of_two_publishers(), EndpointNames()
     assert names.of_publishers(graph, ["/maps"]) is None
     graph.publishers[1] = endpoint(2, ("other", "/"))
     assert names.of_publishers(graph, ["/maps"]) == ["/other", "/robot/mapper"]
 
 
 def test_a_peer_that_does_not_fit_is_told_of_once_its_name_has_arrived() -> None:
-    graph: Any = Graph()
-    names = EndpointNames()
+    graph, names = graph_of_two_publishers(), EndpointNames()
     [said] = incompatible_peers(graph, [graph.subscription], [], names).values()
     assert "/robot/mapper" in said
     assert UNKNOWN not in said

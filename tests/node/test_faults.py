@@ -103,13 +103,10 @@ def test_a_node_that_was_killed_comes_back_with_the_latched_map(udp_only: None, 
     keeper.publish(map_message)
     settings = {"terrain.durability": "transient_local", "terrain.motion": "hold"}
     for _ in range(2):
-        process = Process("terrain_collider", settings)
-        try:
+        with Process("terrain_collider", settings) as process:
             probe.wait_for(on_map(probe, map_message), watch=process)
             process.process.send_signal(signal.SIGKILL)
             assert process.process.wait(TIMEOUT) == -signal.SIGKILL
-        finally:
-            process.close()
     probe.node.destroy_publisher(keeper)
 
 
@@ -117,9 +114,8 @@ def test_a_subscriber_that_reads_nothing_does_not_slow_the_node(
     shared: Probe, shared_node: tuple[Probe, Process]
 ) -> None:
     """Its queue overflows at its own end; everybody else goes on receiving."""
-    context_hog = Probe(shared.namespace)
-    try:
-        context_hog.node.create_subscription(MarkerArray, shared.topic("patches"), lambda _: None, 1)
+    with Probe(shared.namespace) as hog:
+        hog.node.create_subscription(MarkerArray, shared.topic("patches"), lambda _: None, 1)
         shared.wait_for(lambda: shared.node.count_subscribers(shared.topic("patches")) >= 3)
         good = shared.publish_map(rough(1))
         shared.wait_for(on_map(shared, good))
@@ -128,24 +124,17 @@ def test_a_subscriber_that_reads_nothing_does_not_slow_the_node(
         shared.wait_for(lambda: len(shared.received[shared.topic("patches")]) > received + 60)
         assert before > 0.0
         assert shared_node[1].process.poll() is None
-    finally:
-        context_hog.close()
 
 
 @pytest.mark.parametrize("folder", ["full", "read_only", "missing"])
 def test_the_node_runs_where_no_log_can_be_written(probe: Probe, tmp_path: Path, folder: str) -> None:
-    with log_folder(tmp_path, folder) as logs:
-        process = Process("terrain_collider", environment={"ROS_LOG_DIR": str(logs)})
-        try:
-            probe.wait_for(probe.connected, watch=process)
-            good = probe.publish_map(rough(1))
-            probe.wait_for(on_map(probe, good), watch=process)
-            # A refusal is logged, which needs the disk.
-            probe.publish_map(np.zeros((2, 2)))
-            probe.wait_for(lambda: "refused, heightmap: geometry" in probe.diagnostics("inputs"))
-            assert process.stop() == 0
-        finally:
-            process.close()
+    with log_folder(tmp_path, folder) as logs, probe.running(environment={"ROS_LOG_DIR": str(logs)}) as process:
+        good = probe.publish_map(rough(1))
+        probe.wait_for(on_map(probe, good), watch=process)
+        # A refusal is logged, which needs the disk.
+        probe.publish_map(np.zeros((2, 2)))
+        probe.wait_for(lambda: "refused, heightmap: geometry" in probe.diagnostics("inputs"))
+        assert process.stop() == 0
 
 
 @contextlib.contextmanager

@@ -12,18 +12,15 @@ import pytest
 from geometry_msgs.msg import Twist, Vector3
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification, Heightmap, Timing, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import layout as layout
 from smartmesh_ros.node.fleet.peer_bodies import NEWEST_QOS
-from smartmesh_ros.node.parameters.entries import peer_names
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
+from tests.node.shared import BALL, seconds
 
-BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 NODES = layout.node_names(2)
 # Period of the states that nodes tell each other of [s].
 STATES = 1 / 60
@@ -71,7 +68,7 @@ class Fleet:
 
     def times(self) -> list[float]:
         """Stamps of the nodes' newest states [s]."""
-        return [Time.from_msg(states[-1].header.stamp).nanoseconds * 1e-9 if states else 0.0 for states in self.states]
+        return [seconds(states[-1].header.stamp) if states else 0.0 for states in self.states]
 
     def spawn(self, name: str, x: float, speed: float = 0.0) -> Any:
         """Has the front spawn a ball that slides along x."""
@@ -210,12 +207,3 @@ def test_peers_that_simulate_otherwise_are_refused_by_reason(fleet: Fleet) -> No
             said = TrackedBodyArray(rate=rate, gravity=np.array([0.0, 0.0, gravity], np.float32), bodies=bodies)
             said.header.frame_id = frame
             probe.wait_for(partial(refused, one, said, words))
-
-
-@pytest.mark.parametrize(
-    ("peers", "words"),
-    [(["auto", "/a"], "alone"), (["a"], "starts with '/'"), (["/a b"], "bodies.peers has entry '/a b'")],
-)
-def test_peers_are_full_names_of_nodes_or_auto_alone(peers: list[str], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        peer_names(peers)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,20 +13,11 @@ from smartmesh_msgs.srv import RemoveBodies, SpawnBodies
 from smartmesh_ros.node.fleet.calls import Calls
 
 
-class Front:
+def front_of(*, ready: bool = True) -> Any:
     """A node whose clients answer what the test says."""
-
-    def __init__(self) -> None:
-        self.ready, self.future = True, Future()
-
-    def create_client(self, *_: Any, **__: Any) -> Any:
-        return self
-
-    def service_is_ready(self) -> bool:
-        return self.ready
-
-    def call_async(self, _: Any) -> Future:
-        return self.future
+    future = Future()
+    client = SimpleNamespace(service_is_ready=lambda: ready, call_async=lambda _: future)
+    return SimpleNamespace(future=future, create_client=lambda *_, **__: client)
 
 
 def result_of(coroutine: Any) -> dict[str, str]:
@@ -36,7 +28,7 @@ def result_of(coroutine: Any) -> dict[str, str]:
 
 
 def test_a_node_that_dies_has_refused_all_bodies_of_the_call() -> None:
-    front = Front()
+    front = front_of()
     calls = Calls(front, ["/a"], None)
     call = calls.remove("/a", ["one", "two"])
     call.send(None)
@@ -56,13 +48,12 @@ def test_a_node_that_dies_has_refused_all_bodies_of_the_call() -> None:
     ],
 )
 def test_refusals_are_told_by_body(response: Any, refused: dict[str, str]) -> None:
-    front = Front()
+    front = front_of()
     front.future.set_result(response)
     bodies = [BodySpecification(id=name) for name in ("one", "two")]
     assert result_of(Calls(front, ["/a"], None).spawn("/a", bodies)) == refused
 
 
 def test_a_node_without_services_refuses_at_once() -> None:
-    front = Front()
-    front.ready = False
-    assert result_of(Calls(front, ["/a"], None).remove("/a", ["one"])) == {"one": "/a serves no calls yet"}
+    calls = Calls(front_of(ready=False), ["/a"], None)
+    assert result_of(calls.remove("/a", ["one"])) == {"one": "/a serves no calls yet"}

@@ -129,14 +129,12 @@ def test_impossible_transforms_are_refused(parent: str, child: str, transform: T
     assert buffer.version == 0
 
 
-def test_memory_is_bounded_and_a_clock_set_back_starts_anew() -> None:
+def test_memory_is_bounded() -> None:
     buffer = FrameBuffer()
     for step in range(20_000):
         buffer.add("odom", "base", turned(0.0, step), 100.0 + 0.01 * step)
     assert len(buffer._edges["base"].stamps) <= 1.5 * HISTORY / 0.01
     buffer.lookup("odom", "base", 100.0 + 0.01 * 20_000 - 0.9 * HISTORY)
-    buffer.add("odom", "base", turned(0.0, -1.0), 5.0)
-    assert buffer.lookup("odom", "base")[0].translation[0] == -1.0
 
 
 @settings(deadline=None, max_examples=60)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +14,13 @@ import pytest
 from geometry_msgs.msg import Twist, Vector3
 from grid_map_msgs.msg import GridMap
 from numpy.typing import NDArray
-from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.srv import RemoveBodies, SpawnBody, StepPhysics
+from smartmesh_msgs.msg import HeightmapUpdate
+from smartmesh_msgs.srv import RemoveBodies, StepPhysics
 from std_srvs.srv import SetBool
 
-from smartmesh_ros.tools.testing import Probe, pose_message
+from smartmesh_ros.tools.testing import Probe, floats
 from tests.grid_maps import grid_map_message
-from tests.node.shared import changed, one_round, set_parameters
+from tests.node.shared import box, changed, one_round, require_refused, set_parameters, spawn, stamped
 
 SHARED = {"physics.friction": 1.0, "terrain.input": "grid_map"}
 GRAVITY, SPEED = 9.81, 2.0
@@ -42,14 +42,10 @@ def ways(probe: Probe, starts: Sequence[float] = (ON_ICE, ON_GRAVEL)) -> list[fl
     """How far boxes slide that start at `SPEED` at each x [m]."""
     one_round(probe)
     assert probe.call("pause", SetBool, data=True).success
-    box = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.4, 0.4, 0.1])  # so flat that it does not tip
     names = [f"box_{number}" for number in range(len(starts))]
     for name, x in zip(names, starts, strict=True):
-        answer = probe.call(
-            "spawn_body", SpawnBody, id=name, shape=box, mass=1.0, pose=pose_message((x, 0.0, 0.0)), on_ground=True,
-            twist=Twist(linear=Vector3(x=SPEED)),
-        )  # fmt: skip
-        assert answer.success, answer.message
+        flat = box(0.4, 0.4, 0.1)  # it does not tip
+        spawn(probe, name, (x, 0.0, 0.0), shape=flat, on_ground=True, twist=Twist(linear=Vector3(x=SPEED)))
     assert probe.call("step", StepPhysics, steps=600).success
     bodies: dict[str, Any] = {}
 
@@ -71,17 +67,15 @@ def grid_map(probe: Probe, friction: NDArray[np.float32], start: tuple[int, int]
     return grid_map_message({"elevation": FLAT, "slip": friction}, RESOLUTION, start=start, stamp=probe.now())
 
 
-def refused(probe: Probe, topic: str, reason: str, publish: Callable[[], object]) -> None:
-    """Asserts that a message is refused for a reason, and counted."""
-    key = f"refused, {topic}: {reason}"
-    before = int(probe.diagnostics("inputs").get(key, 0))
-    publish()
-    probe.wait_for(lambda: int(probe.diagnostics("inputs").get(key, 0)) == before + 1)
-
-
 def test_boxes_stop_where_the_friction_of_their_place_stops_them(shared: Probe) -> None:
+    """Also after maps and regions that say nothing of friction, and one that scrolls on by 4 m to new ground."""
     shared.publish_map(FLAT, friction=halves(), **PLACE)
     assert ways(shared) == expected(ICE, GRAVEL)
+    shared.publish_map(FLAT, **PLACE)
+    update = HeightmapUpdate(x=0, y=0, width=COLUMNS, height=ROWS, heights=floats(FLAT.astype(np.float32)))
+    shared.publishers["heightmap_update"].publish(stamped(shared, update))
+    shared.publish_map(FLAT, resolution=RESOLUTION, origin=(ORIGIN[0] + 4.0, *ORIGIN[1:]))
+    assert ways(shared, (-4.0, 2.0, 11.0)) == expected(ICE, GRAVEL, 1.0)
 
 
 def test_one_coefficient_is_that_of_the_whole_map_and_unknown_ones_are_1(shared: Probe) -> None:
@@ -101,9 +95,9 @@ def test_a_layer_of_a_grid_map_holds_the_friction(shared: Probe) -> None:
         for start in ((0, 0), (3, 17)):
             maps.publish(grid_map(shared, halves(), start))
             assert ways(shared) == expected(ICE, GRAVEL)
-        refused(shared, "grid_map", "friction", lambda: maps.publish(grid_map(shared, -halves())))
+        require_refused(shared, [(maps, "friction", lambda: grid_map(shared, -halves()))])
     with changed(shared, {"terrain.friction_layer": "grip"}):
-        refused(shared, "grid_map", "layer", lambda: maps.publish(grid_map(shared, halves())))
+        require_refused(shared, [(maps, "layer", lambda: grid_map(shared, halves()))])
     assert ways(shared) == expected(ICE, GRAVEL)
 
 

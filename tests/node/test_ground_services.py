@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import CastRays, QueryGround, SpawnBodies, SpawnBody
@@ -20,6 +19,7 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
+from tests.node.shared import LATCHED, box
 from tests.terrain.surfaces import first_hit, triangles_of
 
 SIDE, RESOLUTION, LOW = 81, 0.25, -10.0
@@ -27,8 +27,6 @@ r, c = np.mgrid[:SIDE, :SIDE]
 X, Y = LOW + RESOLUTION * c, LOW + RESOLUTION * r
 HILLS = (0.4 * np.sin(0.6 * X) * np.cos(0.5 * Y)).astype(np.float32)
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.3])
-BOX = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.8, 0.8, 0.5])
-LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def hills() -> HeightMap:
@@ -117,9 +115,9 @@ def test_waves_are_answered_for_the_instant_of_the_stamp(shared: Probe) -> None:
 
 def test_rays_meet_hills_and_bodies(shared: Probe) -> None:
     publish_hills(shared)
-    box = BodySpecification(id="box", shape=BOX, mass=1.0, on_ground=True, align=True)
-    box.pose = pose_message((0.0, 0.0, 0.0))
-    assert shared.call("spawn_bodies", SpawnBodies, bodies=[box]).success
+    there = {"shape": box(0.8, 0.8, 0.5), "pose": pose_message((0.0, 0.0, 0.0)), "on_ground": True, "align": True}
+    wanted = [BodySpecification(id="box", mass=1.0, **there)]
+    assert shared.call("spawn_bodies", SpawnBodies, bodies=wanted).success
     rng = np.random.default_rng(1)
     origins = np.column_stack([rng.uniform(-9.0, 9.0, (2500, 2)), np.full(2500, 1.5)])
     directions = rng.normal(size=(2500, 3)) * (1.0, 1.0, 0.3)
@@ -212,16 +210,21 @@ def test_bodies_are_spawned_on_the_ground_or_refused(shared: Probe) -> None:
     assert len(shared.latest("body_states").bodies) == 1
 
 
-def test_the_parameter_spawns_on_the_ground(probe: Probe) -> None:
+def test_the_parameter_spawns_bodies_once_there_is_ground_for_them(probe: Probe) -> None:
     spawn = [
+        "{id: low, shape: sphere, size: [0.2], mass: 1.0, xyz: [2, 2, 9.0]}",
+        "{id: high, shape: box, size: [0.2, 0.2, 0.2], xy: [3, 3], above: 1.0, yaw: 0.5}",
         "{id: ball, shape: sphere, size: [0.3], xy: [0.2, 0.1]}",
         "{id: box, shape: box, size: [0.5, 0.4, 0.3], xy: [3, 2], clearance: 0.1, align: true}",
     ]
     with probe.running(parameters={"bodies.spawn": spawn, "physics.gravity": [0.0, 0.0, 0.0]}):
+        probe.wait_for(lambda: [body.id for body in probe.latest("body_states").bodies] == ["low"])
         publish_hills(probe)
-        probe.wait_for(lambda: len(probe.latest("body_states").bodies) == 2)
-        ball, box = probe.latest("body_states").bodies
-        ground = ground_samples(Terrain(hills()), checked_points([[0.2, 0.1], [3.0, 2.0]]), 0.0)
+        probe.wait_for(lambda: len(probe.latest("body_states").bodies) == 4)
+        found = {body.id: body for body in probe.latest("body_states").bodies}
+        ball, box, high = found["ball"], found["box"], found["high"].pose.position
+        ground = ground_samples(Terrain(hills()), checked_points([[0.2, 0.1], [3.0, 2.0], [3.0, 3.0]]), 0.0)
+        assert (high.x, high.y, high.z) == pytest.approx((3.0, 3.0, ground.z[2] + 1.0), abs=1e-6)
         assert ball.pose.position.z - ground.z[0] == pytest.approx(0.3 / ground.normals[0, 2], abs=0.02)
         assert box.pose.position.z - ground.z[1] == pytest.approx(0.25 / ground.normals[1, 2], abs=0.02)
         turn = box.pose.orientation

@@ -50,31 +50,17 @@ def test_patches_go_with_their_node(probe: Probe, more: dict[str, Any]) -> None:
 
     for places, ends in (((0.0, 2.0, 4.0), signal.SIGKILL), ((0.0,), signal.SIGINT), ((2.0,), signal.SIGTERM)):
         with probe.running(parameters=more) as node:
+            probe.wait_for(lambda: not any(display.shown for display in displays))  # what a killed node left
             probe.publish_map(np.zeros((41, 41)), resolution=0.5, origin=(-10.0, -10.0, 0.0))
             probe.wait_for(lambda places=places: show(*places))
             assert all(marker.frame_locked for display in displays for marker in display.shown.values())
             node.process.send_signal(ends)
             node.process.wait(30)
-            if ends != signal.SIGKILL:
+            if ends == signal.SIGKILL:
+                assert all(display.shown for display in displays)
+            else:
                 probe.wait_for(lambda: not any(display.shown for display in displays))
     assert not any(display.doubled for display in displays), "RViz reports an id that comes twice in one array"
-
-
-def test_a_node_without_bodies_clears_what_another_left(probe: Probe) -> None:
-    display = Display(probe, by_namespace=True)
-    with probe.running() as node:
-        probe.publish_map(np.zeros((41, 41)), resolution=0.5, origin=(-10.0, -10.0, 0.0))
-
-        def shown() -> bool:
-            publish(probe, (0.0,))
-            return bool(display.shown)
-
-        probe.wait_for(shown)
-        node.process.kill()
-        node.process.wait(30)
-    assert display.shown
-    with probe.running():
-        probe.wait_for(lambda: not display.shown)
 
 
 def test_nodes_that_share_a_topic_keep_each_others_patches(domain: int) -> None:

@@ -1,17 +1,16 @@
 """General meshes and tiles over real topics."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 from geometry_msgs.msg import Vector3
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParametersAtomically
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import ColliderPatch, Heightmap, TerrainMeshUpdate
-from smartmesh_msgs.srv import SpawnBody
 
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, mesh_message, point_message, pose_message
-from tests.node.shared import changed, one_round
+from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, mesh_message, point_message
+from tests.node.shared import box, changed, require_refused, set_parameters, spawn
 
 TRIANGLES = grid_triangles(20, 30)
 
@@ -33,11 +32,6 @@ def patch_vertices(probe: Probe) -> dict[str, np.ndarray]:
         patch.body_id: np.array([(v.x, v.y, v.z) for v in patch.mesh.vertices])
         for patch in probe.latest("collider_patches").patches
     }
-
-
-def set_string(probe: Probe, name: str, value: str) -> object:
-    parameter = Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value))
-    return probe.call("set_parameters_atomically", SetParametersAtomically, parameters=[parameter]).result
 
 
 def test_patches_follow_a_general_mesh_whose_vertices_move(shared: Probe) -> None:
@@ -66,10 +60,7 @@ def test_patches_follow_a_general_mesh_whose_vertices_move(shared: Probe) -> Non
 def test_bodies_ride_a_rising_mesh(shared: Probe) -> None:
     with changed(shared, {"search.method": "ray_cast"}):
         shared.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=shared.now()))
-        box = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.5, 0.5, 0.2])
-        assert shared.call(
-            "spawn_body", SpawnBody, id="box", shape=box, mass=1.0, pose=pose_message((3, 2, 0.3))
-        ).success
+        spawn(shared, "box", (3, 2, 0.3), shape=box(0.5, 0.5, 0.2))
         level = 0.0
 
         def risen() -> bool:
@@ -87,10 +78,8 @@ def test_a_mesh_of_several_parts_carries_bodies_on_and_under_its_table(shared: P
     corners = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
     shared.publishers["terrain_mesh"].publish(mesh_message(np.concatenate([floor, table]), corners, stamp=shared.now()))
     shared.wait_for(lambda: shared.diagnostics("terrain")["tiles"] == "1")
-    box = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.5, 0.5, 0.2])
     for name, z in (("on", 1.3), ("under", 0.3)):
-        answer = shared.call("spawn_body", SpawnBody, id=name, shape=box, mass=1.0, pose=pose_message((2, 2, z)))
-        assert answer.success, answer.message
+        spawn(shared, name, (2, 2, z), shape=box(0.5, 0.5, 0.2))
 
     def rest() -> bool:
         heights = {body.id: body.pose.position.z for body in shared.latest("body_states").bodies}
@@ -110,15 +99,15 @@ def test_methods_that_a_mesh_does_not_allow_are_refused_and_named(
         shared.wait_for(lambda: shared.diagnostics("inputs").get(key) == "1")
         assert "use brute_force, ray_cast" in shared_node[1].output
         assert shared.diagnostics("terrain")["tiles"] == "0"
-        assert set_string(shared, "search.method", "brute_force").successful
+        assert set_parameters(shared, {"search.method": "brute_force"}).successful
         shared.publishers["terrain_mesh"].publish(mesh_message(sheared, TRIANGLES, stamp=shared.now()))
         shared.wait_for(lambda: shared.diagnostics("terrain")["tiles"] == "1")
-        refused = set_string(shared, "search.method", "best_first")
+        refused = set_parameters(shared, {"search.method": "best_first"})
         assert not refused.successful
         assert "brute_force" in refused.reason
-        assert not set_string(shared, "patch.kind", "whole_heightfield").successful
+        assert not set_parameters(shared, {"patch.kind": "whole_heightfield"}).successful
         shared.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=shared.now()))
-        shared.wait_for(lambda: set_string(shared, "search.method", "best_first").successful)
+        shared.wait_for(lambda: set_parameters(shared, {"search.method": "best_first"}).successful)
         folded = sheet()
         folded[100:110, 0] -= 3.0
         shared.publishers["terrain_mesh_update"].publish(update_message(shared, folded))
@@ -126,42 +115,29 @@ def test_methods_that_a_mesh_does_not_allow_are_refused_and_named(
 
 
 def test_bad_meshes_are_refused_and_the_last_one_stays(shared: Probe) -> None:
-    def bad_index() -> object:
-        return mesh_message(sheet(), [[0, 1, 600]], stamp=shared.now())
+    def mesh(vertices: Any = None, triangles: Any = TRIANGLES, **more: Any) -> Any:
+        return mesh_message(sheet() if vertices is None else vertices, triangles, stamp=shared.now(), **more)
 
-    def infinite() -> object:
-        return mesh_message(sheet() * np.inf, TRIANGLES, stamp=shared.now())
-
-    def no_triangle() -> object:
-        return mesh_message(sheet(), np.zeros((0, 3)), stamp=shared.now())
-
-    def short_velocities() -> object:
-        message = mesh_message(sheet(), TRIANGLES, stamp=shared.now())
+    def short_velocities() -> Any:
+        message = mesh()
         message.velocities = [Vector3()] * 5
         return message
 
-    def foreign() -> object:
-        return mesh_message(sheet(), TRIANGLES, frame_id="odom", stamp=shared.now())
-
-    shared.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=shared.now()))
+    meshes, updates = shared.publishers["terrain_mesh"], shared.publishers["terrain_mesh_update"]
+    meshes.publish(mesh())
     shared.wait_for(lambda: shared.diagnostics("terrain")["tiles"] == "1")
-    expected: dict[str, int] = {}
-    cases = [(bad_index, "index"), (infinite, "non_finite"), (no_triangle, "length")]
-    for make, reason in [*cases, (short_velocities, "length"), (foreign, "frame")]:
-        shared.publishers["terrain_mesh"].publish(make())
-        one_round(shared)
-        expected[f"refused, terrain_mesh: {reason}"] = expected.get(f"refused, terrain_mesh: {reason}", 0) + 1
-    for vertices, indices, reason in (
-        (sheet()[:5], None, "length"),
-        (sheet()[:2], [3, 3], "index"),
-        (sheet()[:1], [600], "index"),
-        (sheet()[:1] * np.nan, [1], "non_finite"),
-    ):
-        shared.publishers["terrain_mesh_update"].publish(update_message(shared, vertices, indices))
-        one_round(shared)
-        key = f"refused, terrain_mesh_update: {reason}"
-        expected[key] = expected.get(key, 0) + 1
-    shared.wait_for(lambda: all(shared.diagnostics("inputs").get(k) == str(v) for k, v in expected.items()))
+    cases: list[tuple[Any, str, Callable[[], Any]]] = [
+        (meshes, "index", lambda: mesh(triangles=[[0, 1, 600]])),
+        (meshes, "non_finite", lambda: mesh(sheet() * np.inf)),
+        (meshes, "length", lambda: mesh(triangles=np.zeros((0, 3)))),
+        (meshes, "length", short_velocities),
+        (meshes, "frame", lambda: mesh(frame_id="odom")),
+        (updates, "length", lambda: update_message(shared, sheet()[:5])),
+        (updates, "index", lambda: update_message(shared, sheet()[:2], [3, 3])),
+        (updates, "index", lambda: update_message(shared, sheet()[:1], [600])),
+        (updates, "non_finite", lambda: update_message(shared, sheet()[:1] * np.nan, [1])),
+    ]
+    require_refused(shared, cases)
     assert shared.diagnostics("terrain")["updates of ''"] == "0"
 
 

@@ -1,12 +1,13 @@
 """Messages written as bytes are what rclpy would have serialised."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import Point, Pose, Twist, Vector3
+from geometry_msgs.msg import Point, Quaternion, Twist, Vector3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
@@ -23,6 +24,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.node.fleet.peer_states import PeerReader
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
@@ -77,38 +79,8 @@ def assert_same(mine: bytes, reference: Any) -> None:
     assert len(mine) == len(serialised)
 
 
-@pytest.mark.parametrize("holes", [False, True])
-@pytest.mark.parametrize("count", [0, 1, 2, 3, 7, 40])
-def test_markers_equal_those_of_message_objects(count: int, holes: bool) -> None:
-    batches = batches_for(count, [0.2, 0.4, 0.9], holes)
-    names = [f"body_{index}" for index in range(count)]
-    mine = patch_outputs.PatchMarkers().write(HEADER, batches, names, 1)
-    received = deserialize_message(mine, MarkerArray)
-    # Rebuilt from what was received, so that every field that is not geometry is checked against its meaning ...
-    expected = MarkerArray()
-    for got in received.markers:
-        marker = Marker(header=HEADER, ns="patches", id=got.id, type=Marker.TRIANGLE_LIST, action=Marker.ADD)
-        marker.frame_locked = True  # shown in any Fixed Frame: RViz takes the newest transform, not that of the stamp
-        marker.scale = Vector3(x=1.0, y=1.0, z=1.0)
-        marker.color.r, marker.color.g, marker.color.b, marker.color.a = patch_outputs.COLOUR
-        marker.points = got.points
-        expected.markers.append(marker)
-    assert_same(mine, expected)
-    # ... and the geometry against the patches.
-    corners = {}
-    for batch in batches:
-        vertices = batch.vertices_w
-        for row, body in enumerate(batch.bodies.tolist()):
-            triangles = vertices[row][batch.triangles]
-            corners[body] = triangles[~np.isnan(triangles).any(axis=(1, 2))].reshape(-1, 3)
-    shown = {marker.id: np.array([(p.x, p.y, p.z) for p in marker.points]) for marker in received.markers}
-    assert shown.keys() == {body for body, points in corners.items() if len(points)}
-    for body, points in shown.items():
-        np.testing.assert_array_equal(points, corners[body])
-
-
-def test_patches_of_two_kinds_and_one_size_keep_their_own_vertices() -> None:
-    """They are written together: none may get the other's place or id."""
+def batches_of_two_kinds() -> list[PatchBatch]:
+    """Height fields and meshes of one size, which are written together."""
     rng = np.random.default_rng(5)
     heightmap = HeightMap(rng.normal(size=(60, 80)), resolution=0.25, origin=(1.0, -2.0, 0.3), yaw=0.4)
     batches: list[PatchBatch] = []
@@ -118,12 +90,31 @@ def test_patches_of_two_kinds_and_one_size_keep_their_own_vertices() -> None:
         made = batches_of(Terrain(heightmap), config, positions, np.full(9, 0.1))
         batches += [replace(batch, bodies=batch.bodies + 9 * (config.kind == "heightfield")) for batch in made]
     assert {(batch.kind, len(batch.triangles)) for batch in batches} == {("trimesh", 8), ("heightfield", 8)}
-    written = patch_outputs.PatchMarkers().write(HEADER, batches, [f"body_{index}" for index in range(18)], 1)
-    shown = {m.id: [(p.x, p.y, p.z) for p in m.points] for m in deserialize_message(written, MarkerArray).markers}
-    assert len(shown) == 18
-    for batch in batches:
+    return batches
+
+
+MADE = [partial(batches_for, count, [0.2, 0.4, 0.9], holes) for count in (0, 1, 2, 3, 7, 40) for holes in (False, True)]
+
+
+@pytest.mark.parametrize("make", [*MADE, batches_of_two_kinds])
+def test_markers_equal_those_of_message_objects(make: Callable[[], list[PatchBatch]]) -> None:
+    """Patches that are written together: none may get the other's place or id."""
+    expected = {}
+    for batch in (batches := make()):
         for body, vertices in zip(batch.bodies.tolist(), batch.vertices_w, strict=True):
-            np.testing.assert_array_equal(shown[body], vertices[batch.triangles].reshape(-1, 3))
+            triangles = vertices[batch.triangles]
+            marker = Marker(header=HEADER, ns="patches", id=body, type=Marker.TRIANGLE_LIST, action=Marker.ADD)
+            marker.frame_locked = True  # shown in any Fixed Frame: RViz takes the newest transform, not the stamp's
+            marker.scale = Vector3(x=1.0, y=1.0, z=1.0)
+            marker.color.r, marker.color.g, marker.color.b, marker.color.a = patch_outputs.COLOUR
+            corners = triangles[~np.isnan(triangles).any(axis=(1, 2))].reshape(-1, 3).tolist()
+            marker.points = [Point(**xyz(corner)) for corner in corners]
+            if corners:
+                expected[body] = marker
+    mine = patch_outputs.PatchMarkers().write(HEADER, batches, [f"body_{index}" for index in range(40)], 1)
+    order = [marker.id for marker in deserialize_message(mine, MarkerArray).markers]
+    assert sorted(order) == sorted(expected)
+    assert_same(mine, MarkerArray(markers=[expected[body] for body in order]))
 
 
 def test_a_body_that_goes_is_deleted_once_and_keeps_its_id_while_it_stays() -> None:
@@ -174,50 +165,43 @@ def test_collider_patches_equal_those_of_message_objects(bodies: list[str], carr
     assert_same(mine, ColliderPatchArray(header=HEADER, patches=[expected[name] for name in order]))
 
 
-def reversed_states(message: TrackedBodyArray) -> TrackedBodyArray:
-    """The same bodies with the states the other way round."""
-    bodies = zip(message.bodies, reversed(message.bodies), strict=True)
-    turned = [
-        TrackedBody(
-            id=a.id,
-            radius=a.radius,
-            pose=b.pose,
-            twist=b.twist,
-            shape=a.shape,
-            dimensions=a.dimensions,
-            centre=a.centre,
-            mass=a.mass,
+def message_of(states: StateTable) -> TrackedBodyArray:
+    gravity = np.array(PHYSICS.gravity, np.float32)
+    message = TrackedBodyArray(header=HEADER, ahead=0.25, rate=PHYSICS.rate, gravity=gravity)
+    for row, v in enumerate(states.numbers.tolist()):
+        body = TrackedBody(id=states.names[row], radius=states.radii[row], shape=int(states.kinds[row]))
+        body.dimensions, body.centre = (
+            values[row].astype(np.float32) for values in (states.dimensions, states.centres)
         )
-        for a, b in bodies
-    ]
-    return TrackedBodyArray(
-        header=HEADER, bodies=turned, ahead=message.ahead, rate=message.rate, gravity=message.gravity
-    )
+        body.mass = states.masses[row]
+        body.pose.position, body.pose.orientation = Point(**xyz(v[:3])), Quaternion(**xyz(v[3:6]), w=v[6])
+        body.twist = Twist(linear=Vector3(**xyz(v[7:10])), angular=Vector3(**xyz(v[10:13])))
+        message.bodies.append(body)
+    return message
 
 
 @settings(deadline=None, max_examples=60)
 @given(st.lists(st.tuples(names, st.floats(0.125, 100.0, width=32), st.tuples(*[numbers] * 9)), max_size=30))
-def test_body_states_equal_those_of_message_objects(rows: list[tuple[str, float, tuple[float, ...]]]) -> None:
+def test_body_states_equal_those_of_message_objects_and_peers_read_them(
+    rows: list[tuple[str, float, tuple[float, ...]]],
+) -> None:
     unit = (0.0, 0.6, 0.0, 0.8)
     table = np.array([(*v[0:3], *unit, *v[3:9]) for _, _, v in rows]).reshape(-1, 13)
     n, sizes, centre = len(rows), (0.5, 0.25, 0.125), (0.0, -0.5, 0.25)
     states = StateTable(
-        [name for name, _, _ in rows], table, np.array([radius for _, radius, _ in rows]),
+        [f"{row}{name}" for row, (name, _, _) in enumerate(rows)], table, np.array([radius for _, radius, _ in rows]),
         np.arange(n, dtype=np.uint8) % 5, np.tile(sizes, (n, 1)), np.tile(centre, (n, 1)), np.arange(1.0, n + 1.0),
     )  # fmt: skip
-    gravity = np.array(PHYSICS.gravity, np.float32)
-    expected = TrackedBodyArray(header=HEADER, ahead=0.25, rate=PHYSICS.rate, gravity=gravity)
-    for row, (name, radius, v) in enumerate(rows):
-        body = TrackedBody(id=name, radius=radius, pose=Pose(position=Point(**xyz(v[0:3]))))
-        body.shape, body.dimensions, body.mass = row % 5, np.array(sizes, np.float32), row + 1.0
-        body.centre = np.array(centre, np.float32)
-        body.pose.orientation.y, body.pose.orientation.w = 0.6, 0.8
-        body.twist = Twist(linear=Vector3(**xyz(v[3:6])), angular=Vector3(**xyz(v[6:9])))
-        expected.bodies.append(body)
-    writer = body_outputs.BodyStates()
-    assert_same(writer.write(HEADER, states, PHYSICS, 0.25), expected)
-    # Again into the same buffer, where the constant bytes are left as they are.
-    assert_same(writer.write(HEADER, states._replace(numbers=table[::-1]), PHYSICS, 0.25), reversed_states(expected))
+    writer, reader = body_outputs.BodyStates(), PeerReader()
+    # The second time into the same buffer, where the constant bytes are left as they are, and with known names.
+    for turned in (states, states._replace(numbers=table[::-1].copy())):
+        expected = message_of(turned)
+        assert_same(writer.write(HEADER, turned, PHYSICS, 0.25), expected)
+        read = reader.read(bytes(serialize_message(expected)), 1000, 64)
+        assert (read.sec, read.nanosec, read.frame_id) == (1234, 567890123, "some_map")
+        assert (read.ahead, read.rate, read.gravity) == (0.25, PHYSICS.rate, pytest.approx(PHYSICS.gravity))
+        for mine, theirs in zip(read.bodies, turned, strict=True):
+            np.testing.assert_array_equal(mine, theirs)
 
 
 @settings(deadline=None, max_examples=60)
@@ -228,13 +212,9 @@ def test_contacts_equal_those_of_message_objects(rows: list[tuple[str, tuple[flo
     received = deserialize_message(mine, ContactArray)
     messages = [
         Contact(
-            body_id=contact.body,
-            position=Point(**xyz(contact.position)),
-            normal=Vector3(**xyz(contact.normal)),
-            depth=contact.depth,
-            normal_force=contact.normal_force,
+            body_id=name, position=Point(**xyz(v[0:3])), normal=Vector3(**xyz(v[3:6])), depth=v[6], normal_force=v[7]
         )
-        for contact in contacts
+        for name, v in rows
     ]
     assert sorted(map(str, received.contacts)) == sorted(map(str, messages))
     assert_same(mine, received)
@@ -248,58 +228,52 @@ def changing_batches(turn: int, holes: bool, rng: np.random.Generator) -> list[P
     return batches
 
 
-@pytest.mark.parametrize("holes", [False, True])
-def test_changed_markers_alone_make_the_same_picture(holes: bool) -> None:
-    """A viewer that keeps markers by id sees after each incremental message what a full one would show it."""
-    writer, whole = patch_outputs.PatchMarkers(), patch_outputs.PatchMarkers()
-    names = [f"body_{index}" for index in range(20)]
-    seen: dict[int, Marker] = {}
-    rng = np.random.default_rng(3)
-    sizes = []
-    for turn in range(12):
-        batches = changing_batches(turn, holes, rng)
-        message = deserialize_message(writer.write(HEADER, batches, names, 1, only_changed=turn != 5), MarkerArray)
-        sizes.append(len(message.markers))
+def keep(known: dict[Any, Any], message: Any) -> None:
+    """What a viewer knows after a message: markers by id as RViz, patches by body as the message definition says."""
+    if isinstance(message, MarkerArray):
         for marker in message.markers:
-            seen.pop(marker.id, None)
+            known.pop(marker.id, None)
             if marker.action == Marker.ADD:
-                seen[marker.id] = marker
-        full = deserialize_message(whole.write(HEADER, batches, names, 1), MarkerArray).markers
-        assert seen == {marker.id: marker for marker in full if marker.action == Marker.ADD}
-    still = deserialize_message(writer.write(HEADER, batches, names, 1, only_changed=True), MarkerArray).markers
-    assert len(still) <= (20 if holes else 0), "nothing changed, so nothing is sent"
-    assert min(sizes) < max(sizes)
+                known[marker.id] = str(marker)
+        return
+    if not message.incremental:
+        assert not message.removed
+        known.clear()
+    for name in message.removed:
+        del known[name]
+    known.update((patch.body_id, str(patch)) for patch in message.patches)
 
 
 @pytest.mark.parametrize("holes", [False, True])
-def test_changed_collider_patches_alone_make_the_same_picture(holes: bool) -> None:
-    """Whoever keeps patches by body knows after each incremental message what a full one would tell."""
-    writer, whole = patch_outputs.ColliderPatches(), patch_outputs.ColliderPatches()
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [(patch_outputs.PatchMarkers, MarkerArray), (patch_outputs.ColliderPatches, ColliderPatchArray)],
+)
+def test_changes_alone_make_the_same_picture(kind: Any, message: Any, holes: bool) -> None:
+    """A viewer knows after each incremental message what a full one would tell it."""
     names = [f"body_{index}" for index in range(20)]
-    seen: dict[str, ColliderPatch] = {}
     rng = np.random.default_rng(3)
-    sizes = []
+
+    def written(writer: Any, batches: list[PatchBatch], turn: int, **options: Any) -> Any:
+        carry = [turn < 12] if message is ColliderPatchArray else []
+        data = writer.write(HEADER, batches, names, 1, *carry, **options)
+        made = deserialize_message(data, message)
+        assert len(data) == len(serialize_message(made))
+        return made
+
+    writer, seen, sizes = kind(), dict[Any, Any](), []
     for turn in range(16):
         batches = changing_batches(turn, holes, rng)
         if turn % 5 == 1:  # alike in shape, and of another speed or precision
             batches = [replace(batch, linear_w=batch.linear_w + rng.normal()) for batch in batches]
         if turn % 5 == 2:
             batches = [replace(batch, deviation=np.full(len(batch.bodies), rng.random())) for batch in batches]
-        carry = turn < 12
-        mine = writer.write(HEADER, batches, names, 1, carry, only_changed=turn not in (0, 5))
-        message = deserialize_message(mine, ColliderPatchArray)
-        assert len(mine) == len(serialize_message(message))
-        assert message.incremental == (turn not in (0, 5))
-        sizes.append(len(message.patches))
-        if not message.incremental:
-            assert not message.removed
-            seen = {}
-        for name in message.removed:
-            del seen[name]
-        seen.update({patch.body_id: patch for patch in message.patches})
-        full = deserialize_message(whole.write(HEADER, batches, names, 1, carry), ColliderPatchArray)
-        assert seen.keys() == {patch.body_id for patch in full.patches}
-        assert {name: str(patch) for name, patch in seen.items()} == {p.body_id: str(p) for p in full.patches}
-    still = writer.write(HEADER, batches, names, 1, carry, only_changed=True)
-    assert len(deserialize_message(still, ColliderPatchArray).patches) <= (20 if holes else 0), "nothing changed"
+        changes = written(writer, batches, turn, only_changed=turn not in (0, 5))
+        sizes.append(len(getattr(changes, "markers", None) or getattr(changes, "patches", [])))
+        keep(seen, changes)
+        whole: dict[Any, Any] = {}
+        keep(whole, written(kind(), batches, turn))
+        assert seen == whole
+    still = written(writer, batches, 15, only_changed=True)
+    assert len(getattr(still, "markers", [])) + len(getattr(still, "patches", [])) <= 20 * holes, "nothing changed"
     assert min(sizes) < max(sizes)

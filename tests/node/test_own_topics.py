@@ -6,17 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 from grid_map_msgs.msg import GridMap
-from smartmesh_msgs.srv import SpawnBody
 
-from smartmesh_ros.tools.testing import COLLIDER, Probe, pose_message
+from smartmesh_ros.tools.testing import COLLIDER, Probe
 from tests.grid_maps import grid_map_message
 from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
-from tests.node.shared import refusal_at_start
+from tests.node.shared import refusal_at_start, spawn
 from tests.node.test_presets import own_topics
 
 __all__ = ["stand_ins"]
 
-PRESET = Path(__file__).parents[2] / "config" / "elevation_mapping.yaml"
 ROVER = Path(__file__).parents[1] / "data" / "rover.urdf"
 # Where the centre of mass of the rover's root link rests on flat ground, and how much higher a test may find it [m].
 RESTING, HIGHEST = 0.10, 0.005
@@ -37,20 +35,17 @@ def flat_map(probe: Probe) -> GridMap:
     return grid_map_message({"elevation": np.zeros((60, 60))}, 0.1, stamp=probe.now())
 
 
-@pytest.mark.parametrize("set_up", ["launch file", "preset alone"])
 def test_a_spawned_robot_rests_beside_the_elevation_mapping_set_up(
-    probe: Probe, stand_ins: dict[str, type[Recorded]], set_up: str
+    probe: Probe, stand_ins: dict[str, type[Recorded]]
 ) -> None:
     """Under another name than the preset's tracked body. Nobody publishes the odometry of a real robot."""
-    arguments = launched(stand_ins) if set_up == "launch file" else ["--ros-args", "--params-file", str(PRESET), "--"]
-    topic = "/elevation_mapping/elevation_map" if set_up == "launch file" else "grid_map"
-    with probe.running(parameters={"bodies.urdf_folders": [str(ROVER.parent)]}, arguments=arguments) as process:
+    folders = {"bodies.urdf_folders": [str(ROVER.parent)]}
+    with probe.running(parameters=folders, arguments=launched(stand_ins)) as process:
         assert own_topics(probe) == set()
-        maps = probe.publisher(GridMap, topic)
+        maps = probe.publisher(GridMap, "/elevation_mapping/elevation_map")
         states = probe.received[f"{COLLIDER}/body_states"]
         probe.wait_for(lambda: maps.publish(flat_map(probe)) or probe.latest("body_states").header.frame_id)
-        pose = pose_message((0.0, 0.0, RESTING + 0.001))
-        assert probe.call("spawn_body", SpawnBody, id="mine", urdf=str(ROVER), pose=pose).success
+        spawn(probe, "mine", (0.0, 0.0, RESTING + 0.001), urdf=str(ROVER))
         seen: list[tuple[float, float]] = []  # stamps [s] and heights [m]
 
         def watched() -> bool:

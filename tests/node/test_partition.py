@@ -1,33 +1,215 @@
-"""A peer that the network cuts off, and that comes back."""
+"""The network between a node and one peer is cut, and joined again.
 
+Run in a network namespace of its own, which needs no privileges where user namespaces are allowed::
+
+    unshare --user --map-root-user --net python -m tests.node.test_partition --times 10
+
+The peer runs in a second namespace, at the other end of a virtual cable and without the others' shared memory, as on
+another machine; it publishes maps and listens to patches. Prints what was seen of each cut, as a line of JSON.
+"""
+
+from __future__ import annotations
+
+import argparse
 import json
+import os
 import shutil
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from time import monotonic
+from typing import Any
 
+import numpy as np
 import pytest
 
-from smartmesh_ros.tools.testing import TIMEOUT
+from smartmesh_ros.tools.testing import TIMEOUT, Probe
+from tests.node.shared import box, position_of, spawn
 
+MODULE = "tests.node.test_partition"
 NAMESPACES = ["unshare", "--user", "--map-root-user", "--net"]
+SETTINGS = {"terrain.motion": "hold", "patch.kind": "heightfield", "bodies.timeout": 60.0}
+# Peers that are not heard of for so long are given up [s]; 20 by default.
+LEASE = 8
+PROFILE = f"""<?xml version="1.0" encoding="UTF-8"?>
+<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+  <participant profile_name="short_lease" is_default_profile="true"><rtps><builtin><discovery_config>
+    <leaseDuration><sec>{LEASE}</sec></leaseDuration><leaseAnnouncement><sec>1</sec></leaseAnnouncement>
+  </discovery_config></builtin></rtps></participant>
+</profiles>
+"""
+
+
+def level(number: int) -> float:
+    """Height of the number-th map [m]: no two in a row are alike."""
+    return 0.001 * (number % 10)
+
+
+def peer() -> None:
+    """Publishes maps, and says how many markers it has received, until it is killed."""
+    probe = Probe()
+    number, due = 0, 0.0
+    while True:
+        probe.spin()
+        if monotonic() >= due:
+            due = monotonic() + 0.1
+            number += 1
+            probe.publish_map(np.full((50, 50), level(number)))
+            print(len(probe.received["/terrain_collider/patches"]), flush=True)
+
+
+class Cable:
+    """A virtual cable to a second namespace with the peer in it."""
+
+    def __init__(self) -> None:
+        for command in ("link set lo up", "link add here type veth peer name there", "link set here up",
+                        "address add 10.77.0.1/24 dev here"):  # fmt: skip
+            _ip(command)
+        self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115  # closed with the process
+        # Waits until its end of the cable is there: Fast DDS looks for interfaces once.
+        command = f"mount -t tmpfs none /dev/shm && read go && exec {sys.executable} -m {MODULE} --peer"
+        self.process = subprocess.Popen(
+            ["unshare", "--net", "--mount", "sh", "-c", command], stdin=subprocess.PIPE, stdout=self._log, text=True
+        )
+        here = Path("/proc/self/ns/net").readlink()
+        while Path(f"/proc/{self.process.pid}/ns/net").readlink() == here:
+            pass
+        _ip(f"link set there netns {self.process.pid}")
+        for command in ("link set lo up", "link set there up", "address add 10.77.0.2/24 dev there"):
+            self._ip_there(command)
+        assert self.process.stdin is not None
+        self.process.stdin.write("go\n")
+        self.process.stdin.close()
+
+    def cut(self) -> None:
+        self._ip_there("link set there down")
+
+    def join(self) -> None:
+        self._ip_there("link set there up")
+
+    def received(self) -> int:
+        """Markers that the peer has received."""
+        self._log.seek(0)
+        lines = self._log.read().splitlines()
+        return int(lines[-1]) if lines else 0
+
+    def _ip_there(self, command: str) -> None:
+        subprocess.run(["nsenter", "--net", "--target", str(self.process.pid), "ip", *command.split()], check=True)
+
+
+def _ip(command: str) -> None:
+    subprocess.run(["ip", *command.split()], check=True)
+
+
+@contextmanager
+def cable() -> Iterator[Cable]:
+    made = Cable()
+    try:
+        yield made
+    finally:
+        made.process.kill()
+        made.process.wait()
+
+
+def heights(probe: Probe) -> set[float]:
+    """Heights of all vertices of the newest patches [m]."""
+    return {round(float(z), 4) for points in probe.patches().values() for z in points[:, 2]}
+
+
+def cut_and_join(probe: Probe, link: Cable, *, past_lease: bool) -> dict[str, Any]:
+    """Cuts the cable until the node says that its map is old (``past_lease``: that nobody publishes maps), and joins it
+    again; asserts that the node goes on in between and afterwards."""
+    probe.wait_for(lambda: probe.diagnostics("terrain")["message"] == "maps arrive")
+    start, said = monotonic(), len(probe.received["/diagnostics"])
+    link.cut()
+    words = "nobody publishes maps" if past_lease else " s old"
+    terrain = probe.wait_for(lambda: words in (values := probe.diagnostics("terrain"))["message"] and values)
+    # On a busy machine the lease may have passed in the other case as well. A peer is heard of once a second.
+    if past_lease or monotonic() - start < LEASE - 1:
+        assert (terrain["publishers"] == "0") == past_lease, terrain
+
+    # The last good map stays, patches and bodies with it, and physics in real time.
+    kept, updates, got = heights(probe), terrain["updates of ''"], link.received()
+    assert len(kept) == 1, kept
+    assert min(abs(z - level(n)) for z in kept for n in range(10)) < 1e-6, kept
+    for _ in range(20):
+        assert heights(probe) == kept
+        assert abs(position_of(probe, "box")[2] - 0.2 - max(kept)) < 0.002
+    assert probe.diagnostics("terrain")["updates of ''"] == updates
+
+    def in_real_time() -> list[float] | None:
+        factors = [float(pair.value) for message in probe.received["/diagnostics"][said:] for status in message.status
+                   for pair in status.values if pair.key == "real-time factor"]  # fmt: skip
+        return factors if len(factors) > 2 and min(factors[-2:]) > 0.5 else None
+
+    # On this side a send waits for a peer that is not there as long as the kernel looks for it, unless told not to.
+    factors = probe.wait_for(in_real_time)
+    cut = monotonic() - start
+
+    link.join()
+    start = monotonic()
+    probe.wait_for(lambda: probe.diagnostics("terrain")["message"] == "maps arrive")
+    probe.wait_for(lambda: heights(probe) != kept)
+    probe.wait_for(lambda: link.received() > got)
+    inputs = probe.diagnostics("inputs")["message"]
+    assert inputs == "0 refused so far", inputs
+    return {"past_lease": past_lease, "cut_s": round(cut, 1), "back_after_s": round(monotonic() - start, 1),
+            "real_time_factors": [min(factors), float(np.median(factors))]}  # fmt: skip
 
 
 def cables_can_be_made() -> bool:
     """Whether network namespaces and virtual cables are to be had here."""
     if not all(shutil.which(name) for name in ("unshare", "nsenter", "ip")):
         return False
-    cable = [*NAMESPACES, "ip", "link", "add", "here", "type", "veth", "peer", "name", "there"]
-    return subprocess.run(cable, capture_output=True, check=False).returncode == 0
+    link = [*NAMESPACES, "ip", "link", "add", "here", "type", "veth", "peer", "name", "there"]
+    return subprocess.run(link, capture_output=True, check=False).returncode == 0
 
 
 @pytest.mark.skipif(not cables_can_be_made(), reason="needs user and network namespaces, and virtual cables (iproute2)")
 def test_a_peer_that_was_cut_off_is_heard_again() -> None:
     """Cut for less than the lease of peers, and for longer: the last map stays, is said to be old, and maps are taken
     and patches received again once the cable is joined."""
-    command = [*NAMESPACES, sys.executable, "-m", "tests.node.partition", "--times", "2"]
+    command = [*NAMESPACES, sys.executable, "-m", MODULE, "--times", "2"]
     root = Path(__file__).parents[2]
     result = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=8 * TIMEOUT, check=False)
     assert result.returncode == 0, result.stdout + result.stderr
     cuts = [json.loads(line) for line in result.stdout.splitlines() if line.startswith("{")]
     assert [cut["past_lease"] for cut in cuts] == [False, True]
+
+
+def main() -> None:
+    """Cuts as often as the command line says, half of them past the lease."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--times", type=int, default=2)
+    parser.add_argument("--peer", action="store_true")
+    arguments = parser.parse_args()
+    if arguments.peer:
+        peer()
+    with tempfile.NamedTemporaryFile("w", suffix=".xml") as profile:
+        profile.write(PROFILE)
+        profile.flush()
+        os.environ.pop("FASTDDS_BUILTIN_TRANSPORTS", None)
+        os.environ.update(
+            FASTRTPS_DEFAULT_PROFILES_FILE=profile.name, ROS_DOMAIN_ID="1", ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET"
+        )
+        with cable() as link:
+            run(link, arguments.times)
+
+
+def run(link: Cable, times: int) -> None:
+    """A node with a simulated box on the peer's map, cut off so many times."""
+    with Probe() as probe, probe.running(parameters=SETTINGS):
+        probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "2500")
+        spawn(probe, "box", (2.5, 2.5, 0.3), shape=box(0.4, 0.4, 0.4))
+        for topic in [topic for topic in probe.publishers if "heightmap" in topic or "terrain" in topic]:
+            probe.node.destroy_publisher(probe.publishers.pop(topic))  # so that the peer is the only one
+        probe.wait_for(link.received)
+        for number in range(times):
+            print(json.dumps(cut_and_join(probe, link, past_lease=bool(number % 2))), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from itertools import count
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +12,7 @@ import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from numpy.typing import NDArray
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Heightmap
-from smartmesh_msgs.srv import SpawnBody
 from std_srvs.srv import Trigger
 
 from smartmesh_ros.node.inputs.maps import MapChecks, Rivals
@@ -21,10 +21,10 @@ from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.scenes.moving import InwardWaves, Wave
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
+from smartmesh_ros.terrain.motion import Changes, MotionConfig
+from smartmesh_ros.tools.testing import Probe, Process, heightmap_message
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
-from tests.node.shared import changed, set_parameters
+from tests.node.shared import box, changed, position_of, set_parameters, spawn
 
 DEFAULTS = {spec.name: spec.default for spec in SPECS}
 GRID = GridGeometry(rows=21, columns=21, resolution=0.5)
@@ -147,27 +147,21 @@ def terrain_status(probe: Probe) -> DiagnosticStatus:
     return status
 
 
-class Log:
-    """What a logger was told."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def warning(self, line: str) -> None:
-        self.lines.append(line)
-
-
-def checked(maps: int, *, given: bool = False, motion: MotionConfig | None = None) -> tuple[MapChecks, Log]:
-    checks = MapChecks(log := Log())
-    for number in range(maps):
-        heightmap = HeightMap(of_mapper(number), geometry=GRID, time=0.1 * number, motion=motion)
-        checks.take("", heightmap, 0.1 * number, given=given)
-    return checks, log
-
-
-def test_maps_whose_velocities_are_given_and_corrections_are_not_doubted() -> None:
-    for checks, log in (checked(50, given=True), checked(50, motion=MotionConfig(changes="correction"))):
-        assert checks.warning == "" and not log.lines
+@pytest.mark.parametrize(
+    ("given", "changes", "doubted"),
+    [(False, "motion", True), (True, "motion", False), (False, "correction", False)],
+)
+def test_a_doubt_goes_with_its_tile_and_there_is_none_of_given_velocities_and_corrections(
+    given: bool, changes: Changes, doubted: bool
+) -> None:
+    lines: list[str] = []
+    checks = MapChecks(SimpleNamespace(warning=lines.append))
+    for number in range(50):
+        heightmap = HeightMap(of_mapper(number), geometry=GRID, motion=MotionConfig(changes=changes))
+        checks.take("east", heightmap, 0.1 * number, given=given)
+    assert ("tile 'east'" in checks.warning and ADVICE in checks.warning) == bool(lines) == doubted
+    checks.forget("east")
+    assert checks.warning == ""
 
 
 def test_a_map_that_was_overtaken_is_neither_taken_nor_refused(shared: Probe) -> None:
@@ -189,15 +183,9 @@ def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are(shared: Pro
     """The clock of the source was set back by an hour."""
     shared.publish_map(LEVEL, resolution=0.5)
     shared.wait_for(lambda: shared.diagnostics("terrain").get("updates of ''") == "1")
-    box = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.4, 0.4, 0.3])
-    spawned = shared.call("spawn_body", SpawnBody, id="box", mass=1.0, shape=box, pose=pose_message((5.0, 5.0, 0.3)))
-    assert spawned.success
+    spawn(shared, "box", (5.0, 5.0, 0.3), shape=box(0.4, 0.4, 0.3))
 
-    def place() -> tuple[float, float, float]:
-        [body] = shared.latest("body_states").bodies
-        p = body.pose.position
-        return p.x, p.y, p.z
-
+    place = partial(position_of, shared, "box")
     shared.wait_for(lambda: place()[2] < 0.152)
     back = Time(sec=shared.now().sec - 3600)
     shared.publish_map(LEVEL, resolution=0.5, stamp=back)

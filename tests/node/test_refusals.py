@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TrackedBody, TrackedB
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
 from smartmesh_ros.tools.testing import Probe, assert_on_map, floats, heightmap_message, pose_message
-from tests.node.shared import one_round
+from tests.node.shared import BALL, refusal_at_start, require_refused, spawn
 
 GOOD = np.random.default_rng(1).normal(size=(40, 30)) * 0.2
 
@@ -117,26 +118,11 @@ def test_every_bad_message_is_refused_counted_and_changes_nothing(probe: Probe) 
         key = "refused, heightmap_update: no_map"
         probe.wait_for(lambda: probe.diagnostics("inputs").get(key) == "1")
         good = probe.publish_map(GOOD)
-        ball = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
         probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "1200")
-        assert probe.call(
-            "spawn_body", SpawnBody, id="ball", shape=ball, mass=1.0, pose=pose_message((2, 2, 1))
-        ).success
-        before = probe.diagnostics("inputs")
-        expected: dict[str, int] = {}
-        for topic, reason, make in CASES:
-            probe.publishers[topic].publish(make(probe))
-            one_round(probe)
-            key = f"refused, {topic}: {reason}"
-            expected[key] = expected.get(key, int(before.get(key, 0))) + 1
-
-        def counted() -> bool:
-            values = probe.diagnostics("inputs")
-            return all(int(values.get(key, 0)) >= count for key, count in expected.items())
-
-        probe.wait_for(counted)
-        counts = {key: int(value) for key, value in probe.diagnostics("inputs").items() if key.startswith("refused")}
-        assert counts == expected | {"refused, heightmap_update: no_map": 1}
+        spawn(probe, "ball", (2, 2, 1))
+        require_refused(
+            probe, [(probe.publishers[topic], reason, partial(make, probe)) for topic, reason, make in CASES]
+        )
         # The last good map still carries the ball, and nothing but the ball is there.
         assert {patch.body_id for patch in probe.latest("collider_patches").patches} == {"ball"}
         for points in probe.patches().values():
@@ -153,9 +139,6 @@ def test_every_bad_message_is_refused_counted_and_changes_nothing(probe: Probe) 
         probe.wait_for(taken)
         for points in probe.patches().values():
             assert_on_map(points, better)
-
-
-SPHERE = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 
 
 @pytest.mark.parametrize(
@@ -177,7 +160,7 @@ SPHERE = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 def test_bad_spawns_are_answered_with_what_is_wrong(
     words: str, fields: dict[str, Any], spawner: Callable[..., Any]
 ) -> None:
-    response = spawner(**{"id": "new", "shape": SPHERE, "mass": 1.0, "pose": pose_message((0, 0, 1)), **fields})
+    response = spawner(**{"id": "new", "shape": BALL, "mass": 1.0, "pose": pose_message((0, 0, 1)), **fields})
     assert not response.success
     assert words in response.message
 
@@ -185,10 +168,43 @@ def test_bad_spawns_are_answered_with_what_is_wrong(
 @pytest.fixture(scope="module")
 def spawner(domain: int) -> Any:
     """Spawns bodies in one node that has a body ``ball``."""
-    probe = Probe()
-    with probe.running():
-        assert probe.call("spawn_body", SpawnBody, id="ball", shape=SPHERE, mass=1.0).success
+    with Probe() as probe, probe.running():
+        spawn(probe, "ball")
         yield lambda **fields: probe.call("spawn_body", SpawnBody, **fields)
         assert not probe.call("remove_body", RemoveBody, id="nobody").success
         assert [item.id for item in probe.latest("body_states").bodies] == ["ball"]
-    probe.close()
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"physics.rate": 0.0}, "physics.rate"),
+        ({"physics.rate": "fast"}, "physics.rate"),
+        ({"patch.kind": "jelly"}, "patch.kind"),
+        ({"physics.gravity": [0.0, 1.0]}, "gravity"),
+        ({"physics.gravity": [0, 0, -9.81]}, "[0.0, 0.0, -9.81]"),
+        ({"bodies.spawn": ["{id: a}", 3]}, "of the same type"),
+        ({"use_sim_time": 3}, "use_sim_time"),
+        ({"start_type_description_service": "yes"}, "start_type_description_service"),
+        ({"use_sim_time": True, "publish.clock": 10.0}, "use_sim_time"),
+        ({"bodies.poses": ["rover=/a b"]}, "rover=/a b"),
+        ({"bodies.poses": ["/a"], "bodies.odometry": ["a=/b"]}, "names body 'a' again"),
+        ({"bodies.odometry": ["x/y=/b"]}, "no '/' in the name"),
+        ({"bodies.peers": ["auto", "/a"]}, "alone"),
+        ({"bodies.peers": ["a"]}, "starts with '/'"),
+        ({"bodies.peers": ["/a b"]}, "bodies.peers has entry '/a b'"),
+        ({"terrain.input": "lidar"}, "choose one of heightmap, grid_map"),
+        ({"terrain.file": "/nowhere/map.npy"}, "there is no file /nowhere/map.npy"),
+        ({"raster.origin": [0.0, 0.0]}, "three finite numbers"),
+        ({"raster.resolution": 0.0}, "raster.resolution"),
+        ({"soil.type": "porridge"}, "there is no soil 'porridge'"),
+        ({"soil.type": "lunar", "patch.kind": "heightfield"}, "patch.kind"),
+        ({"soil.type": "lunar", "terrain.changes": "correction"}, "terrain.changes"),
+        # Of earlier versions, with what replaces them.
+        *[({name: 0.5}, f"{name} is gone: contacts from the map") for name in
+          ("patch.tolerance", "patch.edge_filter", "physics.landing")],
+        ({"bodies.longest_name": 20}, "at most 256 characters"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused_at_the_start(domain: int, parameters: dict[str, Any], words: str) -> None:
+    assert words in refusal_at_start(parameters)

@@ -6,27 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import SpawnBodies, SpawnBody
 from std_msgs.msg import String
 
 from smartmesh_ros.node.services.robot_files import robot_name
-from smartmesh_ros.tools.testing import Probe, pose_message
-from tests.node.shared import show_level_ground
+from smartmesh_ros.tools.testing import Probe
+from tests.node.shared import BALL, LATCHED, refusals, show_level_ground, spawn
 
 SHARED = {"bodies.urdf_folders": [tempfile.gettempdir()]}
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 LINK = (
     '<link name="{0}"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/>'
     "</inertial><collision><geometry>{1}</geometry></collision></link>"
 )
-BALL = '<sphere radius="0.1"/>'
-
-
-def sphere_message(radius: float) -> SolidPrimitive:
-    return SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[radius])
+BALL_XML = '<sphere radius="0.1"/>'
 
 
 def described(*parts: str) -> str:
@@ -34,12 +27,12 @@ def described(*parts: str) -> str:
 
 
 REFUSED = {
-    "two roots": (described(LINK.format("a", BALL), LINK.format("b", BALL)), "2 links have no parent"),
+    "two roots": (described(LINK.format("a", BALL_XML), LINK.format("b", BALL_XML)), "2 links have no parent"),
     "raw Xacro": (described(LINK.format("a", '<sphere radius="${radius}"/>')), "Xacro"),
     "Xacro elements": ("<robot><xacro:include/></robot>", "Xacro"),
     "a floating joint": (
         described(
-            LINK.format("a", BALL), LINK.format("b", BALL),
+            LINK.format("a", BALL_XML), LINK.format("b", BALL_XML),
             '<joint name="free" type="floating"><parent link="a"/><child link="b"/></joint>',
         ), "'free' is floating",
     ),
@@ -50,18 +43,13 @@ REFUSED = {
 }  # fmt: skip
 
 
-def refused(probe: Probe) -> int:
-    found = probe.diagnostics("inputs")
-    return sum(int(value) for key, value in found.items() if key.startswith("refused, robot_description: "))
-
-
 def test_a_refused_robot_changes_nothing_whichever_way_it_comes(probe: Probe, tmp_path: Path) -> None:
     """The robot of the topic stays, the refused name is free, and the node runs."""
     (tmp_path / "part.glb").write_bytes(b"glTF")
     with probe.running(parameters={"bodies.urdf_folders": [str(tmp_path)], "robot.name": "good"}) as process:
         topic = probe.publisher(String, "robot_description", LATCHED)
         show_level_ground(probe)
-        topic.publish(String(data=described(LINK.format("base", BALL))))
+        topic.publish(String(data=described(LINK.format("base", BALL_XML))))
 
         def names() -> list[str]:
             return [body.id for body in probe.latest("body_states").bodies]
@@ -71,24 +59,23 @@ def test_a_refused_robot_changes_nothing_whichever_way_it_comes(probe: Probe, tm
             urdf = text.replace("{folder}", str(tmp_path))
             answer = probe.call("spawn_body", SpawnBody, id="bad", urdf=urdf)
             assert not answer.success and words in answer.message, kind
-            ball = BodySpecification(id="bad_ball", mass=1.0, shape=sphere_message(0.1))
+            ball = BodySpecification(id="bad_ball", mass=1.0, shape=BALL)
             both = [ball, BodySpecification(id="bad", urdf=urdf)]
             batch = probe.call("spawn_bodies", SpawnBodies, bodies=both)
             assert [failure.id for failure in batch.failures] == ["bad"], kind
-            seen = refused(probe)
+            seen = refusals(probe)
             topic.publish(String(data=urdf))
-            probe.wait_for(lambda seen=seen: refused(probe) > seen)
+            probe.wait_for(lambda seen=seen: refusals(probe) > seen)
         assert names() == ["good"]
-        answer = probe.call("spawn_body", SpawnBody, id="bad", mass=1.0, shape=sphere_message(0.1))
-        assert answer.success, answer.message
+        spawn(probe, "bad")
         probe.wait_for(lambda: names() == ["good", "bad"])
         assert process.process.poll() is None
 
 
 def test_space_before_the_xml_declaration_is_skipped(shared: Probe) -> None:
-    text = "\n \n" + '<?xml version="1.0"?>' + described(LINK.format("a", BALL))
+    text = "\n \n" + '<?xml version="1.0"?>' + described(LINK.format("a", BALL_XML))
     assert robot_name(text) == "r"
-    assert shared.call("spawn_body", SpawnBody, id="by_service", urdf=text).success
+    spawn(shared, "by_service", urdf=text)
     shared.publisher(String, "robot_description", LATCHED).publish(String(data=text))
     show_level_ground(shared)
     shared.wait_for(lambda: {"by_service", "robot"} <= {body.id for body in shared.latest("body_states").bodies})
@@ -115,8 +102,7 @@ def test_the_packages_of_a_file_are_found_as_those_of_a_text(
     with probe.running(parameters=parameters) as process:
         show_level_ground(probe, 100)
         for name, urdf in (("text", text), ("path", str(file)), ("uri", f"file://{file}")):
-            answer = probe.call("spawn_body", SpawnBody, id=name, urdf=urdf, pose=pose_message((2.0, 2.0, 9.0)))
-            assert answer.success, answer.message
+            spawn(probe, name, (2.0, 2.0, 9.0), urdf=urdf)
         wanted = {"robot", "spawned", "text", "path", "uri"}
         probe.wait_for(lambda: {body.id for body in probe.latest("body_states").bodies} == wanted)
         (share / "my_robot/part.obj").rename(share / "my_robot/other.obj")
@@ -128,8 +114,7 @@ def test_the_packages_of_a_file_are_found_as_those_of_a_text(
 def test_the_physics_steps_while_a_robot_is_prepared_and_put_onto_the_ground(shared: Probe, tmp_path: Path) -> None:
     """Hulls of thousands of vertices take a second; the states of another body go on arriving meanwhile."""
     show_level_ground(shared, 100)
-    assert shared.call("spawn_body", SpawnBody, id="ball", mass=1.0, shape=sphere_message(0.2), on_ground=True,
-                       pose=pose_message((2.0, 2.0, 0.0))).success  # fmt: skip
+    spawn(shared, "ball", (2.0, 2.0, 0.0), on_ground=True)
     rng = np.random.default_rng(0)
     points = rng.normal(size=(6000, 3))
     points *= 0.2 / np.linalg.norm(points, axis=1, keepdims=True)

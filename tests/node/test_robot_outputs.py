@@ -5,18 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from simulation_interfaces.msg import Result
 from simulation_interfaces.srv import GetEntityBounds, GetEntityInfo, GetEntityState
-from smartmesh_msgs.msg import BodyDescriptionArray, ContactWrenchArray
-from smartmesh_msgs.srv import RemoveBody, SpawnBody
+from smartmesh_msgs.msg import BodyDescriptionArray
+from smartmesh_msgs.srv import RemoveBody
 
-from smartmesh_ros.tools.testing import Probe, Process, pose_message
-from tests.node.shared import show_level_ground
+from smartmesh_ros.tools.testing import Probe, Process
+from tests.node.shared import LATCHED, show_level_ground
+from tests.node.shared import spawn as spawn_body
 
 SHARED = {"simulation_interfaces": True, "frame_id": "map"}
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BOX = '<collision><geometry><box size="0.4 0.4 0.2"/></geometry></collision>'
 LIDAR = '<link name="lidar"/><joint name="j" type="fixed"><parent link="base"/><child link="lidar"/></joint>'
 
@@ -39,11 +38,7 @@ STIFF = {
 
 
 def spawn(probe: Probe, name: str, links: str, x: float = 2.0, **more: Any) -> None:
-    answer = probe.call(
-        "spawn_body", SpawnBody, id=name, urdf=f'<robot name="r">{links}</robot>', pose=pose_message((x, 2.0, 0.1)),
-        **more,
-    )  # fmt: skip
-    assert answer.success, answer.message
+    spawn_body(probe, name, (x, 2.0, 0.1), urdf=f'<robot name="r">{links}</robot>', **more)
 
 
 @pytest.mark.parametrize("kinds", [*([kind] for kind in STIFF), list(STIFF)])
@@ -52,8 +47,6 @@ def test_robots_that_cannot_move_their_links_are_published(
 ) -> None:
     show_level_ground(shared)
     described = shared.listen("body_descriptions", BodyDescriptionArray, LATCHED)
-    for kind, topic in ((JointState, "joint_states"), (Odometry, "odometry"), (ContactWrenchArray, "contact_wrenches")):
-        shared.listen(topic, kind)
     for place, kind in enumerate(kinds):
         spawn(shared, kind, STIFF[kind], 0.5 + place)
     assert shared_node[1].process.poll() is None

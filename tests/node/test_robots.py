@@ -1,7 +1,6 @@
 """Robots over real DDS: described, driven, and reported, against mechanics."""
 
 import math
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,48 +8,26 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_msgs.msg import Pose, Quaternion, Twist, Vector3
-from nav_msgs.msg import Odometry
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
-from smartmesh_msgs.msg import ContactWrenchArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.tools.testing import Probe, Process, pose_message
-from tests.node.shared import changed
+from tests.node.shared import LATCHED, changed, refusals, require_refused, spawn
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
 RADIUS = 0.15  # of the wheels [m]
 WEIGHT = 14.0 * 9.81  # of the rover [N]
 WHEELS = ["front_left", "front_right", "rear_left", "rear_right"]
 SHARED = {"frame_id": "map", "bodies.urdf_folders": [str(ROVER.parent)]}
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 YAW = 2.1
-
-
-def listen(probe: Probe) -> None:
-    """Subscribes to what the node says of robots."""
-    for kind, topic in (
-        (JointState, "joint_states"),
-        (Odometry, "odometry"),
-        (ContactWrenchArray, "contact_wrenches"),
-    ):
-        probe.listen(topic, kind)
-
-
-def start(probe: Probe, height: float = 0.25, **more: Any) -> dict[str, Any]:
-    """Parameters of a node with the rover standing on its map; subscribes to what it says of robots."""
-    listen(probe)
-    return {
-        "robot.description": str(ROVER),
-        "robot.name": "rover",
-        "robot.xy": [4.0, 4.0],
-        "robot.above": height,
-        "robot.yaw": YAW,
-        **more,
-    }
+# Of a node with the rover standing on its map.
+STANDING = {
+    "robot.description": str(ROVER), "robot.name": "rover", "robot.xy": [4.0, 4.0], "robot.above": 0.25,
+    "robot.yaw": YAW,
+}  # fmt: skip
 
 
 def settle(probe: Probe) -> None:
@@ -63,7 +40,6 @@ def settle(probe: Probe) -> None:
 
 def settle_spawned(probe: Probe) -> None:
     """The same in the shared node, by a call."""
-    listen(probe)
     pose = Pose(position=pose_message((4.0, 4.0, 0.3)).position)
     pose.orientation = Quaternion(z=math.sin(0.5 * YAW), w=math.cos(0.5 * YAW))
     assert probe.call("spawn_body", SpawnBody, id="rover", urdf=str(ROVER), pose=pose).success
@@ -90,6 +66,12 @@ def turning(message: JointState) -> bool:
     return min(message.velocity) > 0.01
 
 
+def refused_joints(probe: Probe, publisher: Any, bad: list[tuple[str, dict[str, Any]]]) -> None:
+    """Publishes commands, each of which must be refused for its reason."""
+    messages = [(reason, JointState(**{"name": WHEELS, **fields})) for reason, fields in bad]
+    require_refused(probe, [(publisher, reason, lambda sent=sent: sent) for reason, sent in messages])
+
+
 def joints(probe: Probe) -> tuple[np.ndarray, np.ndarray]:
     message = probe.latest("joint_states")
     assert message.name == WHEELS, "one robot: names as in its URDF"
@@ -98,7 +80,7 @@ def joints(probe: Probe) -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_rover_rolls_as_far_as_its_wheels_turn(probe: Probe) -> None:
     """Paused and stepped, so that positions belong together whatever the machine's load."""
-    with probe.running(parameters=start(probe)):
+    with probe.running(parameters=STANDING):
         settle(probe)
         publisher = probe.publisher(JointState, "joint_commands")
         command(probe, publisher, turning, velocity=[4.0] * 4)
@@ -153,7 +135,6 @@ def test_the_ground_carries_the_weight_where_the_centre_of_mass_is(shared: Probe
 def test_the_twist_of_odometry_is_in_the_frame_of_the_turned_base(shared: Probe) -> None:
     """Its linear part is that of the base's frame, which is not where the centre of mass is."""
     with changed(shared, {"physics.gravity": [0.0, 0.0, 0.0]}):
-        listen(shared)
         assert shared.call("pause", SetBool, data=True).success
         pose = Pose(position=pose_message((1.0, 2.0, 3.0)).position)
         pose.orientation = Quaternion(z=math.sin(math.pi / 4), w=math.cos(math.pi / 4))  # faces +y
@@ -168,7 +149,7 @@ def test_the_twist_of_odometry_is_in_the_frame_of_the_turned_base(shared: Probe)
         p = found.pose.pose.position
         assert (p.x, p.y, p.z) == pytest.approx((1.0, 2.0 - 0.1, 3.0 + 0.05), abs=1e-6)
         # The names of a second robot carry its name, and those of the first stay. Each has its odometry.
-        assert shared.call("spawn_body", SpawnBody, id="other", urdf=str(ROVER), pose=pose_message((9, 9, 9))).success
+        spawn(shared, "other", (9, 9, 9), urdf=str(ROVER))
         shared.wait_for(lambda: len(shared.latest("joint_states").name) == 8)
         assert shared.latest("joint_states").name == [*WHEELS, *(f"other/{joint}" for joint in WHEELS)]
         # The probe handles messages that arrive together at once, so that the latest may always be the rover's.
@@ -177,33 +158,6 @@ def test_the_twist_of_odometry_is_in_the_frame_of_the_turned_base(shared: Probe)
         shared.wait_for(lambda: "other/base_link" in {message.child_frame_id for message in received})
         assert shared.call("remove_body", RemoveBody, id="other").success
         shared.wait_for(lambda: shared.latest("joint_states").name == WHEELS)
-
-
-def test_tracks_are_driven_by_joint_commands_under_their_names(shared: Probe) -> None:
-    """Before and after a reset; joint states, which tell only of joints, have no name."""
-    listen(shared)
-    shared.publish_map(np.zeros((101, 101)))
-    pose = pose_message((3.0, 5.0, 0.0))
-    asked = {"id": "machine", "urdf": robot_file().read_text(), "pose": pose, "on_ground": True}
-    shared.wait_for(lambda: shared.call("spawn_body", SpawnBody, **asked).success)
-    assert shared.call("pause", SetBool, data=True).success
-    publisher = shared.publisher(JointState, "joint_commands")
-
-    def twist() -> Twist:
-        return shared.latest("odometry").twist.twist
-
-    def drives() -> bool:
-        publisher.publish(JointState(name=["left_track", "right_track"], velocity=[0.3, 0.5]))
-        step(shared, 1)
-        return bool(twist().linear.x > 0.05)
-
-    shared.wait_for(drives)
-    for _ in range(2):
-        step(shared, 120)
-        assert twist().linear.x == pytest.approx(0.4, rel=0.03)
-        assert twist().angular.z == pytest.approx(0.2, rel=0.1)
-        assert shared.call("reset", Trigger).success
-    assert not shared.latest("joint_states").name
 
 
 def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(
@@ -224,10 +178,7 @@ def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(
         ("non_finite", {"position": [0.0, 0.0, 0.0, math.inf]}),
         ("joint_command", {"velocity": [0.0] * 4, "effort": [1.0, 1.0, 1.0, -1.0]}),
     ]
-    for _, fields in bad:
-        publisher.publish(JointState(**{"name": WHEELS, **fields}))
-    counts = Counter(f"refused, joint_commands: {reason}" for reason, _ in bad)
-    probe.wait_for(lambda: counts.items() <= {k: int(v) for k, v in inputs(probe).items()}.items())
+    refused_joints(probe, publisher, bad)
     assert "1 of 4 joints are unknown: 'flux'" in process.output
     assert "rover/front_left, rover/front_right" in process.output
     step(probe, 240)
@@ -236,19 +187,51 @@ def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(
     command(probe, publisher, lambda m: list(m.effort) == [0.0] * 4, name=names)
 
 
+def test_tracks_are_driven_by_joint_commands_under_their_names(shared: Probe) -> None:
+    """Before and after a reset; joint states, which tell only of joints, have no name."""
+    shared.publish_map(np.zeros((101, 101)))
+    pose = pose_message((3.0, 5.0, 0.0))
+    asked = {"id": "machine", "urdf": robot_file().read_text(), "pose": pose, "on_ground": True}
+    shared.wait_for(lambda: shared.call("spawn_body", SpawnBody, **asked).success)
+    assert shared.call("pause", SetBool, data=True).success
+    publisher = shared.publisher(JointState, "joint_commands")
+
+    def twist() -> Twist:
+        return shared.latest("odometry").twist.twist
+
+    def drives() -> bool:
+        publisher.publish(JointState(name=["left_track", "right_track"], velocity=[0.3, 0.5]))
+        step(shared, 1)
+        return bool(twist().linear.x > 0.05)
+
+    shared.wait_for(drives)
+    tracks = ["left_track", "right_track"]
+    bad: list[tuple[str, dict[str, Any]]] = [
+        ("unknown_joint", {"name": ["left_track", "middle_track"], "velocity": [1.0, 1.0]}),
+        ("non_finite", {"name": tracks, "velocity": [1.0, math.inf]}),
+        ("joint_command", {"name": tracks, "velocity": [1.0, math.nan], "position": [math.nan, 1.0]}),
+        ("joint_command", {"name": tracks, "velocity": [1.0, 1.0], "effort": [math.nan, 1.0]}),
+        ("joint_command", {"name": tracks}),
+        ("duplicate_id", {"name": ["left_track", "machine/left_track"], "velocity": [1.0, 1.0]}),
+    ]
+    refused_joints(shared, publisher, bad)
+    for _ in range(2):
+        step(shared, 120)
+        assert twist().linear.x == pytest.approx(0.4, rel=0.03)
+        assert twist().angular.z == pytest.approx(0.2, rel=0.1)
+        assert shared.call("reset", Trigger).success
+    assert not shared.latest("joint_states").name
+
+
 def test_a_latched_description_is_a_robot_that_later_ones_replace(probe: Probe) -> None:
     text = ROVER.read_text()
     publisher = probe.node.create_publisher(String, "/terrain_collider/robot_description", LATCHED)
     publisher.publish(String(data=text))  # before there is a node
-    with probe.running(parameters={**start(probe), "robot.description": ""}):
+    with probe.running(parameters={**STANDING, "robot.description": ""}):
         settle(probe)
         mine, heavy = probe.latest("odometry").pose.pose.position, text.replace('"10.0"', '"20.0"')
-        elsewhere = text.replace("<geometry>", '<geometry><mesh filename="package://no_such_pkg/m.stl"/>', 1)
-        ghost = '<robot name="r"><link name="ghost"/></robot>'
-        for bad in (str(ROVER), "<sdf/>", ghost, elsewhere):
-            seen = refused(probe)
-            publisher.publish(String(data=bad))
-            probe.wait_for(lambda seen=seen: refused(probe) > seen)
+        publisher.publish(String(data=str(ROVER)))  # what else is refused: test_robot_descriptions.py
+        probe.wait_for(lambda: refusals(probe))
         assert probe.latest("joint_states").name == WHEELS
         assert probe.latest("odometry").pose.pose.position == mine
         publisher.publish(String(data=heavy))
@@ -261,11 +244,3 @@ def test_a_latched_description_is_a_robot_that_later_ones_replace(probe: Probe) 
         probe.wait_for(heavier)
         there = probe.latest("odometry").pose.pose.position
         assert (there.x, there.y) == pytest.approx((mine.x, mine.y), abs=0.02), "where the first one was"
-
-
-def inputs(probe: Probe) -> dict[str, str]:
-    return {key: value for key, value in probe.diagnostics("inputs").items() if key.startswith("refused, ")}
-
-
-def refused(probe: Probe) -> int:
-    return sum(int(value) for key, value in inputs(probe).items() if key.startswith("refused, robot_description: "))

@@ -7,15 +7,14 @@ import numpy as np
 import pybullet_data
 import pytest
 from geometry_msgs.msg import PoseArray
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, pose_message
+from tests import robot_urdfs
+from tests.node.shared import BALL, spawn
 
-SPHERE = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
-BOX = '<collision><geometry><box size="0.3 0.3 0.2"/></geometry></collision>'
-INERTIA = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
-ROBOT = f'<robot name="r"><link name="a">{INERTIA}{BOX}</link></robot>'
+SIZE = (0.3, 0.3, 0.2)
+ROBOT = f'<robot name="r">{robot_urdfs.link("a", 1.0, SIZE, robot_urdfs.box(SIZE))}</robot>'
 
 
 def test_services_open_no_file_outside_the_folders(probe: Probe, tmp_path: Path) -> None:
@@ -33,8 +32,8 @@ def test_services_open_no_file_outside_the_folders(probe: Probe, tmp_path: Path)
             response = probe.call("spawn_body", SpawnBody, id=f"robot_{number}", urdf=urdf)
             assert not response.success, urdf
             assert "outside the allowed folders" in response.message
-        assert probe.call("spawn_body", SpawnBody, id="good", urdf=str(allowed / "robot.urdf")).success
-        assert probe.call("spawn_body", SpawnBody, id="text", urdf=ROBOT).success
+        spawn(probe, "good", urdf=str(allowed / "robot.urdf"))
+        spawn(probe, "text", urdf=ROBOT)
 
 
 def test_sizes_are_capped_by_parameters(probe: Probe) -> None:
@@ -56,7 +55,7 @@ def test_sizes_are_capped_by_parameters(probe: Probe) -> None:
         probe.publish_map(np.zeros((10, 10)), tile="x" * 257, origin=(99.0, 0.0, 0.0))
         probe.wait_for(lambda: probe.diagnostics("inputs").get(refused) == "3")
         # Names and descriptions.
-        spawn = {"shape": SPHERE, "mass": 1.0, "pose": pose_message((1, 1, 1))}
+        spawn = {"shape": BALL, "mass": 1.0, "pose": pose_message((1, 1, 1))}
         assert "at most 256" in probe.call("spawn_body", SpawnBody, id="x" * 257, **spawn).message
         long = ROBOT.replace("<link", " " * 1000 + "<link", 1)
         assert "bytes" in probe.call("spawn_body", SpawnBody, id="long", urdf=long).message
@@ -76,20 +75,14 @@ def test_sizes_are_capped_by_parameters(probe: Probe) -> None:
 def test_security_that_is_not_to_be_had_stops_the_start(domain: int, tmp_path: Path, strategy: str) -> None:
     """No node runs in the clear where security was asked for. The wheels' Fast DDS is built without it."""
     (tmp_path / "enclaves").mkdir()
-    process = Process(
-        "terrain_collider",
-        environment={
-            "ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": strategy, "ROS_SECURITY_KEYSTORE": str(tmp_path),
-        },
-    )  # fmt: skip
-    try:
+    asked = {"ENABLE": "true", "STRATEGY": strategy, "KEYSTORE": str(tmp_path)}
+    environment = {f"ROS_SECURITY_{name}": value for name, value in asked.items()}
+    with Process("terrain_collider", environment=environment) as process:
         if strategy == "Permissive" and not _ends(process):
             pytest.skip("this middleware has DDS security, and permits what has no keys")
         assert process.process.wait(TIMEOUT) == 2
         assert "ROS_SECURITY_ENABLE" in process.output
         assert "Traceback" not in process.output
-    finally:
-        process.close()
 
 
 def _ends(process: Process) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, Twist, Vector3
+from simulation_interfaces import srv
 from simulation_interfaces.msg import (
     Bounds,
     EntityCategory,
@@ -20,22 +21,6 @@ from simulation_interfaces.msg import (
     SpawnResult,
 )
 from simulation_interfaces.msg import SpawnEntity as Wanted
-from simulation_interfaces.srv import (
-    DeleteEntity,
-    GetEntities,
-    GetEntitiesStates,
-    GetEntityBounds,
-    GetEntityInfo,
-    GetEntityState,
-    GetSimulationState,
-    GetSimulatorFeatures,
-    ResetSimulation,
-    SetEntityState,
-    SetSimulationState,
-    SpawnEntities,
-    SpawnEntity,
-    StepSimulation,
-)
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.services.simulation_services import _urdf_of
@@ -52,27 +37,32 @@ SHARED = {
 }
 
 
+def ask(probe: Probe, service: str, **fields: Any) -> Any:
+    """Calls one of the standard services by its name."""
+    return probe.call(service, getattr(srv, service.title().replace("_", "")), **fields)
+
+
 def state(probe: Probe) -> int:
-    return int(probe.call("get_simulation_state", GetSimulationState).state.state)
+    return int(ask(probe, "get_simulation_state").state.state)
 
 
 def set_state(probe: Probe, wanted: int) -> int:
-    result = probe.call("set_simulation_state", SetSimulationState, state=SimulationState(state=wanted)).result
+    result = ask(probe, "set_simulation_state", state=SimulationState(state=wanted)).result
     return int(result.result)
 
 
 def spawn(probe: Probe, **fields: Any) -> Any:
-    return probe.call("spawn_entity", SpawnEntity, **fields)
+    return ask(probe, "spawn_entity", **fields)
 
 
 def entities(probe: Probe, **filters: Any) -> list[str]:
-    answer = probe.call("get_entities", GetEntities, filters=EntityFilters(**filters))
+    answer = ask(probe, "get_entities", filters=EntityFilters(**filters))
     assert answer.result.result == OK, answer.result.error_message
     return list(answer.entities)
 
 
 def pose_of(probe: Probe, name: str) -> tuple[float, float, float]:
-    answer = probe.call("get_entity_state", GetEntityState, entity=name)
+    answer = ask(probe, "get_entity_state", entity=name)
     assert answer.result.result == OK, answer.result.error_message
     assert answer.state.header.frame_id == "map"
     p = answer.state.pose.position
@@ -88,13 +78,13 @@ def placed(x: float, y: float, z: float, frame: str = "") -> PoseStamped:
 @pytest.fixture
 def started(shared: Probe) -> Probe:
     """The shared node, as if it had been started again: earlier tests took its body ``ball`` away."""
-    scope = ResetSimulation.Request.SCOPE_DEFAULT
-    assert shared.call("reset_simulation", ResetSimulation, scope=scope).result.result == OK
+    scope = srv.ResetSimulation.Request.SCOPE_DEFAULT
+    assert ask(shared, "reset_simulation", scope=scope).result.result == OK
     return shared
 
 
 def test_entities_come_move_and_go(started: Probe) -> None:
-    r = SpawnEntity.Response
+    r = srv.SpawnEntity.Response
     assert set_state(started, SimulationState.STATE_PAUSED) == OK
     answer = spawn(started, uri=f"file://{ROVER}", name="truck", initial_pose=placed(1.0, 2.0, 3.0, "map"))
     assert (answer.result.result, answer.entity_name) == (OK, "truck"), answer.result.error_message
@@ -127,25 +117,25 @@ def test_entities_come_move_and_go(started: Probe) -> None:
 
     moved = EntityState(pose=pose_message((3.0, 4.0, 5.0)), twist=Twist(linear=Vector3(x=1.5)))
     moved.pose.orientation.z, moved.pose.orientation.w = math.sin(0.5), math.cos(0.5)
-    assert started.call("set_entity_state", SetEntityState, entity="rover", state=moved).result.result == OK
+    assert ask(started, "set_entity_state", entity="rover", state=moved).result.result == OK
     assert pose_of(started, "rover") == pytest.approx((3.0, 4.0, 5.0), abs=1e-6)
-    twist = started.call("get_entity_state", GetEntityState, entity="rover").state.twist
+    twist = ask(started, "get_entity_state", entity="rover").state.twist
     assert (twist.linear.x, twist.linear.y) == pytest.approx((1.5, 0.0), abs=1e-6)
     moved.pose.position.x = math.nan
-    refused = started.call("set_entity_state", SetEntityState, entity="rover", state=moved).result
-    assert refused.result == SetEntityState.Response.INVALID_POSE
+    refused = ask(started, "set_entity_state", entity="rover", state=moved).result
+    assert refused.result == srv.SetEntityState.Response.INVALID_POSE
     assert pose_of(started, "rover") == pytest.approx((3.0, 4.0, 5.0), abs=1e-6)
 
-    assert started.call("delete_entity", DeleteEntity, entity="truck").result.result == OK
-    assert started.call("delete_entity", DeleteEntity, entity="truck").result.result == Result.RESULT_NOT_FOUND
-    gone = started.call("get_entity_state", GetEntityState, entity="truck").result
+    assert ask(started, "delete_entity", entity="truck").result.result == OK
+    assert ask(started, "delete_entity", entity="truck").result.result == Result.RESULT_NOT_FOUND
+    gone = ask(started, "get_entity_state", entity="truck").result
     assert (gone.result, "truck" in gone.error_message) == (Result.RESULT_NOT_FOUND, True)
     assert entities(started) == ["ball", "rover", "rover_1"]
 
 
 def test_many_entities_come_by_one_call_and_are_described(started: Probe) -> None:
     set_state(started, SimulationState.STATE_PAUSED)
-    features = started.call("get_simulator_features", GetSimulatorFeatures).features.features
+    features = ask(started, "get_simulator_features").features.features
     f = SimulatorFeatures
     assert {f.SPAWNING_ENTITIES, f.ENTITY_BOUNDS, f.ENTITY_INFO_GETTING} <= set(features)
     assert f.SPAWNABLES not in features
@@ -154,27 +144,27 @@ def test_many_entities_come_by_one_call_and_are_described(started: Probe) -> Non
         Wanted(name=name, entity_resource=resource, initial_pose=placed(x, 2.0, 3.0))
         for name, resource, x in (("a", text, 5.0), ("a", text, 6.0), ("b", Resource(uri=str(ROVER)), 7.0))
     ]
-    answer = started.call("spawn_entities", SpawnEntities, spawn_requests=wanted)
-    assert answer.result.result == SpawnEntities.Response.ENTITIES_SPAWN_FAILED
+    answer = ask(started, "spawn_entities", spawn_requests=wanted)
+    assert answer.result.result == srv.SpawnEntities.Response.ENTITIES_SPAWN_FAILED
     assert [one.result.result for one in answer.results] == [OK, SpawnResult.NAME_NOT_UNIQUE, OK]
     assert [one.entity_name for one in answer.results] == ["a", "", "b"]
     last = Wanted(name="c", entity_resource=text, initial_pose=placed(9.0, 2.0, 3.0))
-    assert started.call("spawn_entities", SpawnEntities, spawn_requests=[last]).result.result == OK
+    assert ask(started, "spawn_entities", spawn_requests=[last]).result.result == OK
 
-    states = started.call("get_entities_states", GetEntitiesStates, filters=EntityFilters(filter="^[ab]$"))
+    states = ask(started, "get_entities_states", filters=EntityFilters(filter="^[ab]$"))
     assert (states.result.result, states.entities) == (OK, ["a", "b"])
     assert [state.pose.position.x for state in states.states] == pytest.approx([5.0, 7.0], abs=1e-6)
-    bounds = started.call("get_entity_bounds", GetEntityBounds, entity="ball").bounds
+    bounds = ask(started, "get_entity_bounds", entity="ball").bounds
     high, low = ((point.x, point.y, point.z) for point in bounds.points)
     assert bounds.type == Bounds.TYPE_BOX
     assert (high, low) == (pytest.approx((0.2, 0.2, 0.2)), pytest.approx((-0.2, -0.2, -0.2)))
-    infos = [started.call("get_entity_info", GetEntityInfo, entity=name).info for name in ("a", "ball")]
+    infos = [ask(started, "get_entity_info", entity=name).info for name in ("a", "ball")]
     assert [info.category.category for info in infos] == [
         EntityCategory.CATEGORY_ROBOT,
         EntityCategory.CATEGORY_OBJECT,
     ]
-    for service, kind in (("get_entity_bounds", GetEntityBounds), ("get_entity_info", GetEntityInfo)):
-        assert started.call(service, kind, entity="nobody").result.result == Result.RESULT_NOT_FOUND
+    for service in ("get_entity_bounds", "get_entity_info"):
+        assert ask(started, service, entity="nobody").result.result == Result.RESULT_NOT_FOUND
 
 
 def test_entities_are_filtered_by_name_and_place(started: Probe) -> None:
@@ -199,33 +189,33 @@ def test_entities_are_filtered_by_name_and_place(started: Probe) -> None:
             (Result.RESULT_OPERATION_FAILED, {"bounds": Bounds(type=Bounds.TYPE_SPHERE)}),
             (Result.RESULT_OPERATION_FAILED, {"filter": "("}),
         ):
-            answer = started.call("get_entities", GetEntities, filters=EntityFilters(**filters))
+            answer = ask(started, "get_entities", filters=EntityFilters(**filters))
             assert answer.result.result == code
 
 
 def test_a_reset_has_the_scope_that_is_asked_for(started: Probe) -> None:
     def reset(scope: int) -> None:
-        assert started.call("reset_simulation", ResetSimulation, scope=scope).result.result == OK
+        assert ask(started, "reset_simulation", scope=scope).result.result == OK
 
     with changed(started, {"bodies.timeout": 600.0}):
         set_state(started, SimulationState.STATE_PAUSED)
         spawn(started, uri=str(ROVER), name="rover", initial_pose=placed(5.0, 2.0, 9.0))
         started.publish_bodies({"guest": (1.0, 1.0, 1.0)})
         started.wait_for(lambda: "guest" in entities(started))
-        dictated = started.call("set_entity_state", SetEntityState, entity="guest", state=EntityState()).result
+        dictated = ask(started, "set_entity_state", entity="guest", state=EntityState()).result
         assert (dictated.result, "dictated" in dictated.error_message) == (Result.RESULT_OPERATION_FAILED, True)
-        started.call("step_simulation", StepSimulation, steps=48)
+        ask(started, "step_simulation", steps=48)
         low = pose_of(started, "ball")[2]
         assert low < 8.9
-        reset(ResetSimulation.Request.SCOPE_TIME)
+        reset(srv.ResetSimulation.Request.SCOPE_TIME)
         assert pose_of(started, "ball")[2] == low
-        reset(ResetSimulation.Request.SCOPE_STATE)
+        reset(srv.ResetSimulation.Request.SCOPE_STATE)
         assert pose_of(started, "ball")[2] == 9.0
         assert pose_of(started, "rover") == pytest.approx((5.0, 2.0, 9.0), abs=1e-6)
-        reset(ResetSimulation.Request.SCOPE_SPAWNED)
+        reset(srv.ResetSimulation.Request.SCOPE_SPAWNED)
         assert entities(started) == ["ball", "guest"]
-        started.call("delete_entity", DeleteEntity, entity="ball")
-        reset(ResetSimulation.Request.SCOPE_DEFAULT)
+        ask(started, "delete_entity", entity="ball")
+        reset(srv.ResetSimulation.Request.SCOPE_DEFAULT)
         assert pose_of(started, "ball") == (2.0, 2.0, 9.0), "as if the node had been started again"
 
 
@@ -245,22 +235,22 @@ def test_the_missing_package_is_named(domain: int, bare_environment: dict[str, s
 def test_the_simulation_plays_pauses_steps_and_stops(started: Probe, shared_node: tuple[Probe, Process]) -> None:
     """The last test of this file, because the node ends."""
     s = SimulationState
-    features = started.call("get_simulator_features", GetSimulatorFeatures).features
+    features = ask(started, "get_simulator_features").features
     assert SimulatorFeatures.STEP_SIMULATION_MULTIPLE in features.features
     assert SimulatorFeatures.ENTITY_TAGS not in features.features
     assert features.spawn_formats == ["urdf"]
     assert state(started) == s.STATE_PLAYING
-    assert started.call("step_simulation", StepSimulation, steps=1).result.result == Result.RESULT_OPERATION_FAILED
-    assert set_state(started, s.STATE_PLAYING) == SetSimulationState.Response.ALREADY_IN_TARGET_STATE
+    assert ask(started, "step_simulation", steps=1).result.result == Result.RESULT_OPERATION_FAILED
+    assert set_state(started, s.STATE_PLAYING) == srv.SetSimulationState.Response.ALREADY_IN_TARGET_STATE
     assert set_state(started, s.STATE_STOPPED) == OK
     assert state(started) == s.STATE_STOPPED
     assert pose_of(started, "ball") == (2.0, 2.0, 9.0), "reset"
     assert set_state(started, s.STATE_PAUSED) == OK
-    assert started.call("step_simulation", StepSimulation, steps=24).result.result == OK
+    assert ask(started, "step_simulation", steps=24).result.result == OK
     fallen = 9.0 - 9.81 / 240.0**2 * 24 * 25 / 2
     assert pose_of(started, "ball")[2] == pytest.approx(fallen, abs=1e-6)
     assert state(started) == s.STATE_PAUSED
-    assert set_state(started, s.STATE_NO_WORLD) == SetSimulationState.Response.STATE_TRANSITION_ERROR
+    assert set_state(started, s.STATE_NO_WORLD) == srv.SetSimulationState.Response.STATE_TRANSITION_ERROR
     assert set_state(started, s.STATE_PLAYING) == OK
     started.wait_for(lambda: pose_of(started, "ball")[2] < fallen - 0.1)
     assert set_state(started, s.STATE_QUITTING) == OK

@@ -2,7 +2,6 @@
 
 import math
 from itertools import count
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,9 +9,8 @@ from builtin_interfaces.msg import Time
 from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import OccupancyGrid
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import (
     BodyDescription,
     BodyDescriptionArray,
@@ -22,7 +20,6 @@ from smartmesh_msgs.msg import (
     TrackedBody,
     TrackedBodyArray,
 )
-from smartmesh_msgs.srv import SpawnBody
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
@@ -37,30 +34,17 @@ from smartmesh_ros.tools.testing import Probe, pose_message
 from smartmesh_ros.tools.testing.messages import heightmap_message
 from smartmesh_ros.tools.testing.process import START_TIMEOUT
 from studies.soil.trials import plate_sinkage
-from tests.node.shared import made_with, refusal_at_start, set_parameters
+from tests import robot_urdfs
+from tests.node.shared import LATCHED, box, made_with, position_of, seconds, set_parameters, spawn
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-PLATE = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.2, 0.1])
+PLATE = box(0.2, 0.2, 0.1)
 RATES = {"publish.contacts": 60.0, "publish.body_states": 60.0}
 SIDE = 101
-
-
-def height_of(probe: Probe, name: str) -> float:
-    return next(body.pose.position.z for body in probe.latest("body_states").bodies if body.id == name)
-
-
-def seconds(message: Any) -> float:
-    return float(message.header.stamp.sec) + 1e-9 * float(message.header.stamp.nanosec)
 
 
 def publish_flat(probe: Probe) -> None:
     probe.publish_map(np.zeros((SIDE, SIDE), np.float32), resolution=0.04, origin=(-2.0, -2.0, 0.0))
     probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] != "0")
-
-
-def spawn_plate(probe: Probe, name: str, place: tuple[float, float, float], mass: float) -> None:
-    pose = pose_message(place)
-    assert probe.call("spawn_body", SpawnBody, id=name, shape=PLATE, mass=mass, pose=pose).success
 
 
 def test_a_body_sinks_rests_and_sleeps_and_then_no_update_comes(probe: Probe) -> None:
@@ -73,16 +57,16 @@ def test_a_body_sinks_rests_and_sleeps_and_then_no_update_comes(probe: Probe) ->
         probe.wait_for(lambda: probe.node.count_subscribers("/terrain_collider/heightmap") == 2)
         publish_flat(probe)
         mass = 5e3 * 0.04 / 9.81
-        spawn_plate(probe, "plate", (0.003, 0.007, 0.0505), mass)
+        spawn(probe, "plate", (0.003, 0.007, 0.0505), shape=PLATE, mass=mass)
         probe.wait_for(lambda: bool(updates))
 
         def rests() -> bool:
-            quiet = seconds(probe.latest("body_states")) > seconds(updates[-1]) + 1.0
+            quiet = seconds(probe.latest("body_states").header.stamp) > seconds(updates[-1].header.stamp) + 1.0
             return quiet and probe.diagnostics("bodies")["asleep"] == "1"
 
         probe.wait_for(rests)
         # Late contacts on a busy machine let the body sink farther, so there is no upper bound here.
-        sunk = 0.05 - height_of(probe, "plate")
+        sunk = 0.05 - position_of(probe, "plate")[2]
         assert sunk > 0.7 * plate_sinkage(soil_named("lunar"), 0.2, 5e3)
         probe.wait_for(lambda: bool(grids))
         grid = grids[-1]
@@ -96,9 +80,9 @@ def test_bodies_of_a_collider_stand_on_soil_without_another_node(probe: Probe) -
     with probe.running("terrain_collider", {"soil.type": "lunar", "publish.body_states": 60.0}):
         publish_flat(probe)
         mass = 5e3 * 0.04 / 9.81
-        spawn_plate(probe, "plate", (0.003, 0.007, 0.0501), mass)
+        spawn(probe, "plate", (0.003, 0.007, 0.0501), shape=PLATE, mass=mass)
         probe.wait_for(lambda: probe.diagnostics("bodies")["asleep"] == "1")
-        sunk = 0.05 - height_of(probe, "plate")
+        sunk = 0.05 - position_of(probe, "plate")[2]
         assert sunk == pytest.approx(plate_sinkage(soil_named("lunar"), 0.2, 5e3), rel=0.1)
         # Who subscribes after the plate sank gets its print, with the map's sample below the plate's middle.
         found = probe.latest("pressed_ground")
@@ -108,21 +92,9 @@ def test_bodies_of_a_collider_stand_on_soil_without_another_node(probe: Probe) -
         assert not any(found.velocities)
         set_parameters(probe, {"soil.type": ""})
         # It stands on the map's print, whose samples at the plate's edge are less deep than the soil below it.
-        probe.wait_for(lambda: height_of(probe, "plate") > 0.05 - sunk + 1e-4)
+        probe.wait_for(lambda: position_of(probe, "plate")[2] > 0.05 - sunk + 1e-4)
         probe.wait_for(lambda: probe.diagnostics("bodies")["asleep"] == "1")
-        assert 0.05 - sunk < height_of(probe, "plate") < 0.05
-
-
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        ({"soil.type": "porridge"}, "there is no soil 'porridge'"),
-        ({"soil.type": "lunar", "patch.kind": "heightfield"}, "patch.kind"),
-        ({"soil.type": "lunar", "terrain.changes": "correction"}, "terrain.changes"),
-    ],
-)
-def test_a_collider_refuses_what_cannot_be_soil(parameters: dict[str, Any], words: str) -> None:
-    assert words in refusal_at_start(parameters)
+        assert 0.05 - sunk < position_of(probe, "plate")[2] < 0.05
 
 
 def test_a_map_that_cannot_be_soil_is_taken_without(domain: int) -> None:
@@ -159,10 +131,10 @@ def test_a_map_of_soils_lets_bodies_sink_by_the_soil_under_them(probe: Probe) ->
         probe.wait_for(lambda: soils.get_subscription_count() == 1)
         publish_flat(probe)
         for name, x in (("on_sand", -0.5), ("on_clay", 0.5)):
-            spawn_plate(probe, name, (x, 0.0, 0.0505), 20.0)
+            spawn(probe, name, (x, 0.0, 0.0505), shape=PLATE, mass=20.0)
         probe.wait_for(lambda: bool(updates))
-        probe.wait_for(lambda: height_of(probe, "on_sand") < 0.047)
-        assert height_of(probe, "on_clay") > 0.049
+        probe.wait_for(lambda: position_of(probe, "on_sand")[2] < 0.047)
+        assert position_of(probe, "on_clay")[2] > 0.049
         soils.publish(soils_message([[1]], resolution=1.0, x=0.0, y=0.0))
         probe.wait_for(lambda: "cells are 1 to 1; they must be -1" in node.output)
 
@@ -246,15 +218,13 @@ def test_contacts_that_are_not_finite_are_refused() -> None:
         contacts_from(ContactArray(contacts=[contact]))
 
 
-ROBOT = """<robot name="bot">
-  <link name="base"><inertial><mass value="5"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><geometry><box size="0.4 0.3 0.1"/></geometry></collision></link>
-  <link name="wheel"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><origin rpy="1.5707963 0 0"/>
-      <geometry><cylinder radius="0.1" length="0.05"/></geometry></collision></link>
-  <joint name="axle" type="continuous"><parent link="base"/><child link="wheel"/>
-    <origin xyz="0.3 0.2 -0.1"/><axis xyz="0 1 0"/></joint>
-</robot>"""
+SIZE, CYLINDER = (0.4, 0.3, 0.1), '<cylinder radius="0.1" length="0.05"/>'
+PARTS = [
+    robot_urdfs.link("base", 5.0, SIZE, robot_urdfs.box(SIZE)),
+    robot_urdfs.link("wheel", 1.0, (0.1, 0.1, 0.1), CYLINDER, rpy="1.5707963 0 0"),
+    robot_urdfs.joint("axle", "base", "wheel", (0.3, 0.2, -0.1), "continuous"),
+]
+ROBOT = f'<robot name="bot">{"".join(PARTS)}</robot>'
 
 
 def test_the_links_of_a_robot_are_where_its_base_and_joints_put_them() -> None:

@@ -1,7 +1,7 @@
 """The node over real DDS, in a process of its own."""
 
 import math
-from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,32 +9,12 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Contact, HeightmapUpdate
-from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
+from smartmesh_msgs.srv import RemoveBody, StepPhysics
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker
 
-from smartmesh_ros.tools.testing import Probe, assert_on_map, floats, pose_message
-from tests.node.shared import changed, one_round, set_parameters, show_level_ground
-
-SPHERE = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
-
-
-def spawn(probe: Probe, name: str, position: tuple[float, float, float], **fields: object) -> object:
-    return probe.call(
-        "spawn_body", SpawnBody, **{"id": name, "shape": SPHERE, "mass": 1.0, "pose": pose_message(position), **fields}
-    )
-
-
-def state(probe: Probe, name: str) -> Callable[[], tuple[float, float, float] | None]:
-    """A condition: the newest position of a simulated body."""
-
-    def position() -> tuple[float, float, float] | None:
-        for body in probe.latest("body_states").bodies:
-            if body.id == name:
-                return body.pose.position.x, body.pose.position.y, body.pose.position.z
-        return None
-
-    return position
+from smartmesh_ros.tools.testing import Probe, assert_on_map, floats
+from tests.node.shared import box, changed, one_round, position_of, set_parameters, show_level_ground, spawn
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
@@ -96,9 +76,9 @@ def test_poses_make_bodies_and_a_shorter_array_takes_them_away(shared: Probe) ->
 
 def test_bodies_fall_rest_and_report(shared: Probe) -> None:
     show_level_ground(shared)
-    assert spawn(shared, "ball", (3.0, 3.0, 0.6)).success
-    assert spawn(shared, "box", (2.0, 3.0, 0.6), shape=SolidPrimitive(type=1, dimensions=[0.2, 0.3, 0.4])).success
-    assert spawn(shared, "can", (4.0, 3.0, 0.6), shape=SolidPrimitive(type=3, dimensions=[0.4, 0.1])).success
+    spawn(shared, "ball", (3.0, 3.0, 0.6))
+    spawn(shared, "box", (2.0, 3.0, 0.6), shape=box(0.2, 0.3, 0.4))
+    spawn(shared, "can", (4.0, 3.0, 0.6), shape=SolidPrimitive(type=3, dimensions=[0.4, 0.1]))
 
     def resting() -> bool:
         heights = [body.pose.position.z for body in shared.latest("body_states").bodies]
@@ -139,7 +119,7 @@ def test_a_region_lifts_what_stands_on_it(shared: Probe) -> None:
     show_level_ground(shared)
     spawn(shared, "ball", (3.0, 3.0, 0.2))
     shared.wait_for(shared.patches)
-    position, height = state(shared, "ball"), 0.0
+    height = 0.0
 
     def lifted() -> bool:
         nonlocal height
@@ -147,8 +127,8 @@ def test_a_region_lifts_what_stands_on_it(shared: Probe) -> None:
         update = HeightmapUpdate(x=20, y=25, width=21, height=11, heights=floats(np.full(231, height, np.float32)))
         update.header.stamp, update.header.frame_id = shared.now(), "map"
         shared.publishers["heightmap_update"].publish(update)
-        p = position()
-        return p is not None and p[2] > 0.69
+        place = position_of(shared, "ball")
+        return place is not None and place[2] > 0.69
 
     shared.wait_for(lifted)
 
@@ -158,7 +138,7 @@ def test_ground_that_slides_takes_a_box_along(shared: Probe) -> None:
     interval, speed = 12, 0.2  # [steps], [m/s]
     with changed(shared, {"publish.clock": 240.0}):
         assert shared.call("pause", SetBool, data=True).success
-        spawn(shared, "box", (2.0, 3.0, 0.1), shape=SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.3, 0.3, 0.2]))
+        spawn(shared, "box", (2.0, 3.0, 0.1), shape=box(0.3, 0.3, 0.2))
         shared.latest("body_states")  # may be of before the pause
         start = Time.from_msg(shared.latest("body_states").header.stamp)
         now = start
@@ -188,7 +168,7 @@ def test_pause_step_and_reset(shared: Probe) -> None:
     assert "pause" in refused.message
     assert shared.call("pause", SetBool, data=True).success
     spawn(shared, "ball", (3.0, 3.0, 5.0))
-    position = state(shared, "ball")
+    position = partial(position_of, shared, "ball")
     shared.wait_for(lambda: position() == (3.0, 3.0, 5.0))  # states of before may come after the answer
     assert shared.call("step", StepPhysics, steps=24).success
     fallen = 5.0 - 9.81 / 240.0**2 * 24 * 25 / 2  # symplectic Euler: the sum of 1 .. 24 steps of g dt^2
@@ -217,18 +197,6 @@ def test_outputs_keep_their_rates_after_many_calls_for_single_steps(shared: Prob
     before, start = len(timings), len(diagnostics)
     shared.wait_for(lambda: len(diagnostics) > start + 10)  # two seconds
     assert len(timings) > before
-
-
-def test_bodies_spawned_by_parameter_wait_for_ground(probe: Probe) -> None:
-    entries = [
-        "{id: low, shape: sphere, size: [0.2], mass: 1.0, xyz: [2, 2, 9.0]}",
-        "{id: high, shape: box, size: [0.2, 0.2, 0.2], xy: [3, 3], above: 0.1, yaw: 0.5}",
-    ]
-    with probe.running(parameters={"bodies.spawn": entries, "physics.gravity": [0.0, 0.0, 0.0]}):
-        probe.wait_for(lambda: [body.id for body in probe.latest("body_states").bodies] == ["low"])
-        probe.publish_map(np.full((60, 60), 1.0))
-        probe.wait_for(lambda: len(probe.latest("body_states").bodies) == 2)
-        assert state(probe, "high")() == pytest.approx((3.0, 3.0, 1.1))
 
 
 def test_parameters_change_at_run_time_as_a_whole_or_not_at_all(shared: Probe) -> None:

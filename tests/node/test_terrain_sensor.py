@@ -1,22 +1,22 @@
 """The simulated lidar and depth camera over real DDS, and the loop from the ground through a mapper to a map."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
-from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.srv import SpawnBody
 from tf2_msgs.msg import TFMessage
 
+from smartmesh_ros.node.sensor.range_sensors import Lidar
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.tools.testing import Probe, pose_message
+from smartmesh_ros.tools.testing import Probe
 from tests.bodies import rotation
-from tests.node.test_ground_services import LATCHED, hills, publish_hills, query
+from tests.node.shared import LATCHED, box, spawn
+from tests.node.test_ground_services import hills, publish_hills, query
 
-POST = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.5, 0.5, 0.4])
 CAMERA = {"sensor": "depth_camera", "pitch": 0.6, "position": [0.1, 0.0, 1.5], "camera.columns": 40, "camera.rows": 30}
 EXACT = {"noise.constant": 0.0, "noise.quadratic": 0.0}
 
@@ -24,9 +24,7 @@ EXACT = {"noise.constant": 0.0, "noise.quadratic": 0.0}
 def spawn_post(probe: Probe) -> None:
     """A heavy box at rest on a slope, which carries the sensor."""
     publish_hills(probe)
-    pose = pose_message((2.0, 1.0, 0.0))
-    fields: dict[str, Any] = {"id": "post", "shape": POST, "mass": 50.0, "pose": pose, "on_ground": True, "align": True}
-    assert probe.call("spawn_body", SpawnBody, **fields).success
+    spawn(probe, "post", (2.0, 1.0, 0.0), shape=box(0.5, 0.5, 0.4), mass=50.0, on_ground=True, align=True)
 
 
 def points_of_cloud(cloud: PointCloud2) -> np.ndarray:
@@ -141,3 +139,12 @@ def test_impossible_sensors_do_not_start(shared: Probe, parameters: dict[str, An
     with shared.running("terrain_sensor", parameters) as process:
         shared.wait_for(lambda: process.process.poll() is not None)
         assert process.process.returncode == 1 and words in process.output
+
+
+def test_the_sectors_of_a_turn_are_the_turn() -> None:
+    lidar = Lidar()
+    whole = replace(lidar, sectors=1).directions_s(0)
+    parts = np.concatenate([lidar.directions_s(look) for look in range(lidar.sectors)])
+    rounded = [{tuple(ray) for ray in np.round(rays, 6).tolist()} for rays in (whole, parts)]
+    assert rounded[0] == rounded[1]
+    assert len(rounded[0]) == lidar.beams * lidar.steps

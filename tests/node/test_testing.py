@@ -66,19 +66,6 @@ def shared_memory(process: int) -> set[str]:
     return set(re.findall(r"/dev/shm/fastrtps_\w+", Path(f"/proc/{process}/maps").read_text()))
 
 
-@pytest.mark.parametrize("start", ["preloaded", "executables"])
-def test_a_node_that_sends_by_udp_only_shares_no_memory(
-    request: pytest.FixtureRequest, probe: Probe, start: str
-) -> None:
-    if start == "executables":
-        request.getfixturevalue("executables")
-    with probe.running() as other:
-        assert shared_memory(other.process.pid)
-    request.getfixturevalue("udp_only")
-    with probe.running() as process:
-        assert not shared_memory(process.process.pid)
-
-
 def test_a_node_gives_its_shared_memory_back_when_it_ends(probe: Probe) -> None:
     """Also a fork, which ends without freeing Python's objects. Otherwise peers send to it what is for the next one."""
     topic, others = "/terrain_sensor/points", shared_memory(os.getpid())

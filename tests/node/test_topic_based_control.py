@@ -13,8 +13,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from smartmesh_ros.tools.testing import Probe, Process
+from tests.node.shared import LATCHED
 from tests.node.test_real_maps import LEVEL
-from tests.node.test_robot_descriptions import LATCHED
 from tests.node.test_tutorial import blocks
 
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -76,10 +76,8 @@ def test_two_blocks_drive_a_robot_on_the_topics_of_the_page(probe: Probe) -> Non
     )
     robot = f'<robot name="r">{LINKS}{JOINTS}{arm}{wheels}</robot>'
     words = shlex.split(command.replace("\\\n", " "))
-    process = Process(
-        "terrain_collider", arguments=[*words[4:], "-p", "robot.above:=0.11", "-p", "robot.xy:=[5.0, 5.0]"]
-    )
-    try:
+    arguments = [*words[4:], "-p", "robot.above:=0.11", "-p", "robot.xy:=[5.0, 5.0]"]
+    with Process("terrain_collider", arguments=arguments) as process:
         hardware = [Hardware(probe, arm), Hardware(probe, wheels)]
         probe.wait_for(probe.connected, watch=process)
         probe.publish_map(LEVEL, resolution=0.5)
@@ -109,6 +107,3 @@ def test_two_blocks_drive_a_robot_on_the_topics_of_the_page(probe: Probe) -> Non
         one = Hardware(probe, re.sub(r"</ros2_control>$", "", arm.strip()) + wheels[wheels.index("<joint") :])
         one.write()
         probe.wait_for(lambda: "refused, joint_commands: length" in probe.diagnostics("inputs"), watch=process)
-    finally:
-        process.stop()
-        process.close()

@@ -8,19 +8,18 @@ import pytest
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState, PointCloud2
-from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.srv import CastRays, RemoveBody, SpawnBody, StepPhysics
+from smartmesh_msgs.srv import CastRays, RemoveBody, StepPhysics
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.node.inputs.frames import FrameBuffer, Transform
-from smartmesh_ros.tools.testing import Probe, pose_message
-from tests.node.shared import changed, refusal_at_start, show_level_ground
-from tests.node.test_robot_outputs import ARM, LATCHED, STIFF, spawn
+from smartmesh_ros.tools.testing import Probe
+from tests.node.shared import LATCHED, changed, refusal_at_start, show_level_ground
+from tests.node.shared import spawn as spawn_body
+from tests.node.test_robot_outputs import ARM, STIFF, spawn
 
 SHARED = {"frame_id": "map", "publish.tf": 50.0}
-BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 TF, NAME = "/tf", "terrain_collider"
 
 
@@ -48,7 +47,7 @@ def buffer_of(probe: Probe) -> FrameBuffer:
 def test_bodies_and_links_have_frames_where_they_are(shared: Probe) -> None:
     show_level_ground(shared)
     shared.publish_bodies({"tracked": (1.0, 1.0, 0.3)})
-    assert shared.call("spawn_body", SpawnBody, id="ball", shape=BALL, mass=1.0, pose=pose_message((2, 1, 0.5))).success
+    spawn_body(shared, "ball", (2, 1, 0.5))
     spawn(shared, "one", ARM, 0.7)
     wanted = {"ball": "map", "base": "map", "arm": "base", "slider": "arm", "one": "base"}
     shared.wait_for(lambda: parents(shared) == wanted)
@@ -106,8 +105,8 @@ def test_frames_of_others_are_left_to_them(shared: Probe) -> None:
     shared.wait_for(lambda: parents(shared) == {"hand": "limb", "one": "trunk"})
     # A body that is called as a frame above the terrain's would make a loop of the tree.
     for name in ("earth", "map"):
-        assert shared.call("spawn_body", SpawnBody, id=name, shape=BALL, mass=1.0).success
-    assert shared.call("spawn_body", SpawnBody, id="ball", shape=BALL, mass=1.0).success
+        spawn_body(shared, name)
+    spawn_body(shared, "ball")
     shared.wait_for(lambda: parents(shared) == {"hand": "limb", "one": "trunk", "ball": "map"})
     shared.wait_for(lambda: parents(shared).get("trunk") == "map")  # nobody publishes it any more
 
@@ -116,7 +115,7 @@ def test_no_frame_has_two_parents_in_one_message(shared: Probe) -> None:
     """A body that is called as a link of the robot without prefix."""
     show_level_ground(shared)
     spawn(shared, "slider", ARM.replace('"arm"', '"leaf"').replace('"base"', '"stem"'), 0.7)
-    assert shared.call("spawn_body", SpawnBody, id="leaf", shape=BALL, mass=1.0, pose=pose_message((2, 1, 0.5))).success
+    spawn_body(shared, "leaf", (2, 1, 0.5))
     shared.wait_for(lambda: parents(shared) == {"stem": "map", "leaf": "stem", "slider": "leaf"})
     counts = Counter(item.child_frame_id for item in shared.received[TF][-1].transforms)
     assert set(counts.values()) == {1}

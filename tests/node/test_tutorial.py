@@ -72,8 +72,7 @@ def test_an_elevation_map_becomes_patches_under_the_robot(probe: Probe, tmp_path
     assert words.count("-r") == 2
     (tmp_path / "my_robot.yaml").write_text(file)
     arguments = [word.replace("my_robot.yaml", str(tmp_path / "my_robot.yaml")) for word in words[4:]]
-    process = Process("terrain_collider", arguments=arguments)
-    try:
+    with Process("terrain_collider", arguments=arguments) as process:
         stack = Stack(probe)
         for stack.x in (0.0, 0.3, 1.5):
 
@@ -88,9 +87,6 @@ def test_an_elevation_map_becomes_patches_under_the_robot(probe: Probe, tmp_path
 
             probe.wait_for(patched_under_the_robot, watch=process)
         assert probe.diagnostics("terrain")["message"] == "maps arrive"
-    finally:
-        process.stop()
-        process.close()
 
 
 def test_the_readmes_publisher_moves_the_ground(probe: Probe) -> None:
@@ -119,17 +115,7 @@ def test_the_tests_of_the_page_on_testing_run_in_a_package_of_ones_own(tmp_path:
     (tmp_path / "conftest.py").write_text(conftest)
     for number, text in enumerate(tests):
         (tmp_path / f"test_mine_{number}.py").write_text(text)
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-q",
-        "-p",
-        "no:cacheprovider",
-        "--rootdir",
-        str(tmp_path),
-        str(tmp_path),
-    ]
+    command = [*f"{sys.executable} -m pytest -q -p no:cacheprovider --rootdir".split(), str(tmp_path), str(tmp_path)]
     result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stdout
     assert f"{len(tests)} passed" in result.stdout

@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 import pytest
-
-from  import angles_between, energies
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -14,6 +12,7 @@ from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.tools.evaluation.clearance import clearances, rotate, skin
 from smartmesh_ros.tools.evaluation.distance import Surface, nearest
 from smartmesh_ros.tools.evaluation.measures import deviation, held_up, penetration
+from studies.matrix.still_ground import angles_between
 
 
 def surface(heights: np.ndarray, resolution: float, z: float = 0.0) -> Surface:
@@ -127,12 +126,6 @@ def test_a_falling_body_is_not_held_up_and_a_resting_one_is() -> None:
     before = np.array([[1.0, 0.0, -2.0], [0.0, 0.0, 0.0]])
     after = np.array([[1.0, 0.0, -2.0 - 9.81 / 240.0], [0.0, 0.0, 0.0]])
     assert held_up(before, after, 1.0 / 240.0).tolist() == [False, True]
-
-
-def test_energy_of_a_rolling_sphere_is_seven_tenths_m_v_squared() -> None:
-    inertia = np.full(3, 0.4 * 2.0 * 0.3**2)
-    found = energies(2.0, inertia, np.zeros(3), np.array([1.5, 0.0, 0.0]), np.array([0.0, 1.5 / 0.3, 0.0]))
-    assert float(found) == pytest.approx(0.7 * 2.0 * 1.5**2)
 
 
 def test_angles_and_deviation() -> None:
