@@ -5,7 +5,7 @@ from __future__ import annotations
 from smartmesh_ros.io.rasters import FloatGrid, Raster
 from smartmesh_ros.node.inputs.bounds import require_tile_fits
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.report.methods import require_usable
+from smartmesh_ros.patches.config import require_usable
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 

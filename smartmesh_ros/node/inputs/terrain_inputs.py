@@ -23,8 +23,7 @@ from smartmesh_ros.node.inputs.optional_messages import find_message, require_me
 from smartmesh_ros.node.inputs.rivals import Rivals
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import Placed, StampClock
-from smartmesh_ros.patches.config import ANYWHERE
-from smartmesh_ros.report.methods import require_search_on
+from smartmesh_ros.patches.config import ANYWHERE, require_search_on
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import TriangleMesh
