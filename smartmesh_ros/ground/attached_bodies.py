@@ -20,9 +20,8 @@ from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.ground.sleeping import Sleeping
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.patches.config import PatchConfig, require_usable
 from smartmesh_ros.patches.shapes import BodyShape
-from smartmesh_ros.report.methods import require_usable
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain

@@ -9,11 +9,10 @@ import numpy as np
 
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.batch import PatchBatch, twists_at
-from smartmesh_ros.patches.config import ANYWHERE, PatchConfig
+from smartmesh_ros.patches.config import ANYWHERE, PatchConfig, require_search_on
 from smartmesh_ros.patches.shapes import ShapeTable
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.report.collect import BFS, cached_topology, topology_around
-from smartmesh_ros.report.methods import require_search_on
 from smartmesh_ros.report.search import best_first_vertices, brute_force_vertex, ray_cast, uniform_grid_vertices
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray

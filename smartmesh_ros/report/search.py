@@ -1,7 +1,7 @@
 """The report's nearest-vertex searches (Chapter 3), on height maps without their rim, and on general meshes.
 
 Distances are horizontal (the report's h(n) = |N - P|), but those of brute force on a general mesh. Ties go to the lower
-index. Each search is valid on some meshes, see `methods`:
+index. Each search is valid on some meshes, see `require_search`:
 
 - *Grid traversal* computes the nearest vertices of a uniform grid by rounding, for all bodies at once.
 - *Best-first search* walks from the previous nearest vertex to the nearest neighbour, until no neighbour is nearer.

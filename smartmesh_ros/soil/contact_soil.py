@@ -14,7 +14,7 @@ from smartmesh_ros.soil.config import SoilType
 from smartmesh_ros.soil.layer import Region, soil_table
 from smartmesh_ros.soil.soils import kinds_from, map_from, soils_from
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.prints import NOTHING, corners
+from smartmesh_ros.terrain.moving_heights import NOTHING, corners
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 # Fewest samples of a soil along a cell of its map that are too many.

@@ -11,8 +11,7 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest
 from smartmesh_ros.terrain.motion import BLOCK, INSTANT, next_revision
-from smartmesh_ros.terrain.moving_heights import MovingHeights
-from smartmesh_ros.terrain.prints import Prints
+from smartmesh_ros.terrain.moving_heights import MovingHeights, Prints
 
 # Distance outside the map at which a point still counts as on the edge [samples].
 EDGE = 1e-6

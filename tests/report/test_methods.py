@@ -11,8 +11,7 @@ from matplotlib.tri import Triangulation
 
 from smartmesh_ros import BodyState, PatchConfig, Sphere, World, WorldConfig
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.patches.config import SearchMethod
-from smartmesh_ros.report.methods import require_search
+from smartmesh_ros.patches.config import SearchMethod, require_search
 from smartmesh_ros.report.search import (
     Cells,
     best_first_cells,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import FloatGrid, Raster
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.report.methods import require_usable
+from smartmesh_ros.patches.config import require_usable
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck

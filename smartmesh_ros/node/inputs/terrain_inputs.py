@@ -22,8 +22,7 @@ from smartmesh_ros.node.inputs.maps import Rivals, require_tile_fits, take_map
 from smartmesh_ros.node.inputs.optional_messages import find_message, require_message
 from smartmesh_ros.node.session import Session, require_name
 from smartmesh_ros.node.timing.stamps import Placed, StampClock
-from smartmesh_ros.patches.config import ANYWHERE
-from smartmesh_ros.report.methods import require_search_on
+from smartmesh_ros.patches.config import ANYWHERE, require_search_on
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import TriangleMesh
