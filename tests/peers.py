@@ -12,7 +12,8 @@ import numpy as np
 from smartmesh_ros import BodyState, HeightMap, PhysicsConfig, World, WorldConfig
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.world.guest_config import GuestConfig
-from smartmesh_ros.world.state_table import StateTable, simulated_states
+from smartmesh_ros.world.state_table import StateTable
+from smartmesh_ros.world.states import simulated_states
 
 RATE = 240.0
 

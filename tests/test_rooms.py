@@ -1,8 +1,10 @@
-"""Rooms load without what stands to their right."""
+"""Rooms load without what stands to their right, and files import one way."""
 
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 
+import grimp
 import pytest
 
 BLOCKED = """
@@ -42,3 +44,10 @@ def test_the_blocker_of_this_test_blocks() -> None:
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert "pybullet" in result.stderr
     assert result.returncode != 0
+
+
+@pytest.mark.parametrize("package", ["smartmesh_ros", "studies"])
+def test_no_files_import_each_other_in_a_circle(package: str) -> None:
+    graph = grimp.build_graph(package)
+    imports = {module: graph.find_modules_directly_imported_by(module) for module in graph.modules}
+    TopologicalSorter(imports).prepare()  # raises `CycleError` with the circle

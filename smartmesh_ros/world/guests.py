@@ -10,9 +10,7 @@ owner's state by a share in every step, so that both worlds agree where things a
 from __future__ import annotations
 
 import math
-from collections import deque
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, Protocol
 
 import numpy as np
 import pybullet as pb
@@ -20,12 +18,14 @@ import pybullet as pb
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray
+from smartmesh_ros.ground.followers import Followers
+from smartmesh_ros.ground.ground import Ground
+from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.guest_config import GuestConfig
+from smartmesh_ros.world.guest_owner import NOBODY, Guest, GuestOwner, Received
 from smartmesh_ros.world.state_table import StateTable, require_valid
-
-if TYPE_CHECKING:
-    from smartmesh_ros.world.world import World
 
 # Indices into a contact point of PyBullet: the other body, and the normal force.
 _OTHER, _FORCE = 2, 9
@@ -33,65 +33,31 @@ _OTHER, _FORCE = 2, 9
 INSTANT = 1e-9
 # Largest difference of a sleeping guest's coordinates from its owner's that is left [m, quaternion].
 SAME_PLACE = 1e-6
-NOBODY = np.zeros(0, bool)
-# Largest number of received states that are not used yet; a quarter of a second at 240 Hz.
-MOST_PENDING = 64
 
 
-@dataclass(eq=False)
-class Guest:
-    """A remote body in this world. ``touched``: first and last time that it touched another body since its owner's
-    states were last used unchanged [s], None = no contact since."""
+class HostWorld(Protocol):
+    """What guests need of the world they are in: see `World`."""
 
-    row: int  # index in its owner's states
-    uid: int
-    touched: tuple[float, float] | None = None
-
-
-class Received(NamedTuple):
-    """States of all bodies of an owner, and the time at which they hold [s]."""
-
-    states: StateTable
     time: float
+    client: Any
+    bodies: dict[str, Body]
+    ground: Ground
 
+    @property
+    def dt(self) -> float: ...
 
-@dataclass(eq=False)
-class GuestOwner:
-    """Another world, which simulates remote bodies.
+    @property
+    def followers(self) -> Followers: ...
 
-    ``pending``: received states that are too young to be used. ``now``: the states in use, None before the first.
-    ``new``: True until the ``guests`` are set to ``now``. ``delay`` [s]: estimated delay of its states. ``listed``,
-    ``names``: of its bodies, in order and as a set. ``shared``: names that are also used by other worlds. ``barred``:
-    bodies of ``now`` with a shared name, which cannot be guests. ``phase``: lag of its steps behind this world's
-    [steps], None before the first states.
-    """
+    def add_guest(self, name: str, owner: str, shape: Shape, mass: float) -> int: ...
 
-    pending: deque[Received] = field(default_factory=lambda: deque(maxlen=MOST_PENDING))
-    now: Received | None = None
-    new: bool = False
-    delay: float = 0.0
-    guests: dict[str, Guest] = field(default_factory=dict)
-    listed: list[str] = field(default_factory=list)
-    names: frozenset[str] = frozenset()
-    shared: frozenset[str] = frozenset()
-    barred: BoolArray = field(default_factory=lambda: NOBODY)
-    phase: float | None = None
-
-    def to_own_steps(self, steps: float, config: GuestConfig) -> int:
-        """Return the whole number of this world's steps for a time of ``steps`` steps that the owner sent."""
-        if self.phase is None:
-            self.phase = steps - round(steps)
-        whole = round(steps - self.phase)
-        self.phase += config.drift * (steps - whole - self.phase)
-        if abs(self.phase) > config.slip:
-            self.phase -= math.copysign(1.0, self.phase)
-        return whole
+    def remove_guest(self, name: str) -> None: ...
 
 
 class Guests:
     """The guests (remote bodies) of one world, which calls `advance` before each step and `note_contacts` after it."""
 
-    def __init__(self, world: World, config: GuestConfig) -> None:
+    def __init__(self, world: HostWorld, config: GuestConfig) -> None:
         self.config = config
         self._world = world
         self._calls = BulletCalls(world.client)

@@ -1,24 +1,19 @@
-"""States of many bodies as arrays, and their reading from a world."""
+"""States of many bodies as arrays."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.bullet import BulletCalls
 from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST, FASTEST_SPIN, MASSES, SIZES
-from smartmesh_ros.ground.shapes import DIMENSIONS, Shape, padded_dimensions, shape_of
+from smartmesh_ros.ground.shapes import DIMENSIONS, Shape, shape_of
 from smartmesh_ros.ground.state import QUATERNION_SLACK
 from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.world.bodies import Body
-
-if TYPE_CHECKING:
-    from smartmesh_ros.world.world import World
 
 
 class StateTable(NamedTuple):
@@ -78,51 +73,3 @@ def require_valid(states: StateTable) -> None:
         row, fault = found
         reason, wrong = INVALID[fault]
         raise InputError(reason, f"body {states.names[row]!r} has {wrong}")
-
-
-NOWHERE = np.empty((0, 13))
-
-
-class SimulatedStates:
-    """Reads the states of a world's simulated bodies, in the order of spawning. Names, shapes and masses are read only
-    when a body is added or removed, because reading them takes as long as reading the states. Sleeping bodies are not
-    read at all."""
-
-    def __init__(self, world: World) -> None:
-        self._world = world
-        self._describe()
-
-    def read(self) -> StateTable:
-        """Return the current states."""
-        followers = self._world.followers
-        if (self._world.client, followers.epoch) != self._described:
-            self._describe()
-        calls = BulletCalls(self._world.client)
-        numbers = followers.states[self._slots]
-        moves = np.flatnonzero(followers.table["awake"][self._slots] | self._robot)
-        numbers[moves] = calls.states([self._uids[place] for place in moves.tolist()])
-        return self._bodies._replace(numbers=numbers)
-
-    def _describe(self) -> None:
-        followers = self._world.followers
-        self._described = self._world.client, followers.epoch
-        bodies = [body for body in self._world.bodies.values() if body.simulated]
-        self._uids = [body.uid for body in bodies]
-        self._slots = np.array([followers.of(uid)[0] for uid in self._uids], np.int64)
-        self._robot = np.array([body.is_robot for body in bodies], bool)
-        self._bodies = _table(bodies)
-
-
-def simulated_states(world: World) -> StateTable:
-    """Return the states of a world's simulated bodies, in the order of spawning."""
-    return SimulatedStates(world).read()
-
-
-def _table(bodies: list[Body]) -> StateTable:
-    """Return a table of the constant data of bodies, without states."""
-    shapes = [body.outline for body in bodies]
-    radii, masses = np.array([(body.radius, body.mass) for body in bodies], np.float64).reshape(-1, 2).T.copy()
-    dimensions = np.array([padded_dimensions(shape) for shape in shapes], np.float64).reshape(-1, 3)
-    centres = np.array([shape.centre for shape in shapes], np.float64).reshape(-1, 3)
-    kinds = np.array([shape.kind for shape in shapes], np.uint8)
-    return StateTable([body.name for body in bodies], NOWHERE, radii, kinds, dimensions, centres, masses)

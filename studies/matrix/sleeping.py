@@ -13,7 +13,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.joints import JointCommand
-from smartmesh_ros.world.state_table import simulated_states
+from smartmesh_ros.world.states import simulated_states
 from smartmesh_ros.world.world import World, WorldConfig
 from studies.matrix.arena import HUSKY
 from studies.matrix.row import Row

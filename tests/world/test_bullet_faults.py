@@ -30,7 +30,7 @@ from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.world.joints import JointCommand
-from smartmesh_ros.world.state_table import simulated_states
+from smartmesh_ros.world.states import simulated_states
 from tests.faults import Faults, bullet_faults
 from tests.urdfs import joint, link, robot
 

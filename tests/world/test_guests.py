@@ -16,7 +16,8 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.shapes import Shape, padded_dimensions, shape_of
 from smartmesh_ros.world.guest_config import GuestConfig
 from smartmesh_ros.world.guests import Guests
-from smartmesh_ros.world.state_table import StateTable, simulated_states
+from smartmesh_ros.world.state_table import StateTable
+from smartmesh_ros.world.states import simulated_states
 from tests.bodies import random_turn, rotation
 from tests.peers import RATE, Peers, Start, flat_world, peers
 from tests.urdfs import ROVER

@@ -35,7 +35,7 @@ from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.soil.soil_messages import update_message
 from smartmesh_ros.soil.contact_soil import ContactSoil
-from smartmesh_ros.world.state_table import SimulatedStates
+from smartmesh_ros.world.states import SimulatedStates
 
 # Outputs that show patches. They are published only after the patches were refreshed.
 PATCH_OUTPUTS = ("patches", "collider_patches")

@@ -10,7 +10,7 @@ import signal
 from collections.abc import Callable, Mapping
 from itertools import chain, count
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from geometry_msgs.msg import Vector3
 
@@ -24,9 +24,6 @@ from smartmesh_ros.node.services.robot_files import robot_name, urdf_text, with_
 from smartmesh_ros.node.session import REFUSED, Session, require_name
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.link_frames import centre_state
-
-if TYPE_CHECKING:
-    from smartmesh_ros.node.terrain_collider import TerrainCollider
 
 PACKAGE = "simulation_interfaces"
 FEATURES = (
@@ -58,7 +55,23 @@ _TRANSITION_REASONS = {"in_state": "ALREADY_IN_TARGET_STATE", "state": "STATE_TR
 _STATE_REASONS = dict.fromkeys(("frame", "non_finite", "quaternion"), "INVALID_POSE")
 
 
-def serve_simulation_interfaces(session: Session, node: TerrainCollider) -> None:
+class Controls(Protocol):
+    """Operations of the node that the services call."""
+
+    def pause(self, paused: bool) -> None:
+        """Pause or resume the physics."""
+
+    def step(self, count: int) -> None:
+        """Run steps while the physics is paused."""
+
+    def reset(self, *, time: bool = True, bodies: bool = True, spawned: bool = False) -> None:
+        """Reset the time, the states of bodies, and the set of bodies (``spawned``)."""
+
+    def remove(self, name: str) -> None:
+        """Remove a body from the world."""
+
+
+def serve_simulation_interfaces(session: Session, node: Controls) -> None:
     """Create the services. Logs an error if the package is not installed."""
     services = find_interfaces(PACKAGE, "srv")
     messages = find_interfaces(PACKAGE, "msg")
@@ -74,7 +87,7 @@ def serve_simulation_interfaces(session: Session, node: TerrainCollider) -> None
 class SimulationServices:
     """Answers each service from the world. ``services``, ``messages``: the modules of simulation_interfaces."""
 
-    def __init__(self, session: Session, node: TerrainCollider, services: Any, messages: Any) -> None:
+    def __init__(self, session: Session, node: Controls, services: Any, messages: Any) -> None:
         self._session, self._node = session, node
         self._results, self._states = messages.Result, messages.SimulationState
         self._features, self._bounds = messages.SimulatorFeatures, messages.Bounds

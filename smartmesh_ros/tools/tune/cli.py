@@ -9,14 +9,11 @@ no more penetration than the defaults. After Ctrl-C the same command resumes the
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.startup.executables import silence_pybullet
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -37,17 +34,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("\ninterrupted; the results are stored, and the same command resumes the search", file=sys.stderr)
         return 130
     return 2
-
-
-def take_part(options: argparse.Namespace, index: int) -> None:
-    """Measure trials of a prepared search, as process number ``index`` of it. PyBullet is silenced before measuring
-    imports it. SIGTERM acts like Ctrl-C, which marks the open trial as failed."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    silence_pybullet()
-    with suppress(KeyboardInterrupt):
-        from smartmesh_ros.tools.tune.session import open_search
-
-        open_search(options, index).run(options.trials)
 
 
 def parser() -> argparse.ArgumentParser:

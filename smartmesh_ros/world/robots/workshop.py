@@ -8,13 +8,10 @@ from collections.abc import Mapping
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.shapes import BodyShape
-
-if TYPE_CHECKING:
-    from smartmesh_ros.world.robots.prepared import PreparedRobot
 
 # Longest time for one robot [s]. The largest meshes of real robots take a few seconds; a loader that hangs must end.
 PATIENCE = 120.0
@@ -33,8 +30,8 @@ class Workshop:
         self._pipe: Connection | None = None
         self._lock = Lock()
 
-    def make(self, robot: PreparedRobot) -> Made:
-        """Return the mesh files of a robot and the shapes of its links, after loading it in the child. Raises
+    def make(self, robot: object) -> Made:
+        """Return the mesh files of a `PreparedRobot` and the shapes of its links, after loading it in the child. Raises
         `InputError` if the robot is refused, or PyBullet crashes or hangs."""
         with self._lock:
             answer = self._ask(robot)
@@ -58,7 +55,7 @@ class Workshop:
             child.kill()
             child.wait()
 
-    def _ask(self, robot: PreparedRobot) -> Any:
+    def _ask(self, robot: object) -> Any:
         """Return the child's answer, None if it ended without one, or is late."""
         if self._pipe is None or self._child is None or self._child.poll() is not None:
             self._start()
