@@ -13,6 +13,7 @@ import pytest
 from smartmesh_ros import Box, Capsule, Cylinder, Sphere
 from smartmesh_ros.ground.body_shapes import HULL_MARGIN, read_shape
 from smartmesh_ros.patches.shapes import BodyShape, ShapeKind
+from tests import urdfs
 from tests.bodies import lowest_of
 
 SHAPES = (Sphere(0.2), Box(0.2, 0.4, 0.6), Cylinder(0.1, 0.5), Capsule(0.1, 0.5))
@@ -108,11 +109,7 @@ def test_a_mesh_of_several_objects_is_their_compound_or_if_it_cannot_be_read_a_b
 ) -> None:
     file = obj_file(tmp_path)
     robot = tmp_path / "robot.urdf"
-    robot.write_text(
-        '<robot name="r"><link name="l"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '
-        f'iyz="0"/></inertial><collision><geometry><mesh filename="{file.name}" scale="1 2 -1"/></geometry>'
-        "</collision></link></robot>"
-    )
+    robot.write_text(urdfs.robot(urdfs.link("l", f'<mesh filename="{file.name}" scale="1 2 -1"/>', moment=1.0)))
     body = client.loadURDF(str(robot))
     shape = read_shape(client, body)
     assert [part.kind for part in shape.parts] == [ShapeKind.HULL] * 2

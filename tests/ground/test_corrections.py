@@ -2,10 +2,8 @@
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
-import pybullet_data
 import pytest
 from numpy.typing import NDArray
 
@@ -15,11 +13,11 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.world import World
+from tests.urdfs import HUSKY
 
 CELLS, RESOLUTION = 61, 0.1
 AXIS = (np.arange(CELLS) - CELLS // 2) * RESOLUTION
 SHAPES: dict[str, Shape] = {"box": Box(0.4, 0.4, 0.3), "ball": Sphere(0.15), "cylinder": Cylinder(0.2, 0.3)}
-HUSKY = str(Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf")
 
 
 def slope(angle: float) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ import pytest
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from tests.urdfs import joint, link, robot
 
 DT = 1.0 / 240.0
 
@@ -55,16 +56,10 @@ def test_what_starts_in_the_ground_leaves_it_slowly(depth: float) -> None:
         assert world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
 
 
-BARBELL = """
-<robot name="barbell">
-  <link name="near">INERTIA<collision><geometry><sphere radius="0.1"/></geometry></collision></link>
-  <link name="far">INERTIA<collision><geometry><sphere radius="0.2"/></geometry></collision></link>
-  <joint name="rod" type="fixed"><parent link="near"/><child link="far"/><origin xyz="1 0 0"/></joint>
-</robot>
-""".replace(
-    "INERTIA",
-    '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>',
-)
+BARBELL = robot(
+    link("near", moment=0.1), link("far", '<sphere radius="0.2"/>', moment=0.1),
+    joint("rod", "fixed", "near", "far", xyz="1 0 0"),
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("heights", [(0.0, 0.8), (0.8, 0.0)])

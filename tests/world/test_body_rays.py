@@ -1,7 +1,6 @@
 """Rays onto bodies and ground together."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,8 +8,8 @@ import pytest
 from smartmesh_ros import BodyState, Box, HeightMap, InputError, Sphere, World
 from smartmesh_ros.core import CORE
 from smartmesh_ros.world.body_rays import GROUND, NOTHING
+from tests.urdfs import ROVER
 
-ROVER = str(Path(__file__).parent.parent / "data" / "rover.urdf")
 # How early PyBullet's rays may stop at a curved surface [m].
 EARLY = 2e-3
 

@@ -32,17 +32,13 @@ from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.states import simulated_states
 from tests.faults import Faults, bullet_faults
+from tests.urdfs import joint, link, robot
 
-LINKS = (
-    '<link name="{0}"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'
-    '</inertial><collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>'
-)
-JOINT = (
-    '<joint name="hinge" type="revolute"><parent link="base"/><child link="arm"/><origin xyz="0.3 0 0"/>'
-    '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="10" velocity="1"/></joint>'
-)
-ROBOT = f'<robot name="r">{LINKS.format("base")}{LINKS.format("arm")}{JOINT}</robot>'
-OTHER = f'<robot name="r">{LINKS.format("base")}</robot>'
+CUBE = '<box size="0.2 0.2 0.2"/>'
+LIMIT = '<limit lower="-1" upper="1" effort="10" velocity="1"/>'
+BASE = link("base", CUBE, moment=0.1)
+ROBOT = robot(BASE, link("arm", CUBE, moment=0.1), joint("hinge", "revolute", "base", "arm", LIMIT, "0.3 0 0"))
+OTHER = robot(BASE)
 KINDS = ("auto", "heightfield", "trimesh", "whole_trimesh")
 # `BulletClient` cannot be deleted if it is not connected.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

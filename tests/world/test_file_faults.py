@@ -16,27 +16,22 @@ from smartmesh_ros.io.urdf import UrdfRules, checked_urdf
 from smartmesh_ros.soil.soils import soils_of
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from tests.faults import Faults, file_faults
+from tests.urdfs import link, robot
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
-INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
 
 
 @pytest.fixture
 def faults(world: World, monkeypatch: pytest.MonkeyPatch) -> Faults:
-    prepare_robot(robot_of('<sphere radius="1"/>'))
+    prepare_robot(robot(link("base", '<sphere radius="1"/>')))
     return file_faults(monkeypatch)  # after the child process has started, whose pipes are opened as files are
 
 
-def robot_of(geometry: str) -> str:
-    collision = f"<collision><geometry>{geometry}</geometry></collision>"
-    return f'<robot name="r"><link name="base">{INERTIAL}{collision}</link></robot>'
-
-
-def robot(folder: Path, scale: float) -> Path:
+def robot_in(folder: Path, scale: float) -> Path:
     """A robot of one mesh. No other robot has the same, so that nothing of it is remembered."""
     (folder / "mesh.obj").write_text(TETRAHEDRON)
     file = folder / "robot.urdf"
-    file.write_text(robot_of(f'<mesh filename="mesh.obj" scale="{scale} {scale} {scale}"/>'))
+    file.write_text(robot(link("base", f'<mesh filename="mesh.obj" scale="{scale} {scale} {scale}"/>')))
     return file
 
 
@@ -53,7 +48,7 @@ def done(faults: Faults, number: int, operation: Callable[[], Any]) -> bool:
 
 def test_a_robot_is_spawned_or_not(faults: Faults, world: World, tmp_path: Path) -> None:
     for number in faults.runs():
-        file = str(robot(tmp_path, 0.2 + 0.001 * number))
+        file = str(robot_in(tmp_path, 0.2 + 0.001 * number))
         if not done(faults, number, lambda: world.spawn_robot("robot", file, BodyState((0.0, 0.0, 0.05)))):  # noqa: B023
             assert world.bodies == {}
             assert world.client.getNumBodies() == 0
@@ -70,7 +65,7 @@ def test_a_file_is_read_or_refused(faults: Faults, tmp_path: Path) -> None:
     np.save(tmp_path / "heights.npy", heights)
     Image.fromarray(heights).save(tmp_path / "heights.png")
     (tmp_path / "soils.yaml").write_text(Path(soils_of.__wrapped__.__defaults__[0]).read_text())
-    urdf, rules = robot(tmp_path, 0.9), UrdfRules(folders=(tmp_path,))
+    urdf, rules = robot_in(tmp_path, 0.9), UrdfRules(folders=(tmp_path,))
     readers: list[Callable[[], Any]] = [
         lambda: files.load(tmp_path / "heights.npy"),
         lambda: files.load(tmp_path / "heights.png"),

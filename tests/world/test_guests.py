@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pybullet as pb
@@ -21,9 +20,9 @@ from smartmesh_ros.world.state_table import StateTable
 from smartmesh_ros.world.states import simulated_states
 from tests.bodies import random_turn, rotation
 from tests.peers import RATE, Peers, Start, flat_world, peers
+from tests.urdfs import ROVER
 
 BALL = Sphere(0.2)
-ROVER = str(Path(__file__).parent.parent / "data" / "rover.urdf")
 SMOOTH = PhysicsConfig(rate=RATE, restitution=0.97, friction=0.0)
 IMPACTS = {  # speeds [m/s] and masses [kg] of two balls
     "head-on": ((2.5, 1.0), (-2.5, 1.0)),

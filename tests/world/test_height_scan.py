@@ -23,16 +23,14 @@ from smartmesh_ros import (
 )
 from smartmesh_ros.terrain.height_scan import LAYOUTS, yaws_of
 from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.urdfs import inertial, robot
 
 SIDE, RESOLUTION, LOW = 161, 0.05, -4.0
 # The rover's base link has its centre of mass beside its origin.
-LOPSIDED = """
-<robot name="lopsided"><link name="base">
-  <inertial><origin xyz="0.1 0.05 -0.02"/><mass value="2"/>
-    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
-  <collision><geometry><box size="0.4 0.3 0.1"/></geometry></collision>
-</link></robot>
-"""
+LOPSIDED = robot(
+    f'<link name="base">{inertial(2.0, 0.1, "0.1 0.05 -0.02")}<collision><geometry><box size="0.4 0.3 0.1"/></geometry>'
+    "</collision></link>"
+)
 
 
 def wave(time: float, side: int = SIDE) -> np.ndarray:

@@ -3,7 +3,7 @@
 import struct
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,29 +16,10 @@ from smartmesh_ros import BodyState, HeightMap, InputError, Sphere, World
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from smartmesh_ros.world.robots.workshop import WORKSHOP
+from tests.urdfs import joint, link, robot
 
 Facets = np.ndarray
 BOX = np.array([0.4, 0.4, 0.1])  # edges of the mesh [m]
-
-
-def link(name: str, shape: str = '<sphere radius="0.1"/>', mass: float | None = 1.0) -> str:
-    """A link of a shape, without a shape if that is empty."""
-    moments = '<inertia ixx="0.02" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/>'
-    inertial = f'<inertial><mass value="{mass}"/>{moments}</inertial>'
-    collision = f"<collision><geometry>{shape}</geometry></collision>"
-    return f'<link name="{name}">{inertial if mass is not None else ""}{collision if shape else ""}</link>'
-
-
-def joint(name: str, kind: str, parent: str, child: str, more: str = "", xyz: str = "0 0 0.3") -> str:
-    typed = f'type="{kind}"' if kind else ""
-    return (
-        f'<joint name="{name}" {typed}><parent link="{parent}"/><child link="{child}"/><origin xyz="{xyz}"/>'
-        f'<axis xyz="0 1 0"/>{more}</joint>'
-    )
-
-
-def robot(*parts: str) -> str:
-    return f'<robot name="r">{"".join(parts)}</robot>'
 
 
 def mesh(file: str, more: str = "") -> str:
@@ -93,12 +74,6 @@ BROKEN = {
               joint("bc", "revolute", "b", "c", '<mimic joint="ab"/>')), "mimics itself",
     ),
 }  # fmt: skip
-
-
-@pytest.fixture
-def world() -> Iterator[World]:
-    with World(HeightMap(np.zeros((41, 41)), resolution=0.1, origin=(-2.0, -2.0))) as made:
-        yield made
 
 
 @pytest.mark.parametrize("kind", BROKEN)

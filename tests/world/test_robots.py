@@ -15,23 +15,14 @@ from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.world.base_frames import InertialFrame, centre_state, frame_state
 from smartmesh_ros.world.joints import JointCommand
+from tests.urdfs import ROVER, inertial, joint, link, robot
 
-ROVER = str(Path(__file__).parent.parent / "data" / "rover.urdf")
-PENDULUM = """
-<robot name="pendulum">
-  <link name="base"><inertial><mass value="0"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
-  <link name="arm">
-    <inertial><mass value="2"/><inertia ixx="0.5" iyy="0.5" izz="0.5" ixy="0" ixz="0" iyz="0"/></inertial>
-  </link>
-  <joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint>
-  <joint name="slide" type="prismatic"><parent link="base"/><child link="cart"/><axis xyz="1 0 0"/>
-    <limit lower="-5" upper="5" effort="7" velocity="10"/></joint>
-  <link name="cart">
-    <inertial><mass value="3"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-  </link>
-</robot>
-"""
+SLIDE = '<limit lower="-5" upper="5" effort="7" velocity="10"/>'
+PENDULUM = robot(
+    link("base", '<box size="0.1 0.1 0.1"/>', 0.0, 0.0), link("arm", "", 2.0, 0.5), link("cart", "", 3.0, 1.0),
+    joint("hinge", "continuous", "base", "arm", xyz="0 0 0"),
+    joint("slide", "prismatic", "base", "cart", SLIDE, "0 0 0", "1 0 0"),
+)  # fmt: skip
 
 
 def reading(world: World, joint: str) -> tuple[float, float, float]:
@@ -163,11 +154,10 @@ def test_on_a_slope_the_ground_carries_the_weight_and_no_more() -> None:
 
 def test_a_link_whose_centre_of_mass_is_below_the_ground_beside_its_shape_is_no_rescue() -> None:
     """A pendulum-like link: a box on the ground, and its centre of mass a quarter of a metre below it."""
-    urdf = (
-        '<robot name="keel"><link name="base"><inertial><origin xyz="0 0 -0.35"/><mass value="5"/>'
-        '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
-        '<collision><geometry><box size="0.4 0.4 0.2"/></geometry></collision></link></robot>'
-    )
+    urdf = robot(
+        '<link name="base"><collision><geometry><box size="0.4 0.4 0.2"/></geometry></collision>',
+        inertial(5.0, 0.1, "0 0 -0.35"), "</link>",
+    )  # fmt: skip
     with World(HeightMap(np.zeros((41, 41)), resolution=0.1)) as world:
         world.spawn_robot("keel", urdf, BodyState((2.0, 2.0, -0.24)))
         world.step(240)
@@ -178,21 +168,16 @@ def test_a_link_whose_centre_of_mass_is_below_the_ground_beside_its_shape_is_no_
 
 def on_a_fixed_base(*, arm: bool) -> str:
     """A pole of 1 m whose root is the world, with or without an arm on a hinge at its top."""
-    inertia = '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'
     pole = (
-        f'<robot name="mast"><link name="world"><inertial><mass value="0"/>{inertia.replace("0.1", "0")}</inertial>'
-        "</link>"
-        f'<joint name="weld" type="fixed"><parent link="world"/><child link="pole"/></joint>'
-        f'<link name="pole"><inertial><mass value="5"/>{inertia}</inertial>'
-        '<collision><geometry><box size="0.1 0.1 1.0"/></geometry></collision></link>'
-    )
+        link("world", "", 0.0, 0.0), joint("weld", "fixed", "world", "pole", xyz="0 0 0"),
+        link("pole", '<box size="0.1 0.1 1.0"/>', 5.0, 0.1),
+    )  # fmt: skip
     hinged = (
-        '<joint name="hinge" type="continuous"><parent link="pole"/><child link="arm"/><origin xyz="0 0 0.5"/>'
-        f'<axis xyz="0 1 0"/></joint><link name="arm"><inertial><origin xyz="0 0 -0.35"/><mass value="1"/>{inertia}'
-        '</inertial><collision><origin xyz="0.1 0 -0.35"/><geometry><box size="0.05 0.05 0.7"/></geometry></collision>'
-        "</link>"
+        joint("hinge", "continuous", "pole", "arm", xyz="0 0 0.5"),
+        f'<link name="arm">{inertial(1.0, 0.1, "0 0 -0.35")}<collision><origin xyz="0.1 0 -0.35"/><geometry>'
+        '<box size="0.05 0.05 0.7"/></geometry></collision></link>',
     )
-    return f"{pole}{hinged if arm else ''}</robot>"
+    return robot(*pole, *(hinged if arm else ()))
 
 
 @pytest.mark.parametrize("changes", ["motion", "correction"])
@@ -243,8 +228,7 @@ def test_a_fixed_base_of_a_pybullet_world_stays() -> None:
     client.setGravity(0.0, 0.0, -9.81)
     body = client.loadURDF(ROVER, basePosition=(0.0, 0.0, -0.1), useFixedBase=True)
     ground = Ground(client, HeightMap(np.zeros((41, 41)), resolution=0.1, origin=(-2.0, -2.0)))
-    for link in range(-1, client.getNumJoints(body)):
-        ground.attach(body, link)
+    ground.attach(body)
     start = client.getBasePositionAndOrientation(body)
     for step in range(240):
         ground.step(step / 240, 1 / 240)
@@ -253,12 +237,8 @@ def test_a_fixed_base_of_a_pybullet_world_stays() -> None:
     client.disconnect()
 
 
-def sled(contact: str = "") -> str:
-    return (
-        f'<robot name="sled"><link name="base"><contact>{contact}</contact><inertial><mass value="1"/>'
-        '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
-        '<collision><geometry><box size="0.3 0.3 0.1"/></geometry></collision></link></robot>'
-    )
+def sled(contact: str = "", *more: str) -> str:
+    return robot(link("base", '<box size="0.3 0.3 0.1"/>', 1.0, 0.01, f"<contact>{contact}</contact>"), *more)
 
 
 def slick_world(**physics: float) -> World:
@@ -291,13 +271,12 @@ def test_a_robot_that_falls_bounces_by_the_configured_restitution(restitution: f
 
 def test_contact_parameters_of_the_urdf_go_before_the_configured_ones(tmp_path: Path) -> None:
     """Each by itself, for each link, and from a file as from a text; comments do not count."""
-    hinge = (
-        '<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/></joint><link name=\'arm\'>'
-        '<!-- <contact><lateral_friction value="0.9"/></contact> --><contact><restitution value="0.3"/></contact>'
-        '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
-        '<collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>'
+    arm = (
+        joint("hinge", "continuous", "base", "arm"),
+        '<!-- <contact><lateral_friction value="0.9"/></contact> -->',
+        link("arm", moment=1.0, more='<contact><restitution value="0.3"/></contact>'),
     )
-    text = sled('<lateral_friction value="0.15"/>').replace("</robot>", hinge)
+    text = sled('<lateral_friction value="0.15"/>', *arm)
     file = tmp_path / "sled.urdf"
     file.write_text(text)
     with slick_world(friction=0.6, restitution=0.2) as world:

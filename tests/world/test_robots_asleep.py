@@ -18,10 +18,11 @@ from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand
 from tests.robot_urdfs import MODELS, Robot, robot
+from tests.urdfs import HUSKY
 
 RATE, MINUTE = 240, 60 * 240
 APART = 3.0  # of robots in a row [m]
-HUSKY, WHEEL = f"{pybullet_data.getDataPath()}/husky/husky.urdf", 0.1651  # the radius of its wheels [m]
+WHEEL = 0.1651  # the radius of the wheels of the husky [m]
 # Robots of PyBullet's data that stand on the ground, or lie on it when their joints are held at zero.
 KNOWN = (
     "a1/a1", "aliengo/aliengo", "bicycle/bike", "biped/biped2d_pybullet", "humanoid/humanoid", "husky/husky",

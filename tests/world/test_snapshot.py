@@ -5,16 +5,15 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pybullet_data
 import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, InputError, Snapshot, Sphere, World
 from smartmesh_ros.scenes.moving import InwardWaves, Wave
 from smartmesh_ros.terrain.grid import GridGeometry
+from tests.urdfs import HUSKY
 
 GEOMETRY = GridGeometry(rows=61, columns=61, resolution=0.2, origin=(-6.0, -6.0, 0.0))
 SCENE = InwardWaves(GEOMETRY, Wave(0.2, 1.0, 4.0))
-HUSKY = f"{pybullet_data.getDataPath()}/husky/husky.urdf"
 
 
 def ground() -> HeightMap:

@@ -15,9 +15,9 @@ from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from smartmesh_ros.world.standing import finished
 from tests.bodies import rotation
+from tests.urdfs import ROVER
 
 DATA = Path(pybullet_data.getDataPath())
-ROVER = str(Path(__file__).parent.parent / "data" / "rover.urdf")
 ROBOTS = (
     "husky/husky.urdf", "racecar/racecar.urdf", "r2d2.urdf", "quadruped/minitaur.urdf", "quadruped/spirit40.urdf",
     "duck_vhacd.urdf", "teddy_vhacd.urdf",

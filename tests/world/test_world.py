@@ -5,7 +5,6 @@ from collections.abc import Callable
 from itertools import product
 
 import numpy as np
-import pybullet_data
 import pytest
 
 from smartmesh_ros import (
@@ -19,8 +18,7 @@ from smartmesh_ros import (
     WorldConfig,
 )
 from smartmesh_ros.node.inputs.tracking import Tracking
-
-HUSKY = f"{pybullet_data.getDataPath()}/husky/husky.urdf"
+from tests.urdfs import HUSKY
 
 
 @pytest.mark.parametrize(
