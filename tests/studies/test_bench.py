@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from smartmesh_ros.errors import InputError
-from studies.bench import cli, document, report
-from studies.bench.measure import QUICK, Bench, Case, Effort, Results, Timing
+from studies.bench import cli, document
+from studies.bench.measure import QUICK, Bench, Case, Effort, Results
 from studies.bench.tables import targets
 from studies.bench.targets import TARGETS
 from studies.markdown import number, times
@@ -86,30 +86,8 @@ def test_each_run_is_prepared_and_enough_frames_are_measured() -> None:
     assert bench.time(first, lambda: None).frames == 3
 
 
-def test_sizes_that_would_take_too_long_are_known_before() -> None:
-    bench = Bench()
-    bench.results.timings[Case("simple", "slow", 100)] = Timing(1e6, 1e6, 1e6, 5)
-    assert bench.hopeless(Case("simple", "slow", 200), 100)
-    assert not bench.hopeless(Case("simple", "slow", 150), 100)
-    assert bench.hopeless(Case("simple", "never measured", 200), 100)
-
-
 def test_what_was_not_measured_is_no_figure() -> None:
     results = Results()
     assert math.isnan(results.us("simple", "physx", side=3))
     assert not any(target.reached(results) for target in TARGETS)
     assert number(math.nan) == times(math.nan) == "-"
-
-
-@pytest.mark.parametrize(
-    ("value", "text"), [(0.00123, "0.00123"), (0.0999, "0.0999"), (1.0, "1.00"), (254.778, "255"), (12345.6, "12346")]
-)
-def test_numbers_have_three_digits(value: float, text: str) -> None:
-    assert number(value) == text
-
-
-def test_the_reports_own_ratio_follows_from_its_tables() -> None:
-    """Its Table 6 at 200x200: 2,863 times in PhysX, 582 times in Bullet."""
-    uniform = report.FINAL_UNIFORM[200]
-    assert round(report.SIMPLE_PHYSX[200] / uniform) == 2863
-    assert round(report.SIMPLE_BULLET[200] / uniform) == 582

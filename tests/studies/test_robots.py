@@ -21,10 +21,9 @@ from studies.robots.configurations import build, configurations
 from studies.robots.contest import shapes_of
 from studies.robots.engine import SERVO, RobotEngine, RobotSetup
 from studies.robots.geometry import GroundPrisms, Part, cylinder, hull, placed, pose_of, read_links, sphere
-from studies.robots.robot import HUSKY, LAIKAGO, LEGS, RACECAR, ROVER, Robot, laikago_joints
+from studies.robots.robot import HUSKY, LAIKAGO, RACECAR, ROVER, Robot, laikago_joints
 from studies.robots.scene import RobotScene, scenes
 from studies.robots.strangers import Stranger, run_stranger
-from studies.robots.trot import PHASES, Trot
 from studies.robots.urdf import MASSLESS, prepared
 
 LEVEL = square(51, 0.04)
@@ -99,20 +98,6 @@ def test_the_shapes_of_links_fill_the_bounds_that_pybullet_gives_them(robot: Rob
         assert compared >= 1
     finally:
         client.disconnect()
-
-
-def test_diagonal_legs_of_the_trot_swing_together_and_the_others_half_a_period_later() -> None:
-    table = Trot().table
-    half = len(table) // 2
-    assert len(table) == 2 * half
-    for row, positions in enumerate(table):
-        legs = {leg: [positions[joint] for joint in laikago_joints(leg)] for leg in LEGS}
-        assert legs["FR"] == legs["RL"] and legs["FL"] == legs["RR"]
-        later = [table[(row + half) % len(table)][joint] for joint in laikago_joints("FL")]
-        assert legs["FR"] == pytest.approx(later, abs=1e-12)
-    assert set(PHASES) == set(LEGS)
-    angles = np.array([list(positions.values()) for positions in [*table, table[0]]])
-    assert np.abs(np.diff(angles, axis=0)).max() < 0.2, "no joint jumps, not even from the last row to the first"
 
 
 @pytest.mark.parametrize("robot", [HUSKY, RACECAR, LAIKAGO], ids=lambda robot: robot.name)

@@ -14,22 +14,17 @@ from tests.urdfs import ROVER
 EARLY = 2e-3
 
 
-def flat_world() -> World:
-    return World(HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0)))
-
-
 def names_of(world: World, origins: list[list[float]], directions: list[list[float]], **options: object) -> list[str]:
     hits = world.cast_rays(origins, directions, 10.0, **options)  # type: ignore[arg-type]
     return [hits.names[hit] if hit >= 0 else "" for hit in hits.hits]
 
 
-def test_balls_hide_the_ground_as_geometry_says() -> None:
+def test_balls_hide_the_ground_as_geometry_says(world: World) -> None:
     rng, radius, centre = np.random.default_rng(0), 0.6, np.array([0.4, -0.3, 0.9])
     directions = rng.normal(size=(2000, 3)) * (1.0, 1.0, 0.5)
     origins = rng.uniform(-3.0, 3.0, (2000, 3)) * (1.0, 1.0, 0.2) + (0.0, 0.0, 1.5)
-    with flat_world() as world:
-        world.spawn("ball", Sphere(radius), 1.0, BodyState((0.4, -0.3, 0.9)))
-        found = world.cast_rays(origins, directions, 5.0)
+    world.spawn("ball", Sphere(radius), 1.0, BodyState((0.4, -0.3, 0.9)))
+    found = world.cast_rays(origins, directions, 5.0)
     ways = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     to_centre = centre - origins
     along = (to_centre * ways).sum(axis=1)
@@ -71,28 +66,26 @@ def test_colliders_of_the_ground_are_not_met() -> None:
             assert len(covered) > 20 and covered.max() < 0.4
 
 
-def test_rays_pass_through_the_bodies_named() -> None:
-    with flat_world() as world:
-        world.spawn_robot("rover", ROVER, BodyState((0.0, 0.0, 0.0)), on_ground=True)
-        world.spawn("wall", Box(0.1, 2.0, 2.0), 1.0, BodyState((2.0, 0.0, 1.0)))
-        inside = list(world.state("rover").position)
-        above = [0.0, 0.0, 3.0]
-        ahead, down = [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]
-        assert names_of(world, [above], [down]) == ["rover"]
-        assert names_of(world, [above, inside], [down, ahead], through=["rover"]) == ["ground", "wall"]
-        assert names_of(world, [above, inside], [down, ahead], through=["rover", "wall"]) == ["ground", ""]
-        distances = world.cast_rays([inside], [ahead], 10.0, through=["rover"]).distances
-        assert distances == pytest.approx(1.95 - inside[0], abs=1e-3)
-        with pytest.raises(InputError, match="no body 'nobody'"):
-            world.cast_rays([above], [down], 1.0, through=["nobody"])
+def test_rays_pass_through_the_bodies_named(world: World) -> None:
+    world.spawn_robot("rover", ROVER, BodyState((0.0, 0.0, 0.0)), on_ground=True)
+    world.spawn("wall", Box(0.1, 2.0, 2.0), 1.0, BodyState((2.0, 0.0, 1.0)))
+    inside = list(world.state("rover").position)
+    above = [0.0, 0.0, 3.0]
+    ahead, down = [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]
+    assert names_of(world, [above], [down]) == ["rover"]
+    assert names_of(world, [above, inside], [down, ahead], through=["rover"]) == ["ground", "wall"]
+    assert names_of(world, [above, inside], [down, ahead], through=["rover", "wall"]) == ["ground", ""]
+    distances = world.cast_rays([inside], [ahead], 10.0, through=["rover"]).distances
+    assert distances == pytest.approx(1.95 - inside[0], abs=1e-3)
+    with pytest.raises(InputError, match="no body 'nobody'"):
+        world.cast_rays([above], [down], 1.0, through=["nobody"])
 
 
-def test_a_body_that_was_moved_is_met_where_it_is() -> None:
-    with flat_world() as world:
-        world.spawn("ball", Sphere(0.5), 1.0, BodyState((0.0, 0.0, 1.0)))
-        world.move("ball", BodyState((2.0, 0.0, 1.0)))
-        assert names_of(world, [[0, 0, 3], [2, 0, 3], [4, 0, 3]], [[0, 0, -1]] * 3) == ["ground", "ball", "ground"]
-        assert math.isinf(world.cast_rays([[0, 0, 3]], [[0, 0, 1]], 10.0).distances[0])
+def test_a_body_that_was_moved_is_met_where_it_is(world: World) -> None:
+    world.spawn("ball", Sphere(0.5), 1.0, BodyState((0.0, 0.0, 1.0)))
+    world.move("ball", BodyState((2.0, 0.0, 1.0)))
+    assert names_of(world, [[0, 0, 3], [2, 0, 3], [4, 0, 3]], [[0, 0, -1]] * 3) == ["ground", "ball", "ground"]
+    assert math.isinf(world.cast_rays([[0, 0, 3]], [[0, 0, 1]], 10.0).distances[0])
 
 
 @pytest.mark.parametrize("count", [1, 8, 9, 100])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -97,12 +96,6 @@ def turned(x: float, y: float, z: float, yaw: float, tilt: float = 0.0) -> BodyS
     return BodyState((x, y, z), (-s * b, c * b, s * a, c * a))
 
 
-@pytest.fixture
-def flat() -> Iterator[World]:
-    with World(HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))) as made:
-        yield made
-
-
 @pytest.mark.parametrize("ground", GROUNDS)
 @pytest.mark.parametrize("order", ["xy", "yx"])
 def test_a_scan_is_the_ground_at_its_points(ground: str, order: str) -> None:
@@ -128,29 +121,29 @@ def test_a_scan_is_the_ground_at_its_points(ground: str, order: str) -> None:
         np.testing.assert_array_equal(one, found[7:8])
 
 
-def test_a_tracked_body_and_a_robot_are_scanned_around_their_frames(flat: World) -> None:
-    flat.terrain.tiles[""].replace(wave(0.0, 101), time=0.0)
-    flat.spawn_robot("robot", LOPSIDED, turned(0.5, 0.3, 1.0, 0.9))
-    flat.track("tracked", 0.2, turned(0.5, 0.3, 1.0, 0.9))
-    base = flat.base_state("robot")
+def test_a_tracked_body_and_a_robot_are_scanned_around_their_frames(world: World) -> None:
+    world.terrain.tiles[""].replace(wave(0.0, 101), time=0.0)
+    world.spawn_robot("robot", LOPSIDED, turned(0.5, 0.3, 1.0, 0.9))
+    world.track("tracked", 0.2, turned(0.5, 0.3, 1.0, 0.9))
+    base = world.base_state("robot")
     yaw = float(yaws_of([base.orientation])[0])
     assert yaw == pytest.approx(0.9, abs=1e-6)
-    assert math.dist(base.position, flat.state("robot").position) > 0.1
+    assert math.dist(base.position, world.state("robot").position) > 0.1
     scan = HeightScan(values="clearance")
     centre = scan.layout[0][1] * scan.layout[1][1] // 2
-    robot, tracked = flat.height_scan(["robot", "tracked"], scan)
-    for values, state in ((robot, base), (tracked, flat.state("tracked"))):
-        ground = flat.ground_at([state.position[:2]]).z[0]
+    robot, tracked = world.height_scan(["robot", "tracked"], scan)
+    for values, state in ((robot, base), (tracked, world.state("tracked"))):
+        ground = world.ground_at([state.position[:2]]).z[0]
         assert values[centre] == pytest.approx(state.position[2] - ground, abs=1e-9)
 
 
-def test_a_body_that_physics_threw_to_no_place_sees_no_ground(flat: World) -> None:
-    flat.spawn_robot("robot", LOPSIDED, turned(0.0, 0.0, 1.0, 0.0))
-    flat.spawn("ball", Sphere(0.2), 1.0, turned(1.0, 0.0, 1.0, 0.0))
-    for body in flat.bodies.values():
-        flat.client.resetBaseVelocity(body.uid, [1e308] * 3)
-    flat.client.stepSimulation()
-    assert np.isnan(flat.height_scan(["robot", "ball"], HeightScan())).all()
+def test_a_body_that_physics_threw_to_no_place_sees_no_ground(world: World) -> None:
+    world.spawn_robot("robot", LOPSIDED, turned(0.0, 0.0, 1.0, 0.0))
+    world.spawn("ball", Sphere(0.2), 1.0, turned(1.0, 0.0, 1.0, 0.0))
+    for body in world.bodies.values():
+        world.client.resetBaseVelocity(body.uid, [1e308] * 3)
+    world.client.stepSimulation()
+    assert np.isnan(world.height_scan(["robot", "ball"], HeightScan())).all()
 
 
 def isaac_lab_points(size: tuple[float, float], resolution: float, ordering: str) -> np.ndarray:
@@ -280,15 +273,15 @@ def test_a_delayed_scan_shows_the_ground_and_the_pose_of_then(steps: int) -> Non
         np.testing.assert_array_equal(delayed.read(), world.height_scan("robot", scan))
 
 
-def test_a_body_that_takes_the_name_of_one_that_went_has_scans_of_its_own(flat: World) -> None:
-    flat.spawn("robot", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.1)))
-    scanner = HeightScanner(flat, "robot", HeightScan(values="clearance", delay=0.05))
+def test_a_body_that_takes_the_name_of_one_that_went_has_scans_of_its_own(world: World) -> None:
+    world.spawn("robot", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.1)))
+    scanner = HeightScanner(world, "robot", HeightScan(values="clearance", delay=0.05))
     scanner.read()
-    flat.step(4)
-    flat.remove("robot")
+    world.step(4)
+    world.remove("robot")
     with pytest.raises(InputError, match="no body 'robot'"):
         scanner.read()
-    flat.spawn("robot", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 5.0)))
+    world.spawn("robot", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 5.0)))
     assert scanner.read()[0, 0] == pytest.approx(5.0)
 
 
@@ -299,18 +292,18 @@ def test_a_scan_without_bodies_or_ground_is_empty() -> None:
         assert np.isnan(world.height_scan("robot", HeightScan(size=(0.0, 0.0)))).tolist() == [[True]]
 
 
-def test_what_cannot_be_scanned_is_refused(flat: World) -> None:
-    flat.spawn("robot", Sphere(0.1), 1.0)
+def test_what_cannot_be_scanned_is_refused(world: World) -> None:
+    world.spawn("robot", Sphere(0.1), 1.0)
     with pytest.raises(InputError, match="there is no body 'rover'"):
-        flat.height_scan(["robot", "rover"], HeightScan())
+        world.height_scan(["robot", "rover"], HeightScan())
     with pytest.raises(InputError, match="HeightScanner"):
-        flat.height_scan("robot", HeightScan(delay=0.02))
+        world.height_scan("robot", HeightScan(delay=0.02))
 
 
 @pytest.mark.parametrize("poses", [np.zeros(4), np.zeros((2, 3))])
-def test_poses_of_another_shape_are_refused(flat: World, poses: np.ndarray) -> None:
+def test_poses_of_another_shape_are_refused(world: World, poses: np.ndarray) -> None:
     with pytest.raises(InputError, match=r"it must be \(n, 4\)"):
-        HeightScan().read(flat.terrain, poses, 0.0)
+        HeightScan().read(world.terrain, poses, 0.0)
 
 
 def test_a_map_is_ground_to_scan_and_poses_may_be_any_numbers() -> None:
