@@ -43,40 +43,50 @@ def height(client: Any, body: int) -> float:
     return float(client.getBasePositionAndOrientation(body)[0][2])
 
 
-def run(client: Any, ground: Ground, first: int, steps: int) -> int:
+def standing(client: Any, *, maximal: bool = True, sleeps: bool = True) -> tuple[HeightMap, Ground, int]:
+    """A map, the ground of it, and a box that is attached."""
+    heightmap = HeightMap(BUMPS, resolution=SPACING, origin=(-2.0, -2.0))
+    ground, body = Ground(client, heightmap), box(client, maximal, sleeps)
+    ground.attach(body)
+    return heightmap, ground, body
+
+
+def run(client: Any, ground: Ground, first: int, steps: int, every: int = 1) -> int:
+    """Step the world, and bring the ground up to date in every so many steps."""
     for step in range(first, first + steps):
-        ground.update(step * DT, DT)
+        if step % every == 0:
+            ground.update(step * DT, DT, steps=every)
         client.stepSimulation()
     return first + steps
 
 
-def asleep(client: Any, ground: Ground, body: int) -> int:
+def asleep(client: Any, ground: Ground, body: int, every: int = 1) -> int:
+    """Step until a body sleeps; it may fall asleep between two updates."""
     step = 0
     while step == 0 or any(map(any, client.getBaseVelocity(body))):
-        step = run(client, ground, step, 60)
+        step = run(client, ground, step, 60 if every == 1 else every, every)
         assert step < 6000, "it does not fall asleep"
     return step
 
 
-@pytest.mark.parametrize("maximal", [False, True], ids=["multibody", "rigid body"])
-@pytest.mark.parametrize("drop", [1.0, 0.05, 0.002])
-def test_a_sleeping_body_falls_with_its_ground(client: Any, maximal: bool, drop: float) -> None:
-    heightmap = HeightMap(BUMPS, resolution=SPACING, origin=(-2.0, -2.0))
-    body = box(client, maximal)
-    ground = Ground(client, heightmap)
-    ground.attach(body)
-    step = asleep(client, ground, body)
+@pytest.mark.parametrize(
+    ("drop", "maximal", "every"),
+    [*((drop, maximal, 1) for drop in (1.0, 0.05, 0.002) for maximal in (False, True)), (1.0, True, 4)],
+)
+def test_a_sleeping_body_falls_with_its_ground(client: Any, drop: float, maximal: bool, every: int) -> None:
+    """A rigid body or a multibody, whichever step the map comes in."""
+    heightmap, ground, body = standing(client, maximal=maximal)
+    step = asleep(client, ground, body, every)
     before = height(client, body)
     heightmap.replace(BUMPS - drop, time=step * DT + 100.0)  # long after: no velocity
-    step = run(client, ground, step, 24000 // 100)
+    run(client, ground, step, 240)
     assert height(client, body) == pytest.approx(before - drop, abs=2e-3 if drop > 0.01 else 5e-4)
 
 
 def test_a_sleeping_body_on_a_general_mesh_falls_with_it(client: Any) -> None:
     vertices = np.stack([SPACING * COLUMNS - 2.0, SPACING * ROWS - 2.0, 0.0 * ROWS], axis=-1).reshape(-1, 3)
     mesh = TriangleMesh(vertices, grid_triangles(SIDE, SIDE))
-    body = box(client, True)
-    ground = Ground(client, mesh)
+    ground, body = Ground(client, mesh), box(client, True)
     ground.attach(body)
     step = asleep(client, ground, body)
     before = height(client, body)
@@ -85,30 +95,8 @@ def test_a_sleeping_body_on_a_general_mesh_falls_with_it(client: Any) -> None:
     assert height(client, body) == pytest.approx(before - 0.5, abs=2e-3)
 
 
-def test_a_body_that_falls_asleep_just_as_the_ground_goes_is_woken(client: Any) -> None:
-    """Whichever step the map comes in."""
-    heightmap = HeightMap(BUMPS, resolution=SPACING, origin=(-2.0, -2.0))
-    body = box(client, True)
-    ground = Ground(client, heightmap)
-    ground.attach(body)
-    step = 0
-    while any(map(any, client.getBaseVelocity(body))) or step == 0:
-        ground.update(step * DT, DT, steps=4)  # it falls asleep between two updates
-        for _ in range(4):
-            client.stepSimulation()
-        step += 4
-        assert step < 6000
-    before = height(client, body)
-    heightmap.replace(BUMPS - 1.0, time=step * DT + 100.0)
-    run(client, ground, step, 240)
-    assert height(client, body) == pytest.approx(before - 1.0, abs=2e-3)
-
-
 def test_on_ground_that_stands_still_nobody_is_woken(client: Any, woken: list[int]) -> None:
-    heightmap = HeightMap(BUMPS, resolution=SPACING, origin=(-2.0, -2.0))
-    body = box(client, True)
-    ground = Ground(client, heightmap)
-    ground.attach(body)
+    heightmap, ground, body = standing(client)
     step = asleep(client, ground, body)
     woken.clear()
     for _ in range(20):
@@ -122,10 +110,7 @@ def test_on_ground_that_stands_still_nobody_is_woken(client: Any, woken: list[in
 
 def test_awake_bodies_are_not_told_to_wake(client: Any, woken: list[int]) -> None:
     """It would allow a rigid body to fall asleep that never may."""
-    heightmap = HeightMap(BUMPS, resolution=SPACING, origin=(-2.0, -2.0))
-    body = box(client, True, sleeps=False)
-    ground = Ground(client, heightmap)
-    ground.attach(body)
+    heightmap, ground, _ = standing(client, sleeps=False)
     ground.update(0.0, DT)
     ground.update(0.0, DT)  # no step between
     ground.stand_still(1.0)

@@ -10,6 +10,7 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, InputError, PatchConfig, Sphere, World
 from smartmesh_ros.soil.checked_soil import map_from
+from smartmesh_ros.soil.config import SoilType
 from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.soil.soils import soil_named
 from smartmesh_ros.terrain.motion import MotionConfig
@@ -23,11 +24,15 @@ FLAT = np.zeros((101, 101))
 WEIGHT = 5e3 * 0.04  # [N] of a box of 0.2 m under 5 kPa
 
 
-def with_box(grid: float = 0.04, place: tuple[float, float] = (2.003, 2.007), height: float = 0.1) -> World:
-    """Return a world with a box of 0.2 m that presses with 5 kPa."""
+def with_box(
+    soil: str | SoilType = "", grid: float = 0.04, place: tuple[float, float] = (2.003, 2.007), height: float = 0.1
+) -> World:
+    """Return a world with a box of 0.2 m that presses with 5 kPa, on soil if its name is given."""
     side = round(4.0 / grid) + 1
     world = World(HeightMap(np.zeros((side, side)), resolution=grid))
     world.spawn("box", Box(0.2, 0.2, 0.2), WEIGHT / 9.81, BodyState((*place, height)))
+    if soil:
+        world.ground.set_soil(ContactSoil(world.terrain, soil))
     return world
 
 
@@ -35,8 +40,7 @@ def with_box(grid: float = 0.04, place: tuple[float, float] = (2.003, 2.007), he
 def test_a_plate_that_sinks_slowly_comes_to_bekkers_depth_and_sleeps(soil: str) -> None:
     """Damping keeps it from overshooting; its depth is the same."""
     known = replace(soil_named(soil), damping_R=1e5)
-    with with_box() as world:
-        world.ground.set_soil(ContactSoil(world.terrain, known))
+    with with_box(known) as world:
         world.step(720)
         wanted = plate_sinkage(known, 0.2, 5e3)
         assert 0.1 - world.state("box").position[2] == pytest.approx(wanted, rel=0.01, abs=1e-4)
@@ -72,8 +76,7 @@ def test_changes_are_what_another_map_needs_to_look_alike() -> None:
 def pressed(every: int) -> tuple[np.ndarray, np.ndarray]:
     """Return where a box is that stood on soil for two seconds, and the map, which was sent again after ``every``
     steps; 0 = never."""
-    with with_box() as world:
-        world.ground.set_soil(ContactSoil(world.terrain, "dry_sand"))
+    with with_box("dry_sand") as world:
         tile = map_from(world.terrain, "")
         for step in range(480):
             if every and step % every == 0:
@@ -93,8 +96,7 @@ def test_a_map_that_is_sent_again_leaves_prints_and_what_stands_or_sleeps_in_the
 
 
 def test_prints_under_a_body_and_the_body_move_with_the_ground() -> None:
-    with with_box() as world:
-        world.ground.set_soil(ContactSoil(world.terrain, "dry_sand"))
+    with with_box("dry_sand") as world:
         tile = map_from(world.terrain, "")
         world.step(240)
         sunk, low, start = -tile.heights.min(), world.state("box").position[2], world.time
@@ -110,8 +112,7 @@ def test_prints_under_a_body_and_the_body_move_with_the_ground() -> None:
 @pytest.mark.parametrize("grid", [0.01, 0.05])
 @pytest.mark.parametrize("height", [0.1, 0.3])
 def test_nothing_bounces_at_rest(grid: float, height: float) -> None:
-    with with_box(grid, height=height) as world:
-        world.ground.set_soil(ContactSoil(world.terrain, "dry_sand"))
+    with with_box("dry_sand", grid=grid, height=height) as world:
         world.step(120)
         for _ in range(240):
             world.step()
@@ -156,8 +157,7 @@ def test_a_wheel_of_a_mesh_is_the_cylinder_around_it() -> None:
 def test_a_box_sinks_upright_and_as_deep_wherever_its_edges_are_among_the_samples(place: tuple[float, float]) -> None:
     depths = []
     for where in (place, (2.003, 2.007)):
-        with with_box(grid=0.02, place=where) as world:
-            world.ground.set_soil(ContactSoil(world.terrain, "dry_sand"))
+        with with_box("dry_sand", grid=0.02, place=where) as world:
             world.step(120)
             depths.append(world.ground.on_soil()["box"].sinkage)
             assert abs(world.state("box").orientation[3]) > 1.0 - 1e-9
@@ -186,8 +186,7 @@ def test_a_heavy_body_dropped_from_a_metre_stays_where_it_fell(shape: Box | Sphe
 
 def test_a_body_that_is_put_into_the_soil_is_not_thrown() -> None:
     for soil in ("clay", "lunar"):
-        with with_box(height=0.04) as world:
-            world.ground.set_soil(ContactSoil(world.terrain, soil))
+        with with_box(soil, height=0.04) as world:
             world.step(240)
             assert world.state("box").position[2] == pytest.approx(0.04, abs=5e-3)
 
@@ -230,8 +229,7 @@ def test_prints_stay_in_the_map_and_new_ground_is_new_soil() -> None:
 
 
 def test_soil_outlives_a_restored_world_and_can_be_taken_away() -> None:
-    with with_box() as world:
-        world.ground.set_soil(ContactSoil(world.terrain, "lunar"))
+    with with_box("lunar") as world:
         world.step(240)
         sunk = world.state("box").position[2]
         world.save()

@@ -204,6 +204,14 @@ def client() -> Iterator[BulletClient]:
     made.disconnect()
 
 
+@pytest.fixture
+def ground(client: BulletClient) -> Ground:
+    """The ground of that world, to which the box is attached."""
+    made = Ground(client, slope())
+    made.attach(0)
+    return made
+
+
 def run(ground: Ground, client: BulletClient, steps: int) -> float:
     """Go on, and return the velocity of the box along x [m/s]."""
     for _ in range(steps):
@@ -231,9 +239,7 @@ def test_a_robot_whose_file_lost_a_link_or_joint_is_not_restored(tmp_path: Path,
         assert speed(world) == pytest.approx(0.5, rel=0.02)
 
 
-def test_in_a_pybullet_world_of_ones_own(client: BulletClient) -> None:
-    ground = Ground(client, slope())
-    ground.attach(0)
+def test_in_a_pybullet_world_of_ones_own(ground: Ground, client: BulletClient) -> None:
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
     assert run(ground, client, 240) == pytest.approx(0.3, rel=0.01)
     ground.detach(0)
@@ -241,9 +247,7 @@ def test_in_a_pybullet_world_of_ones_own(client: BulletClient) -> None:
     assert run(ground, client, 240) == pytest.approx(0.0, abs=1e-3), "it is attached anew"
 
 
-def test_an_axis_may_be_an_array(client: BulletClient) -> None:
-    ground = Ground(client, slope())
-    ground.attach(0)
+def test_an_axis_may_be_an_array(ground: Ground, client: BulletClient) -> None:
     for _ in range(2):
         ground.drive(0, -1, np.array([0.0, 1.0, 0.0]), np.float32(0.25))  # type: ignore[arg-type]
     assert ground.followers.at(0, -1).belt == Belt((0.0, 1.0, 0.0), 0.25)  # type: ignore[union-attr]
@@ -252,45 +256,37 @@ def test_an_axis_may_be_an_array(client: BulletClient) -> None:
 
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 0.0), (0.0, math.nan, 0.0), (0.0, 1e200, 0.0), (0.0, 1.0)])
 @pytest.mark.parametrize("speed_", [1.0, math.inf])
-def test_an_axis_without_direction_is_refused(client: BulletClient, axis: tuple[float, ...], speed_: float) -> None:
-    ground = Ground(client, slope())
-    ground.attach(0)
+def test_an_axis_without_direction_is_refused(
+    ground: Ground, client: BulletClient, axis: tuple[float, ...], speed_: float
+) -> None:
     with pytest.raises(InputError):
         ground.drive(0, -1, axis, speed_)  # type: ignore[arg-type]
     assert run(ground, client, 24) == pytest.approx(0.0, abs=1e-3)
 
 
-def test_after_a_reset_of_pybullet_nothing_is_driven(client: BulletClient) -> None:
-    ground = Ground(client, slope())
-    ground.attach(0)
+def test_after_a_reset_of_pybullet_nothing_is_driven(ground: Ground, client: BulletClient) -> None:
     client.resetSimulation()
     with pytest.raises(InputError, match="make another"):
         ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
     assert not any(follower.belt.speed for follower in ground.followers)
 
 
-def test_a_command_wakes_a_body_that_sleeps_in_pybullet(client: BulletClient) -> None:
+def test_a_command_wakes_a_body_that_sleeps_in_pybullet(ground: Ground, client: BulletClient) -> None:
     client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
-    ground = Ground(client, slope())
-    ground.attach(0)
     run(ground, client, 1200)
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
     assert run(ground, client, 240) == pytest.approx(0.3, rel=0.01)
 
 
-def test_a_body_that_creeps_does_not_sleep_in_pybullet(client: BulletClient) -> None:
+def test_a_body_that_creeps_does_not_sleep_in_pybullet(ground: Ground, client: BulletClient) -> None:
     client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
-    ground = Ground(client, slope())
-    ground.attach(0)
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.02)
     assert run(ground, client, 960) == pytest.approx(0.02, rel=0.01)
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.0)
     assert run(ground, client, 960) == 0.0, "it sleeps again"
 
 
-def test_without_pybullets_correction_of_friction_a_surface_stands_still(client: BulletClient) -> None:
+def test_without_pybullets_correction_of_friction_a_surface_stands_still(ground: Ground, client: BulletClient) -> None:
     client.setPhysicsEngineParameter(frictionERP=0.0)
-    ground = Ground(client, slope())
-    ground.attach(0)
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
     assert run(ground, client, 240) == pytest.approx(0.0, abs=1e-3)
