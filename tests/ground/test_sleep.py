@@ -203,22 +203,6 @@ def test_a_world_saved_asleep_goes_on_as_the_one_restored_from_it() -> None:
         assert go_on(world) == go_on(other)
 
 
-def test_two_runs_are_equal_to_the_bit_although_bodies_sleep_and_wake() -> None:
-    def run() -> list[str]:
-        with flat_world() as world:
-            for index in range(12):
-                world.spawn(f"box_{index}", BOX, 1.0, BodyState((0.5 * (index % 4) - 1.0, 0.5 * (index // 4), 0.1)))
-            hashes = []
-            for second in range(5):
-                world.step(RATE)
-                start = BodyState((-2.0, 0.5 * (second % 3), 0.1), linear=(3.0, 0.0, 0.0))
-                world.spawn(f"ball_{second}", Sphere(0.1), 1.0, start)
-                hashes.append(world.snapshot().hash)
-            return hashes
-
-    assert run() == run()
-
-
 @pytest.mark.parametrize("gravity", [0.0057, 0.03])
 def test_a_body_that_is_thrown_up_where_gravity_is_weak_comes_back(gravity: float) -> None:
     with flat_world(gravity=(0.0, 0.0, -gravity)) as world:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ from tests.terrain.motion_law import (
     REST_AFTER,
     Phase,
     displacement,
-    motion_of,
     phase_of,
     rise_of,
 )
@@ -56,31 +54,12 @@ def test_ground_jumps_nowhere(corner: float, v: float, a: float) -> None:
     assert height_at(corner + 1e-9, v, a) == pytest.approx(height_at(corner - 1e-9, v, a), abs=1e-6)
 
 
-@given(velocities, accelerations)
-def test_at_its_map_the_ground_is_that_map(v: float, a: float) -> None:
-    assert height_at(0.0, v, a) == 0.0
-    assert height_at(REST_AFTER * INTERVAL + 1e-9, v, a) == 0.0
-    assert rise_of(v, a, phase_at(REST_AFTER * INTERVAL + 1e-9), 1.0) == 0.0
-
-
 @given(velocities, accelerations, st.floats(LATE_AFTER * INTERVAL + 1e-6, REST_AFTER * INTERVAL), st.floats(0.0, 10.0))
 def test_late_ground_returns_to_its_map_and_stays_there(v: float, a: float, age: float, ahead: float) -> None:
     here = height_at(age, v, a)
     there = here + rise_of(v, a, phase_at(age), ahead)
     assert abs(there) <= abs(here) + 1e-9
     assert there * here >= -1e-9
-
-
-def test_a_fast_second_order_motion_is_that_of_a_falling_stone() -> None:
-    """Ground that accelerates evenly is where it will be, with velocities as differences of its maps."""
-    heights = [0.5 * 3.0 * (k * INTERVAL) ** 2 for k in range(4)]
-    speeds = [(b - a) / INTERVAL for a, b in pairwise(heights)]
-    phase = phase_of(3.5 * INTERVAL, 3 * INTERVAL, INTERVAL, 0.5 * INTERVAL, 1)
-    phase = phase._replace(inverse=1 / INTERVAL, inverse_1=1 / INTERVAL)
-    v, a = motion_of(speeds[2], speeds[1], speeds[0], phase, 25.0)
-    assert a == pytest.approx(3.0)
-    assert heights[3] + displacement(v, a, phase) == pytest.approx(0.5 * 3.0 * (3.5 * INTERVAL) ** 2)
-    assert rise_of(v, a, phase, 1e-9) / 1e-9 == pytest.approx(3.0 * 3.5 * INTERVAL)
 
 
 def test_interpolation_starts_at_the_map_before_and_ends_at_the_last() -> None:
