@@ -1,11 +1,15 @@
 """What holds for all tests."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import pybullet as pb
 import pytest
 from hypothesis import settings
 from hypothesis.internal.conjecture import providers
+from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.tools.testing import Process
 from tests import preloaded
@@ -63,6 +67,15 @@ COSTS = {
     "node/test_terrain_sensor.py": 10,
     "soil/test_contact_soil.py": 13,
 }
+
+
+@pytest.fixture
+def client() -> Iterator[Any]:
+    """A PyBullet world with gravity, and nothing in it."""
+    bullet = BulletClient(pb.DIRECT)
+    bullet.setGravity(0.0, 0.0, -9.81)
+    yield bullet
+    bullet.disconnect()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -76,15 +76,15 @@ def test_a_belt_that_passes_whole_cells_a_map_goes_on() -> None:
         assert found.at(time).linear[0] == pytest.approx(4.0 + 2.0 * time, abs=0.1)
 
 
-def test_a_map_that_travels_with_a_robot_takes_nothing_along() -> None:
+TRAVELS = Belt(lambda time: (0.1 * round(60.0 * time), 0.1 * round(30.0 * time), 0.0), maps=20, noise=0.004)
+
+
+@pytest.mark.parametrize(("belt", "duration"), [(TRAVELS, 0.25), (Belt(steady(0.0), noise=0.004), 2.0)])
+def test_a_map_that_travels_with_a_robot_or_is_never_quite_in_its_place_takes_nothing_along(
+    belt: Belt, duration: float
+) -> None:
     """By a cell with each map, and beside that by as little as rounding makes."""
-    belt = Belt(lambda time: (0.1 * round(60.0 * time), 0.1 * round(30.0 * time), 0.0), maps=20, noise=0.004)
-    x, y, _ = ride(belt, 0.25).at(0.25).position
-    assert (x, y) == pytest.approx((0.013, 0.017), abs=1e-4)
-
-
-def test_a_map_whose_place_is_never_quite_the_same_takes_nothing_along() -> None:
-    x, y, _ = ride(Belt(steady(0.0), noise=0.004), 2.0).at(2.0).position
+    x, y, _ = ride(belt, duration).at(duration).position
     assert (x, y) == pytest.approx((0.013, 0.017), abs=1e-4)
 
 

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule, run_state_machine_as_test
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Sphere, Terrain, World, WorldConfig
 from smartmesh_ros.ground.config import PhysicsConfig
@@ -385,10 +384,8 @@ def test_sleeping_and_waking_bodies_are_where_awake_ones_are() -> None:
 
 
 @pytest.mark.parametrize("maximal", [True, False], ids=["rigid body", "multibody"])
-def test_bodies_of_a_pybullet_world_sleep_where_their_user_lets_them(maximal: bool) -> None:
+def test_bodies_of_a_pybullet_world_sleep_where_their_user_lets_them(client: Any, maximal: bool) -> None:
     """A box loses its collider at rest, rides on ground that rises, and is awake again for good when told so."""
-    client = BulletClient(pb.DIRECT)
-    client.setGravity(0.0, 0.0, -9.81)
     shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=[0.1] * 3)
     body = client.createMultiBody(1.0, shape, basePosition=(0.0, 0.0, 0.1), useMaximalCoordinates=maximal)
     heightmap = HeightMap(FLAT, resolution=SPACING, origin=(-3.0, -3.0))
@@ -412,4 +409,3 @@ def test_bodies_of_a_pybullet_world_sleep_where_their_user_lets_them(maximal: bo
     run(3 * RATE + 5, 2 * RATE)
     assert follower.collider is not None
     assert client.getBasePositionAndOrientation(body)[0][2] == pytest.approx(0.15, abs=1e-3)
-    client.disconnect()

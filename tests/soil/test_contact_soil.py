@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pybullet as pb
 import pytest
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, InputError, PatchConfig, Sphere, World
 from smartmesh_ros.soil.checked_soil import map_from
@@ -261,9 +261,7 @@ def test_soil_goes_with_its_map(way: str, caplog: pytest.LogCaptureFixture) -> N
 
 
 @pytest.mark.parametrize("maximal", [True, False])
-def test_what_sleeps_in_pybullet_wakes_on_another_soil(maximal: bool) -> None:
-    client = BulletClient(pb.DIRECT)
-    client.setGravity(0.0, 0.0, -9.81)
+def test_what_sleeps_in_pybullet_wakes_on_another_soil(client: Any, maximal: bool) -> None:
     shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=[0.1] * 3)
     body = client.createMultiBody(20.0, shape, basePosition=(1.0, 1.0, 0.1), useMaximalCoordinates=maximal)
     client.changeDynamics(body, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
@@ -275,7 +273,6 @@ def test_what_sleeps_in_pybullet_wakes_on_another_soil(maximal: bool) -> None:
     for _ in range(480):
         ground.step(ground.time, 1.0 / 240.0)
     sunk = 0.1 - client.getBasePositionAndOrientation(body)[0][2]
-    client.disconnect()
     assert sunk == pytest.approx(20.0 * 9.81 / 0.04 / 820e3, rel=0.1)
 
 

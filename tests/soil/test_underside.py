@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pybullet as pb
 import pytest
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.shapes import BodyShape, ball, box, capsule, cylinder
@@ -26,29 +25,25 @@ def above_grid(shape: BodyShape, xy: np.ndarray, spacing: float) -> Any:
 
 
 @pytest.mark.parametrize("kind", SHAPES)
-def test_undersides_are_where_rays_from_below_meet_the_shape(kind: str) -> None:
-    client = BulletClient(pb.DIRECT)
+def test_undersides_are_where_rays_from_below_meet_the_shape(client: Any, kind: str) -> None:
     rng = np.random.default_rng(list(SHAPES).index(kind) + 1)
     arguments, made = SHAPES[kind]
     body = client.createMultiBody(1.0, client.createCollisionShape(**arguments))
-    try:
-        for _ in range(10):
-            turn = rng.standard_normal(4)
-            turn /= np.linalg.norm(turn)
-            client.resetBasePositionAndOrientation(body, (0, 0, 0), turn.tolist())
-            xy = rng.uniform(-0.4, 0.4, (200, 2))
-            starts, ends = np.column_stack([xy, np.full(200, -5.0)]), np.column_stack([xy, np.full(200, 5.0)])
-            hits = client.rayTestBatch(starts.tolist(), ends.tolist())
-            table, *_ = above_grid(made(turn=turn), xy, 0.0)
-            found = table[:, 0]
-            met = np.array([hit[3][2] if hit[0] == body else math.inf for hit in hits])
-            both = np.isfinite(found) & np.isfinite(met)
-            assert (np.isfinite(found) == np.isfinite(met)).mean() > 0.97  # rays along an edge may go either way
-            assert both.sum() > 10
-            assert np.median(np.abs(found[both] - met[both])) < 1e-3
-            assert np.abs(found[both] - met[both]).max() < 2e-2  # PyBullet rounds edges by its margin
-    finally:
-        client.disconnect()
+    for _ in range(10):
+        turn = rng.standard_normal(4)
+        turn /= np.linalg.norm(turn)
+        client.resetBasePositionAndOrientation(body, (0, 0, 0), turn.tolist())
+        xy = rng.uniform(-0.4, 0.4, (200, 2))
+        starts, ends = np.column_stack([xy, np.full(200, -5.0)]), np.column_stack([xy, np.full(200, 5.0)])
+        hits = client.rayTestBatch(starts.tolist(), ends.tolist())
+        table, *_ = above_grid(made(turn=turn), xy, 0.0)
+        found = table[:, 0]
+        met = np.array([hit[3][2] if hit[0] == body else math.inf for hit in hits])
+        both = np.isfinite(found) & np.isfinite(met)
+        assert (np.isfinite(found) == np.isfinite(met)).mean() > 0.97  # rays along an edge may go either way
+        assert both.sum() > 10
+        assert np.median(np.abs(found[both] - met[both])) < 1e-3
+        assert np.abs(found[both] - met[both]).max() < 2e-2  # PyBullet rounds edges by its margin
 
 
 @pytest.mark.parametrize("kind", SHAPES)

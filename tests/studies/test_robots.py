@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import pybullet as pb
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.tools.evaluation.distance import Surface, nearest
 from studies.contest import Result
@@ -75,29 +74,25 @@ def test_the_least_clearance_of_links_is_that_of_the_lowest_and_beside_the_map_t
 
 
 @pytest.mark.parametrize("robot", [ROVER, HUSKY, RACECAR, LAIKAGO], ids=lambda robot: robot.name)
-def test_the_shapes_of_links_fill_the_bounds_that_pybullet_gives_them(robot: Robot) -> None:
+def test_the_shapes_of_links_fill_the_bounds_that_pybullet_gives_them(client: Any, robot: Robot) -> None:
     """Links that are not turned: bounds of turned ones are too large. The margin is a few millimetres."""
-    client = BulletClient(pb.DIRECT)
-    try:
-        uid = client.loadURDF(robot.urdf)
-        compared = 0
-        for link in range(-1, client.getNumJoints(uid)):
-            if not client.getCollisionShapeData(uid, link):
-                continue
-            mass = client.getBasePositionAndOrientation(uid) if link < 0 else client.getLinkState(uid, link)[:2]
-            inverse = client.invertTransform(*client.getDynamicsInfo(uid, link)[3:5])
-            frame = pose_of(*client.multiplyTransforms(*mass, *inverse))
-            if not np.allclose(pose_of(*mass)[:3, :3], np.eye(3), atol=1e-6):
-                continue
-            [parts] = read_links(client, uid, [link])
-            points = [(placed(part.points, frame), part.radius) for part in parts]
-            low = np.min([one.min(axis=0) - radius for one, radius in points], axis=0)
-            high = np.max([one.max(axis=0) + radius for one, radius in points], axis=0)
-            assert np.abs([low, high] - np.array(client.getAABB(uid, link))).max() < 0.005, link
-            compared += 1
-        assert compared >= 1
-    finally:
-        client.disconnect()
+    uid = client.loadURDF(robot.urdf)
+    compared = 0
+    for link in range(-1, client.getNumJoints(uid)):
+        if not client.getCollisionShapeData(uid, link):
+            continue
+        mass = client.getBasePositionAndOrientation(uid) if link < 0 else client.getLinkState(uid, link)[:2]
+        inverse = client.invertTransform(*client.getDynamicsInfo(uid, link)[3:5])
+        frame = pose_of(*client.multiplyTransforms(*mass, *inverse))
+        if not np.allclose(pose_of(*mass)[:3, :3], np.eye(3), atol=1e-6):
+            continue
+        [parts] = read_links(client, uid, [link])
+        points = [(placed(part.points, frame), part.radius) for part in parts]
+        low = np.min([one.min(axis=0) - radius for one, radius in points], axis=0)
+        high = np.max([one.max(axis=0) + radius for one, radius in points], axis=0)
+        assert np.abs([low, high] - np.array(client.getAABB(uid, link))).max() < 0.005, link
+        compared += 1
+    assert compared >= 1
 
 
 @pytest.mark.parametrize("robot", [HUSKY, RACECAR, LAIKAGO], ids=lambda robot: robot.name)

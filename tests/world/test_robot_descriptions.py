@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pybullet as pb
 import pytest
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, HeightMap, InputError, Sphere, World
 from smartmesh_ros.world.joints import JointCommand
@@ -404,9 +403,7 @@ def test_a_joint_that_mimics_another_follows_it(
 
 def test_a_planar_joint_moves_in_its_plane() -> None:
     """PyBullet's loader takes it as URDF means it, so it is accepted."""
-    client = BulletClient(pb.DIRECT)
     prepared = prepare_robot(robot(link("a", mass=0.0), B, joint("p", "planar", "a", "b").replace("0 1 0", "0 0 1")))
-    client.disconnect()
     with World(HeightMap(np.zeros((5, 5)))) as world:
         world.spawn_robot("r", prepared, BodyState((1.0, 1.0, 1.0)))
         uid = world.bodies["r"].uid

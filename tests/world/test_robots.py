@@ -2,13 +2,12 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import pybullet as pb
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, HeightMap, InputError, PhysicsConfig, World, WorldConfig
 from smartmesh_ros.ground.ground import Ground
@@ -223,9 +222,7 @@ def test_a_fixed_base_that_is_spawned_on_moving_ground_stays() -> None:
         assert world.state("mast") == before
 
 
-def test_a_fixed_base_of_a_pybullet_world_stays() -> None:
-    client = BulletClient(pb.DIRECT)
-    client.setGravity(0.0, 0.0, -9.81)
+def test_a_fixed_base_of_a_pybullet_world_stays(client: Any) -> None:
     body = client.loadURDF(ROVER, basePosition=(0.0, 0.0, -0.1), useFixedBase=True)
     ground = Ground(client, HeightMap(np.zeros((41, 41)), resolution=0.1, origin=(-2.0, -2.0)))
     ground.attach(body)
@@ -234,7 +231,6 @@ def test_a_fixed_base_of_a_pybullet_world_stays() -> None:
         ground.step(step / 240, 1 / 240)
     assert client.getBasePositionAndOrientation(body) == start
     assert ground.rescues == 0
-    client.disconnect()
 
 
 def sled(contact: str = "", *more: str) -> str:

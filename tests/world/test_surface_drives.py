@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pybullet as pb
 import pytest
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, Ground, InputError, PatchConfig, Snapshot, Sphere, World, WorldConfig
 from smartmesh_ros.ground.belt import Belt
@@ -194,25 +194,16 @@ def test_pybullet_itself_ignores_the_element() -> None:
 
 
 @pytest.fixture
-def client() -> Iterator[BulletClient]:
-    """A PyBullet world of one's own, with a box of 2 kg on the ground."""
-    made = BulletClient(pb.DIRECT)
-    made.setGravity(0.0, 0.0, -9.81)
-    shape = made.createCollisionShape(pb.GEOM_BOX, halfExtents=[0.2, 0.2, 0.1])
-    made.createMultiBody(2.0, shape, basePosition=[0.0, 0.0, 0.1])
-    yield made
-    made.disconnect()
-
-
-@pytest.fixture
-def ground(client: BulletClient) -> Ground:
-    """The ground of that world, to which the box is attached."""
+def ground(client: Any) -> Ground:
+    """The ground of a PyBullet world of one's own, to which a box of 2 kg is attached."""
+    shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=[0.2, 0.2, 0.1])
+    client.createMultiBody(2.0, shape, basePosition=[0.0, 0.0, 0.1])
     made = Ground(client, slope())
     made.attach(0)
     return made
 
 
-def run(ground: Ground, client: BulletClient, steps: int) -> float:
+def run(ground: Ground, client: Any, steps: int) -> float:
     """Go on, and return the velocity of the box along x [m/s]."""
     for _ in range(steps):
         ground.step(ground.time, 1.0 / 240.0)
@@ -239,7 +230,7 @@ def test_a_robot_whose_file_lost_a_link_or_joint_is_not_restored(tmp_path: Path,
         assert speed(world) == pytest.approx(0.5, rel=0.02)
 
 
-def test_in_a_pybullet_world_of_ones_own(ground: Ground, client: BulletClient) -> None:
+def test_in_a_pybullet_world_of_ones_own(ground: Ground, client: Any) -> None:
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
     assert run(ground, client, 240) == pytest.approx(0.3, rel=0.01)
     ground.detach(0)
@@ -247,7 +238,7 @@ def test_in_a_pybullet_world_of_ones_own(ground: Ground, client: BulletClient) -
     assert run(ground, client, 240) == pytest.approx(0.0, abs=1e-3), "it is attached anew"
 
 
-def test_an_axis_may_be_an_array(ground: Ground, client: BulletClient) -> None:
+def test_an_axis_may_be_an_array(ground: Ground, client: Any) -> None:
     for _ in range(2):
         ground.drive(0, -1, np.array([0.0, 1.0, 0.0]), np.float32(0.25))  # type: ignore[arg-type]
     assert ground.followers.at(0, -1).belt == Belt((0.0, 1.0, 0.0), 0.25)  # type: ignore[union-attr]
@@ -257,28 +248,28 @@ def test_an_axis_may_be_an_array(ground: Ground, client: BulletClient) -> None:
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 0.0), (0.0, math.nan, 0.0), (0.0, 1e200, 0.0), (0.0, 1.0)])
 @pytest.mark.parametrize("speed_", [1.0, math.inf])
 def test_an_axis_without_direction_is_refused(
-    ground: Ground, client: BulletClient, axis: tuple[float, ...], speed_: float
+    ground: Ground, client: Any, axis: tuple[float, ...], speed_: float
 ) -> None:
     with pytest.raises(InputError):
         ground.drive(0, -1, axis, speed_)  # type: ignore[arg-type]
     assert run(ground, client, 24) == pytest.approx(0.0, abs=1e-3)
 
 
-def test_after_a_reset_of_pybullet_nothing_is_driven(ground: Ground, client: BulletClient) -> None:
+def test_after_a_reset_of_pybullet_nothing_is_driven(ground: Ground, client: Any) -> None:
     client.resetSimulation()
     with pytest.raises(InputError, match="make another"):
         ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
     assert not any(follower.belt.speed for follower in ground.followers)
 
 
-def test_a_command_wakes_a_body_that_sleeps_in_pybullet(ground: Ground, client: BulletClient) -> None:
+def test_a_command_wakes_a_body_that_sleeps_in_pybullet(ground: Ground, client: Any) -> None:
     client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
     run(ground, client, 1200)
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
     assert run(ground, client, 240) == pytest.approx(0.3, rel=0.01)
 
 
-def test_a_body_that_creeps_does_not_sleep_in_pybullet(ground: Ground, client: BulletClient) -> None:
+def test_a_body_that_creeps_does_not_sleep_in_pybullet(ground: Ground, client: Any) -> None:
     client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.02)
     assert run(ground, client, 960) == pytest.approx(0.02, rel=0.01)
@@ -286,7 +277,7 @@ def test_a_body_that_creeps_does_not_sleep_in_pybullet(ground: Ground, client: B
     assert run(ground, client, 960) == 0.0, "it sleeps again"
 
 
-def test_without_pybullets_correction_of_friction_a_surface_stands_still(ground: Ground, client: BulletClient) -> None:
+def test_without_pybullets_correction_of_friction_a_surface_stands_still(ground: Ground, client: Any) -> None:
     client.setPhysicsEngineParameter(frictionERP=0.0)
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
     assert run(ground, client, 240) == pytest.approx(0.0, abs=1e-3)
