@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import _core
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from tests.coal_shapes import coal_hull, coal_triangle
 from tests.core.entries import grid_of
 
 IDENTITY = coal.Transform3s(np.eye(3), np.zeros(3))
@@ -24,6 +23,23 @@ SIDES = 200
 # Samples of level ground around the random ones, so that no shape reaches beyond the map's edge.
 RIM = 6
 SHAPES = ("ball", "capsule", "box", "cylinder", "hull", "wheel", "turned wheel", "lattice", "mesh")
+
+
+def vectors(points: np.ndarray) -> Any:
+    made = coal.StdVec_Vec3s()
+    for point in points:
+        made.append(np.array(point))
+    return made
+
+
+def coal_hull(points: np.ndarray) -> Any:
+    return coal.ConvexBase.convexHull(vectors(points), True, "Qt")
+
+
+def coal_triangle(corners: np.ndarray) -> Any:
+    triangles = coal.StdVec_Triangle()
+    triangles.append(coal.Triangle(0, 1, 2))
+    return coal.Convex(vectors(corners), triangles)
 
 
 def motion_of(way: ArrayLike) -> np.ndarray:

@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.patches.shapes import MOST_GROWTH, BodyShape, ball, box, capsule, compound, cylinder, hull
 from tests.bodies import foot_on, lowest_of, random_turn, rotation
-from tests.coal_shapes import coal_hull, coal_triangle
+from tests.core.contact_cases import IDENTITY, coal_hull, coal_triangle, wheel
 from tests.examples import examples
 
-IDENTITY = coal.Transform3s(np.eye(3), np.zeros(3))
 UNTURNED = np.array([0.0, 0.0, 0.0, 1.0])
 # Barycentric coordinates of points all over a triangle, STEP of its edges apart, corners and edges among them.
 STEP = 1.0 / 48.0
@@ -100,13 +99,6 @@ def test_a_box_is_never_said_to_be_farther_than_it_is_and_its_depth_is_exact(see
     if gap <= 0.0:
         assert sampled <= 2.0 * STEP * size, "it says that they overlap"
         assert gap == pytest.approx(separation((corners - centre) @ rotation(turn), half), abs=1e-9 * (1.0 + size))
-
-
-def wheel(radius: float, width: float) -> np.ndarray:
-    """A cylinder as a hull of 64 vertices, which is what PyBullet makes of one."""
-    angle = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
-    rim = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
-    return np.concatenate([np.column_stack([rim, np.full(32, z)]) for z in (-0.5 * width, 0.5 * width)])
 
 
 def simple(name: str, rng: np.random.Generator) -> tuple[BodyShape, Part]:

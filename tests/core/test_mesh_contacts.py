@@ -8,9 +8,8 @@ import pytest
 
 from smartmesh_ros.core import _core
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from tests.coal_shapes import coal_triangle
 from tests.core import mesh_parts
-from tests.core.contact_cases import IDENTITY, body, distance, motion_of, random_rotation
+from tests.core.contact_cases import IDENTITY, body, coal_triangle, distance, motion_of, random_rotation
 from tests.core.mesh_parts import Parts
 
 EXACT = 1e-6  # [m]

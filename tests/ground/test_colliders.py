@@ -11,6 +11,7 @@ from smartmesh_ros import BodyState, Box, HeightMap, InputError, PatchConfig, Sp
 from smartmesh_ros.patches.config import PatchKind, SearchMethod
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from tests.core import mesh_parts
 
 RESOLUTION = 0.25
 SIZE = 41
@@ -29,10 +30,8 @@ def bowl() -> HeightMap:
 
 
 def bowl_mesh() -> TriangleMesh:
-    axis = (np.arange(SIZE) - SIZE // 2) * RESOLUTION
-    x, y = np.meshgrid(axis, axis)
-    vertices = np.stack([x.ravel(), y.ravel(), bowl_heights().ravel()], axis=1)
-    return TriangleMesh(vertices, grid_triangles(SIZE, SIZE))
+    side = (SIZE - 1) * RESOLUTION
+    return TriangleMesh(*mesh_parts.sheet(side, SIZE - 1, lambda x, y: 0.15 * (x * x + y * y)))
 
 
 def config(kind: PatchKind, **more: object) -> WorldConfig:

@@ -7,7 +7,8 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.patches.config import PatchKind
-from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.core import mesh_parts
 from tests.urdfs import joint, link, robot
 
 DT = 1.0 / 240.0
@@ -99,9 +100,8 @@ def test_bodies_ride_on_ground_that_accelerates(general: bool, kind: PatchKind) 
     """Maps at 20 Hz lag; the ground's acceleration, seen where the body stands, makes up for most of it."""
     rise, rate = 0.3, 4.0
     flat = HeightMap(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0))
-    x, y = np.meshgrid(0.25 * np.arange(41) - 5.0, 0.25 * np.arange(41) - 5.0)
-    vertices = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
-    mesh = TriangleMesh(vertices, grid_triangles(41, 41))
+    vertices, triangles = mesh_parts.sheet(10.0, 40)
+    mesh = TriangleMesh(vertices, triangles)
     with World(mesh if general else flat, WorldConfig(patch=PatchConfig(kind=kind))) as world:
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2 - rise)))
         gaps = []

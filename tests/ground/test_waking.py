@@ -8,7 +8,8 @@ import pytest
 
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.core import mesh_parts
 
 DT = 1.0 / 240.0
 SIDE, SPACING = 41, 0.1
@@ -84,8 +85,8 @@ def test_a_sleeping_body_falls_with_its_ground(client: Any, drop: float, maximal
 
 
 def test_a_sleeping_body_on_a_general_mesh_falls_with_it(client: Any) -> None:
-    vertices = np.stack([SPACING * COLUMNS - 2.0, SPACING * ROWS - 2.0, 0.0 * ROWS], axis=-1).reshape(-1, 3)
-    mesh = TriangleMesh(vertices, grid_triangles(SIDE, SIDE))
+    vertices, triangles = mesh_parts.sheet(4.0, 40)
+    mesh = TriangleMesh(vertices, triangles)
     ground, body = Ground(client, mesh), box(client, True)
     ground.attach(body)
     step = asleep(client, ground, body)

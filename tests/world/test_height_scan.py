@@ -22,6 +22,7 @@ from smartmesh_ros import (
 )
 from smartmesh_ros.terrain.height_scan import LAYOUTS, yaws_of
 from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.core import mesh_parts
 from tests.urdfs import inertial, robot
 
 SIDE, RESOLUTION, LOW = 161, 0.05, -4.0
@@ -68,15 +69,6 @@ def tiles() -> Terrain:
     return made
 
 
-def mesh() -> TriangleMesh:
-    x, y = np.meshgrid(np.linspace(-4.0, 4.0, 21), np.linspace(-4.0, 4.0, 21))
-    vertices = np.stack([x.ravel(), y.ravel(), (0.1 * np.sin(x * y)).ravel()], axis=-1)
-    at = np.arange(20)[:, None] * 21 + np.arange(20)
-    lower = np.stack([at, at + 1, at + 22], axis=-1).reshape(-1, 3)
-    upper = np.stack([at, at + 22, at + 21], axis=-1).reshape(-1, 3)
-    return TriangleMesh(vertices, np.concatenate([lower, upper]))
-
-
 GROUNDS = {
     "still": lambda: HeightMap(wave(0.0), resolution=RESOLUTION, origin=(LOW, LOW)),
     "moving": moving,
@@ -86,7 +78,7 @@ GROUNDS = {
     "corrected": lambda: moving(MotionConfig(changes="correction")),
     "with holes": holed,
     "tiles": tiles,
-    "mesh": mesh,
+    "mesh": lambda: TriangleMesh(*mesh_parts.sheet(8.0, 20, lambda x, y: 0.1 * np.sin(x * y))),
 }
 
 
