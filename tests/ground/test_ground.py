@@ -10,6 +10,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.terrain.heightmap import HeightMap
+from tests.urdfs import inertial, joint, link, robot
 
 DT = 1.0 / 240.0
 
@@ -94,22 +95,17 @@ def test_bad_attachments_are_refused(client: Any) -> None:
         ground.attach(sphere(client, (3.0, 2.0, 1.0)), radius=-1.0)
 
 
-CAR = """<robot name="car"><link name="base_footprint"/>
-<joint name="up" type="fixed"><parent link="base_footprint"/><child link="base_link"/><origin xyz="0 0 0.1"/></joint>
-<link name="base_link"><inertial><mass value="5"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>
-</inertial><collision><geometry><box size="0.5 0.3 0.1"/></geometry></collision></link>
-{wheels}</robot>"""
-WHEEL = """<joint name="axle{n}" type="continuous"><parent link="base_link"/><child link="wheel{n}"/>
-<origin xyz="{x} {y} -0.03"/><axis xyz="0 1 0"/></joint><link name="wheel{n}"><inertial><mass value="0.5"/>
-<inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial><collision>
-<origin rpy="1.570796 0 0"/><geometry><cylinder radius="0.1" length="0.05"/></geometry></collision></link>"""
+WHEEL = f"""<link name="wheel{{}}">{inertial(0.5, 0.001)}<collision><origin rpy="1.570796 0 0"/><geometry>
+<cylinder radius="0.1" length="0.05"/></geometry></collision></link>"""
 
 
 @pytest.fixture
 def car(client: Any, tmp_path: Any) -> int:
-    places = [(x, y) for x in (0.2, -0.2) for y in (0.2, -0.2)]
-    wheels = "".join(WHEEL.format(n=n, x=x, y=y) for n, (x, y) in enumerate(places))
-    (tmp_path / "car.urdf").write_text(CAR.format(wheels=wheels))
+    base = [link("base_footprint", "", None), link("base_link", '<box size="0.5 0.3 0.1"/>', 5.0, 0.1)]
+    base.append(joint("up", "fixed", "base_footprint", "base_link", xyz="0 0 0.1"))
+    for n, (x, y) in enumerate((x, y) for x in (0.2, -0.2) for y in (0.2, -0.2)):
+        base += [WHEEL.format(n), joint(f"axle{n}", "continuous", "base_link", f"wheel{n}", xyz=f"{x} {y} -0.03")]
+    (tmp_path / "car.urdf").write_text(robot(*base))
     return int(client.loadURDF(str(tmp_path / "car.urdf"), (3.0, 2.0, 0.05), flags=pb.URDF_USE_IMPLICIT_CYLINDER))
 
 

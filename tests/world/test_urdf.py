@@ -11,6 +11,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.io.urdf import UrdfRules, checked_urdf
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.world.world import World
+from tests.urdfs import joint, link, robot
 
 MESH = '<robot name="r"><link name="a"><collision><geometry><mesh filename="{}"/></geometry></collision></link></robot>'
 SHAPE = '<robot name="r"><link name="a">{}</link></robot>'
@@ -118,11 +119,10 @@ def test_shapes_that_are_only_seen_may_have_any_size(rules: UrdfRules, visual: s
 
 def test_a_light_frame_is_accepted(rules: UrdfRules) -> None:
     """NASA's Valkyrie has frames of 1e-7 kg; the robot stands as it does without the frame."""
-    base = '<link name="a"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" '
-    base += 'iyz="0"/></inertial><collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>'
-    light = '<link name="b"><inertial><mass value="1e-07"/><inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" '
-    light += 'iyz="0"/></inertial></link><joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint>'
-    text = f'<robot name="r">{base}{light}</robot>'
+    text = robot(
+        link("a", '<box size="0.2 0.2 0.2"/>', 1.0, 0.01), link("b", "", 1e-7, 1e-9),
+        joint("j", "fixed", "a", "b", xyz="0 0 0"),
+    )  # fmt: skip
     assert checked_urdf(text, rules) == text
     with World(HeightMap(np.zeros((21, 21)), resolution=0.1, origin=(-1.0, -1.0))) as world:
         world.spawn_robot("robot", text, BodyState(), on_ground=True)
