@@ -1,11 +1,13 @@
 """Every search finds what brute force finds, or is refused."""
 
+from collections.abc import Callable
 from typing import get_args
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.tri import Triangulation
 
 from smartmesh_ros import BodyState, PatchConfig, Sphere, World, WorldConfig
 from smartmesh_ros.errors import InputError
@@ -43,11 +45,25 @@ def around(rng: np.random.Generator, vertices: np.ndarray, count: int = 60) -> n
     return np.concatenate([free, over, between])
 
 
+def stretched_mesh(rng: np.random.Generator) -> TriangleMesh:
+    rows, columns = rng.integers(3, 15, 2).tolist()
+    return TriangleMesh(stretched(rng, rows, columns), grid_triangles(rows, columns))
+
+
+def delaunay_mesh(rng: np.random.Generator) -> TriangleMesh:
+    """Any triangle pattern: random points in a square, triangulated by Matplotlib's Delaunay."""
+    inner = rng.uniform(0.5, 9.5, (int(rng.integers(4, 61)), 2))
+    xy = np.concatenate([[[0, 0], [0, 10], [10, 0], [10, 10]], inner])
+    triangles = np.array(Triangulation(xy[:, 0], xy[:, 1]).triangles)
+    return TriangleMesh(np.column_stack([xy, rng.normal(size=len(xy))]), triangles)
+
+
+@pytest.mark.parametrize("make", [stretched_mesh, delaunay_mesh])
 @settings(max_examples=40, deadline=None)
-@given(st.integers(0, 10**6), st.integers(3, 14), st.integers(3, 14))
-def test_best_first_equals_brute_force_on_stretched_grids(seed: int, rows: int, columns: int) -> None:
+@given(seed=st.integers(0, 10**6))
+def test_best_first_equals_brute_force(make: Callable[[np.random.Generator], TriangleMesh], seed: int) -> None:
     rng = np.random.default_rng(seed)
-    mesh = TriangleMesh(stretched(rng, rows, columns), grid_triangles(rows, columns))
+    mesh = make(rng)
     require_search("best_first", mesh)
     positions = around(rng, mesh.vertices)
     expected = horizontal_brute_force(mesh, positions)
@@ -55,23 +71,6 @@ def test_best_first_equals_brute_force_on_stretched_grids(seed: int, rows: int, 
     np.testing.assert_array_equal(best_first_vertices(mesh, mesh.graph.padded(), positions, starts), expected)
     singly = [best_first_vertex(mesh, p, int(s)) for p, s in zip(positions, starts, strict=True)]
     np.testing.assert_array_equal(singly, expected)
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.integers(0, 10**6), st.integers(4, 60))
-def test_best_first_equals_brute_force_on_delaunay_meshes(seed: int, count: int) -> None:
-    """Any triangle pattern: random points in a square, triangulated by Matplotlib's Delaunay."""
-    from matplotlib.tri import Triangulation
-
-    rng = np.random.default_rng(seed)
-    xy = np.concatenate([[[0, 0], [0, 10], [10, 0], [10, 10]], rng.uniform(0.5, 9.5, (count, 2))])
-    triangles = np.array(Triangulation(xy[:, 0], xy[:, 1]).triangles)
-    mesh = TriangleMesh(np.column_stack([xy, rng.normal(size=len(xy))]), triangles)
-    require_search("best_first", mesh)
-    positions = around(rng, mesh.vertices)
-    starts = rng.integers(mesh.size, size=len(positions))
-    found = best_first_vertices(mesh, mesh.graph.padded(), positions, starts)
-    np.testing.assert_array_equal(found, horizontal_brute_force(mesh, positions))
 
 
 @settings(max_examples=40, deadline=None)
