@@ -116,18 +116,10 @@ def test_where_contacts_are_pybullets_own_a_command_is_refused() -> None:
         assert [s.speed for s in world.surfaces(NAME)] == [0.0, 0.0]
 
 
-@pytest.mark.parametrize(
-    ("command", "words"),
-    [
-        (JointCommand(position=1.0), "velocity alone"),
-        (JointCommand(effort=1.0), "velocity alone"),
-        (JointCommand(velocity=1.0, effort=1.0), "velocity alone"),
-        (JointCommand(), "velocity alone"),
-    ],
-)
-def test_a_track_takes_a_velocity_alone(driven: World, command: JointCommand, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        driven.command(NAME, "left_track", command)
+@pytest.mark.parametrize("fields", [{"position": 1.0}, {"effort": 1.0}, {"velocity": 1.0, "effort": 1.0}, {}])
+def test_a_track_takes_a_velocity_alone(driven: World, fields: dict[str, float]) -> None:
+    with pytest.raises(InputError, match="velocity alone"):
+        driven.command(NAME, "left_track", JointCommand(**fields))
     assert [s.speed for s in driven.surfaces(NAME)] == [0.3, 0.5]
 
 
