@@ -219,18 +219,11 @@ class Case:
     def moved(self, by: np.ndarray) -> Case:
         return Case(self.ground, self.body, self.turn, self.position + by, self.margin)
 
-    def contacts(self, way: ArrayLike = (0.0, 0.0, 0.0)) -> np.ndarray:
+    def contacts(self, way: ArrayLike = (0.0, 0.0, 0.0), *, with_mesh: bool = False) -> np.ndarray:
         """Returns the contacts in a step of one second, in which the body goes a ``way`` [m]."""
-        return self.contacts_with(self.ground.tile, way)
-
-    def contacts_with(self, tile: Any, way: ArrayLike = (0.0, 0.0, 0.0)) -> np.ndarray:
-        """Returns the same contacts with another tile of the core."""
+        tile = self.ground.mesh.core_reader if with_mesh else self.ground.tile
         pose = np.ascontiguousarray(np.vstack([self.turn, self.position]))
         return np.asarray(_core.find_contacts(self.body.core, [tile], pose, motion_of(way), 1.0, self.margin))
-
-    def mesh_contacts(self, way: ArrayLike = (0.0, 0.0, 0.0)) -> np.ndarray:
-        """Returns the contacts with the mesh of the same ground."""
-        return self.contacts_with(self.ground.mesh.core_reader, way)
 
     def distance(self, within: float, deep: bool = False) -> float:
         """Returns coal's least signed distance [m] from the facets, infinite if it is above ``within`` [m]."""

@@ -87,7 +87,7 @@ def test_map_that_slides_takes_a_ball_in_a_pit_along(engine: str) -> None:
 def test_only_a_surface_velocity_takes_a_box_on_level_ground_along(engine: str) -> None:
     flat = np.zeros((ROWS, COLUMNS))
     box = EngineBody(shape=Box(0.4, 0.4, 0.2), state=BodyState(position=(2.03, 2.01, 0.101)))
-    cases: list[tuple[Any, bool]] = [(None, engine == "smartmesh")]
+    cases: list[tuple[Any, bool]] = [(None, engine in ("smartmesh", "checkout"))]
     if engine == "mujoco":
         from studies.engines.mujoco_hfield import MujocoOptions
 
