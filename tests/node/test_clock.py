@@ -9,14 +9,12 @@ import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParameters
 from rosgraph_msgs.msg import Clock
 from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, heightmap_message
-from tests.node.shared import changed, seconds, spawn
+from tests.node.shared import changed, seconds, set_parameters, spawn
 
 HEIGHT, GRAVITY, STEP = 1000.0, 9.81, 1 / 240
 
@@ -216,11 +214,8 @@ def test_the_node_is_silent_while_another_publishes_the_clock(
 
 def test_a_node_does_not_follow_its_own_clock(shared: Probe) -> None:
     with changed(shared, {"publish.clock": 10.0}):
-        value = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=True)
-        parameters = [Parameter(name="use_sim_time", value=value)]
-        response = shared.call("set_parameters", SetParameters, parameters=parameters)
-        assert not response.results[0].successful
-        assert "publish.clock" in response.results[0].reason
+        result = set_parameters(shared, {"use_sim_time": True})
+        assert not result.successful and "publish.clock" in result.reason
 
 
 @pytest.mark.parametrize("policy", ["skip", "catch_up", "slow_down"])

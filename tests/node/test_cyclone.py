@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 from rosidl_parser.definition import AbstractSequence, AbstractString, Array, BasicType
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Heightmap, TrackedBody, TrackedBodyArray
-from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_on_map, heightmap_message, pose_message
+from tests.node.shared import spawn
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed; pip install -r requirements/interop.txt")
 
@@ -127,11 +126,10 @@ def test_requests_that_are_none_do_no_harm(peer: Peer, probe: Probe) -> None:
     )
     topic = Topic(peer.participant, "rq/terrain_collider/spawn_bodyRequest", other, qos=QOS)
     writer = DataWriter(peer.participant, topic, qos=QOS)
-    sphere = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
     with probe.running() as process:
         probe.wait_for(writer.get_matched_subscriptions, watch=process)
         for number, value in enumerate((0, 7, 2**31, 2**32 - 1)):
             writer.write(other(values=[value] * 6))
-            assert probe.call("spawn_body", SpawnBody, id=f"ball_{number}", shape=sphere, mass=1.0).success
+            spawn(probe, f"ball_{number}")
         assert process.process.poll() is None
         probe.wait_for(lambda: len(probe.latest("body_states").bodies) == 4)

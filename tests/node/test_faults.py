@@ -16,7 +16,6 @@ import pytest
 from builtin_interfaces.msg import Time
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
 from std_srvs.srv import Trigger
@@ -25,10 +24,10 @@ from visualization_msgs.msg import MarkerArray
 from smartmesh_ros.node.timing.stamps import STALL_RATIO
 from smartmesh_ros.tools.client import Patch, PatchClient, TrackedLink
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, assert_on_map, heightmap_message
+from tests.node.shared import LATCHED
 
 SHAPE = (40, 30)
 SHARED = {"terrain.motion": "hold"}
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def rough(seed: int, base: float = 0.0) -> np.ndarray[Any, np.dtype[np.float64]]:

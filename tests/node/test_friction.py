@@ -20,7 +20,7 @@ from std_srvs.srv import SetBool
 
 from smartmesh_ros.tools.testing import Probe, floats
 from tests.grid_maps import grid_map_message
-from tests.node.shared import box, changed, one_round, require_refused, set_parameters, spawn, stamped
+from tests.node.shared import box, changed, one_round, require_refused, spawn, stamped
 
 SHARED = {"physics.friction": 1.0, "terrain.input": "grid_map"}
 GRAVITY, SPEED = 9.81, 2.0
@@ -111,9 +111,3 @@ def test_the_publisher_on_the_page_makes_ice_beside_gravel(probe: Probe) -> None
             assert ways(probe) == expected(0.5 * 0.2, 0.5 * 1.2)
         finally:
             publisher.kill()
-
-
-def test_the_depth_of_outputs_is_an_override_of_qos(shared: Probe) -> None:
-    result = set_parameters(shared, {"publish.depth": 3})
-    assert not result.successful
-    assert "qos_overrides.<full name of the topic>.publisher.depth" in result.reason

@@ -17,8 +17,6 @@ from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_cannot_s
 from tests.node.shared import has_ended, wait_until
 
 pytestmark = pytest.mark.usefixtures("executables")
-# Processor time that ending at once may take [s]. Compiling takes many times as long.
-AT_ONCE = 5.0
 # A node whose clock goes on by 1000 s while it is made, as if it read a large file, and whose first step says how many
 # deadlines were missed.
 SLOW_START = """
