@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import pybullet_data
 
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import Shape
@@ -21,8 +19,9 @@ from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.grounds import Rigid, make_ground
 from smartmesh_ros.world.world import World, WorldConfig
+from studies.robots import robot
 
-HUSKY = str(Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf")
+HUSKY = robot.HUSKY.urdf
 
 
 def square(size: int, resolution: float) -> GridGeometry:

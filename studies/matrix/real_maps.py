@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import pybullet_data
 
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
@@ -18,17 +16,15 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.joints import JointCommand
 from studies.matrix.arena import HUSKY, Arena
-from studies.matrix.row import METHODS, Row
+from studies.matrix.row import own_row
+from studies.robots.robot import LAIKAGO
 
 CELLS, RESOLUTION = 61, 0.1
 STEP = 1.0 / 240.0
 SHAPES: dict[str, Shape] = {"box": Box(0.4, 0.4, 0.3), "ball": Sphere(0.15), "cylinder": Cylinder(0.2, 0.3)}
-LAIKAGO = str(Path(pybullet_data.getDataPath()) / "laikago" / "laikago_toes_zup.urdf")
-ROBOTS = {"wheeled robot": (HUSKY, 0.0), "robot on legs": (LAIKAGO, 0.46)}  # and how high they start [m]
+ROBOTS = {"wheeled robot": (HUSKY, 0.0), "robot on legs": (LAIKAGO.urdf, 0.46)}  # and how high they start [m]
 SIZES = (0.01, 0.03, 0.1, 0.3, -0.01, -0.03, -0.1, -0.3)
 ISSUE = "a correction gives no speed"
-# The methods that bodies are taken along for by default; the others are there for their colliders' sake.
-OTHERS = tuple(name for name in METHODS if name != "defaults")
 
 
 class Thrown(NamedTuple):
@@ -146,11 +142,10 @@ def at_rest_in_noise(measure: str, kind: str, sigma: float, method: PatchConfig)
         return {"speed": max(speeds), "height": max(errors), "drift": drift}[measure]
 
 
-_row = partial(Row, skip=OTHERS)
 KINDS = (*SHAPES, *ROBOTS)
 ROWS = (
     *(
-        _row(
+        own_row(
             f"corrected by 1 to 30 cm, {kind}: {measure}", partial(worst_correction, measure, kind, 0.0, 0.0), limit,
             unit, ISSUE, quick=kind == "box",
         )
@@ -158,21 +153,21 @@ ROWS = (
         for measure, limit, unit in (("above", 5.0, "mm"), ("speed", 0.2, "m/s"))
     ),
     *(
-        _row(
+        own_row(
             f"corrected by 10 cm on 15 deg, {kind}: slid", partial(worst_correction, "slid", kind, math.radians(15.0),
             0.0), 5.0, "mm", "friction holds",
         )
         for kind in ("box", "cylinder", "wheeled robot")
     ),
     *(
-        _row(
+        own_row(
             f"map tilted by 2 deg, {kind}: speed", partial(worst_correction, "speed", kind, 0.0, math.radians(2.0)),
             0.2, "m/s", ISSUE,
         )
         for kind in ("box", "cylinder", "wheeled robot")
     ),
     *(
-        _row(
+        own_row(
             f"noise of {1e3 * sigma:g} mm, {kind}: {measure}", partial(at_rest_in_noise, measure, kind, sigma), limit,
             unit, "stands still",
         )
@@ -181,7 +176,7 @@ ROWS = (
         for measure, limit, unit in (("speed", 0.05, "m/s"), ("height", 2.0, "sigma"), ("drift", 20.0, "mm"))
     ),
     *(
-        _row(f"noise of {1e3 * sigma:g} mm, ball: height", partial(at_rest_in_noise, "height", "ball", sigma), 2.0,
+        own_row(f"noise of {1e3 * sigma:g} mm, ball: height", partial(at_rest_in_noise, "height", "ball", sigma), 2.0,
              "sigma", "stays on the ground")
         for sigma in (0.005, 0.01)
     ),

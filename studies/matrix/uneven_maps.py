@@ -14,9 +14,8 @@ from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.motion import MotionConfig
 from studies.matrix.arena import Arena
 from studies.matrix.moving_ground import WAVES
-from studies.matrix.row import METHODS, Row
+from studies.matrix.row import own_row
 
-OTHERS = tuple(name for name in METHODS if name != "defaults")
 BODIES: dict[str, Shape] = {"balls": Sphere(0.2), "boxes": Box(0.4, 0.4, 0.3)}
 STEP = 1.0 / 240.0
 # What is not measured at first, and how long a run takes [s].
@@ -107,7 +106,6 @@ def thrown_of_even(name: str, frequency: int, rate: float, even_rate: float, met
     return 100.0 * uneven.rise / even_ride(frequency, "balls", even_rate, method).rise
 
 
-_row = partial(Row, skip=OTHERS)
 STAMPS: dict[str, Callable[[float], tuple[float, ...]]] = {
     "jitter of an interval": jittered,
     "bursts of five": in_bursts,
@@ -122,7 +120,7 @@ RUNS = (
 )
 ROWS = (
     *(
-        _row(
+        own_row(
             f"noise of {1e3 * noise:g} mm on waves w = {frequency} at {rate:g} Hz, {kind}: {measure}",
             partial(figure, frequency, kind, rate, noise), limit, unit, source,
         )
@@ -136,7 +134,7 @@ ROWS = (
         )
     ),
     *(
-        _row(f"{name}, waves w = 4 at {rate:g} Hz: {measure}",
+        own_row(f"{name}, waves w = 4 at {rate:g} Hz: {measure}",
              partial(figure, name, 4, rate, rate / slower), limit, unit,
              "as with even stamps" if slower == 1.0 else "as with even stamps as seldom as the longest gaps")
         for name, rate, slower in RUNS
