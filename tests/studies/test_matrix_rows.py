@@ -3,7 +3,7 @@
 import pytest
 
 from smartmesh_ros.patches.config import PatchConfig
-from studies.matrix import changes, edges, moving_ground, still_ground, touching
+from studies.matrix import changes, moving_ground, still_ground, touching
 from studies.matrix.run import ROWS, run_cell
 
 NARROW = PatchConfig(kind="heightfield", rings=1)  # 3 x 3 samples, whatever the body's size
@@ -11,7 +11,7 @@ SELDOM = PatchConfig(kind="heightfield", rings=1, rate=1.0)  # the same for a se
 HULL = PatchConfig(kind="hull", rings=1)  # what is hollow filled in, and built anew for every update
 UNCARRIED = PatchConfig(carry_velocity=False)
 # All rows that take no longer than a few seconds.
-WHOLE = {row.name for part in (still_ground, moving_ground, changes, touching, edges) for row in part.ROWS}
+WHOLE = {row.name for part in (still_ground, moving_ground, changes, touching) for row in part.ROWS}
 BY_DEFAULTS = [row.name for row in ROWS if row.quick or row.name in WHOLE]
 # Rows on ground that moves or changes, for height fields of PyBullet.
 MOVING = {row.name for part in (moving_ground, changes) for row in part.ROWS} | {"T4 raised above all before"}
