@@ -18,12 +18,14 @@ class Robot(NamedTuple):
     height: float
 
 
-def link(name: str, mass: float, box: Vector, geometry: str = "", at: Vector = (0.0, 0.0, 0.0)) -> str:
+def link(
+    name: str, mass: float, box: Vector, geometry: str = "", at: Vector = (0.0, 0.0, 0.0), rpy: str = "0 0 0"
+) -> str:
     """A link of a ``mass`` [kg] with the inertia of a ``box`` [m] around ``at`` [m]; without ``geometry`` nothing
     collides with it."""
     x, y, z = (value * value for value in box)
     inertia = f'ixx="{mass * (y + z) / 12}" iyy="{mass * (x + z) / 12}" izz="{mass * (x + y) / 12}"'
-    origin = f'<origin xyz="{at[0]} {at[1]} {at[2]}"/>'
+    origin = f'<origin xyz="{at[0]} {at[1]} {at[2]}" rpy="{rpy}"/>'
     shape = f"<collision>{origin}<geometry>{geometry}</geometry></collision>" if geometry else ""
     return (
         f'<link name="{name}"><inertial><origin xyz="{at[0]} {at[1]} {at[2]}"/><mass value="{mass}"/>'

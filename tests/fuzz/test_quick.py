@@ -9,7 +9,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
-from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_grid
+from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_region
 from smartmesh_ros.tools.testing import Probe, domain, heightmap_message, pose_message, probe
 from tests.fuzz.mutations import mutated
 from tests.fuzz.run import INPUTS, attack, attack_with_examples
@@ -46,7 +46,7 @@ def test_messages_made_field_by_field() -> None:
 @pytest.mark.parametrize("name", [*ADAPTERS, "occupancy_grid_update"])
 def test_any_raster_gives_a_surface_of_its_size_or_is_refused(name: str, scale: float) -> None:
     rng = np.random.default_rng(14)
-    convert: Callable[..., Any] = ADAPTERS[name].convert if name in ADAPTERS else occupancy_grid.region_from
+    convert: Callable[..., Any] = ADAPTERS[name].convert if name in ADAPTERS else occupancy_region
     made = [make(name, rng) for _ in range(20)]
     good, converted = [bytes(serialize_message(message)) for message in made], 0
     for _ in range(1000):

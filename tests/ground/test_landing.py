@@ -258,3 +258,14 @@ def test_a_body_in_contact_stops_where_it_runs_into_a_wall() -> None:
             x, _, z = world.state("ball").position
             depths.append(0.15 - float(slope @ (x - 0.9, z)))
     assert max(depths) <= 2e-3
+
+
+@pytest.mark.parametrize("depth", [0.5, 9.0])
+def test_the_guard_finds_bodies_far_below_the_ground(depth: float) -> None:
+    with World(HeightMap(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0))) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.01, 0.02, 0.2)))
+        world.step(10)
+        world.move("ball", BodyState((0.01, 0.02, -depth)))
+        world.step(10)
+        assert world.rescues == 1
+        assert world.state("ball").position[2] == pytest.approx(0.2, abs=0.01)

@@ -408,3 +408,42 @@ def test_bodies_of_a_pybullet_world_sleep_where_their_user_lets_them(client: Any
     run(3 * RATE + 5, 2 * RATE)
     assert follower.collider is not None
     assert client.getBasePositionAndOrientation(body)[0][2] == pytest.approx(0.15, abs=1e-3)
+
+
+def test_a_sleeping_body_is_awake_before_it_is_touched() -> None:
+    """A ball rolls towards a box: as it comes near the box has its collider again, and is no deeper for it."""
+    with flat_world() as world:
+        world.spawn("box", BOX, 1.0, BodyState((0.0, 0.0, 0.1)))
+        world.step(RATE)
+        world.spawn("ball", Sphere(0.1), 1.0, BodyState((-1.0, 0.0, 0.1), linear=(3.0, 0.0, 0.0)))
+        while asleep(world):
+            world.step()
+            assert world.time < 10.0
+        gap = world.state("box").position[0] - world.state("ball").position[0] - 0.2
+        assert -1e-3 < gap < 0.05
+        lowest = [world.state("box").position[2] for _ in range(60) if world.step() is None]
+        assert min(lowest) > 0.099
+
+
+def test_two_runs_are_equal_to_the_bit_although_bodies_sleep_and_wake() -> None:
+    def run() -> list[str]:
+        with flat_world() as world:
+            for index in range(12):
+                world.spawn(f"box_{index}", BOX, 1.0, BodyState((0.5 * (index % 4) - 1.0, 0.5 * (index // 4), 0.1)))
+            hashes = []
+            for second in range(5):
+                world.step(RATE)
+                start = BodyState((-2.0, 0.5 * (second % 3), 0.1), linear=(3.0, 0.0, 0.0))
+                world.spawn(f"ball_{second}", Sphere(0.1), 1.0, start)
+                hashes.append(world.snapshot().hash)
+            return hashes
+
+    assert run() == run()
+
+
+@pytest.mark.parametrize("gravity", [0.0057, 0.02])
+def test_a_body_that_is_released_where_gravity_is_weak_falls(gravity: float) -> None:
+    with flat_world(gravity=(0.0, 0.0, -gravity)) as world:
+        world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 1.1)))
+        world.step(int(0.9 * math.sqrt(2.0 / gravity) * RATE))
+        assert world.state("ball").position[2] == pytest.approx(1.1 - 0.81, abs=2e-3)

@@ -79,3 +79,17 @@ def test_a_restored_world_goes_on_as_the_saved_one() -> None:
 def test_what_is_no_snapshot_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="no saved world"):
         Snapshot.from_json(text)
+
+
+def test_rewinding_and_repeating_gives_the_same_hash() -> None:
+    with World(ground()) as world:
+        populate(world)
+        run(world, 60)
+        saved = world.save()
+        hashes = []
+        for _ in range(2):
+            world.restore(saved)
+            world.terrain.put("", ground())
+            run(world, 90)
+            hashes.append(world.snapshot().hash)
+        assert hashes[0] == hashes[1]

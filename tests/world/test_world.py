@@ -18,6 +18,7 @@ from smartmesh_ros import (
     WorldConfig,
 )
 from smartmesh_ros.node.inputs.tracking import Tracking
+from tests.urdfs import HUSKY
 
 
 @pytest.mark.parametrize(
@@ -181,3 +182,30 @@ def test_gravity_that_is_raised_while_a_world_runs_holds_for_what_bodies_can_rea
     shown, states = run(WorldConfig())
     assert shown == 1
     assert (shown, states) == run(heavy)
+
+
+def test_a_robot_has_a_patch_for_each_link_that_can_touch_the_ground(world: World) -> None:
+    world.spawn_robot("husky", HUSKY, BodyState((0.0, 0.0, 0.3)))
+    names = [name for name in world.followers.names if name.startswith("husky/")]
+    assert {name for name in names if "wheel" in name} == {
+        f"husky/{side}_wheel_link" for side in ("front_left", "front_right", "rear_left", "rear_right")
+    }
+    world.step(240)
+    assert {contact.body for contact in world.contacts()} <= set(names)
+    assert len({contact.body for contact in world.contacts() if "wheel" in contact.body}) == 4
+    rest = world.state("husky").position
+    for joint in world.bodies["husky"].joints:
+        world.drive("husky", joint, 5.0)
+    world.step(240)
+    assert math.dist(world.state("husky").position, rest) > 0.3
+    world.remove("husky")
+    assert not any(world.followers.names)
+
+
+def test_simulated_bodies_are_pushed_by_tracked_ones(world: World) -> None:
+    world.spawn("ball", Sphere(0.2), 1.0, BodyState((1.0, 0.0, 0.2)))
+    for step in range(240):
+        world.track("pusher", 0.3, BodyState((step / 240.0, 0.0, 0.3), linear=(1.0, 0.0, 0.0)))
+        world.step()
+    assert world.state("ball").position[0] > 1.3
+    assert world.state("pusher").position[0] == pytest.approx(1.0, abs=0.02)
