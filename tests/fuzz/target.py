@@ -14,6 +14,7 @@ from rclpy.context import Context
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 
+from smartmesh_ros.ground.ground import correcting
 from smartmesh_ros.node import terrain_collider
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.services.turns import Turns, Work
@@ -176,10 +177,10 @@ class Target:
         """A turn of the node's loop with everything published, and what must hold after it."""
         self.node.tick()
         world = self.node.session.world
-        if any(getattr(mesh, "correcting", False) for mesh in world.terrain.tiles.values()):
+        if any(correcting(mesh) for mesh in world.terrain.tiles.values()):
             self.node.tick()  # the first one after a pause is at the time of the last before it
         for batch in world.shown_batches():
-            if getattr(world.terrain.tiles[batch.tile], "correcting", False):
+            if correcting(world.terrain.tiles[batch.tile]):
                 # Time stood still, or went on by less than corrections take.
                 assert self.node.session.paused or self.node.settings.motion.settle >= world.config.physics.dt
                 self._unsettled += 1
