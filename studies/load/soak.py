@@ -87,8 +87,10 @@ class Soak(Node):
         return bool(condition())
 
     def connected(self) -> bool:
-        """Whether the node hears what is sent: else the first bad messages would go nowhere."""
-        return bool(self._maps.get_subscription_count()) and bool(self._updates.get_subscription_count())
+        """Whether the node hears what is sent: else the first bad messages and calls would go nowhere."""
+        clients = (self._spawner, self._remover, self._setter)
+        heard = self._maps.get_subscription_count() and self._updates.get_subscription_count()
+        return bool(heard) and all(client.service_is_ready() for client in clients)
 
     def call(self, client: Any, request: Any) -> Any:
         """A service call; raises `RuntimeError` where there is no answer."""
