@@ -61,8 +61,8 @@ class Stop:
 
 
 def spin(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> None:
-    """Make a node without a loop of its own and handle its messages until SIGINT or SIGTERM; exits with the reason if
-    the node refuses its settings."""
+    """Make a node without a loop of its own and handle its messages until SIGINT or SIGTERM; exits with 2 and the
+    reason if the node refuses its settings."""
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     executor, stop, node = SingleThreadedExecutor(), Stop(), None
     try:
@@ -73,7 +73,8 @@ def spin(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> Non
         while not stop.asked:
             executor.spin_once(timeout_sec=LONGEST_WAIT)
     except InputError as error:
-        raise SystemExit(f"cannot start: {error}") from None
+        print(f"cannot start: {error}", file=sys.stderr)
+        sys.exit(2)
     except KeyboardInterrupt:
         pass
     finally:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import psutil
@@ -160,8 +161,19 @@ def test_a_source_may_be_killed_and_started_again(udp_only: None, probe: Probe) 
         probe.wait_for(on_last_map)
 
 
-def test_impossible_parameters_stop_the_start(domain: int) -> None:
-    assert_cannot_start({"bodies.spawn": ["{id: x}"]}, "cannot start: bodies.spawn")
+@pytest.mark.parametrize(
+    ("name", "parameter", "value", "words"),
+    [
+        ("terrain_collider", "bodies.spawn", ["{id: x}"], "cannot start: bodies.spawn"),
+        ("terrain_source", "scene", "ocean", "cannot start: scene is 'ocean'; choose one of waves"),
+        ("terrain_sensor", "rate", -1.0, "rate; it must be of type float, 0.01 to 200"),
+        ("soil", "flow", 2.0, "flow; it must be of type float, 0 to 1"),
+        ("fleet_front", "spread", "widest", "cannot start: spread is 'widest'; choose one of fewest"),
+        ("rover", "listeners", 0, "listeners; it must be of type int, 1 to 100"),
+    ],
+)
+def test_impossible_parameters_stop_the_start(domain: int, name: str, parameter: str, value: Any, words: str) -> None:
+    assert_cannot_start({parameter: value}, words, name=name)
 
 
 def test_signals_are_obeyed_within_a_second_under_load(probe: Probe) -> None:
