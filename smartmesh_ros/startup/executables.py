@@ -8,8 +8,9 @@ import os
 import select
 import signal
 import sys
+from argparse import Namespace
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -109,3 +110,12 @@ def tune() -> None:
     main = importlib.import_module("smartmesh_ros.tools.tune.cli").main
     with ending_with_reader():
         sys.exit(main())
+
+
+def help_tune(options: Namespace, index: int) -> None:
+    """Measure trials of a prepared search, as process number ``index`` of it. SIGTERM acts like Ctrl-C, which marks the
+    open trial as failed."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    silence_pybullet()
+    with suppress(KeyboardInterrupt):
+        importlib.import_module("smartmesh_ros.tools.tune.session").open_search(options, index).run(options.trials)

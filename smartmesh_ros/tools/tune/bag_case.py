@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -24,10 +24,9 @@ from smartmesh_ros.node.services.initial_bodies import Entry, entry_from_text, s
 from smartmesh_ros.node.services.robot_files import with_package_paths
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.tools.evaluation.distance import Surface
-from smartmesh_ros.tools.tune.bag import Bag
 from smartmesh_ros.tools.tune.case import LONGER, Case, Span, Truth
-from smartmesh_ros.tools.tune.recording import HEIGHTMAP_UPDATE, Recording
-from smartmesh_ros.tools.tune.replay import BodiesCame, Change, Event, MapCame, RegionCame, Start, change_terrain
+from smartmesh_ros.tools.tune.recording import HEIGHTMAP_UPDATE, Bag, Recording
+from smartmesh_ros.tools.tune.replay import BodiesCame, Change, MapCame, RegionCame, change_terrain
 from smartmesh_ros.tools.tune.start import NODE, settings_of
 
 
@@ -47,50 +46,32 @@ class BagLimits:
 
 
 LIMITS = BagLimits()
-# The tiles by name at a time [s]; from call to call the time never decreases.
-Tiles = Callable[[float], dict[str, Raster]]
 
 
-class BagCase(Case):
-    """A bag, replayed as it was recorded. Raises `InputError` with the bag's contents if it cannot be replayed."""
-
-    def __init__(
-        self, bag: Bag, start: Mapping[str, Any], terrain_topic: str = "", seconds: float | None = None
-    ) -> None:
-        self.name, self.title = bag.path.resolve().name, f"the bag {bag.path.resolve().name}"
-        self.start = dict(start)
-        self._settings = settings = settings_of(start)
-        longest = LIMITS.search if seconds is None else seconds
-        self._recording = recording = Recording(bag, settings, terrain_topic, LONGER * longest)
-        _require_enough(bag, recording)
-        search = min(longest, 0.5 * recording.length)
-        confirm = min(recording.length, LONGER * search)
-        self.span = Span(search=search, confirm=confirm, settle=min(0.5, 0.25 * search))
-        self.finest = 0.0 if settings.motion.corrects else LIMITS.truth_rate
-        self._bodies = _entries(settings)
-        balls = [] if self._bodies else _test_balls(recording, settings)
-        self._bodies += balls
-        if not self._bodies:
-            raise bag.refusal(
-                "bodies", "there are no bodies: neither tracked ones in the bag, nor bodies.spawn or robot.description "
-                "in the parameter file; see config/bodies.yaml"
-            )  # fmt: skip
-        self.notes = _notes(recording, balls)
-        self.sources = _sources(bag, recording, settings)
-        known = f"{sorted(self.start.items())} {self.span} {terrain_topic} {bag.metadata}"
-        self.identity = hashlib.sha256(known.encode()).hexdigest()[:12]
-
-    def bodies(self) -> Sequence[Start]:
-        return [partial(spawn, entry=entry) for entry in self._bodies]
-
-    def events(self) -> Iterator[Event]:
-        return iter(self._recording.events)
-
-    def truth(self) -> Truth:
-        tiles = recorded_ground(self._recording.changes, self._settings)
-        return lambda time: {
-            name: Surface(raster.geometry, raster.heights.astype(np.float64)) for name, raster in tiles(time).items()
-        }
+def bag_case(bag: Bag, start: Mapping[str, Any], terrain_topic: str = "", seconds: float | None = None) -> Case:
+    """Return a bag as it was recorded; raise `InputError` with the bag's contents if it cannot be replayed."""
+    settings = settings_of(start)
+    longest = LIMITS.search if seconds is None else seconds
+    recording = Recording(bag, settings, terrain_topic, LONGER * longest)
+    _require_enough(bag, recording)
+    search = min(longest, 0.5 * recording.length)
+    span = Span(search=search, confirm=min(recording.length, LONGER * search), settle=min(0.5, 0.25 * search))
+    entries = _entries(settings)
+    balls = [] if entries else _test_balls(recording, settings)
+    if not entries and not balls:
+        raise bag.refusal(
+            "bodies", "there are no bodies: neither tracked ones in the bag, nor bodies.spawn or robot.description "
+            "in the parameter file; see config/bodies.yaml"
+        )  # fmt: skip
+    name = bag.path.resolve().name
+    known = f"{sorted(start.items())} {span} {terrain_topic} {bag.metadata}"
+    return Case(
+        name=name, title=f"the bag {name}", identity=hashlib.sha256(known.encode()).hexdigest()[:12],
+        start=dict(start), span=span, bodies=[partial(spawn, entry=entry) for entry in entries + balls],
+        events=lambda: iter(recording.events), truth=lambda: recorded_ground(recording.changes, settings),
+        finest=0.0 if settings.motion.corrects else LIMITS.truth_rate, notes=_notes(recording, balls),
+        sources=_sources(bag, recording, settings),
+    )  # fmt: skip
 
 
 def _entries(settings: Settings) -> list[Entry]:
@@ -166,37 +147,36 @@ def _require_enough(bag: Bag, recording: Recording) -> None:
         )  # fmt: skip
 
 
-def recorded_ground(changes: Sequence[Change], settings: Settings) -> Tiles:
+def recorded_ground(changes: Sequence[Change], settings: Settings) -> Truth:
     """Return the true ground of a recording's changes."""
     if settings.motion.corrects:
-        return _Corrected(changes, settings).at
+        return _corrected(changes, settings)
     of_tiles: dict[str, list[Change]] = defaultdict(list)
     for change in sorted(changes, key=lambda change: change.at):
         of_tiles[change.tile].append(change)
-    tiles = [_Moving(name, of_tile) for name, of_tile in of_tiles.items()]
-    return lambda time: dict(found for tile in tiles for found in tile.at(time))
+    tiles = {name: _Moving(of_tile) for name, of_tile in of_tiles.items()}
+    return lambda time: {name: now for name, tile in tiles.items() if (now := tile.at(time)) is not None}
 
 
 class _Moving:
     """One tile, interpolated between the map before and the map after an instant."""
 
-    def __init__(self, name: str, changes: Sequence[Change]) -> None:
-        self._name = name
+    def __init__(self, changes: Sequence[Change]) -> None:
         self._states = _states(changes)
         # A time [s], and the tile from then on; None = it is removed.
         self._before: tuple[float, Raster | None] = 0.0, None
         self._after: tuple[float, Raster | None] | None = next(self._states)
 
-    def at(self, time: float) -> Iterator[tuple[str, Raster]]:
+    def at(self, time: float) -> Surface | None:
         while self._after is not None and self._after[0] <= time:
             self._before, self._after = self._after, next(self._states, None)
         (begin, before), (end, after) = self._before, self._after or (0.0, None)
         if before is None:
-            return
-        geometry, heights, *_ = before
-        if after is not None and after.geometry == geometry:
+            return None
+        heights = before.heights
+        if after is not None and after.geometry == before.geometry:
             heights = heights + np.float32((time - begin) / (end - begin)) * (after.heights - heights)
-        yield self._name, Raster(geometry, heights)
+        return Surface(before.geometry, heights.astype(np.float64))
 
 
 def _states(changes: Sequence[Change]) -> Iterator[tuple[float, Raster | None]]:
@@ -215,30 +195,29 @@ def _states(changes: Sequence[Change]) -> Iterator[tuple[float, Raster | None]]:
         yield change.at, raster
 
 
-class _Corrected:
-    """Ground at rest, as the node estimates it."""
+def _corrected(changes: Sequence[Change], settings: Settings) -> Truth:
+    """Return ground at rest, as the node estimates it."""
+    waiting = sorted(changes, key=lambda change: change.arrives, reverse=True)
+    terrain = Terrain()
+    tiles: dict[str, Any] = terrain.tiles  # height maps
 
-    def __init__(self, changes: Sequence[Change], settings: Settings) -> None:
-        self._changes = sorted(changes, key=lambda change: change.arrives, reverse=True)
-        self._settings = settings
-        self._terrain = Terrain()
-
-    def at(self, time: float) -> dict[str, Raster]:
-        while self._changes and self._changes[-1].arrives <= time:
-            change = self._changes.pop()
-            self._show(change.arrives)
-            with suppress(InputError):  # what the node refuses leaves its ground as it was
-                change_terrain(self._terrain, self._settings, change)
-        return {name: self._raster(tile, time) for name, tile in self._show(time).items()}
-
-    def _show(self, time: float) -> dict[str, Any]:
-        """Blend corrections in up to ``time`` [s]; return the tiles, which are height maps."""
-        tiles: dict[str, Any] = self._terrain.tiles
+    def show(time: float) -> None:
         for tile in tiles.values():
             tile.show(time)
-        return tiles
 
-    def _raster(self, tile: Any, time: float) -> Raster:
-        geometry = tile.geometry
-        indices = np.arange(geometry.size).reshape(geometry.rows, geometry.columns)
-        return Raster(geometry, (tile.sample(indices, time).heights - geometry.origin[2]).astype(np.float32))
+    def at(time: float) -> dict[str, Surface]:
+        while waiting and waiting[-1].arrives <= time:
+            change = waiting.pop()
+            show(change.arrives)
+            with suppress(InputError):  # what the node refuses leaves its ground as it was
+                change_terrain(terrain, settings, change)
+        show(time)
+        return {name: _surface(tile, time) for name, tile in tiles.items()}
+
+    return at
+
+
+def _surface(tile: Any, time: float) -> Surface:
+    geometry = tile.geometry
+    indices = np.arange(geometry.size).reshape(geometry.rows, geometry.columns)
+    return Surface(geometry, tile.sample(indices, time).heights - geometry.origin[2])

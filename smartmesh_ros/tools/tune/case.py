@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import heapq
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -51,13 +50,15 @@ class Span:
         return min(1.0, self.search)
 
 
-class Case(ABC):
+@dataclass(frozen=True, kw_only=True)
+class Case:
     """A scene or a recording.
 
     ``name``: short name for files. ``identity``: digest of everything that measurements depend on. ``start``: given
-    parameters by name. ``finest`` [Hz]: rate of the reference's maps, which follow the true ground; 0 = its maps are
-    those of any run, None = there is no reference. ``notes``: messages to the user about the replay. ``sources``:
-    sentences about the topics of a recording's maps.
+    parameters by name. ``bodies``: the simulated bodies of the start. ``events``: makes the events of a run, as they
+    arrive. ``truth``: makes the true ground for a run. ``finest`` [Hz]: rate of the reference's maps, which follow the
+    true ground; 0 = its maps are those of any run, None = there is no reference. ``notes``: messages to the user about
+    the replay. ``sources``: sentences about the topics of a recording's maps.
     """
 
     name: str
@@ -65,48 +66,34 @@ class Case(ABC):
     identity: str
     start: Mapping[str, Any]
     span: Span
+    bodies: Sequence[Start]
+    events: Callable[[], Iterator[Event]]
+    truth: Callable[[], Truth]
     finest: float | None
     notes: Sequence[str] = ()
     sources: Sequence[str] = ()
 
-    @abstractmethod
-    def bodies(self) -> Sequence[Start]:
-        """Return the simulated bodies of the start."""
 
-    @abstractmethod
-    def events(self) -> Iterator[Event]:
-        """Return the events of a run, in order of arrival."""
+def scene_case(scene: Scene, given: Mapping[str, Any]) -> Case:
+    """Return a scene with its own rate of maps and initial states of bodies."""
 
-    @abstractmethod
-    def truth(self) -> Truth:
-        """Return the true ground for a run."""
-
-
-class SceneCase(Case):
-    """A scene with its own rate of maps and initial states of bodies."""
-
-    def __init__(self, scene: Scene, start: Mapping[str, Any]) -> None:
-        self.name, self.title = scene.name, scene.title
-        self.start = {**start, "physics.friction": scene.bodies.friction}
-        self.identity = hashlib.sha256(f"{scene!r} {sorted(self.start.items())!r}".encode()).hexdigest()[:12]
-        self.span = Span(search=scene.duration, confirm=LONGER * scene.duration, settle=scene.settle)
-        self.finest = None if scene.reference == "none" else FINE_RATE * scene.moves
-        self._scene = scene
-        self._states = scene.starts()
-
-    def bodies(self) -> Sequence[Start]:
-        return [partial(self._spawn, f"body_{index}", state) for index, state in enumerate(self._states)]
-
-    def events(self) -> Iterator[Event]:
-        return maps_of(self.truth(), self._scene.map_rate, self.span.confirm)
-
-    def truth(self) -> Truth:
-        scene, ground = self._scene, self._scene.make_ground()
+    def truth() -> Truth:
+        ground = scene.make_ground()
         return lambda time: {"": scene.surface(np.array(ground.heights(time if scene.moves else 0.0)), time)}
 
-    def _spawn(self, name: str, state: BodyState, world: World) -> bool:
-        world.spawn(name, self._scene.bodies.make_shape(), 1.0, state)
+    def spawn(name: str, state: BodyState, world: World) -> bool:
+        world.spawn(name, scene.bodies.make_shape(), 1.0, state)
         return True
+
+    start = {**given, "physics.friction": scene.bodies.friction}
+    span = Span(search=scene.duration, confirm=LONGER * scene.duration, settle=scene.settle)
+    return Case(
+        name=scene.name, title=scene.title, start=start, span=span,
+        identity=hashlib.sha256(f"{scene!r} {sorted(start.items())!r}".encode()).hexdigest()[:12],
+        bodies=[partial(spawn, f"body_{index}", state) for index, state in enumerate(scene.starts())],
+        events=lambda: maps_of(truth(), scene.map_rate, span.confirm), truth=truth,
+        finest=None if scene.reference == "none" else FINE_RATE * scene.moves,
+    )  # fmt: skip
 
 
 def maps_of(truth: Truth, rate: float, duration: float) -> Iterator[Event]:
@@ -127,7 +114,7 @@ def reference(case: Case) -> dict[str, Vector] | None:
         maps = maps_of(case.truth(), case.finest, case.span.horizon)
         others = (event for event in events if not isinstance(event, Change))
         events = heapq.merge(maps, others, key=lambda event: event.arrives)
-    with Replay(settings_of({**case.start, **FINEST}), case.bodies(), events) as replay:
+    with Replay(settings_of({**case.start, **FINEST}), case.bodies, events) as replay:
         for _ in range(round(case.span.horizon * FINE_RATE)):
             replay.step(replay.due())
         world = replay.world

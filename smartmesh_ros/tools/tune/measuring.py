@@ -84,7 +84,7 @@ class Runner:
         self.stopped = False
         self.steps: list[float] = []
         self.snapshots: list[Snapshot] = []
-        self.replay = Replay(settings, case.bodies(), case.events())
+        self.replay = Replay(settings, case.bodies, case.events())
         self.rate = settings.world.physics.rate
         self._gravity = settings.world.physics.gravity
 

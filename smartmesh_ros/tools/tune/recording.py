@@ -1,4 +1,5 @@
-"""Conversion of a bag's records to events, with the node's checks and its mapping of stamps to simulated time."""
+"""A bag, and the conversion of its records to events, with the node's checks and its mapping of stamps to simulated
+time."""
 
 from __future__ import annotations
 
@@ -6,8 +7,10 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from pathlib import Path
 from typing import Any
 
+import yaml
 from geometry_msgs.msg import PoseArray, PoseStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
@@ -26,8 +29,7 @@ from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import transforms_from
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.timing.stamps import StampClock
-from smartmesh_ros.tools.testing.bags import Record
-from smartmesh_ros.tools.tune.bag import Bag
+from smartmesh_ros.tools.testing.bags import Record, read
 from smartmesh_ros.tools.tune.replay import BodiesCame, Change, Event, JointsCame, MapCame, RegionCame
 
 HEIGHTMAP, HEIGHTMAP_UPDATE = "smartmesh_msgs/msg/Heightmap", "smartmesh_msgs/msg/HeightmapUpdate"
@@ -37,6 +39,66 @@ JOINTS, TRANSFORMS = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
 
 # Converts a record, given its arrival after the start [s].
 Take = Callable[[Record, float], Iterator[Event]]
+
+
+class Bag:
+    """A recorded bag, sqlite3 or MCAP: the folder that holds ``metadata.yaml``. Raises `InputError` if it is none; its
+    later errors list its contents.
+
+    ``metadata``: the text of that file. ``topics``: their type (``package/msg/Name``) and number of messages, by name.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path if path.is_dir() else path.parent
+        file = self.path / "metadata.yaml"
+        if not file.is_file():
+            there = ", ".join(sorted(other.name for other in self.path.iterdir())[:20]) or "nothing"
+            raise InputError("bag", f"{path} is no bag: it has no metadata.yaml (there is: {there})")
+        try:
+            self.metadata = file.read_text()
+            entries = yaml.safe_load(self.metadata)["rosbag2_bagfile_information"]["topics_with_message_count"]
+            self.topics: dict[str, tuple[str, int]] = {
+                entry["topic_metadata"]["name"]: (entry["topic_metadata"]["type"], int(entry["message_count"]))
+                for entry in entries
+            }
+        except (KeyError, TypeError, ValueError, yaml.YAMLError) as error:
+            raise InputError("bag", f"{file} is not that of a bag: {_words(error)}") from None
+
+    def of_type(self, type_name: str, end: str = "") -> list[str]:
+        """Return the topics of a type that have messages, and a name with this ``end``."""
+        found = [name for name, (kind, messages) in self.topics.items() if kind == type_name and messages]
+        return [name for name in found if name.endswith(end)]
+
+    def require(self, name: str, type_name: str, what: str) -> None:
+        """Raise `InputError` with the bag's contents if a topic has no messages of a type. ``what`` names the parameter
+        or option that needs the topic."""
+        if name not in self.topics:
+            raise self.refusal("topic", f"{what}: there is no topic {name}")
+        kind, messages = self.topics[name]
+        if kind != type_name:
+            raise self.refusal("topic", f"{what}: {name} has {kind}, and must have {type_name}")
+        if not messages:
+            raise self.refusal("topic", f"{what}: {name} has no message")
+
+    def refusal(self, reason: str, message: str) -> InputError:
+        """Return an error with the contents of the bag."""
+        lines = [f"  {name}  {kind}  {messages} messages" for name, (kind, messages) in self.topics.items()]
+        return InputError(reason, "\n".join([message, f"The bag {self.path} has", *(lines or ["  no topic"])]))
+
+    def records(self) -> Iterator[Record]:
+        """Yield the messages in recorded order; raise `InputError` if the file is cut off or damaged."""
+        count = 0
+        try:
+            for record in read(self.path):
+                yield record
+                count += 1
+        except InputError:
+            raise
+        except Exception as error:  # noqa: BLE001  # those of rosbags, SQLite and the decompressors have no common base
+            raise self.refusal(
+                "bag", f"the bag is cut off or damaged after {count} messages ({_words(error)}); ros2 bag reindex or "
+                "the mcap tool's recover may save what is left"
+            ) from None  # fmt: skip
 
 
 class Recording:
@@ -218,3 +280,7 @@ def _from_pose(name: str, message: PoseStamped) -> list[BodyInput]:
 
 def _from_odometry(name: str, message: Odometry) -> list[BodyInput]:
     return [BodyInput(name, conversions.odometry_from(message), 0.0, stated=True)]
+
+
+def _words(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}".split("\n")[0]

@@ -7,13 +7,20 @@ import sys
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import fields
+from pathlib import Path
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.startup.executables import help_tune
+from smartmesh_ros.tools.evaluation.scene import FOLDER, read_scene
 from smartmesh_ros.tools.tune import chart, report
+from smartmesh_ros.tools.tune.bag_case import bag_case
+from smartmesh_ros.tools.tune.case import Case, scene_case
 from smartmesh_ros.tools.tune.confirm import Verdict, confirm
-from smartmesh_ros.tools.tune.opening import open_search
-from smartmesh_ros.tools.tune.process import take_part
-from smartmesh_ros.tools.tune.search import Search
+from smartmesh_ros.tools.tune.figures import Asked, require_positive
+from smartmesh_ros.tools.tune.recording import Bag
+from smartmesh_ros.tools.tune.search import Search, open_study
+from smartmesh_ros.tools.tune.start import read_start
 
 
 def run_session(options: Namespace) -> int:
@@ -46,12 +53,37 @@ def find(options: Namespace) -> tuple[Search, Verdict]:
     return search, verdict
 
 
+def open_search(options: Namespace, index: int = 0) -> Search:
+    """Return the search of a command line, as process number ``index``; raise `InputError` for invalid options."""
+    for name in ("trials", "jobs", "seconds"):
+        require_positive(name, getattr(options, name))
+    asked = Asked(**{field.name: getattr(options, field.name) for field in fields(Asked)})
+    case = open_case(options)
+    seed = None if options.seed is None else options.seed + index
+    storage = options.storage or str(options.out / "tune.journal")
+    return Search(case, asked, open_study(storage, f"{case.name} {case.identity}", seed))
+
+
+def open_case(options: Namespace) -> Case:
+    """Return the scene or bag; raise `InputError` if neither can be opened."""
+    start = read_start(options.params_file, options.preset, options.single)
+    path = Path(options.source)
+    if not path.exists():
+        path = FOLDER / f"{options.source}.yaml"
+    if path.suffix == ".yaml" and path.is_file() and path.name != "metadata.yaml":
+        return scene_case(read_scene(path), start)
+    if path.exists():
+        return bag_case(Bag(path), start, options.terrain, options.seconds)
+    scenes = ", ".join(sorted(file.stem for file in FOLDER.glob("*.yaml")))
+    raise InputError("source", f"there is no bag and no scene {options.source!r}; the scenes are {scenes}")
+
+
 @contextmanager
 def _helpers(options: Namespace) -> Iterator[None]:
     """Run all but one of ``--jobs`` processes beside the block, and wait for them after it. If the block fails, they
     are ended. Raise `InputError` if one has failed."""
     context = multiprocessing.get_context("spawn")
-    helpers = [context.Process(target=take_part, args=(options, index)) for index in range(1, options.jobs)]
+    helpers = [context.Process(target=help_tune, args=(options, index)) for index in range(1, options.jobs)]
     for helper in helpers:
         helper.start()
     try:

@@ -11,7 +11,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.tune.cli import parser
 from smartmesh_ros.tools.tune.confirm import SAME_PENETRATION, nearest, ranked
 from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits, Point
-from smartmesh_ros.tools.tune.opening import open_search
+from smartmesh_ros.tools.tune.session import open_search
 from tests.examples import examples
 
 COSTS = st.floats(1e-3, 10.0)

@@ -18,12 +18,12 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.testing import bags, heightmap_message
 from smartmesh_ros.tools.tune import measuring, space
-from smartmesh_ros.tools.tune.bag import Bag
-from smartmesh_ros.tools.tune.bag_case import BagCase
+from smartmesh_ros.tools.tune.bag_case import bag_case
 from smartmesh_ros.tools.tune.case import reference
 from smartmesh_ros.tools.tune.confirm import Verdict
 from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits, Point
 from smartmesh_ros.tools.tune.measuring import Measuring, measure, run
+from smartmesh_ros.tools.tune.recording import Bag
 from smartmesh_ros.tools.tune.replay import Replay
 from smartmesh_ros.tools.tune.report import parameter_file
 from smartmesh_ros.tools.tune.search import Search, open_study
@@ -81,10 +81,10 @@ def node(domain: int) -> Iterator[TerrainCollider]:
 def test_a_replayed_bag_is_what_the_node_makes_of_it(node: TerrainCollider, tmp_path: Path, storage: Any) -> None:
     recorded = list(messages())
     bags.write(tmp_path / "bag", recorded, storage)
-    case = BagCase(Bag(tmp_path / "bag"), START)
+    case = bag_case(Bag(tmp_path / "bag"), START)
     settings = settings_of(START)
     takes = {sub.topic_name: sub.callback for sub in node.subscriptions}
-    with Replay(settings, case.bodies(), case.events()) as replay:
+    with Replay(settings, case.bodies, case.events()) as replay:
         for step in range(STEPS):
             for topic, time, message in recorded:
                 if round(time * RATE) == step:
@@ -108,7 +108,7 @@ def test_a_map_that_is_turned_is_measured_as_one_that_is_not(tmp_path: Path) -> 
         bags.write(tmp_path / f"{yaw}", messages(yaw))
         x, y = 0.1 * math.cos(yaw) - 0.2 * math.sin(yaw), 0.1 * math.sin(yaw) + 0.2 * math.cos(yaw)
         ball = f"{{id: ball, shape: sphere, size: [0.2], mass: 1.0, xy: [{x}, {y}], above: 0.25}}"
-        case = BagCase(Bag(tmp_path / f"{yaw}"), {"bodies.spawn": [ball]})
+        case = bag_case(Bag(tmp_path / f"{yaw}"), {"bodies.spawn": [ball]})
         found += measure(case, run(case, [settings_of(case.start)], case.span.confirm), None)
     assert all(math.isfinite(one.penetration) and not one.failed for one in found)
     assert found[0].penetration == pytest.approx(found[1].penetration, abs=2e-5)
@@ -118,7 +118,7 @@ def test_a_map_that_is_turned_is_measured_as_one_that_is_not(tmp_path: Path) -> 
 def test_ground_that_is_not_followed_is_measured_as_penetration(tmp_path: Path) -> None:
     """Control: with patches that wait for the next map, bodies are inside the ground by what it rises."""
     bags.write(tmp_path / "bag", messages())
-    case = BagCase(Bag(tmp_path / "bag"), START)
+    case = bag_case(Bag(tmp_path / "bag"), START)
     hold = {**START, "terrain.motion": "hold", "patch.carry_velocity": False}
     runners = run(case, [settings_of(START), settings_of(hold)], case.span.confirm)
     kept, lagging = measure(case, runners, reference(case))
@@ -130,7 +130,7 @@ def test_ground_that_is_not_followed_is_measured_as_penetration(tmp_path: Path) 
 def test_a_setting_that_costs_too_much_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measuring, "MEASURING", Measuring(cost_factor=1.5, grace=0.0))
     bags.write(tmp_path / "bag", messages())
-    case = BagCase(Bag(tmp_path / "bag"), START)
+    case = bag_case(Bag(tmp_path / "bag"), START)
     slow = {**START, "physics.rate": 960.0, "patch.rate": 0.0}
     runners = run(case, [settings_of({**START, "physics.rate": 60.0}), settings_of(slow)], case.span.confirm)
     whole, stopped = measure(case, runners, None)
@@ -152,7 +152,7 @@ def test_the_file_says_which_topic_its_maps_were_on(tmp_path: Path) -> None:
         others = [("/elsewhere/heightmap", time, message) for name, time, message in messages() if "height" in name]
         renamed = [(topic if "height" in name else name, time, message) for name, time, message in messages()]
         bags.write(bag, sorted([*renamed, *others], key=lambda record: record[1]))
-        case = BagCase(Bag(bag), START, topic)
+        case = bag_case(Bag(bag), START, topic)
         search = Search(case, Asked(), open_study(str(tmp_path / "journal"), case.name, None))
         text = parameter_file(search, verdict).replace("\n# ", " ")
         assert f"Maps: {topic} (smartmesh_msgs/msg/Heightmap), {words}" in text

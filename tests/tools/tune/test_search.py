@@ -14,7 +14,7 @@ from rclpy.parameter import parameter_value_to_python
 
 from smartmesh_ros.tools.testing import Probe
 from smartmesh_ros.tools.tune import cli, search, space
-from smartmesh_ros.tools.tune.opening import open_search
+from smartmesh_ros.tools.tune.session import open_search
 
 SCENE = {
     "title": "Three balls on a small wave",

@@ -13,9 +13,9 @@ from smartmesh_ros.tools.tune import chart, space
 from smartmesh_ros.tools.tune.cli import parser
 from smartmesh_ros.tools.tune.confirm import Verdict
 from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits, Point
-from smartmesh_ros.tools.tune.opening import open_case
 from smartmesh_ros.tools.tune.report import binding, closing_lines
 from smartmesh_ros.tools.tune.search import BASE, FIGURES, VALUES, Search, open_study
+from smartmesh_ros.tools.tune.session import open_case
 
 BASE_FIGURES = Figures(cost=0.2, longest=2e-3, penetration=1e-3, hover=1e-3, deviation=1e-2)
 VALUES_TRIED = {**space.defaults(), "physics.rate": 120.0}
