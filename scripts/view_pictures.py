@@ -15,12 +15,12 @@ import rclpy
 from playwright.sync_api import sync_playwright
 
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
+from smartmesh_ros.tools.client.remote import OUTPUTS, Remote
 from smartmesh_ros.tools.demo.demo import ROBOT, Demo, demo_running
 from smartmesh_ros.tools.view.browser import FLAGS, find_browser
 from smartmesh_ros.tools.view.camera import Camera
 from smartmesh_ros.tools.view.page import Page
 from smartmesh_ros.tools.view.panel import WINDOW
-from smartmesh_ros.tools.view.remote import OUTPUTS, Remote
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 TINY, LARGE, WIDE = ({"width": width, "height": height} for width, height in ((320, 200), (1280, 940), (1280, 640)))
@@ -117,7 +117,7 @@ def stage(path: str) -> Iterator[Stage]:
             browser = driver.chromium.launch(executable_path=path, args=list(FLAGS))
             opened = browser.new_page(viewport=TINY)  # costs the node almost no processor time
             opened.goto(page.url)
-            with demo_running() as demo:
+            with demo_running(remote) as demo:
                 yield Stage(demo, remote, page, opened)
             browser.close()
         page.close()

@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.image import imread
-from rclpy.serialization import serialize_message
-from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
-from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.tools.demo import demo_pictures
-from smartmesh_ros.tools.demo.demo_pictures import BODY_COLOURS, Snapshot
-from smartmesh_ros.tools.testing import heightmap_message
-from smartmesh_ros.tools.testing.messages import pose_message
+from smartmesh_ros.tools.demo.demo_pictures import BODY_COLOURS, Frame
 
 SIDE = 101  # samples of 0.5 m
 # Balls and boxes in the middle, and a robot that has driven far away.
@@ -24,16 +19,10 @@ PLACES = {"ball_0": (0.0, 0.0), "ball_1": (3.0, 1.0), "box_2": (-2.0, -3.0), "hu
 def pictures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
     """The still pictures of a short demo, by name, as colours (rows, columns, 3)."""
     x = np.linspace(-25.0, 25.0, SIDE)
-    heights = np.tile(0.5 * np.sin(0.3 * x), (SIDE, 1))
-    bodies = [TrackedBody(id=name, pose=pose_message((*xy, 0.8))) for name, xy in PLACES.items()]
-    messages = {
-        "heightmap": heightmap_message(heights, resolution=0.5, origin=(-25.0, -25.0, 0.0)),
-        "patches": MarkerArray(),
-        "body_states": TrackedBodyArray(bodies=bodies),
-    }
-    recorded = {topic: serialize_message(message) for topic, message in messages.items()}
-    snapshots = [Snapshot(float(time), recorded) for time in range(6)]
-    paths = demo_pictures.draw(snapshots, tmp_path_factory.mktemp("pictures"))
+    heights = np.tile(0.5 * np.sin(0.3 * x), (SIDE, 1)).astype(np.float32)
+    bodies = {name: (*xy, 0.8) for name, xy in PLACES.items()}
+    frames = [Frame(float(time), x, x, heights, np.empty((0, 3, 3)), bodies) for time in range(6)]
+    paths = demo_pictures.draw(frames, tmp_path_factory.mktemp("pictures"))
     return {path.name: np.asarray(imread(path))[..., :3] for path in paths if Path(path).suffix == ".png"}
 
 

@@ -12,38 +12,28 @@ import argparse
 import math
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
+import numpy as np
 import pybullet_data
 import rclpy
 from ament_index_python.packages import get_package_prefix
-from diagnostic_msgs.msg import DiagnosticArray
-from nav_msgs.msg import Odometry
-from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import (
-    BodyDescriptionArray,
-    ColliderPatchArray,
-    ContactArray,
-    Heightmap,
-    Timing,
-    TrackedBodyArray,
-)
 from smartmesh_msgs.srv import SpawnBody
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.tools.client.remote import OUTPUTS, Remote
 from smartmesh_ros.tools.demo import demo_pictures
-from smartmesh_ros.tools.demo.demo_pictures import Snapshot
+from smartmesh_ros.tools.demo.demo_pictures import Frame
 
 SOURCE = {
     "scene": "elevation", "rate": 30.0, "resolution": 0.25, "relief": 3.0,
@@ -60,71 +50,54 @@ SHAPES = (
     SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.4, 0.25]),
 )
 BODIES = 24
-OUTPUTS = {
-    "patches": MarkerArray,
-    "collider_patches": ColliderPatchArray,
-    "body_states": TrackedBodyArray,
-    "contacts": ContactArray,
-    "timing": Timing,
-    "joint_states": JointState,
-    "odometry": Odometry,
-    "body_descriptions": BodyDescriptionArray,
-}
-# QoS of body_descriptions, which late subscribers receive as well.
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# What the demo must receive.
+RECEIVED = (*WATCHED, "timing", "body_descriptions", "diagnostics")
 START_TIMEOUT = 60.0  # [s]
 # Real-time factor below which a node runs behind real time.
 REAL_TIME = 0.9
 
 
-class Demo(Node):
-    """Spawns bodies, drives the robot and records topics."""
+class Demo:
+    """Spawns bodies, drives the robot and tells the state, over a ``remote`` of the collider."""
 
-    def __init__(self) -> None:
-        super().__init__("demo")
-        self._latest: dict[str, Any] = {}
-        self.counts: dict[str, int] = dict.fromkeys([*OUTPUTS, "diagnostics"], 0)
-        for topic, kind in OUTPUTS.items():
-            # Raw bytes, because most messages are only counted; drawing converts those that it needs.
-            qos = LATCHED if topic == "body_descriptions" else 10
-            self.create_subscription(kind, f"terrain_collider/{topic}", self._keeper(topic), qos, raw=True)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._keeper("diagnostics"), 10)
-        self.create_subscription(Heightmap, "terrain_collider/heightmap", self._keeper("heightmap"), 1, raw=True)
-        self._spawner = self.create_client(SpawnBody, "terrain_collider/spawn_body")
-        self._commands = self.create_publisher(JointState, "terrain_collider/joint_commands", 10)
+    def __init__(self, remote: Remote) -> None:
+        self.remote = remote
+        self._spawner = remote.node.create_client(SpawnBody, f"{remote.name}/spawn_body")
+        self._commands = remote.node.create_publisher(JointState, f"{remote.name}/joint_commands", 10)
 
-    def _keeper(self, topic: str) -> Any:
-        def keep(message: Any) -> None:
-            self._latest[topic] = message
-            if topic in self.counts:
-                self.counts[topic] += 1
+    @property
+    def counts(self) -> dict[str, int]:
+        """Numbers of received messages, by output."""
+        return {topic: self.remote.counts[topic] for topic in RECEIVED}
 
-        return keep
+    def frame(self, time: float) -> Frame:
+        """Return what to draw at ``time`` [s] of the demo, and take what has come since the last frame."""
+        self.remote.apply_waiting()
+        sight, tile = self.remote.sight, self.remote.ground.tiles[""]
+        assert isinstance(tile, HeightMap)
+        grid = tile.geometry
+        x, y = grid.to_world(0, np.arange(grid.columns))[:, 0], grid.to_world(np.arange(grid.rows), 0)[:, 1]
+        patches = [patch.vertices_w[patch.triangles] for patch in sight.patches.values()]
+        return Frame(
+            time=time, x=x, y=y, heights=tile.heights,
+            triangles=np.concatenate([np.empty((0, 3, 3)), *patches]),
+            bodies={name: pose.position for name, pose in sight.poses.items()},
+        )  # fmt: skip
 
-    def latest(self, topic: str) -> Any:
-        """Return the newest message of a topic."""
-        message = self._latest[topic]
-        return deserialize_message(message, OUTPUTS[topic]) if isinstance(message, bytes) else message
-
-    def snapshot(self, time: float) -> Snapshot:
-        """Return the newest messages to draw, at ``time`` [s] of the demo."""
-        return Snapshot(time, {topic: self._latest[topic] for topic in demo_pictures.DRAWN})
-
-    def wait_for(self, condition: Any, what: str) -> Any:
-        """Spin until the condition holds; return its value. Raises `TimeoutError`, which names ``what``."""
+    def wait_for(self, condition: Callable[[], Any], what: str) -> None:
+        """Spin until the condition holds. Raises `TimeoutError`, which names ``what``."""
         end = monotonic() + START_TIMEOUT
-        while not (value := condition()):
+        while not condition():
             if monotonic() > end:
                 raise TimeoutError(f"no {what} after {START_TIMEOUT:.0f} s; received {self.counts}")
-            rclpy.spin_once(self, timeout_sec=0.1)
-        return value
+            self.remote.spin(0.01)
 
     def spawn_all(self) -> None:
         """Spawn two dozen bodies of three shapes in rings, and a wheeled robot."""
-        self.wait_for(lambda: "heightmap" in self._latest, "map")
+        self.wait_for(lambda: self.remote.counts["heightmap"], "map")
         self.wait_for(self._spawner.service_is_ready, "spawn service")
         # Bodies spawned before the node has a map would fall, and be below the ground when the map arrives.
-        self.wait_for(lambda: "diagnostics" in self._latest and int(self._value("terrain", "tiles")), "map in the node")
+        self.wait_for(lambda: self.remote.tasks and int(self._value("terrain", "tiles")), "map in the node")
         for index in range(BODIES):
             angle = 2.0 * math.pi * index / BODIES
             reach = 5.0 + 2.0 * (index % 3)
@@ -145,21 +118,15 @@ class Demo(Node):
         """Return the number of bodies put back onto the ground so far, from the node's diagnostics."""
         return int(self._value("bodies", "put back onto the ground"))
 
-    def status(self, task: str) -> Any:
-        """Return a task of the node's diagnostics."""
-        [status] = [status for status in self.latest("diagnostics").status if status.name.endswith(f": {task}")]
-        return status
-
     def _value(self, task: str, key: str) -> str:
         """Return the value of a key in a task of the node's diagnostics."""
-        return next(str(pair.value) for pair in self.status(task).values if pair.key == key)
+        return next(str(pair.value) for pair in self.remote.tasks[task].values if pair.key == key)
 
     def line(self) -> str:
         """Return numbers of bodies and patches, real-time factor and stage times in one line."""
-        timing = self.latest("timing")
+        _, timing = self.remote.timings[-1]
         stages = "  ".join(f"{stage.stage} {stage.p50_us:.0f}" for stage in timing.stages)
-        shown = sum(marker.action == Marker.ADD for marker in self.latest("patches").markers)
-        bodies = len(self.latest("body_states").bodies)
+        bodies, shown = len(self.remote.sight.poses), len(self.remote.sight.patches)
         return (
             f"bodies {bodies}  patches {shown}  real-time {timing.real_time_factor:.2f}  "
             f"missed {timing.deadline_misses}  lost {self.lost()}  put back {self.put_back()}  | us: {stages}"
@@ -175,16 +142,13 @@ class Demo(Node):
 
 
 @contextmanager
-def demo_running() -> Iterator[Demo]:
+def demo_running(remote: Remote) -> Iterator[Demo]:
     """Run the demo's nodes, each in its own process, with its bodies and robot, for the length of the block."""
-    demo = Demo()
-    try:
-        with _node_process("terrain_source", SOURCE), _node_process("terrain_collider", COLLIDER):
-            print("starting terrain_source and terrain_collider ...", flush=True)
-            demo.spawn_all()
-            yield demo
-    finally:
-        demo.destroy_node()
+    demo = Demo(remote)
+    with _node_process("terrain_source", SOURCE), _node_process("terrain_collider", COLLIDER):
+        print("starting terrain_source and terrain_collider ...", flush=True)
+        demo.spawn_all()
+        yield demo
 
 
 @contextmanager
@@ -200,27 +164,27 @@ def _node_process(name: str, parameters: dict[str, Any]) -> Iterator[None]:
         process.wait(10)
 
 
-def watch(demo: Demo, seconds: float) -> tuple[list[Snapshot], int]:
-    """Run the demo and print a line a second. Return snapshots to draw and the largest number of lost bodies."""
-    snapshots: list[Snapshot] = []
+def watch(demo: Demo, seconds: float) -> tuple[list[Frame], int]:
+    """Run the demo and print a line a second. Return frames to draw and the largest number of lost bodies."""
+    frames: list[Frame] = []
     lost, slowest = 0, 1.0
     start = monotonic()
     next_line, next_frame = start + 1.0, start
     while (now := monotonic()) < start + seconds:
-        rclpy.spin_once(demo, timeout_sec=0.05)
+        demo.remote.spin(0.01)
         if now >= next_frame:
             next_frame += 0.25
-            snapshots.append(demo.snapshot(now - start))
+            frames.append(demo.frame(now - start))
             demo.drive()
         if now >= next_line:
             next_line += 1.0
-            lost, slowest = max(lost, demo.lost()), min(slowest, demo.latest("timing").real_time_factor)
+            lost, slowest = max(lost, demo.lost()), min(slowest, demo.remote.timings[-1][1].real_time_factor)
             print(f"{now - start:5.1f} s  {demo.line()}", flush=True)
             if demo.lost():
-                print(f"         {demo.status('bodies').message}", flush=True)
+                print(f"         {demo.remote.tasks['bodies'].message}", flush=True)
     if slowest >= REAL_TIME:
         lost += demo.put_back()
-    return snapshots, max(lost, demo.lost())
+    return frames, max(lost, demo.lost())
 
 
 def main(args: list[str] | None = None) -> None:
@@ -233,9 +197,9 @@ def main(args: list[str] | None = None) -> None:
     Stop()  # the first signal raises KeyboardInterrupt; later ones leave the processes the time to end
     try:
         with isolated_unless_chosen():
-            snapshots, lost, counts = run(options.seconds)
+            frames, lost, counts = run(options.seconds)
         print("drawing ...", flush=True)
-        for path in demo_pictures.draw(snapshots, options.out):
+        for path in demo_pictures.draw(frames, options.out):
             print(f"wrote {path}")
     except KeyboardInterrupt:
         sys.exit("demo was interrupted")
@@ -244,12 +208,17 @@ def main(args: list[str] | None = None) -> None:
     print(f"no body lost; received {counts}")
 
 
-def run(seconds: float) -> tuple[list[Snapshot], int, dict[str, int]]:
-    """Start the processes and run the demo for ``seconds`` [s]. Return snapshots to draw, the largest number of lost
+def run(seconds: float) -> tuple[list[Frame], int, dict[str, int]]:
+    """Start the processes and run the demo for ``seconds`` [s]. Return frames to draw, the largest number of lost
     bodies, and the number of messages by output."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
-        with demo_running() as demo:
+        with closing(Remote("/terrain_collider")) as remote, demo_running(remote) as demo:
+            remote.watch(set(OUTPUTS))
+            came = remote.counts
+            remote.node.create_subscription(
+                MarkerArray, f"{remote.name}/patches", lambda _: came.update(["patches"]), 10, raw=True
+            )
             demo.wait_for(lambda: all(demo.counts.values()), "message on some output")
             return *watch(demo, seconds), demo.counts
     except (TimeoutError, RuntimeError) as error:

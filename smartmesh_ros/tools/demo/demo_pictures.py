@@ -10,9 +10,6 @@ from typing import Any, NamedTuple
 import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.serialization import deserialize_message
-from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
-from visualization_msgs.msg import MarkerArray
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
@@ -65,34 +62,9 @@ class Frame:
         return self.x[columns], self.y[rows], self.heights[np.ix_(rows, columns)]
 
 
-# Topics below the node's name that are drawn.
-DRAWN = {"heightmap": Heightmap, "patches": MarkerArray, "body_states": TrackedBodyArray}
-
-
-class Snapshot(NamedTuple):
-    """The newest messages of `DRAWN` at a time [s] of the demo, as bytes by topic."""
-
-    time: float
-    messages: dict[str, bytes]
-
-
-def frame_of(snapshot: Snapshot) -> Frame:
-    """Return the frame of a snapshot."""
-    heightmap, patches, states = (deserialize_message(snapshot.messages[topic], kind) for topic, kind in DRAWN.items())
-    info = heightmap.info
-    x = info.origin.position.x + info.resolution * np.arange(info.width)
-    y = info.origin.position.y + info.resolution * np.arange(info.height)
-    heights = np.frombuffer(heightmap.heights, np.float32).reshape(info.height, info.width)
-    points = np.array([(p.x, p.y, p.z) for marker in patches.markers for p in marker.points]).reshape(-1, 3, 3)
-    places = {body.id: body.pose.position for body in states.bodies}
-    bodies = {name: (place.x, place.y, place.z) for name, place in places.items()}
-    return Frame(snapshot.time, x, y, heights, points, bodies)
-
-
-def draw(snapshots: list[Snapshot], folder: Path) -> list[Path]:
+def draw(frames: list[Frame], folder: Path) -> list[Path]:
     """Write a picture, a strip of six frames and a clip; return their paths."""
     folder.mkdir(parents=True, exist_ok=True)
-    frames = [frame_of(snapshot) for snapshot in snapshots]
     return [
         _picture(frames[-1], folder / "demo.png"),
         _strip(frames, folder / "demo_frames.png"),

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.view.ground import Ground
-from smartmesh_ros.tools.view.sight import Sight
+from smartmesh_ros.tools.client.ground import Ground
+from smartmesh_ros.tools.client.sight import Sight
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.view.remote import Remote
+from smartmesh_ros.tools.client.remote import Remote
 
 # Prefix of a description's constraints that list choices.
 CHOICES = "one of "

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 from time import monotonic
 
 import rclpy
@@ -17,8 +17,8 @@ from rclpy.utilities import try_shutdown
 from smartmesh_ros.node.parameters.helping import own_arguments
 from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
+from smartmesh_ros.tools.client.remote import Remote
 from smartmesh_ros.tools.demo.demo import demo_running
-from smartmesh_ros.tools.view.remote import Remote
 
 
 def main(args: list[str] | None = None) -> None:
@@ -40,19 +40,17 @@ def main(args: list[str] | None = None) -> None:
         rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
         stop = Stop()
         stop.starting = False  # what has begun to start is ended in order
-        with demo_running() if options.demo else nullcontext(None) as demo:
-            remote = Remote("/" + options.node.strip("/"))
-            page = Page(remote, options.host, options.port)
+        with (
+            closing(Remote("/" + options.node.strip("/"))) as remote,
+            demo_running(remote) if options.demo else nullcontext() as demo,
+            closing(Page(remote, options.host, options.port)) as page,
+        ):
             print(f"{remote.name} is shown at {page.url}", flush=True)
-            try:
-                due = monotonic()
-                while not stop.asked:
-                    remote.spin(max(due - monotonic(), 0.0))
-                    due = max(due + 1.0 / options.rate, monotonic())
-                    page.refresh()
-                    if demo is not None:
-                        demo.drive()
-            finally:
-                page.close()
-                remote.close()
+            due = monotonic()
+            while not stop.asked:
+                remote.spin(max(due - monotonic(), 0.0))
+                due = max(due + 1.0 / options.rate, monotonic())
+                page.refresh()
+                if demo is not None:
+                    demo.drive()
         try_shutdown()

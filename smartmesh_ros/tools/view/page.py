@@ -10,10 +10,10 @@ from typing import Any
 
 import viser
 
+from smartmesh_ros.tools.client.remote import OUTPUTS, ROBOT_OUTPUTS, Remote
 from smartmesh_ros.tools.view.camera import Cameras
 from smartmesh_ros.tools.view.knobs import KnobPanel
 from smartmesh_ros.tools.view.panel import Panel
-from smartmesh_ros.tools.view.remote import OUTPUTS, ROBOT_OUTPUTS, Remote
 from smartmesh_ros.tools.view.scene import Scene
 
 

@@ -13,9 +13,9 @@ from shape_msgs.msg import SolidPrimitive
 from viser import uplot
 
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.client.remote import Remote
 from smartmesh_ros.tools.view.camera import Cameras
 from smartmesh_ros.tools.view.looks import Entry, PatchLook
-from smartmesh_ros.tools.view.remote import Remote
 from smartmesh_ros.tools.view.scene import Scene
 from smartmesh_ros.tools.view.terrain_scene import Depth, Grip
 

@@ -15,7 +15,7 @@ from smartmesh_msgs.msg import BodyDescription
 from viser.extras import ViserUrdf
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.view.sight import Sight
+from smartmesh_ros.tools.client.sight import Sight
 from smartmesh_ros.world.robots.description import named_file
 
 # yourdfpy warns of every missing mesh, which is normal for a robot of another machine.

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from smartmesh_msgs.msg import BodyDescription
 
+from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.client.patch import Patch
+from smartmesh_ros.tools.client.sight import DEFAULT_RADIUS, ROBOT_RADIUS, Sight, Vector
 from smartmesh_ros.tools.view import looks
-from smartmesh_ros.tools.view.ground import Ground
 from smartmesh_ros.tools.view.looks import PatchLook
 from smartmesh_ros.tools.view.robots import Robot
-from smartmesh_ros.tools.view.sight import DEFAULT_RADIUS, ROBOT_RADIUS, Sight, Vector
 from smartmesh_ros.tools.view.terrain_scene import Mesh, Meshes, TerrainScene
 
 # Height at which patches are drawn above the ground [m], and length of the longest arrow, in radii of a body.

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.view.decimation import decimate
-from smartmesh_ros.tools.view.ground import Ground
 from smartmesh_ros.tools.view.looks import GROUND, Colour, Entry
 
 # Height at which the colours of ground are drawn above it [m], below patches.

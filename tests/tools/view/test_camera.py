@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.view.camera import CONFIG, Camera, Lens, camera_on
-from smartmesh_ros.tools.view.ground import Ground
 from tests.examples import examples
 from tests.tools.view.test_logic import ground_of
 

@@ -28,15 +28,15 @@ pytest.importorskip("viser", reason="viser is not installed; scripts/workspace r
 
 import trimesh
 
+from smartmesh_ros.tools.client.ground import Ground
+from smartmesh_ros.tools.client.sight import Pose, Sight
 from smartmesh_ros.tools.view import looks
-from smartmesh_ros.tools.view.ground import Ground
 from smartmesh_ros.tools.view.knobs import knob_of, nice_step, parameter_of, shown_value
 from smartmesh_ros.tools.view.looks import PatchLook, patch_look
 from smartmesh_ros.tools.view.page import Page, start_server, stop_server
 from smartmesh_ros.tools.view.panel import CUT, chart_data
 from smartmesh_ros.tools.view.robots import GAP, Robot
 from smartmesh_ros.tools.view.scene import Scene
-from smartmesh_ros.tools.view.sight import Pose, Sight
 from smartmesh_ros.tools.view.terrain_scene import Depth, Grip, TerrainConfig, TerrainScene, triangles_by_band
 
 

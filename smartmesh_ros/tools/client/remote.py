@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -23,9 +23,9 @@ from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
+from smartmesh_ros.tools.client.ground import MAPS, Ground
 from smartmesh_ros.tools.client.messages import read_patches
-from smartmesh_ros.tools.view.ground import MAPS, Ground
-from smartmesh_ros.tools.view.sight import KINDS, Sight
+from smartmesh_ros.tools.client.sight import KINDS, Sight
 
 # Types of the shown outputs. Outputs without subscribers are not built by the node.
 OUTPUTS: dict[str, Any] = {**KINDS, "collider_patches": ColliderPatchArray, "timing": Timing}
@@ -53,8 +53,9 @@ class Remote:
     """A ``terrain_collider`` with the full name ``name`` in this DDS domain.
 
     ``ground``: its terrain. ``sight``: bodies, patches and contacts. ``timings``: messages of ~/timing with their
-    arrival [s]. ``warnings``: of the diagnostics. ``log``: last warnings of the log. ``paused``: None = unknown.
-    ``changed_parameters``: changed values by name, until the reader replaces the dictionary.
+    arrival [s]. ``counts``: received messages by topic. ``tasks``: the newest diagnostics, and ``warnings`` of these.
+    ``log``: last warnings of the log. ``paused``: None = unknown. ``changed_parameters``: changed values by name, until
+    the reader replaces the dictionary.
     """
 
     def __init__(self, name: str) -> None:
@@ -64,6 +65,8 @@ class Remote:
         self._executor.add_node(self.node)
         self.ground, self.sight = Ground(), Sight()
         self.timings: deque[tuple[float, Any]] = deque(maxlen=TIMINGS)
+        self.counts: Counter[str] = Counter()
+        self.tasks: dict[str, DiagnosticStatus] = {}
         self.warnings: list[str] = []
         self.log: deque[str] = deque(maxlen=LOG_LINES)
         self.paused: bool | None = None
@@ -143,6 +146,7 @@ class Remote:
                 self._subscriptions[topic] = made, counts[topic]
 
     def _take(self, topic: str, data: bytes) -> None:
+        self.counts[topic] += 1
         if topic not in MAPS:
             if topic == "collider_patches" and not _is_incremental(data):
                 self._new.pop(topic, None)
@@ -157,6 +161,8 @@ class Remote:
         tasks = {status.name.removeprefix(own): status for status in message.status if status.name.startswith(own)}
         if "physics" not in tasks:
             return  # another node's
+        self.counts["diagnostics"] += 1
+        self.tasks = tasks
         self.paused = any(pair.key == "paused" and pair.value == "True" for pair in tasks["physics"].values)
         self.warnings = []
         for task, status in tasks.items():
