@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -66,11 +67,12 @@ class Wave:
 
 
 class InwardWaves(Scene):
-    """The report's terrain (Figure 1): circular waves that travel towards the middle of the map."""
+    """The report's terrain (Figure 1): circular waves that travel towards the middle of the map; on a fixed ``relief``
+    (rows, columns) [m], if there is one."""
 
-    def __init__(self, geometry: GridGeometry, wave: Wave | None = None) -> None:
+    def __init__(self, geometry: GridGeometry, wave: Wave | None = None, relief: FloatGrid | float = 0.0) -> None:
         super().__init__(geometry)
-        self.wave = wave or Wave()
+        self.wave, self.relief = wave or Wave(), relief
         phase = np.hypot(self.x, self.y) * np.float32(self.wave.number)
         # sin(a + b) = sin a cos b + cos a sin b avoids trigonometric functions per sample and frame.
         self._sin, self._cos = np.sin(phase), np.cos(phase)
@@ -80,19 +82,19 @@ class InwardWaves(Scene):
         amplitude = self.wave.amplitude
         heights: FloatGrid = self._sin * np.float32(amplitude * math.cos(turn))
         heights += self._cos * np.float32(amplitude * math.sin(turn))
+        heights += self.relief
         return heights
 
 
-class Heave(Scene):
-    """Flat ground that rises by ``height`` [m] and falls again in every ``period`` [s]."""
+class Level(Scene):
+    """Flat ground at the height ``level`` [m] of the time [s]."""
 
-    def __init__(self, geometry: GridGeometry, height: float = 0.5, period: float = 4.0) -> None:
+    def __init__(self, geometry: GridGeometry, level: Callable[[float], float]) -> None:
         super().__init__(geometry)
-        self.height, self.period = height, period
+        self.level = level
 
     def heights(self, time: float) -> FloatGrid:
-        level = 0.5 * self.height * (1.0 - math.cos(2.0 * math.pi * time / self.period))
-        return np.full((self.geometry.rows, self.geometry.columns), level, np.float32)
+        return np.full((self.geometry.rows, self.geometry.columns), self.level(time), np.float32)
 
 
 class Crater(Scene):
@@ -152,18 +154,6 @@ class Rut(Scene):
         x, y = self.wheel(time)
         rows, columns = self._window(x, y, 2.5 * self.width + self.speed * 0.2)
         return Region(rows.start, columns.start, self._ground[rows, columns].copy())
-
-
-class WaveOnRelief(Scene):
-    """Waves added to a fixed ``relief`` (rows, columns) [m], for example an elevation model."""
-
-    def __init__(self, geometry: GridGeometry, relief: FloatGrid, wave: Wave | None = None) -> None:
-        super().__init__(geometry)
-        self.relief = relief
-        self._waves = InwardWaves(geometry, wave)
-
-    def heights(self, time: float) -> FloatGrid:
-        return self.relief + self._waves.heights(time)
 
 
 def jacksboro_fault(relief: float | None = None) -> NDArray[np.float32]:

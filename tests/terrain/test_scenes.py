@@ -1,9 +1,11 @@
 """Scenes move as they say."""
 
+import math
+
 import numpy as np
 import pytest
 
-from smartmesh_ros.scenes.moving import Crater, Heave, InwardWaves, Rut, Scene, Wave, WaveOnRelief, jacksboro_fault
+from smartmesh_ros.scenes.moving import Crater, InwardWaves, Level, Rut, Scene, Wave, jacksboro_fault
 from smartmesh_ros.terrain.grid import GridGeometry
 
 GRID = GridGeometry(rows=81, columns=121, resolution=0.2)
@@ -11,7 +13,7 @@ GRID = GridGeometry(rows=81, columns=121, resolution=0.2)
 
 def scenes() -> list[Scene]:
     relief = np.random.default_rng(1).normal(size=(81, 121)).astype(np.float32)
-    return [InwardWaves(GRID), Heave(GRID), Crater(GRID), Rut(GRID), WaveOnRelief(GRID, relief)]
+    return [InwardWaves(GRID), Level(GRID, math.sin), Crater(GRID), Rut(GRID), InwardWaves(GRID, relief=relief)]
 
 
 @pytest.mark.parametrize("scene", scenes(), ids=lambda scene: type(scene).__name__)

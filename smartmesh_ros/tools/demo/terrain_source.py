@@ -16,18 +16,9 @@ from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.scenes import SCENES
-from smartmesh_ros.scenes.moving import (
-    Crater,
-    Heave,
-    InwardWaves,
-    Region,
-    Rut,
-    Scene,
-    Wave,
-    WaveOnRelief,
-    jacksboro_fault,
-)
+from smartmesh_ros.scenes.moving import InwardWaves, Region, Scene, Wave, jacksboro_fault
 from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.tools.evaluation.grounds import make_ground
 
 NAME = "terrain_source"
 # Maximum time between whole maps in region mode [s]; a late subscriber waits no longer for one.
@@ -108,7 +99,7 @@ def heightmap_message(header: Header, geometry: GridGeometry, heights: Any, tile
 
 def make_scene(values: dict[str, Any]) -> Scene:
     """Return the scene that the parameters describe, centred on the frame's origin."""
-    wave = Wave(values["wave.amplitude"], values["wave.number"], values["wave.frequency"])
+    relief: Any = 0.0
     rows, columns = values["rows"], values["columns"]
     if values["scene"] == "elevation":
         try:
@@ -117,13 +108,12 @@ def make_scene(values: dict[str, Any]) -> Scene:
             raise InputError(
                 "missing", "scene 'elevation' needs Matplotlib's sample data; install matplotlib"
             ) from None
-        geometry = centred_grid(relief.shape[0], relief.shape[1], values["resolution"], values["yaw"])
-        return WaveOnRelief(geometry, relief, wave)
+        rows, columns = relief.shape
     geometry = centred_grid(rows, columns, values["resolution"], values["yaw"])
-    if values["scene"] == "waves":
-        return InwardWaves(geometry, wave)
-    scenes: dict[str, type[Rut | Crater | Heave]] = {"rut": Rut, "crater": Crater, "heave": Heave}
-    return scenes[values["scene"]](geometry)
+    if values["scene"] not in ("waves", "elevation"):
+        return make_ground(geometry, values["scene"])
+    wave = Wave(values["wave.amplitude"], values["wave.number"], values["wave.frequency"])
+    return InwardWaves(geometry, wave, relief)
 
 
 def centred_grid(rows: int, columns: int, resolution: float, yaw: float) -> GridGeometry:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.scenes.moving import Crater, FloatGrid, Heave, InwardWaves, Rut, Scene, Wave, jacksboro_fault
+from smartmesh_ros.scenes.moving import Crater, FloatGrid, InwardWaves, Level, Rut, Scene, Wave, jacksboro_fault
 from smartmesh_ros.terrain.grid import GridGeometry
 
 
@@ -27,28 +27,19 @@ class Rigid(Scene):
         return self.surface
 
 
-class Lift(Scene):
-    """Flat ground that rises at ``speed`` [m/s] (negative = falls) for ``duration`` [s] and stops."""
-
-    def __init__(self, geometry: GridGeometry, speed: float = 2.0, duration: float = 1.0) -> None:
-        super().__init__(geometry)
-        self.speed, self.duration = speed, duration
-
-    def heights(self, time: float) -> FloatGrid:
-        level = self.speed * min(max(time, 0.0), self.duration)
-        return np.full((self.geometry.rows, self.geometry.columns), level, np.float32)
+def heave(geometry: GridGeometry, height: float = 0.5, period: float = 4.0) -> Scene:
+    """Return flat ground that rises by ``height`` [m] and falls again in every ``period`` [s]."""
+    return Level(geometry, lambda time: 0.5 * height * (1.0 - math.cos(2.0 * math.pi * time / period)))
 
 
-class Drop(Scene):
-    """Flat ground that falls from time zero with ``acceleration`` [m/s^2] down to ``depth`` [m], where it stops."""
+def lift(geometry: GridGeometry, speed: float = 2.0, duration: float = 1.0) -> Scene:
+    """Return flat ground that rises at ``speed`` [m/s] (negative = falls) for ``duration`` [s] and stops."""
+    return Level(geometry, lambda time: speed * min(max(time, 0.0), duration))
 
-    def __init__(self, geometry: GridGeometry, acceleration: float = 20.0, depth: float = 2.0) -> None:
-        super().__init__(geometry)
-        self.acceleration, self.depth = acceleration, depth
 
-    def heights(self, time: float) -> FloatGrid:
-        level = -min(0.5 * self.acceleration * max(time, 0.0) ** 2, self.depth)
-        return np.full((self.geometry.rows, self.geometry.columns), level, np.float32)
+def drop(geometry: GridGeometry, acceleration: float = 20.0, depth: float = 2.0) -> Scene:
+    """Return flat ground that falls from time zero with ``acceleration`` [m/s^2] down to ``depth`` [m], and stops."""
+    return Level(geometry, lambda time: -min(0.5 * acceleration * max(time, 0.0) ** 2, depth))
 
 
 def flat(geometry: GridGeometry) -> Scene:
@@ -108,11 +99,11 @@ GROUNDS: dict[str, Callable[..., Scene]] = {
     "noise": noise,
     "elevation": elevation,
     "waves": waves,
-    "heave": Heave,
+    "heave": heave,
     "crater": Crater,
     "rut": Rut,
-    "lift": Lift,
-    "drop": Drop,
+    "lift": lift,
+    "drop": drop,
 }
 
 
