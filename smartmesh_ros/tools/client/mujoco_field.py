@@ -37,13 +37,13 @@ class _Field(NamedTuple):
     elevation: float
 
 
-def write_field(model: Any, data: Any, field: int | str, patch: Patch, *, rim: int = RIM) -> None:
+def write_field(model: Any, data: Any, field: int | str, patch: Patch) -> None:
     """Write a patch into a height field of MuJoCo, and move the field's mocap body to the patch.
 
-    ``field``: name or number of the height field, used by one geom on a mocap body. ``rim``: width of the border around
-    the patch [samples], at the height of the patch's edge. MuJoCo cuts each cell along the same diagonal as the node,
-    so its triangles equal the patch's. Holes are as deep as the field's elevation allows. Raises `InputError`, and
-    writes nothing, if the model's field is too small, too low, or not on a mocap body, or if the patch is no grid.
+    ``field``: name or number of the height field, used by one geom on a mocap body. MuJoCo cuts each cell along the
+    same diagonal as the node, so its triangles equal the patch's. Holes are as deep as the field's elevation allows.
+    Raises `InputError`, and writes nothing, if the model's field is too small, too low, or not on a mocap body, or if
+    the patch is no grid.
     """
     found = _find(model, field)
     if patch.shape is None:
@@ -51,7 +51,7 @@ def write_field(model: Any, data: Any, field: int | str, patch: Patch, *, rim: i
             "geometry", f"the patch of {patch.name!r} is no grid; run the node with -p patch.kind:=heightfield"
         )
     rows, columns = patch.shape
-    high, wide = rows + 2 * rim, columns + 2 * rim
+    high, wide = rows + 2 * RIM, columns + 2 * RIM
     if high * wide > found.room:
         raise InputError(
             "size",
@@ -74,7 +74,7 @@ def write_field(model: Any, data: Any, field: int | str, patch: Patch, *, rim: i
         return
     shares, base = _shares(heights, found, patch.name)
     at = int(model.hfield_adr[found.number])
-    model.hfield_data[at : at + high * wide] = np.pad(shares, rim, mode="edge").ravel()
+    model.hfield_data[at : at + high * wide] = np.pad(shares, RIM, mode="edge").ravel()
     model.hfield_nrow[found.number], model.hfield_ncol[found.number] = high, wide
     model.hfield_size[found.number][:3] = half_x, half_y, found.elevation
     data.mocap_pos[found.mocap] = 0.5 * (first[0] + last[0]), 0.5 * (first[1] + last[1]), base

@@ -4,24 +4,40 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from threading import Lock
 from time import monotonic
 from typing import Any
 
 import rclpy
+from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.time import Time
-from smartmesh_msgs.msg import ColliderPatchArray, TrackedBodyArray
+from smartmesh_msgs.msg import ColliderPatchArray, TrackedBody, TrackedBodyArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.client.messages import TrackedLink, read_patches, tracked_bodies
-from smartmesh_ros.tools.client.patch import Patch
+from smartmesh_ros.tools.client.patch import Patch, read_patches
 
+Vector = tuple[float, float, float]
 # Reliable, because an incremental message must not be lost.
 QOS = QoSProfile(depth=10)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackedLink:
+    """A link that gets a patch, in the terrain's frame: ``position`` of its centre [m], ``radius`` of its bounding
+    sphere [m], ``orientation`` (x, y, z, w), ``linear`` [m/s] and ``angular`` [rad/s] velocity. If all velocities of
+    a link have been zero so far, the node estimates them from successive poses."""
+
+    name: str
+    position: Vector
+    radius: float
+    orientation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    linear: Vector = (0.0, 0.0, 0.0)
+    angular: Vector = (0.0, 0.0, 0.0)
 
 
 class PatchClient:
@@ -129,7 +145,9 @@ class PatchClient:
         if it is left out for longer than the node's ``bodies.timeout``."""
         clock = self.node.get_clock()
         time: Any = clock.now() if stamp is None else Time(nanoseconds=round(stamp * 1e9), clock_type=clock.clock_type)
-        self._publisher.publish(tracked_bodies(links, self._frame_id, time.to_msg()))
+        message = TrackedBodyArray(bodies=[_body(link) for link in links])
+        message.header.frame_id, message.header.stamp = self._frame_id, time.to_msg()
+        self._publisher.publish(message)
 
     def _extrapolated(self, now: float | None, only: str | None = None) -> dict[str, Patch]:
         """Return the patches, or ``only`` one, extrapolated by their age. The stamp is the last message's, also for a
@@ -155,3 +173,15 @@ class PatchClient:
                 self._known = message.onto(self._known)
                 self._stamp, self._frame_id = message.stamp, message.frame_id
         self.received += 1
+
+
+def _body(link: TrackedLink) -> TrackedBody:
+    x, y, z, w = map(float, link.orientation)
+    pose = Pose(position=_of(Point, link.position), orientation=Quaternion(x=x, y=y, z=z, w=w))
+    twist = Twist(linear=_of(Vector3, link.linear), angular=_of(Vector3, link.angular))
+    return TrackedBody(id=link.name, pose=pose, twist=twist, radius=float(link.radius))
+
+
+def _of(kind: Any, values: Vector) -> Any:
+    x, y, z = map(float, values)
+    return kind(x=x, y=y, z=z)

@@ -24,7 +24,7 @@ from std_srvs.srv import SetBool, Trigger
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.tools.client.ground import MAPS, Ground
-from smartmesh_ros.tools.client.messages import read_patches
+from smartmesh_ros.tools.client.patch import read_patches
 from smartmesh_ros.tools.client.sight import KINDS, Sight
 
 # Types of the shown outputs. Outputs without subscribers are not built by the node.

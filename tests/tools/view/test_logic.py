@@ -20,7 +20,7 @@ from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate, StageTiming, Ti
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.specifications import SPECS
-from smartmesh_ros.tools.client.messages import KINDS
+from smartmesh_ros.tools.client.patch import KINDS
 from smartmesh_ros.tools.testing import floats, heightmap_message
 from tests.examples import examples
 
