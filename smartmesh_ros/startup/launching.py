@@ -42,21 +42,22 @@ def description(
     """
 
     def nodes(value: Values) -> list[Any]:
-        return [_collider(value, always, remap), *(() if start is None else start(value))]
+        collider = _collider(
+            value, parameter_files([always, value("preset")], value("config")), namespace=value("namespace"),
+            remappings=[(topic, value(argument)) for topic, argument in remap],
+        )  # fmt: skip
+        return [collider, *(() if start is None else start(value))]
 
     return _description([*_arguments(), *more], nodes)
 
 
 def fleet() -> LaunchDescription:
     """Return a launch description of a fleet: colliders on one terrain, their front, and a terrain source."""
-    arguments = [
-        DeclareLaunchArgument(name, default_value=default, description=words)
-        for name, default, words in (
-            ("nodes", "4", "Number of colliders that share the terrain."),
-            ("spread", "fewest", "Node of a new body: fewest (bodies), or tiles (by start position)."),
-            ("respawn", "elsewhere", "Where bodies of a dead node are respawned: elsewhere, or on the same."),
-        )
-    ]
+    arguments = _declared(
+        ("nodes", "4", "Number of colliders that share the terrain."),
+        ("spread", "fewest", "Node of a new body: fewest (bodies), or tiles (by start position)."),
+        ("respawn", "elsewhere", "Where bodies of a dead node are respawned: elsewhere, or on the same."),
+    )
     arguments.append(scene_argument("empty = no terrain_source, publish your own terrain", ""))
     return _description([*_arguments(preset=fleet_layout.PRESET), *arguments], _fleet_nodes, fleet_layout.FRONT)
 
@@ -75,29 +76,22 @@ def _description(arguments: list[Any], nodes: Callable[[Values], list[Any]], sho
 
 def _fleet_nodes(value: Values) -> list[Any]:
     space, count = value("namespace"), int(value("nodes"))
-    common: dict[str, Any] = {"output": "screen"}
-    time = {"use_sim_time": is_true(value("use_sim_time"))}
-    level = ["--ros-args", "--log-level", value("log_level")]
     files = parameter_files([value("preset")], value("config"))
-    nodes = []
-    for index in range(count):
-        own = fleet_layout.parameters_of(index, count, space)
-        nodes.append(
-            node(
-                **common, executable=NODE, namespace=fleet_layout.namespace_of(index, space),
-                parameters=[*files, own, time], remappings=fleet_layout.remappings(space), arguments=level,
-                respawn=True,
-            )
-        )  # fmt: skip
+    nodes = [
+        _collider(
+            value, [*files, fleet_layout.parameters_of(index, count, space)], respawn=True,
+            namespace=fleet_layout.namespace_of(index, space), remappings=fleet_layout.remappings(space),
+        )
+        for index in range(count)
+    ]  # fmt: skip
     front = {"nodes": fleet_layout.node_names(count, space), "spread": value("spread"), "respawn": value("respawn")}
-    nodes.append(node(**common, executable="fleet_front", namespace=space, parameters=[front, time], arguments=level))
+    common = {"output": "screen", "namespace": space}
+    time = _time(value)
+    nodes.append(node(**common, executable="fleet_front", parameters=[front, time], arguments=_log_level(value)))
     if value("scene"):
-        nodes.append(
-            node(
-                **common, executable="terrain_source", namespace=space, parameters=[{"scene": value("scene")}, time],
-                remappings=fleet_layout.source_remappings(space),
-            )
-        )  # fmt: skip
+        remapped = fleet_layout.source_remappings(space)
+        parameters = [{"scene": value("scene")}, time]
+        nodes.append(node(**common, executable="terrain_source", parameters=parameters, remappings=remapped))
     return nodes
 
 
@@ -152,21 +146,25 @@ def share() -> Path:
 
 def _arguments(preset: str = "") -> list[Any]:
     profile = os.environ.get(VARIABLE, str(share() / "config" / "fastdds.xml"))
+    levels = DeclareLaunchArgument(
+        "log_level", default_value="info", choices=list(LOG_LEVELS), description=f"{', '.join(LOG_LEVELS)}."
+    )
     return [
-        DeclareLaunchArgument(name, default_value=default, description=words)
-        for name, default, words in (
+        *_declared(
             ("preset", preset, "Name of a parameter file in config/; empty = the node's own defaults."),
             ("config", "", "Path of your own parameter file, read after the preset."),
             ("namespace", "", "Namespace of the nodes."),
             ("use_sim_time", "false", "true = take the time from /clock."),
             ("rviz", "false", "true = start RViz with a view of the patches."),
             ("dds", profile, "XML file of Fast DDS settings for large maps; empty = none."),
-        )
-    ] + [
-        DeclareLaunchArgument(
-            "log_level", default_value="info", choices=list(LOG_LEVELS), description=f"{', '.join(LOG_LEVELS)}."
-        )
+        ),
+        levels,
     ]
+
+
+def _declared(*arguments: tuple[str, str, str]) -> list[Any]:
+    """Return launch arguments of these names, defaults and descriptions."""
+    return [DeclareLaunchArgument(name, default_value=default, description=words) for name, default, words in arguments]
 
 
 def _settings_of_dds(value: Values) -> list[Any]:
@@ -177,18 +175,18 @@ def _settings_of_dds(value: Values) -> list[Any]:
     return [SetEnvironmentVariable(VARIABLE, value("dds")), SetEnvironmentVariable(POLICY_VARIABLE, "1")]
 
 
-def _collider(value: Values, always: str, remap: Sequence[tuple[str, str]]) -> Any:
+def _collider(value: Values, parameters: list[Any], **more: Any) -> Any:
     return node(
-        executable=NODE,
-        namespace=value("namespace"),
-        output="screen",
-        parameters=[
-            *parameter_files([always, value("preset")], value("config")),
-            {"use_sim_time": is_true(value("use_sim_time"))},
-        ],
-        remappings=[(topic, value(argument)) for topic, argument in remap],
-        arguments=["--ros-args", "--log-level", value("log_level")],
+        executable=NODE, output="screen", parameters=[*parameters, _time(value)], arguments=_log_level(value), **more
     )
+
+
+def _time(value: Values) -> dict[str, bool]:
+    return {"use_sim_time": is_true(value("use_sim_time"))}
+
+
+def _log_level(value: Values) -> list[str]:
+    return ["--ros-args", "--log-level", value("log_level")]
 
 
 def _rviz(value: Values, shown: str) -> list[Any]:
@@ -202,7 +200,7 @@ def _rviz(value: Values, shown: str) -> list[Any]:
             executable="rviz2",
             hint="apt install ros-jazzy-rviz2, or leave rviz:=true out",
             arguments=["-d", str(share() / "config" / "smartmesh.rviz")],
-            parameters=[{"use_sim_time": is_true(value("use_sim_time"))}],
+            parameters=[_time(value)],
             remappings=[(f"/{NODE}/patches", f"{there}/patches")],
         )
     ]

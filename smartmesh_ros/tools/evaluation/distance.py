@@ -55,7 +55,7 @@ class Nearest(NamedTuple):
     """Distances and normals of N points.
 
     ``distance``: to the surface (N,) [m], positive above it, at most the given reach. ``normal``: unit vector from the
-    nearest point of the surface outwards (N, 3), in the axes of the grid, NaN beyond the reach.
+    nearest point of the surface outwards (N, 3), in the axes of the grid, not finite on the surface and beyond the reach.
     """
 
     distance: FloatArray
@@ -97,11 +97,8 @@ def _nearest(surface: Surface, points: FloatArray, reach: float, half: int) -> N
         first, found = first[within], found[within]
         bodies = owner[first]
         distance[bodies] = found
-        face = np.cross(corners[first, 1] - corners[first, 0], corners[first, 2] - corners[first, 0])
-        face /= np.linalg.norm(face, axis=1, keepdims=True)
-        outward = offsets[first] * sign[bodies, None]
-        touching = found < 1e-9
-        normal[bodies] = np.where(touching[:, None], face, outward / np.maximum(found, 1e-12)[:, None])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            normal[bodies] = offsets[first] * sign[bodies, None] / found[:, None]
     return Nearest(sign * distance, normal)
 
 

@@ -160,7 +160,7 @@ class Probe:
         return (
             all(publisher.get_subscription_count() for publisher in publishers)
             and all(count(self.topic(topic)) for topic in (*_OUTPUTS, DIAGNOSTICS))
-            and bool(self._own_diagnostics().status)
+            and bool(self.newest_diagnostics())
             and self._is_matched(publishers)
         )
 
@@ -171,8 +171,8 @@ class Probe:
         A publisher that has matched a subscription is not enough: until the subscription has matched the publisher too,
         best-effort messages (the bodies' poses) are lost.
         """
-        counts = _publishers_by_topic(self._own_diagnostics())
-        return all(counts.get(_PUBLISHERS + publisher.topic_name, 1) for publisher in publishers)
+        counts = self.newest_diagnostics().get("connections", {})
+        return all(int(counts.get(_PUBLISHERS + publisher.topic_name, 1)) for publisher in publishers)
 
     def spin(self, seconds: float = 0.02) -> None:
         """Handle one message or response, waiting up to ``seconds`` for it."""
@@ -253,37 +253,20 @@ class Probe:
 
     def diagnostics_by_task(self) -> dict[str, dict[str, str]]:
         """Return the values of all tasks, and their ``message``, from the collider's next diagnostics."""
-        while not self._is_own(message := self.latest(DIAGNOSTICS)):
+        while not (tasks := self._tasks_of(self.latest(DIAGNOSTICS))):
             pass  # diagnostics of another node
-        return _by_task(message, self.collider)
+        return tasks
 
     def newest_diagnostics(self) -> dict[str, dict[str, str]]:
         """Return the same from the collider's newest diagnostics so far; empty before the first."""
-        return _by_task(self._own_diagnostics(), self.collider)
+        return next(filter(None, map(self._tasks_of, reversed(self.received[DIAGNOSTICS]))), {})
 
-    def _own_diagnostics(self) -> DiagnosticArray:
-        """Return the collider's newest diagnostics so far; without a task before the first."""
-        own = (message for message in reversed(self.received[DIAGNOSTICS]) if self._is_own(message))
-        return next(own, DiagnosticArray())
-
-    def _is_own(self, message: DiagnosticArray) -> bool:
-        """Return True for diagnostics of the collider, not of another node. A peer's count publishers of the collider's
-        states too, but of no other topic below its name."""
-        own = f"{_PUBLISHERS}{self.collider}/"
-        keys = _publishers_by_topic(message)
-        return any(key.startswith(own) and not key.endswith("/body_states") for key in keys)
-
-
-def _by_task(message: DiagnosticArray, collider: str) -> dict[str, dict[str, str]]:
-    """Return the values of all tasks by key, and their ``message``."""
-    return {
-        status.name.removeprefix(f"{collider.strip('/')}: "): {pair.key: pair.value for pair in status.values}
-        | {"message": status.message}
-        for status in message.status
-    }
-
-
-def _publishers_by_topic(message: DiagnosticArray) -> dict[str, int]:
-    """Return the numbers of publishers by key of the diagnostics' connections."""
-    pairs = [pair for status in message.status if status.name.endswith(": connections") for pair in status.values]
-    return {pair.key: int(pair.value) for pair in pairs if pair.key.startswith(_PUBLISHERS)}
+    def _tasks_of(self, message: DiagnosticArray) -> dict[str, dict[str, str]]:
+        """Return the values of the collider's tasks, and their ``message``; empty if they are of another node."""
+        own = f"{self.collider.strip('/')}: "
+        return {
+            status.name.removeprefix(own): {pair.key: pair.value for pair in status.values}
+            | {"message": status.message}
+            for status in message.status
+            if status.name.startswith(own)
+        }
