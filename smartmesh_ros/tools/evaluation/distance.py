@@ -55,7 +55,8 @@ class Nearest(NamedTuple):
     """Distances and normals of N points.
 
     ``distance``: to the surface (N,) [m], positive above it, at most the given reach. ``normal``: unit vector from the
-    nearest point of the surface outwards (N, 3), in the axes of the grid, not finite on the surface and beyond the reach.
+    nearest point of the surface outwards (N, 3), in the axes of the grid; not finite on the surface and beyond the
+    reach.
     """
 
     distance: FloatArray

@@ -186,7 +186,8 @@ class Probe:
             if watch is not None and watch.process.poll() is not None:
                 raise AssertionError(f"the node ended with {watch.process.returncode}: {watch.output}")
             if monotonic() > end:
-                raise AssertionError(explain_timeout(timeout, self.node, self.received, self._processes))
+                inputs = self.newest_diagnostics().get("inputs", {})
+                raise AssertionError(explain_timeout(timeout, self.node, self.received, inputs, self._processes))
             self.spin()
         return value
 

@@ -13,10 +13,15 @@ from smartmesh_ros.tools.testing.process import Process
 LOG_LINES = 15
 
 
-def explain_timeout(timeout: float, node: Node, received: Mapping[str, list[Any]], processes: Iterable[Process]) -> str:
-    """Return hints to why a condition did not hold: messages received and refused, connections, and the nodes' logs."""
+def explain_timeout(
+    timeout: float, node: Node, received: Mapping[str, list[Any]], inputs: Mapping[str, str],
+    processes: Iterable[Process],
+) -> str:  # fmt: skip
+    """Return hints to why a condition did not hold: messages received and refused (``inputs``: of the diagnostics),
+    connections, and the nodes' logs."""
     counts = {topic: len(messages) for topic, messages in received.items()}
-    lines = [f"waited {timeout:.0f} s in vain; received {counts}", f"refused: {_refusals(received) or 'nothing'}"]
+    refused = [f"{key.removeprefix('refused, ')} {value}" for key, value in inputs.items() if key != "message"]
+    lines = [f"waited {timeout:.0f} s in vain; received {counts}", f"refused: {', '.join(refused) or 'nothing'}"]
     lines.append("connected, as publishers -> subscriptions:")
     lines += [f"  {topic}: {_names(node, topic)}" for topic in sorted(_topics(node, received))]
     for process in processes:
@@ -24,15 +29,6 @@ def explain_timeout(timeout: float, node: Node, received: Mapping[str, list[Any]
         lines.append(f"{process.name} {state}; its last lines:")
         lines += [f"  {line}" for line in process.output.splitlines()[-LOG_LINES:]]
     return "\n".join(lines)
-
-
-def _refusals(received: Mapping[str, list[Any]]) -> str:
-    """Return the counts of refused messages in the newest diagnostics."""
-    for message in reversed(received.get("/diagnostics", [])):
-        for status in message.status:
-            if status.name.endswith(": inputs"):
-                return ", ".join(f"{pair.key.removeprefix('refused, ')} {pair.value}" for pair in status.values)
-    return ""
 
 
 def _topics(node: Node, received: Mapping[str, list[Any]]) -> set[str]:
