@@ -11,12 +11,12 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.cdr import floats
-from smartmesh_ros.node.parameters.declaring import Spec, declare
+from smartmesh_ros.node.parameters.declaring import declare, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.scenes import SCENES
-from smartmesh_ros.scenes.moving import InwardWaves, Region, Scene, Wave, jacksboro_fault
+from smartmesh_ros.scenes.moving import InwardWaves, Scene, Wave, jacksboro_fault
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.tools.evaluation.grounds import make_ground
 
@@ -26,22 +26,20 @@ FULL_PERIOD = 5.0
 
 _WAVE = Wave()
 SPECS = (
-    Spec("scene", "waves", "Motion of the terrain.", choices=SCENES, read_only=True),
-    Spec("mode", "full", "Publish whole maps, or only regions that change.", choices=("full", "regions"),
-         read_only=True),
-    Spec("rate", 30.0, "Maps or regions per second [Hz].", 0.1, 1000.0, read_only=True),
-    Spec("rows", 201, "Rows of the map; ignored for scene elevation.", 3, 16384, read_only=True),
-    Spec("columns", 201, "Columns of the map; ignored for scene elevation.", 3, 16384, read_only=True),
-    Spec("resolution", 0.25, "Distance between samples [m].", 0.001, 1000.0, read_only=True),
-    Spec("yaw", 0.0, "Rotation of the map about z [rad].", -math.pi, math.pi, read_only=True),
-    Spec("relief", 10.0, "Height of the elevation model from its lowest to its highest sample [m].", 0.0, 1.0e4,
-         read_only=True),
-    Spec("wave.amplitude", _WAVE.amplitude, "Amplitude of the waves [m].", 0.0, 100.0, read_only=True),
-    Spec("wave.number", _WAVE.number, "Wave number [rad/m].", 0.0, 100.0, read_only=True),
-    Spec("wave.frequency", _WAVE.frequency, "Angular frequency [rad/s].", -1000.0, 1000.0, read_only=True),
-    Spec("frame_id", "map", "Frame of the terrain.", read_only=True),
-    Spec("tile", "", "Name of the tile; empty = the single map.", read_only=True),
-)  # fmt: skip
+    fixed("scene", "waves", "Motion of the terrain.", choices=SCENES),
+    fixed("mode", "full", "Publish whole maps, or only regions that change.", choices=("full", "regions")),
+    fixed("rate", 30.0, "Maps or regions per second [Hz].", 0.1, 1000.0),
+    fixed("rows", 201, "Rows of the map; ignored for scene elevation.", 3, 16384),
+    fixed("columns", 201, "Columns of the map; ignored for scene elevation.", 3, 16384),
+    fixed("resolution", 0.25, "Distance between samples [m].", 0.001, 1000.0),
+    fixed("yaw", 0.0, "Rotation of the map about z [rad].", -math.pi, math.pi),
+    fixed("relief", 10.0, "Height of the elevation model from its lowest to its highest sample [m].", 0.0, 1.0e4),
+    fixed("wave.amplitude", _WAVE.amplitude, "Amplitude of the waves [m].", 0.0, 100.0),
+    fixed("wave.number", _WAVE.number, "Wave number [rad/m].", 0.0, 100.0),
+    fixed("wave.frequency", _WAVE.frequency, "Angular frequency [rad/s].", -1000.0, 1000.0),
+    fixed("frame_id", "map", "Frame of the terrain."),
+    fixed("tile", "", "Name of the tile; empty = the single map."),
+)
 
 
 class TerrainSource(ParameterNode):
@@ -64,25 +62,18 @@ class TerrainSource(ParameterNode):
         """Publish the terrain at the present time."""
         now = self.get_clock().now()
         time = (now - self._start).nanoseconds * 1e-9
+        header = Header(stamp=now.to_msg(), frame_id=self._frame_id)
         listeners = self._maps.get_subscription_count()
         if self._mode == "full" or listeners > self._listeners or time >= self._full_due:
             self._full_due = time + FULL_PERIOD
-            self._publish_map(time, now.to_msg())
+            heights = self._scene.heights(time)
+            self._maps.publish(heightmap_message(header, self._scene.geometry, heights, self._tile))
         else:
-            self._publish_region(self._scene.changed(time), now.to_msg())
+            row, column, part = self._scene.changed(time)
+            message = HeightmapUpdate(header=header, tile=self._tile, x=column, y=row, heights=floats(part))
+            message.height, message.width = part.shape
+            self._regions.publish(message)
         self._listeners = listeners
-
-    def _publish_map(self, time: float, stamp: Any) -> None:
-        geometry = self._scene.geometry
-        header = Header(stamp=stamp, frame_id=self._frame_id)
-        self._maps.publish(heightmap_message(header, geometry, self._scene.heights(time), self._tile))
-
-    def _publish_region(self, region: Region, stamp: Any) -> None:
-        message = HeightmapUpdate(tile=self._tile, x=region.column, y=region.row)
-        message.header.stamp, message.header.frame_id = stamp, self._frame_id
-        message.height, message.width = region.heights.shape
-        message.heights = floats(region.heights)
-        self._regions.publish(message)
 
 
 def heightmap_message(header: Header, geometry: GridGeometry, heights: Any, tile: str = "") -> Heightmap:

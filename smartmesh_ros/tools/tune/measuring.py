@@ -77,14 +77,14 @@ class Snapshot:
     measured: dict[Part, tuple[float, bool, bool]] = field(default_factory=dict)
 
 
-class Runner:
-    """One setting in a case: steps its world, times the steps [s] and records snapshots."""
+class Runner(Replay):
+    """The replay of one setting in a case: steps its world, times the steps [s] and records snapshots."""
 
     def __init__(self, case: Case, settings: Settings) -> None:
+        super().__init__(settings, case.bodies, case.events())
         self.stopped = False
         self.steps: list[float] = []
         self.snapshots: list[Snapshot] = []
-        self.replay = Replay(settings, case.bodies, case.events())
         self.rate = settings.world.physics.rate
         self._gravity = settings.world.physics.gravity
 
@@ -102,21 +102,20 @@ class Runner:
         """Step to ``until`` [s] and take a snapshot."""
         last, before = round(until * self.rate), dict[str, Vector]()
         while len(self.steps) < last:
-            events = self.replay.due()
+            events = self.due()
             if len(self.steps) == last - 1:
                 before = self._velocities()
             start = process_time()
-            self.replay.step(events)
+            self.step(events)
             self.steps.append(process_time() - start)
         self._take_snapshot(before)
 
     def _velocities(self) -> dict[str, Vector]:
-        bodies = [body for body in self.replay.world.bodies.values() if not body.tracked]
-        return {body.name: self.replay.world.client.getBaseVelocity(body.uid)[0] for body in bodies}
+        bodies = [body for body in self.world.bodies.values() if not body.tracked]
+        return {body.name: self.world.client.getBaseVelocity(body.uid)[0] for body in bodies}
 
     def _take_snapshot(self, before: Mapping[str, Vector]) -> None:
-        world = self.replay.world
-        after = self._velocities()
+        world, after = self.world, self._velocities()
         held = set()
         for name in before.keys() & after.keys():
             felt = (np.array(after[name]) - before[name]) * self.rate - self._gravity
@@ -166,7 +165,7 @@ def _once(case: Case, settings: Sequence[Settings], duration: float) -> list[Run
                     runner.stopped = too_slow and sum(runner.steps) > MEASURING.grace
             gc.enable()
     for runner in runners:
-        runner.replay.world.close()
+        runner.world.close()
     return runners
 
 
@@ -192,7 +191,7 @@ def _figures(case: Case, runner: Runner, reference: Mapping[str, Vector]) -> Fig
     table = np.array([[seen.get(part, nothing) for part in parts] for seen in measured])
     below = np.logical_or.accumulate(table[..., 1] > 0.0, axis=0)
     found = penetration(table[skip:, :, 0], below[skip:], table[skip:, :, 2] > 0.0)
-    world = runner.replay.world
+    world = runner.world
     return Figures(
         cost=runner.cost,
         longest=max(runner.steps[round(case.span.settle * runner.rate) :], default=math.nan),
