@@ -16,7 +16,7 @@ view:  ## a page in the browser that shows the demo's terrain, until Ctrl-C
 	@$(RUN) view -- install/smartmesh_ros/lib/smartmesh_ros/view --demo
 
 pictures:  ## the pictures of the view and the demo in docs/, by a browser without a window
-	@$(RUN) dev view -- python scripts/view_pictures.py
+	@$(RUN) dev view -- python -m scripts.view_pictures
 
 renders:  ## the README's pictures that PyBullet draws: rising ground, and a lidar (needs no browser)
 	@$(RUN) -- $(STUDIES) rising

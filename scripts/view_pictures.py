@@ -14,10 +14,10 @@ import numpy as np
 import rclpy
 from playwright.sync_api import sync_playwright
 
+from scripts.browser import FLAGS, find_browser
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.tools.client.remote import OUTPUTS, Remote
 from smartmesh_ros.tools.demo.demo import ROBOT, Demo, demo_running
-from smartmesh_ros.tools.view.browser import FLAGS, find_browser
 from smartmesh_ros.tools.view.camera import Camera
 from smartmesh_ros.tools.view.page import Page
 from smartmesh_ros.tools.view.panel import WINDOW

@@ -35,7 +35,7 @@ def browser() -> Iterator[Any]:
     """A Chromium without a window."""
     pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    from smartmesh_ros.tools.view.browser import FLAGS, VARIABLE, find_browser
+    from scripts.browser import FLAGS, VARIABLE, find_browser
 
     path = find_browser()
     if path is None:
