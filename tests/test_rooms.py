@@ -31,6 +31,7 @@ BULLET = ["pybullet", "pybullet_utils", "pybullet_data"]
     [
         (["terrain", "patches", "report", "ground", "world", "soil", "io", "scenes"], ROS),
         (["terrain", "patches", "report", "soil"], [*ROS, *BULLET]),
+        (["tools.demo", "tools.tune"], ["pytest"]),
     ],
 )
 def test_rooms_load_without(rooms: list[str], blocked: list[str]) -> None:

@@ -19,7 +19,6 @@ from time import monotonic
 from typing import Any
 
 import numpy as np
-import pybullet_data
 import rclpy
 from ament_index_python.packages import get_package_prefix
 from rclpy.signals import SignalHandlerOptions
@@ -29,6 +28,7 @@ from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.node.running import Stop
+from smartmesh_ros.scenes.eight import robot_file
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.remote import OUTPUTS, Remote
@@ -103,8 +103,7 @@ class Demo:
             reach = 5.0 + 2.0 * (index % 3)
             x, y = reach * math.cos(angle), reach * math.sin(angle)
             self._spawn(f"{['ball', 'box', 'can'][index % 3]}_{index}", x, y, 0.4, shape=SHAPES[index % 3])
-        urdf = Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf"
-        self._spawn(ROBOT, -4.0, 0.0, 0.02, urdf=str(urdf), align=True)
+        self._spawn(ROBOT, -4.0, 0.0, 0.02, urdf=str(robot_file()), align=True)
 
     def drive(self) -> None:
         """Command the robot's wheels."""
