@@ -1,4 +1,5 @@
-"""Client for other simulators: patches of a running ``terrain_collider`` over topics. See docs/other_simulators.md."""
+"""Clients of a running ``terrain_collider``: patches for other simulators (docs/other_simulators.md), and, in `remote`,
+what the view and the demo show."""
 
 from smartmesh_ros.tools.client.mujoco_field import write_field
 from smartmesh_ros.tools.client.patch import Patch
