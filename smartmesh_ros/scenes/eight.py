@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from smartmesh_ros.scenes.moving import jacksboro_fault
+from smartmesh_ros.scenes.moving import jacksboro_fault, resampled
 from smartmesh_ros.terrain.heightmap import HeightMap
 
 # Wheel joints of the robot, and the side of each: -1 left, 1 right.
@@ -31,10 +31,8 @@ def robot_file() -> Path:
 
 def ground() -> HeightMap:
     """Return a smooth part of the elevation model, on a fine grid; raises `ModuleNotFoundError` without Matplotlib."""
-    coarse = jacksboro_fault(RELIEF)[100:142, 150:202].astype(np.float64)
-    rows, columns = np.linspace(0, 41, 421), np.linspace(0, 51, 401)
-    along = np.array([np.interp(columns, np.arange(52), row) for row in coarse])
-    fine = np.array([np.interp(rows, np.arange(42), column) for column in along.T]).T
+    coarse = jacksboro_fault(RELIEF)[100:142, 150:202]
+    fine = resampled(coarse, np.linspace(0, 41, 421), np.linspace(0, 51, 401))
     return HeightMap(fine - fine.mean(), resolution=SPACING)
 
 

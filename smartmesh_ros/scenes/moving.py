@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 
 FloatGrid = NDArray[np.float32]
 
@@ -171,3 +171,9 @@ def jacksboro_fault(relief: float | None = None) -> NDArray[np.float32]:
         low, high = float(elevation.min()), float(elevation.max())
         elevation = (elevation - low) * np.float32(relief / (high - low))
     return np.ascontiguousarray(elevation, np.float32)
+
+
+def resampled(heights: FloatGrid, rows: FloatArray, columns: FloatArray) -> FloatArray:
+    """Return heights [m] interpolated bilinearly at fractional ``rows`` (n,) and ``columns`` (m,), shape (n, m)."""
+    across = [np.interp(columns, np.arange(heights.shape[1]), row) for row in heights]
+    return np.array([np.interp(rows, np.arange(heights.shape[0]), column) for column in np.transpose(across)]).T

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.scenes.moving import Crater, FloatGrid, InwardWaves, Level, Rut, Scene, Wave, jacksboro_fault
+from smartmesh_ros.scenes import moving
+from smartmesh_ros.scenes.moving import FloatGrid, Level, Scene, jacksboro_fault, resampled
 from smartmesh_ros.terrain.grid import GridGeometry
 
 
@@ -76,19 +77,13 @@ def elevation(geometry: GridGeometry, spacing: float = 10.0, relief: float = 100
     """
     model = jacksboro_fault(relief)
     plain = Rigid(geometry, 0.0)
-    row = np.clip(plain.y[:, 0] / spacing + model.shape[0] / 2, 0, model.shape[0] - 1.001)
-    column = np.clip(plain.x / spacing + model.shape[1] / 2, 0, model.shape[1] - 1.001)
-    r, c = row.astype(int)[:, None], column.astype(int)
-    v, u = row[:, None] - r, column - c
-    upper = model[r, c] * (1.0 - u) + model[r, c + 1] * u
-    lower = model[r + 1, c] * (1.0 - u) + model[r + 1, c + 1] * u
-    heights = upper * (1.0 - v) + lower * v
+    heights = resampled(model, plain.y[:, 0] / spacing + model.shape[0] / 2, plain.x / spacing + model.shape[1] / 2)
     return Rigid(geometry, heights - heights.mean())
 
 
 def waves(geometry: GridGeometry, amplitude: float = 0.3, number: float = 1.0, frequency: float = 4.0) -> Scene:
     """Return the report's inward waves."""
-    return InwardWaves(geometry, Wave(amplitude, number, frequency))
+    return moving.InwardWaves(geometry, moving.Wave(amplitude, number, frequency))
 
 
 GROUNDS: dict[str, Callable[..., Scene]] = {
@@ -100,8 +95,8 @@ GROUNDS: dict[str, Callable[..., Scene]] = {
     "elevation": elevation,
     "waves": waves,
     "heave": heave,
-    "crater": Crater,
-    "rut": Rut,
+    "crater": moving.Crater,
+    "rut": moving.Rut,
     "lift": lift,
     "drop": drop,
 }

@@ -22,7 +22,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
-from smartmesh_ros.node.inputs.cdr_reader import message_from
+from smartmesh_ros.node.inputs.cdr_reader import Stamped, message_from
 from smartmesh_ros.node.inputs.conversions import BodyInput
 from smartmesh_ros.node.inputs.frames import FrameBuffer
 from smartmesh_ros.node.inputs.optional_messages import require_message
@@ -154,25 +154,21 @@ class Recording:
         """Convert a Heightmap."""
         new = conversions.map_from(record.data, self._settings.max_samples)
         raster = None if new.geometry is None else Raster(new.geometry, new.heights, friction=new.friction)
-        placed = self._placed(new.start.tile, new.start, new.start.frame_id, record, now)
-        yield MapCame(**placed, tile=new.start.tile, raster=raster, velocities=new.velocities)
+        yield MapCame(**self._placed(new.start, record, now), raster=raster, velocities=new.velocities)
 
     def _take_region(self, record: Record, now: float) -> Iterator[Event]:
         """Convert a HeightmapUpdate."""
         new = conversions.region_from(record.data, self._settings.max_samples)
         late = self._settings.motion.max_interval
-        placed = self._placed(new.start.tile, new.start, new.start.frame_id, record, now, late)
-        yield RegionCame(
-            **placed, tile=new.start.tile, row=new.row, column=new.column, heights=new.heights,
-            velocities=new.velocities,
-        )  # fmt: skip
+        placed = self._placed(new.start, record, now, late)
+        yield RegionCame(**placed, row=new.row, column=new.column, heights=new.heights, velocities=new.velocities)
 
     def _take_raster(self, kind: Any, convert: Callable[..., Raster], record: Record, now: float) -> Iterator[Event]:
         """Convert a message that an adapter reads as heights."""
         message = message_from(record.data, kind)
-        placed = self._placed("", message.header.stamp, message.header.frame_id, record, now)
-        raster = convert(message, self._settings.raster, self._settings.max_samples)
-        yield MapCame(**placed, tile="", raster=raster)
+        stamp, frame = message.header.stamp, message.header.frame_id
+        placed = self._placed(Stamped(stamp.sec, stamp.nanosec, frame, tile=""), record, now)
+        yield MapCame(**placed, raster=convert(message, self._settings.raster, self._settings.max_samples))
 
     def _take_bodies(
         self, kind: Any, convert: Callable[[Any], list[BodyInput]], record: Record, now: float
@@ -211,17 +207,17 @@ class Recording:
                 continue
             yield BodiesCame(arrives=now, at=at, bodies=(BodyInput(name, BodyState(*pose), 0.0),))
 
-    def _placed(
-        self, tile: str, stamp: Any, frame: str, record: Record, now: float, late: float = 0.0
-    ) -> dict[str, Any]:
-        """Return when a map arrives and is valid; raise `InputError` if it is in another frame than those before."""
-        horizon, known = self._settings.motion.max_interval, self.frame
-        at = self._place(tile, conversions.stamp_seconds(stamp), now, record.time, late, horizon)
+    def _placed(self, start: Stamped, record: Record, now: float, late: float = 0.0) -> dict[str, Any]:
+        """Return the tile of a map and when it arrives and is valid; raise `InputError` if it is in another frame than
+        those before."""
+        tile, frame, known = start.tile, start.frame_id, self.frame
+        stamp, horizon = conversions.stamp_seconds(start), self._settings.motion.max_interval
+        at = self._place(tile, stamp, now, record.time, late, horizon)
         self.frames[f"maps in frame {frame!r}"] += 1
         if known and frame and frame != known:
             raise InputError("frame", f"frame {frame!r} is not the terrain's frame {known!r}")
         self.frame = known or frame
-        return {"arrives": now, "at": at, "delay": self._clocks[tile].delay}
+        return {"arrives": now, "at": at, "tile": tile, "delay": self._clocks[tile].delay}
 
     def _place(
         self, source: str, stamp: float | None, now: float, clock: float, late: float = 0.0, horizon: float = math.inf
