@@ -27,17 +27,15 @@ from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.tools.testing import floats, heightmap_message, mesh_message, point_message, pose_message
-from tests import robot_urdfs
+from tests import urdfs
 from tests.grid_maps import grid_map_message
 
 ROWS, COLUMNS, RESOLUTION = 14, 17, 0.25
 SIZE, CYLINDER = (0.3, 0.3, 0.2), '<cylinder radius="0.1" length="0.05"/>'
-PARTS = [
-    robot_urdfs.link("base", 1.0, SIZE, robot_urdfs.box(SIZE)),
-    robot_urdfs.link("wheel", 0.2, (0.2, 0.2, 0.2), CYLINDER),
-    robot_urdfs.joint("axle", "base", "wheel", (0.0, 0.2, 0.0), "continuous"),
-]
-ROBOT = f'<robot name="r">{"".join(PARTS)}</robot>'
+ROBOT = urdfs.robot(
+    urdfs.link("base", urdfs.box(SIZE), 1.0, SIZE), urdfs.link("wheel", CYLINDER, 0.2, (0.2, 0.2, 0.2)),
+    urdfs.joint("axle", "continuous", "base", "wheel", xyz="0 0.2 0"),
+)  # fmt: skip
 
 
 def heights(rng: np.random.Generator) -> NDArray[np.float32]:

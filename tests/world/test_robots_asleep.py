@@ -17,7 +17,7 @@ from smartmesh_ros import BodyState, HeightMap, World, WorldConfig
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand
-from tests.robot_urdfs import MODELS, Robot, robot
+from tests.legged import MODELS, Robot, robot
 from tests.urdfs import HUSKY
 
 RATE, MINUTE = 240, 60 * 240
