@@ -15,6 +15,10 @@ def box(edges: Edges) -> str:
     return '<box size="{} {} {}"/>'.format(*edges)
 
 
+def mesh(file: str | Path, more: str = "") -> str:
+    return f'<mesh filename="{file}" {more}/>'
+
+
 def inertial(mass: float, moment: float | Edges = 0.02, centre: str = "0 0 0") -> str:
     """Mass [kg] and centre of mass [m] of a link, and its moments of inertia: three equal ones [kg m^2], or those of a
     box of these edges."""

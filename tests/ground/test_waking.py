@@ -6,9 +6,9 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros import Box, Ground, HeightMap
 from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.bodies import height, put
 from tests.core import mesh_parts
 
 DT = 1.0 / 240.0
@@ -33,15 +33,10 @@ def woken(monkeypatch: pytest.MonkeyPatch, client: Any) -> list[int]:
 
 
 def box(client: Any, maximal: bool, sleeps: bool = True) -> int:
-    shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=[0.15] * 3)
-    body = client.createMultiBody(1.0, shape, basePosition=(0.0, 0.0, 0.16), useMaximalCoordinates=maximal)
+    body = put(client, Box(0.3, 0.3, 0.3), (0.0, 0.0, 0.16), useMaximalCoordinates=maximal)
     if sleeps:
         client.changeDynamics(body, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
-    return int(body)
-
-
-def height(client: Any, body: int) -> float:
-    return float(client.getBasePositionAndOrientation(body)[0][2])
+    return body
 
 
 def standing(client: Any, *, maximal: bool = True, sleeps: bool = True) -> tuple[HeightMap, Ground, int]:

@@ -123,7 +123,19 @@ def test_a_rover_drives_brakes_and_sleeps_for_a_minute() -> None:
         for joint in world.bodies["husky"].joints:
             world.command("husky", joint, JointCommand(velocity=0.0))
         sleep_all(world)
+        assert not world.followers.awake.size, "it sleeps whole"
         require_still_for_a_minute(world)
+        sleep_all(world)
+        first, *_ = joints = list(world.bodies["husky"].joints)
+        world.command("husky", first, JointCommand(velocity=0.0))
+        assert world.is_asleep("husky"), "the same command again is none"
+        start = world.state("husky").position
+        for joint in joints:
+            world.command("husky", joint, JointCommand(velocity=4.0))
+        assert not world.is_asleep("husky")
+        world.step(RATE)
+        assert math.dist(start, world.state("husky").position) > 0.1
+        assert not world.is_asleep("husky"), "a robot whose joints are driven never sleeps"
 
 
 def test_robots_of_pybullets_data_sleep_for_a_minute() -> None:
