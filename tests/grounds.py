@@ -20,7 +20,6 @@ def moving(world: World, heights: Callable[[float], ArrayLike], steps: int, ever
     """Step a world on one height map, and yield the number of each step that was made. Before every so many-th one a
     map comes of ``heights`` at its time [m], of one height or (rows, columns)."""
     ground = world.terrain.tiles[""]
-    assert isinstance(ground, HeightMap)
     for step in range(steps):
         if step % every == 0:
             ground.replace(np.broadcast_to(heights(world.time), ground.heights.shape), time=world.time)

@@ -161,11 +161,7 @@ class Ground:
     @cached_property
     def corners(self) -> np.ndarray:
         """Corners of the facets (F, 3, 3) [m]."""
-        rows, columns = self.heights.shape
-        first = np.arange(rows * columns).reshape(rows, columns)[:-1, :-1].ravel()
-        lower = np.stack([first, first + 1, first + columns + 1], axis=1)
-        upper = np.stack([first, first + columns + 1, first + columns], axis=1)
-        return self.points[np.concatenate([lower, upper])]
+        return self.points[grid_triangles(*self.heights.shape)]
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:

@@ -18,18 +18,7 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.world.state_table import LIMITS
 from tests.bodies import shapes_of, state_at
 from tests.core import mesh_parts
-from tests.core.body_entries import (
-    SLOTS,
-    above_grid,
-    below,
-    faults,
-    feet,
-    feet_on_patches,
-    press,
-    pressed,
-    soil,
-    zeros,
-)
+from tests.core.body_entries import SLOTS, above_grid, below, faults, feet, feet_on_patches, press, pressed, soil, zeros
 from tests.core.entries import REFUSED, arrays
 
 

@@ -13,15 +13,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification, HeightmapUpdate, TerrainMeshUpdate, TrackedBody, TrackedBodyArray
-from smartmesh_msgs.srv import (
-    CastRays,
-    QueryGround,
-    RemoveBodies,
-    RemoveBody,
-    SpawnBodies,
-    SpawnBody,
-    StepPhysics,
-)
+from smartmesh_msgs.srv import CastRays, QueryGround, RemoveBodies, RemoveBody, SpawnBodies, SpawnBody, StepPhysics
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 

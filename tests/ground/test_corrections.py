@@ -7,12 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from smartmesh_ros import BodyState, HeightMap, MotionConfig, Terrain, World
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
-from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.world.world import World
 from tests.urdfs import HUSKY
 
 CELLS, RESOLUTION = 61, 0.1
@@ -195,7 +191,6 @@ def test_a_body_goes_with_its_tile_although_another_is_taken_away_at_once() -> N
         world.spawn("body", SHAPES["box"], 5.0, BodyState((3.0, 3.0, 0.15)))
         world.step(240)
         second = terrain.tile("second")
-        assert isinstance(second, HeightMap)
         second.replace(level + 0.3, time=world.time)
         world.step(24)
         depth = world.state("body").position[2] - 0.15 - second.at([[3.0, 3.0]], world.time).heights[0]

@@ -142,10 +142,6 @@ def test_coefficients_change_by_assignment_alone() -> None:
     assert np.array_equal(terrain.friction, halves())
     with pytest.raises(ValueError, match="read-only"):
         terrain.friction[:] = ICE  # type: ignore[index]
-
-
-def test_one_coefficient_may_be_of_numpy() -> None:
-    terrain = flat()
     terrain.friction = np.float32(0.5)
     assert terrain.friction == 0.5
 

@@ -48,19 +48,6 @@ def world_of(ground: HeightMap | TriangleMesh | Terrain, **physics: Any) -> Worl
     return world
 
 
-@pytest.mark.parametrize("speed", [0.5, 5.0, 40.0, 100.0])
-@pytest.mark.parametrize(("shape", "turn", "height"), SHAPES)
-def test_what_falls_stops_at_the_surface(shape: Shape, turn: Any, height: float, speed: float) -> None:
-    with world_of(level(201, 0.05), guard=False) as world:
-        world.spawn("body", shape, 1.0, BodyState((0.01, 0.02, height + 0.7), turn, (0.0, 0.0, -speed)))
-        lowest = math.inf
-        for _ in range(240):
-            world.step()
-            lowest = min(lowest, world.state("body").position[2] - height)
-        assert lowest > -1e-4
-        assert world.state("body").position[2] == pytest.approx(height, abs=1e-4)
-
-
 @pytest.mark.parametrize("speed", [0.01, 0.05, 2.0])
 @pytest.mark.parametrize("shape", [Sphere(0.2), Cylinder(0.1, 0.3), Capsule(0.1, 0.3)])
 def test_rollers_keep_their_speed_and_roll_straight(shape: Shape, speed: float) -> None:

@@ -10,16 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros import BodyState, Ground, HeightMap, InputError, PatchConfig, Terrain, World, WorldConfig
 from smartmesh_ros.ground.config import PhysicsConfig, set_up
-from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
-from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.bodies import BodyFactory
-from smartmesh_ros.world.world import World, WorldConfig
 from tests.bodies import height, put
 from tests.grounds import level
 
@@ -73,9 +67,7 @@ def test_a_step_of_another_length_than_pybullets_is_refused(client: Any) -> None
 
 SHAPES: tuple[Shape, ...] = (Sphere(0.15), Box(0.3, 0.2, 0.2), Cylinder(0.1, 0.3), Sphere(0.03))
 STATES = st.tuples(
-    st.sampled_from(SHAPES),
-    st.floats(-0.2, 2.0),
-    st.tuples(*[st.floats(-4.0, 4.0)] * 2, st.floats(-30.0, 2.0)),
+    st.sampled_from(SHAPES), st.floats(-0.2, 2.0), st.tuples(*[st.floats(-4.0, 4.0)] * 2, st.floats(-30.0, 2.0))
 )
 
 

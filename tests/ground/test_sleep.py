@@ -11,10 +11,8 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Sphere, World, WorldConfig
+from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, MotionConfig, Sphere, World, WorldConfig
 from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig
-from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.terrain.motion import MotionConfig
 from tests.bodies import height, put
 from tests.grounds import level
 

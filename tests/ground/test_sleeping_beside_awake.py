@@ -11,8 +11,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule, run_state_machine_as_test
 
-from smartmesh_ros import BodyState, HeightMap, Terrain, World, WorldConfig
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros import BodyState, HeightMap, PhysicsConfig, Terrain, World, WorldConfig
 from smartmesh_ros.patches.supports import Support
 from tests.examples import examples
 from tests.ground.test_sleep import BOX, FLAT, RATE, SIDE, SPACING
@@ -74,14 +73,12 @@ class SleepingBesideAwake(RuleBasedStateMachine):
         self.level += change
         for world in self.worlds:
             for mesh in world.terrain.tiles.values():
-                assert isinstance(mesh, HeightMap)
                 mesh.replace(np.full_like(mesh.heights, self.level), time=world.time)
 
     @rule(row=st.integers(0, 40))
     def same_region(self, row: int) -> None:
         for world in self.worlds:
             for mesh in world.terrain.tiles.values():
-                assert isinstance(mesh, HeightMap)
                 mesh.update_region(row, 3, mesh.heights[row : row + 9, 3:12], time=world.time)
 
     @rule()

@@ -9,18 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from smartmesh_ros import HeightMap, PatchConfig, Terrain
 from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.shapes import BODY_COLUMNS, ball
+from smartmesh_ros.patches.shapes import BODY_COLUMNS
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.report.fixed import extent_for
 from smartmesh_ros.report.mesh import mesh_twist
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.terrain import Terrain
-from tests.bodies import shapes_of
 from tests.examples import examples
-from tests.ground.selecting import Selecting
+from tests.ground.selecting import Selecting, balls_on, update
 
 DT = 1.0 / 240.0
 SOLID = PatchConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
@@ -29,16 +26,7 @@ SOLID = PatchConfig(kind="trimesh")  # whose patches have the extent that the bo
 def selector_for(
     heightmap: HeightMap, radii: list[float], config: PatchConfig = SOLID, solid: BoolArray | None = None
 ) -> Selecting:
-    shapes = shapes_of(ball(radius) for radius in radii)
-    return Selecting(Terrain(heightmap), config, shapes, solid)
-
-
-def update(selector: Selecting, positions: FloatArray, speed: float = 0.0, time: float = 0.0) -> list[PatchBatch]:
-    """Patches of bodies at positions (N, 3) that move along x."""
-    bodies = np.zeros((len(positions), BODY_COLUMNS))
-    bodies[:, :3], bodies[:, 6], bodies[:, 7] = positions, 1.0, speed
-    selector.update(bodies, time, DT)
-    return selector.batches()
+    return balls_on(Terrain.of(heightmap), radii, config, solid)
 
 
 @examples(50)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros import HeightMap
 
 
 class Found(NamedTuple):

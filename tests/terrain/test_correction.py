@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from smartmesh_ros.terrain.grid import GridGeometry
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros import GridGeometry, HeightMap, MotionConfig, Terrain
 
 SETTLE = 0.2
 SIZE = 70  # more than a block
@@ -95,7 +92,6 @@ def test_a_map_that_came_elsewhere_corrects_the_one_before_it(step: tuple[float,
 
     terrain = Terrain(ground(0.0, 0.0))
     first = terrain.tiles[""]
-    assert isinstance(first, HeightMap)
     first.show(0.0)
     points = np.array([[10.0, 20.0], [33.3, 44.4]])
     before = terrain.at(points, 0.0).heights

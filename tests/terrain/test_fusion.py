@@ -119,32 +119,3 @@ def test_a_true_change_is_taken_at_once_and_noise_is_not(step: float) -> None:
     fuse(known, dug, deviation**2, 0.1, FusionConfig())
     np.testing.assert_array_equal(known.heights[20:30], dug[20:30])
     assert np.abs(known.heights[:20]).max() < 2.5 * deviation
-
-
-def test_many_measurements_of_still_ground_are_their_mean() -> None:
-    rng = np.random.default_rng(1)
-    count, deviation = 50, 0.02
-    measured = rng.normal(3.0, deviation, (count, 40, 40)).astype(np.float32)
-    known = nothing_known(40, 40)
-    for heights in measured:
-        fuse(known, heights, deviation**2, 0.1, FusionConfig(growth=0.0, gate=math.inf))
-    np.testing.assert_allclose(known.heights, measured.mean(axis=0), atol=1e-5)
-    np.testing.assert_allclose(known.variances, deviation**2 / count, rtol=1e-4)
-    errors = (known.heights - 3.0) / np.sqrt(known.variances)
-    assert 0.95 < errors.std() < 1.05
-    assert abs(errors.mean()) < 4.0 / math.sqrt(errors.size)
-
-
-def test_growth_bounds_how_certain_a_height_becomes_and_how_long_it_lags() -> None:
-    noise, growth, interval = 1e-4, 1e-6, 0.1
-    config = FusionConfig(growth=growth, gate=math.inf)
-    known = nothing_known(3, 3)
-    for _ in range(500):
-        fuse(known, np.zeros((3, 3), np.float32), noise, interval, config)
-    added = growth * interval
-    settled = 0.5 * (math.sqrt(added**2 + 4.0 * added * noise) - added)  # where the filter's equation stands still
-    np.testing.assert_allclose(known.variances, settled, rtol=1e-4)
-    lag = math.sqrt(noise * interval / growth)
-    for _ in range(round(lag / interval)):
-        fuse(known, np.ones((3, 3), np.float32), noise, interval, config)
-    np.testing.assert_allclose(known.heights, 1.0 - math.exp(-1.0), atol=0.02)

@@ -5,12 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smartmesh_ros.ground.shapes import Sphere
-from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros import BodyState, HeightMap, PhysicsConfig, Sphere, Terrain, World, WorldConfig
 from smartmesh_ros.terrain.surface_query import RayCaster, checked_points, checked_rays, ground_samples
-from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.world.world import PhysicsConfig, World, WorldConfig
 
 COUNT = 400
 
@@ -62,7 +58,6 @@ def test_the_bridge_between_level_tiles_is_a_plane(first: float, second: float) 
     terrain, points = two_tiles(first, second, 0.5, 3), in_gap(0.5, 4)
     for name, level in (("a", 0.0), ("b", 1.0)):
         tile = terrain.tiles[name]
-        assert isinstance(tile, HeightMap)
         tile.replace(np.full((tile.geometry.rows, tile.geometry.columns), level), time=1.0)
     np.testing.assert_allclose(terrain.at(points, 9.0).heights, points[:, 0] / 0.5, atol=1e-9)
 
@@ -83,7 +78,6 @@ def test_wider_gaps_and_holes_are_no_ground() -> None:
         assert not np.isfinite(found).any()
     terrain = two_tiles(0.5, 0.1, 0.5, 7)
     tile = terrain.tiles["a"]
-    assert isinstance(tile, HeightMap)
     heights = tile.heights.copy()
     heights[:, -1] = np.nan
     tile.replace(heights, time=0.1)

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros import GridGeometry, InputError
 
 geometries = st.builds(
     GridGeometry,

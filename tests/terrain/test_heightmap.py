@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros import HeightMap, InputError
 from smartmesh_ros.terrain.motion import BLOCK, MotionConfig
 from tests.examples import examples
 
@@ -93,21 +92,6 @@ def test_a_region_moves_alone() -> None:
     heightmap.update_region(20, 10, np.full((8, 8), 0.2), time=0.2)
     assert velocity_at(heightmap, 12, 12, 0.2) == (pytest.approx(0.1), 0.0)
     assert velocity_at(heightmap, 22, 12, 0.2)[1] == pytest.approx(2.0, rel=1e-4)
-
-
-@pytest.mark.parametrize("whole", [False, True])
-def test_a_frame_in_parts_that_share_blocks_has_one_velocity(whole: bool) -> None:
-    """The second part corrects the blocks it shares with the first, and is new to the others."""
-    size = 3 * BLOCK
-    heightmap = HeightMap(np.zeros((size, size)), time=0.0)
-    heightmap.replace(np.full((size, size), 0.1), time=0.1)
-    heightmap.update_region(0, 0, np.full((size, 100), 0.2), time=0.2)
-    if whole:
-        heightmap.replace(np.full((size, size), 0.2), time=0.2)
-    else:
-        heightmap.update_region(0, 100, np.full((size, size - 100), 0.2), time=0.2)
-    for column in (5, 80, 110, size - 5):
-        assert velocity_at(heightmap, 50, column, 0.2) == (pytest.approx(0.2), pytest.approx(1.0, rel=1e-4))
 
 
 def test_jumps_and_old_maps_give_no_velocity() -> None:

@@ -5,9 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros import HeightMap, InputError, World
+from smartmesh_ros import HeightMap, InputError, MotionConfig, World
 from smartmesh_ros.io.rasters import RasterConfig, from_grid_map, from_image, from_points
-from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 NO_DATA = -9999.0
@@ -53,7 +52,6 @@ def test_masks_survive_rasters() -> None:
     image = from_image(masked(np.int16), config)
     np.testing.assert_array_equal(np.isnan(image.heights[::-1]), hole)
     layer = from_grid_map(masked(), start=(3, 0), centre=(0.0, 0.0), resolution=0.1, config=config, variances=masked())
-    assert layer.variances is not None
     assert np.isnan(layer.heights).sum() == np.isnan(layer.variances).sum() == hole.sum()
     y, x = np.mgrid[0:41, 0:41] * 0.1
     cloud = from_points(np.ma.stack([np.ma.array(x), np.ma.array(y), masked()], axis=-1), config)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros import HeightMap, InputError
 from smartmesh_ros.io.rasters import (
     Raster,
     RasterConfig,
@@ -17,7 +17,6 @@ from smartmesh_ros.io.rasters import (
     from_points,
     occupancy_heights,
 )
-from smartmesh_ros.terrain.heightmap import HeightMap
 
 NAN = float("nan")
 PLAIN = RasterConfig()

@@ -7,10 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros import HeightMap, InputError, Terrain
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_points, ground_samples
-from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.terrain.surfaces import highest, triangles_of
 

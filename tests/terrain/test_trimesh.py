@@ -5,8 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros import HeightMap, InputError
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 
 

@@ -23,7 +23,6 @@ from smartmesh_ros import (
 from smartmesh_ros.terrain.height_scan import LAYOUTS, yaws_of
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts
-from tests.grounds import level
 from tests.urdfs import link, robot
 
 SIDE, RESOLUTION, LOW = 161, 0.05, -4.0
@@ -213,28 +212,27 @@ def test_both_orders_hold_the_same_values() -> None:
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize(("distribution", "deviation"), [("uniform", 0.02 / math.sqrt(3.0)), ("normal", 0.02)])
 def test_noise_has_its_deviation_and_is_added_before_the_scale(
-    layout: str, distribution: str, deviation: float
+    world: World, layout: str, distribution: str, deviation: float
 ) -> None:
     plain = HeightScan.of(layout)
     noisy = HeightScan.of(layout, noise=0.02, distribution=distribution)
-    with World(level(101)) as world:
-        names = [f"body_{k}" for k in range(50)]
-        for name in names:
-            world.spawn(name, Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.6)))
-        true, first = world.height_scan(names, plain), world.height_scan(names, noisy)
-        errors = (first - true) / noisy.scale
-        assert errors.std() == pytest.approx(deviation, rel=0.03)
-        assert abs(errors.mean()) < 0.001
-        if distribution == "uniform":
-            assert np.abs(errors).max() <= 0.02 + 1e-12
-        # The same at the same instant, and new at another instant or with another seed.
-        np.testing.assert_array_equal(world.height_scan(names, noisy), first)
-        other = world.height_scan(names, HeightScan.of(layout, noise=0.02, distribution=distribution, seed=1))
-        world.skip(1)
-        later = world.height_scan(names, noisy)
-        for values in (other, later):
-            again = (values - true) / noisy.scale
-            assert abs(np.corrcoef(again.ravel(), errors.ravel())[0, 1]) < 0.05
+    names = [f"body_{k}" for k in range(50)]
+    for name in names:
+        world.spawn(name, Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.6)))
+    true, first = world.height_scan(names, plain), world.height_scan(names, noisy)
+    errors = (first - true) / noisy.scale
+    assert errors.std() == pytest.approx(deviation, rel=0.03)
+    assert abs(errors.mean()) < 0.001
+    if distribution == "uniform":
+        assert np.abs(errors).max() <= 0.02 + 1e-12
+    # The same at the same instant, and new at another instant or with another seed.
+    np.testing.assert_array_equal(world.height_scan(names, noisy), first)
+    other = world.height_scan(names, HeightScan.of(layout, noise=0.02, distribution=distribution, seed=1))
+    world.skip(1)
+    later = world.height_scan(names, noisy)
+    for values in (other, later):
+        again = (values - true) / noisy.scale
+        assert abs(np.corrcoef(again.ravel(), errors.ravel())[0, 1]) < 0.05
 
 
 def test_holes_are_filled_only_if_that_is_asked() -> None:

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, HeightMap, InputError, PhysicsConfig, World, WorldConfig
-from smartmesh_ros.ground.ground import Ground
+from smartmesh_ros import BodyState, Box, Ground, HeightMap, InputError, PhysicsConfig, World, WorldConfig
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.link_frames import InertialFrame, centre_state, frame_state
@@ -65,20 +64,6 @@ def test_the_effort_of_a_target_is_bounded(world: World, effort: float | None, m
 def test_impossible_commands_are_refused(fields: dict[str, float]) -> None:
     with pytest.raises(InputError):
         JointCommand(**fields)
-
-
-def test_commands_outlive_a_restart_from_a_snapshot(world: World) -> None:
-    world.spawn_robot("arm", PENDULUM, BodyState((0.0, 0.0, 3.0)))
-    world.command("arm", "slide", JointCommand(effort=1.5))
-    world.step(10)
-    saved = world.save()
-    world.step(110)
-    first = world.snapshot().hash
-    world.restore(type(saved).from_json(saved.to_json()))
-    world.step(110)
-    assert world.snapshot().hash == first
-    world.remove("arm")
-    world.step(2)
 
 
 UNIT = st.floats(-1.0, 1.0)
@@ -188,9 +173,7 @@ def test_a_fixed_base_stays_while_the_ground_rises_around_it(arm: bool, changes:
         assert world.rescues == 0
 
 
-def test_a_buried_fixed_base_stays_where_it_was_spawned_or_moved_whatever_velocity_it_is_given(
-    world: World,
-) -> None:
+def test_a_buried_fixed_base_stays_where_it_was_spawned_or_moved_whatever_velocity_it_is_given(world: World) -> None:
     world.spawn_robot("mast", on_a_fixed_base(arm=True), BodyState((0.0, 0.0, -0.1), linear=(1.0, 0.0, 0.5)))
     world.step(240)
     assert world.state("mast") == BodyState((0.0, 0.0, -0.1))

@@ -13,8 +13,7 @@ import pybullet as pb
 import pybullet_data
 import pytest
 
-from smartmesh_ros import BodyState, HeightMap, World, WorldConfig
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros import BodyState, HeightMap, PhysicsConfig, World, WorldConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand
 from tests.legged import MODELS, Robot, robot

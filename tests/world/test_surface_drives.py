@@ -17,6 +17,7 @@ from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.robots.prepared import prepare_robot
+from tests.bodies import put
 from tests.tracked import NAME, UNDERCARRIAGE, drive, slope, speed, standing
 
 
@@ -188,8 +189,7 @@ def test_pybullet_itself_ignores_the_element() -> None:
 @pytest.fixture
 def ground(client: Any) -> Ground:
     """The ground of a PyBullet world of one's own, to which a box of 2 kg is attached."""
-    shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=[0.2, 0.2, 0.1])
-    client.createMultiBody(2.0, shape, basePosition=[0.0, 0.0, 0.1])
+    put(client, Box(0.4, 0.4, 0.2), (0.0, 0.0, 0.1), 2.0)
     made = Ground(client, slope())
     made.attach(0)
     return made
@@ -254,17 +254,14 @@ def test_after_a_reset_of_pybullet_nothing_is_driven(ground: Ground, client: Any
     assert not any(follower.belt.speed for follower in ground.followers)
 
 
-def test_a_command_wakes_a_body_that_sleeps_in_pybullet(ground: Ground, client: Any) -> None:
+def test_a_command_wakes_a_body_that_sleeps_in_pybullet_and_one_that_creeps_does_not_sleep(
+    ground: Ground, client: Any
+) -> None:
     client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
     run(ground, client, 1200)
-    ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
-    assert run(ground, client, 240) == pytest.approx(0.3, rel=0.01)
-
-
-def test_a_body_that_creeps_does_not_sleep_in_pybullet(ground: Ground, client: Any) -> None:
-    client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
-    ground.drive(0, -1, (0.0, 1.0, 0.0), 0.02)
-    assert run(ground, client, 960) == pytest.approx(0.02, rel=0.01)
+    for speed_ in (0.3, 0.02):
+        ground.drive(0, -1, (0.0, 1.0, 0.0), speed_)
+        assert run(ground, client, 960) == pytest.approx(speed_, rel=0.01)
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.0)
     assert run(ground, client, 960) == 0.0, "it sleeps again"
 

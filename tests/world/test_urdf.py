@@ -6,11 +6,8 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros import BodyState, HeightMap, InputError, World
 from smartmesh_ros.io.urdf import UrdfRules, checked_urdf
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.world.world import World
 from tests.urdfs import joint, link, robot
 
 MESH = '<robot name="r"><link name="a"><collision><geometry><mesh filename="{}"/></geometry></collision></link></robot>'

@@ -7,16 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from smartmesh_ros import (
-    BodyState,
-    Box,
-    HeightMap,
-    InputError,
-    PhysicsConfig,
-    Sphere,
-    World,
-    WorldConfig,
-)
+from smartmesh_ros import BodyState, Box, HeightMap, InputError, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.node.inputs.tracking import Tracking
 from tests import urdfs
 from tests.urdfs import HUSKY
@@ -36,8 +27,6 @@ from tests.urdfs import HUSKY
         (lambda w: w.spawn("x", Sphere(0.1), 1.0, BodyState(orientation=(0.0, 0.0, 0.0, 0.0))), "quaternion"),
         (lambda w: w.spawn("x", Sphere(0.1), 1.0, BodyState(orientation=(0.0, 0.0, 0.0, 2.0))), "quaternion"),
         (lambda w: w.spawn_robot("x", "/no/such.urdf"), "urdf"),
-        (lambda w: w.spawn_robot("x", "<robot"), "urdf"),
-        (lambda w: w.spawn_robot("x", '<robot name="r"><link name="l"/></robot>'), "urdf"),
         (lambda w: w.remove("nobody"), "unknown_body"),
         (lambda w: w.state("nobody"), "unknown_body"),
         (lambda w: w.drive("ball", "axle", 1.0), "unknown_joint"),
