@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, World, WorldConfig
+from smartmesh_ros import BodyState, Box, GridGeometry, HeightMap, PatchConfig, PhysicsConfig, World, WorldConfig
 from smartmesh_ros.patches.config import PatchKind
-from smartmesh_ros.terrain.grid import GridGeometry
 
 SAMPLES = 41
 Place = tuple[float, float, float]  # x, y [m] and yaw [rad]

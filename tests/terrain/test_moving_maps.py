@@ -47,16 +47,13 @@ def fed(when: Callable[[float], FloatArray], times: FloatArray, *, mode: MotionM
 
 
 @examples(25)
-@given(
-    parts, st.lists(st.floats(0.01, 0.2), min_size=1, max_size=4), st.integers(0, 10**6), st.floats(0.0, 0.3),
-    st.booleans(),
-)  # fmt: skip
-@example([BLOCK + 3], [0.05, 0.05, 0.05], 0, 0.02, False)  # in a block that both parts share
-@example([BLOCK + 3], [0.05, 0.05, 0.05], 0, 0.02, True)
+@given(parts, st.lists(st.floats(0.01, 0.2), min_size=1, max_size=4), st.integers(0, 10**6), st.floats(0.0, 0.3))
+@example([BLOCK + 3], [0.05, 0.05, 0.05], 0, 0.02)  # in a block that both parts share
+@example([BLOCK + 3], [0.05, 0.05, 0.05], 1, 0.02)
 def test_a_map_that_comes_in_parts_moves_as_the_whole_map_does(
-    borders: list[int], intervals: list[float], seed: int, age: float, again: bool
+    borders: list[int], intervals: list[float], seed: int, age: float
 ) -> None:
-    """Also if it comes as a whole after its parts."""
+    """Also if it comes as a whole after its parts, as with every odd seed."""
     rng = np.random.default_rng(seed)
     shape = rng.normal(size=(SIDE, SIDE)).astype(np.float32)
     whole, pieces, time = HeightMap(shape, time=0.0), HeightMap(shape, time=0.0), 0.0
@@ -66,7 +63,7 @@ def test_a_map_that_comes_in_parts_moves_as_the_whole_map_does(
         whole.replace(shape, time=time)
         for first, last in zip([0, *borders], [*borders, SIDE], strict=True):
             pieces.update_region(0, first, shape[:, first:last], time=time)
-        if again:
+        if seed % 2:
             pieces.replace(shape, time=time)
     expected, found = (mesh.sample(EVERYTHING, time + age, 0.01) for mesh in (whole, pieces))
     np.testing.assert_allclose(found.heights, expected.heights, atol=1e-4)

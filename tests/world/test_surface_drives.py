@@ -117,13 +117,6 @@ def test_where_contacts_are_pybullets_own_a_command_is_refused() -> None:
         assert [s.speed for s in world.surfaces(NAME)] == [0.0, 0.0]
 
 
-@pytest.mark.parametrize("fields", [{"position": 1.0}, {"effort": 1.0}, {"velocity": 1.0, "effort": 1.0}, {}])
-def test_a_track_takes_a_velocity_alone(driven: World, fields: dict[str, float]) -> None:
-    with pytest.raises(InputError, match="velocity alone"):
-        driven.command(NAME, "left_track", JointCommand(**fields))
-    assert [s.speed for s in driven.surfaces(NAME)] == [0.3, 0.5]
-
-
 def test_what_has_no_surface_on_the_ground_is_refused(driven: World) -> None:
     driven.track("hand", 0.2, BodyState((5.0, 0.0, 0.2)))
     for name, link, speed_, axis, words in (
@@ -137,6 +130,10 @@ def test_what_has_no_surface_on_the_ground_is_refused(driven: World) -> None:
     ):
         with pytest.raises(InputError, match=words):
             driven.drive_surface(name, link, speed_, axis)
+    for fields in ({"position": 1.0}, {"effort": 1.0}, {"velocity": 1.0, "effort": 1.0}, {}):
+        with pytest.raises(InputError, match="velocity alone"):
+            driven.command(NAME, "left_track", JointCommand(**fields))
+    assert [s.speed for s in driven.surfaces(NAME)] == [0.3, 0.5]
     with pytest.raises(InputError, match="left_track, right_track"):
         driven.drive(NAME, "middle_track", 1.0)
     driven.spawn("ball", Sphere(0.2), 1.0, BodyState((6.0, 0.0, 0.2)))
@@ -225,16 +222,12 @@ def test_a_robot_whose_file_lost_a_link_or_joint_is_not_restored(tmp_path: Path,
 def test_in_a_pybullet_world_of_ones_own(ground: Ground, client: Any) -> None:
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
     assert run(ground, client, 240) == pytest.approx(0.3, rel=0.01)
+    ground.drive(0, -1, np.array([0.0, 1.0, 0.0]), np.float32(0.25))  # type: ignore[arg-type]
+    assert ground.followers.at(0, -1).belt == Belt((0.0, 1.0, 0.0), 0.25)  # type: ignore[union-attr]
+    assert run(ground, client, 240) == pytest.approx(0.25, rel=0.01)
     ground.detach(0)
     ground.attach(0)
     assert run(ground, client, 240) == pytest.approx(0.0, abs=1e-3), "it is attached anew"
-
-
-def test_an_axis_may_be_an_array(ground: Ground, client: Any) -> None:
-    for _ in range(2):
-        ground.drive(0, -1, np.array([0.0, 1.0, 0.0]), np.float32(0.25))  # type: ignore[arg-type]
-    assert ground.followers.at(0, -1).belt == Belt((0.0, 1.0, 0.0), 0.25)  # type: ignore[union-attr]
-    assert run(ground, client, 240) == pytest.approx(0.25, rel=0.01)
 
 
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 0.0), (0.0, math.nan, 0.0), (0.0, 1e200, 0.0), (0.0, 1.0)])
