@@ -1,7 +1,5 @@
 """Bodies of every shape as tests know them, written independently of the package: where they are, turned how."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

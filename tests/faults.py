@@ -1,7 +1,5 @@
 """The k-th call of some kind fails, for k = 1, 2, ... until a run makes fewer calls."""
 
-from __future__ import annotations
-
 import builtins
 import inspect
 import io

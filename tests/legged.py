@@ -1,7 +1,5 @@
 """URDFs of robots on legs from boxes and balls, with the main dimensions and masses of real ones."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

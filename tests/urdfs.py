@@ -1,7 +1,5 @@
 """Robot descriptions, put together from their parts."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pybullet_data

@@ -1,7 +1,5 @@
 """Functions of the core that take tables of bodies, and soil under them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Functions of the core that take maps and meshes: contacts, queries and updates."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables of bodies, and soil under them, at the limits of what the core takes."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -8,8 +8,6 @@ On steep thin ridges about one pose in 5,000 of shapes with corners still overla
 says so, or has one that is too deep: `make contacts` finds and lists them, so it fails for those shapes.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Iterator
 from functools import cache
@@ -20,21 +18,8 @@ import pytest
 
 from smartmesh_ros.core import _core
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from tests.core import mesh_parts
-from tests.core.contact_cases import (
-    IDENTITY,
-    SHAPES,
-    Case,
-    body,
-    coal_triangle,
-    convex_ground,
-    distance,
-    motion_of,
-    random_case,
-    random_ground,
-    random_rotation,
-    solid,
-)
+from tests.core import contact_cases, mesh_parts
+from tests.core.contact_cases import IDENTITY, SHAPES, Case, body, coal_triangle, distance, motion_of, random_case
 from tests.core.mesh_parts import Parts
 
 # Poses of each shape; `make contacts` tries 100,000.
@@ -85,7 +70,7 @@ def made(name: str, count: int) -> Iterator[Case]:
     for seed in range(count):
         rng = np.random.default_rng(seed)
         if seed % PER_GROUND == 0:
-            ground = random_ground(rng)
+            ground = contact_cases.random_ground(rng)
         yield random_case(name, ground, rng)
 
 
@@ -116,8 +101,8 @@ def test_depths_in_convex_ground_are_those_of_the_solid(name: str) -> None:
     for seed in range(POSES // 3):
         rng = np.random.default_rng(seed)
         if seed % PER_GROUND == 0:
-            ground = convex_ground(rng)
-            made = solid(ground)
+            ground = contact_cases.convex_ground(rng)
+            made = contact_cases.solid(ground)
         case = random_case(name, ground, rng)
         case = case.moved(np.array([0.0, 0.0, -rng.uniform(0.0, 0.02) * case.body.half.min()]))
         true = distance(made, IDENTITY, case.body.deep, coal.Transform3s(case.turn, case.position))
@@ -183,7 +168,7 @@ def test_distances_from_meshes_are_exact_and_no_shallow_overlap_is_missed(form: 
     triangles, wrong, apart, shallow = Triangles(mesh), [], 0, 0
     for seed in range(120):
         rng = np.random.default_rng(seed)
-        made, turn = body(name, 0.1, rng), random_rotation(rng)
+        made, turn = body(name, 0.1, rng), contact_cases.random_rotation(rng)
         place = rng.dirichlet((0.5, 0.5, 0.5)) @ vertices[corners[rng.integers(len(corners))]]
         way = rng.normal(size=3)
         way *= np.sign(place @ way if form == "box" else way[2]) / np.linalg.norm(way)

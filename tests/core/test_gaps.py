@@ -1,7 +1,5 @@
 """Distances of triangles from bodies against the library coal, and their depths."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

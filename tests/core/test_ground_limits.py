@@ -1,7 +1,5 @@
 """Maps, meshes, contacts, queries and updates of the core at the limits of what they take."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any

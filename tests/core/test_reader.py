@@ -1,7 +1,5 @@
 """The core's reader of moving maps gives the law of their motion to the bit."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

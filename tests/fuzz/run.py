@@ -4,8 +4,6 @@ Each share of the messages goes to a node in a process of its own, whose end is 
 broke a rule is kept in ``out/fuzz/``. Ends with 1 if there was any.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import multiprocessing

@@ -1,7 +1,5 @@
 """Good messages of every input, to be spoilt."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Patches together with the bodies they are chosen for, for tests without a physics world."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from types import SimpleNamespace
 from typing import Any

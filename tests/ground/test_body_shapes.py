@@ -1,7 +1,5 @@
 """Shapes read from PyBullet hold what PyBullet collides."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -113,18 +113,6 @@ def test_nothing_falls_when_kinds_and_methods_change(general: bool) -> None:
             assert world.state(name).position[2] == pytest.approx(height, abs=5e-3)
 
 
-@pytest.mark.parametrize("kind", ["trimesh", "prisms"])
-def test_mesh_colliders_carry_the_grounds_velocity(kind: PatchKind) -> None:
-    heightmap = level(21, 0.25)
-    with World(heightmap, config(kind)) as world:
-        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2)))
-        for _ in range(120):
-            world.step()
-            heightmap.replace(np.full((21, 21), 2.0 * world.time), time=world.time)
-        sunk = 2.0 * world.time + 0.2 - world.state("ball").position[2]
-        assert sunk < 1e-3
-
-
 def test_a_general_mesh_moves_under_bodies_in_every_direction() -> None:
     vertices = bowl_mesh().vertices.copy()
     mesh = TriangleMesh(vertices, grid_triangles(SIZE, SIZE))

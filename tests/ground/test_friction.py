@@ -1,7 +1,5 @@
 """Friction of the ground by place: ice beside gravel."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -9,18 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import (
-    BodyState,
-    Box,
-    HeightMap,
-    InputError,
-    PatchConfig,
-    PhysicsConfig,
-    Sphere,
-    Terrain,
-    World,
-    WorldConfig,
-)
+from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, Terrain, World, WorldConfig
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.config import PatchKind
 
 GRAVITY = 9.81

@@ -10,21 +10,8 @@ import pybullet_data
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import (
-    BodyState,
-    Box,
-    Capsule,
-    Cylinder,
-    Ground,
-    HeightMap,
-    PatchConfig,
-    PhysicsConfig,
-    Sphere,
-    Terrain,
-    World,
-    WorldConfig,
-)
-from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros import BodyState, Ground, HeightMap, PatchConfig, PhysicsConfig, Terrain, World, WorldConfig
+from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.grounds import level, moving

@@ -1,7 +1,5 @@
 """Bodies that sleep have no collider and cost nothing."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Bodies that sleep end where they would have ended awake, whatever is done to their world."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Patches of fixed extent, as the report makes them: around the nearest vertex, as large as asked for."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

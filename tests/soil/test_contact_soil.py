@@ -14,6 +14,7 @@ from smartmesh_ros.soil.soils import map_from, soil_named
 from studies.soil.arcs import free_slip, undamped, wheel_forces
 from studies.soil.trials import Wheel, plate_sinkage
 from studies.soil.vehicles import WARTHOG, Cart, drive, roll, set_down, vertical_forces
+from tests.bodies import height, put
 
 SOILS = ("dry_sand", "clay", "sandy_loam", "lunar", "hit_lss1", "lete_sand", "chrono_rig", "k10_sand")
 FLAT = np.zeros((101, 101))
@@ -227,8 +228,7 @@ def test_soil_goes_with_its_map(way: str, caplog: pytest.LogCaptureFixture) -> N
 
 @pytest.mark.parametrize("maximal", [True, False])
 def test_what_sleeps_in_pybullet_wakes_on_another_soil(client: Any, maximal: bool) -> None:
-    shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=[0.1] * 3)
-    body = client.createMultiBody(20.0, shape, basePosition=(1.0, 1.0, 0.1), useMaximalCoordinates=maximal)
+    body = put(client, Box(0.2, 0.2, 0.2), (1.0, 1.0, 0.1), 20.0, useMaximalCoordinates=maximal)
     client.changeDynamics(body, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
     ground = Ground(client, HeightMap(np.zeros((41, 41)), resolution=0.05))
     ground.attach(body)
@@ -237,8 +237,7 @@ def test_what_sleeps_in_pybullet_wakes_on_another_soil(client: Any, maximal: boo
     ground.set_soil(ContactSoil(ground.terrain, "lunar"))
     for _ in range(480):
         ground.step(ground.time, 1.0 / 240.0)
-    sunk = 0.1 - client.getBasePositionAndOrientation(body)[0][2]
-    assert sunk == pytest.approx(20.0 * 9.81 / 0.04 / 820e3, rel=0.1)
+    assert 0.1 - height(client, body) == pytest.approx(20.0 * 9.81 / 0.04 / 820e3, rel=0.1)
 
 
 def test_a_driven_track_pulls_itself_through_the_soil() -> None:

@@ -3,8 +3,6 @@
 Velocities of noisy ground count as far as they stand out of the noise.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How maps, and meshes, are moved on in time from what their updates told, also if the stamps of these are uneven."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import get_args

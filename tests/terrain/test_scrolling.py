@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros import GridGeometry, HeightMap, Terrain
@@ -19,7 +19,6 @@ def surface(geometry: GridGeometry, time: float) -> np.ndarray:
     return (np.sin(xy[..., 0]) + xy[..., 1] - 0.5 * time * xy[..., 0]).astype(np.float32)
 
 
-@settings(deadline=None)
 @given(rows=st.integers(-7, 7), columns=st.integers(-9, 9), yaw=st.floats(-3.0, 3.0), resolution=st.floats(0.05, 1.0))
 def test_velocities_of_shared_samples_are_those_of_the_ground(
     rows: int, columns: int, yaw: float, resolution: float
@@ -171,7 +170,6 @@ def coefficients(geometry: GridGeometry) -> np.ndarray:
     return np.where(xy[..., 1] < -3.0, np.nan, 1.0 + 0.5 * np.sin(xy[..., 0])).astype(np.float32)
 
 
-@settings(deadline=None)
 @given(
     rows=st.integers(-9, 9), columns=st.integers(-11, 11), yaw=st.floats(-3.0, 3.0), rise=st.floats(-1.0, 1.0),
     changes=st.sampled_from(["motion", "correction"]), later=st.sampled_from([0.0, 0.1, 100.0]),

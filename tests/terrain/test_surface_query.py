@@ -3,8 +3,6 @@
 A point in a gap between height maps has one height, whoever asks.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

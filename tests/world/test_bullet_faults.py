@@ -1,7 +1,5 @@
 """The k-th call to PyBullet fails, for k = 1, 2, ...: what failed has changed nothing, and the world goes on."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import astuple, replace
 from itertools import chain

@@ -1,7 +1,5 @@
 """The k-th opening, reading or writing of a file fails, for k = 1, 2, ...: a refusal, after which all goes on."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

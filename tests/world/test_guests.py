@@ -1,7 +1,5 @@
 """Bodies of several worlds meet as those of one do, and guests are what their owners say they are."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

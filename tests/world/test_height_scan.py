@@ -1,25 +1,13 @@
 """Height scans are the ground at the points of their grid, in the layouts that policies were trained with."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
 import numpy as np
 import pytest
 
-from smartmesh_ros import (
-    BodyState,
-    Box,
-    HeightMap,
-    HeightScan,
-    HeightScanner,
-    InputError,
-    MotionConfig,
-    Sphere,
-    Terrain,
-    World,
-)
+from smartmesh_ros import BodyState, Box, HeightMap, HeightScan, HeightScanner, MotionConfig, Sphere, Terrain, World
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.height_scan import LAYOUTS, yaws_of
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts

@@ -3,8 +3,6 @@
 Joints hold their positions, which loads their motors: these push as soon as a robot loses the ground.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Driven surfaces of links and bodies: commands, sleep, snapshots, settings, and what is refused."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

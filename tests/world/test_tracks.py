@@ -1,7 +1,5 @@
 """A tracked machine drives, climbs, slips and turns as Coulomb's friction at its contacts says."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
