@@ -60,29 +60,8 @@ def feet_on_patches() -> Arguments:
     return bodies() | more
 
 
-def mesh_foot() -> Arguments:
-    more = {"points": np.eye(3), "triangles": np.array([[0, 1, 2], [2, 1, 0]], np.int32), "slot": 1}
-    given = bodies() | more | {"supports": supports()}
-    del given["slots"]
-    return given
-
-
-def corrections() -> Arguments:
-    poses = zeros(7, 2)
-    poses[:, 6] = 1.0
-    return bodies() | {
-        "tiles": [(0, grid(), 0.0)], "owners": np.array([0, 1, 1]), "supports": supports(), "time": 0.0, "poses": poses
-    }  # fmt: skip
-
-
 def asleep() -> Arguments:
     return {"asleep": slots(), "boxes": zeros(6), "radii": np.ones(SLOTS), "near": 0.1, "share": 0.1}
-
-
-def island() -> Arguments:
-    given = asleep() | {"chosen": slots(), "owners": np.arange(SLOTS)}
-    del given["asleep"]
-    return given
 
 
 def under() -> Arguments:
@@ -143,14 +122,14 @@ ENTRIES = {
     "find_feet": Entry(
         CORE.find_feet, feet_on_patches, written=("supports",), rows=("slots",), within=OF_SLOTS, finite=("time",)
     ),
-    "find_mesh_foot": Entry(
-        CORE.find_mesh_foot, mesh_foot, written=("supports",), rows=("states", "supports", "triangles"),
-        within=(("slot", BODIES), ("triangles", 3)),
-    ),
-    "move_with_corrections": Entry(
-        CORE.move_with_corrections, corrections, written=("poses",), rows=("slots", "poses"),
-        within=(*OF_SLOTS, ("owners", 2)), finite=("time",),
-    ),
+    "find_mesh_foot": Entry(CORE.find_mesh_foot, lambda: {
+        "shapes": bodies()["shapes"], "states": bodies()["states"], "points": np.eye(3), "slot": 1,
+        "triangles": np.array([[0, 1, 2], [2, 1, 0]], np.int32), "supports": supports(),
+    }, written=("supports",), rows=("states", "supports", "triangles"), within=(("slot", BODIES), ("triangles", 3))),
+    "move_with_corrections": Entry(CORE.move_with_corrections, lambda: bodies() | {
+        "tiles": [(0, grid(), 0.0)], "owners": np.array([0, 1, 1]), "supports": supports(), "time": 0.0,
+        "poses": np.tile([0.0] * 6 + [1.0], (2, 1)),
+    }, written=("poses",), rows=("slots", "poses"), within=(*OF_SLOTS, ("owners", 2)), finite=("time",)),
     "distances_outside": Entry(
         CORE.distances_outside, lambda: {"kept": np.eye(3), "points": np.ones((4, 3)), "found": np.zeros(4)},
         written=("found",), rows=("kept",),
@@ -162,7 +141,10 @@ ENTRIES = {
         "chosen": slots(), "shapes": as_bytes(np.zeros(SLOTS, SHAPE)), "states": zeros(13), "boxes": zeros(6),
         "anchors": zeros(8), "time": 0.1, "distance": 0.001,
     }, written=("boxes", "anchors"), rows=("chosen",), within=CHOSEN),
-    "islands": Entry(CORE.islands, island, rows=("chosen",), within=CHOSEN),
+    "islands": Entry(CORE.islands, lambda: {
+        "chosen": slots(), "owners": np.arange(SLOTS), "boxes": zeros(6), "radii": np.ones(SLOTS), "near": 0.1,
+        "share": 0.1,
+    }, rows=("chosen",), within=CHOSEN),
     "Sleepers": Entry(CORE.Sleepers, asleep, rows=("asleep",), within=(("asleep", SLOTS),)),
     "mark_near": Entry(
         CORE.Sleepers(**asleep()).mark_near, lambda: {"slot": 1, "found": np.zeros(SLOTS, bool)}, written=("found",),

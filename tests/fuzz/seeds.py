@@ -93,10 +93,6 @@ def _tracked(rng: np.random.Generator) -> Any:
     return _framed(TrackedBodyArray(bodies=bodies))
 
 
-def _poses(rng: np.random.Generator) -> Any:
-    return _framed(PoseArray(poses=[_place(rng) for _ in range(int(rng.integers(0, 4)))]))
-
-
 def _odometry(rng: np.random.Generator) -> Any:
     message = _framed(Odometry())
     message.pose.pose = _place(rng)
@@ -209,7 +205,7 @@ _MAKERS: dict[str, Any] = {
     "terrain_mesh": _mesh,
     "terrain_mesh_update": _mesh_update,
     "tracked_bodies": _tracked,
-    "body_poses": _poses,
+    "body_poses": lambda rng: _framed(PoseArray(poses=[_place(rng) for _ in range(int(rng.integers(0, 4)))])),
     "pose_in": lambda rng: _framed(PoseStamped(pose=_place(rng)), str(rng.choice(["map", "odom"]))),
     "odometry_in": _odometry,
     "tf": _transforms,

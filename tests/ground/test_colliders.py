@@ -1,6 +1,7 @@
 """Every kind of collider carries a body at the same height, and kinds change under resting bodies."""
 
 import math
+from collections import deque
 from collections.abc import Callable
 from itertools import combinations
 
@@ -21,14 +22,10 @@ KINDS: tuple[PatchKind, ...] = ("heightfield", "trimesh", "prisms", "whole_trime
 MESH_KINDS: tuple[PatchKind, ...] = ("trimesh", "prisms", "whole_trimesh", "auto")
 
 
-def bowl_heights() -> np.ndarray:
-    axis = (np.arange(SIZE) - SIZE // 2) * RESOLUTION
-    return 0.15 * (axis[:, None] ** 2 + axis**2)
-
-
 def bowl() -> HeightMap:
     half = SIZE // 2 * RESOLUTION
-    return HeightMap(bowl_heights(), resolution=RESOLUTION, origin=(-half, -half))
+    axis = np.linspace(-half, half, SIZE)
+    return HeightMap(0.15 * (axis[:, None] ** 2 + axis**2), resolution=RESOLUTION, origin=(-half, -half))
 
 
 def bowl_mesh() -> TriangleMesh:
@@ -111,6 +108,14 @@ def test_nothing_falls_when_kinds_and_methods_change(general: bool) -> None:
         world.step(240)
         for name, height in before.items():
             assert world.state(name).position[2] == pytest.approx(height, abs=5e-3)
+
+
+@pytest.mark.parametrize("kind", ["trimesh", "prisms"])
+def test_mesh_colliders_carry_the_grounds_velocity(kind: PatchKind) -> None:
+    with World(level(21, 0.25), config(kind)) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2)))
+        deque(moving(world, lambda time: 2.0 * time, 120, every=1), 0)
+        assert 2.0 * world.time + 0.2 - world.state("ball").position[2] < 1e-3
 
 
 def test_a_general_mesh_moves_under_bodies_in_every_direction() -> None:

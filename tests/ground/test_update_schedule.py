@@ -120,7 +120,7 @@ def test_new_tiles_are_followed_at_once(behind_real_time: bool) -> None:
     assert schedule.due(terrain, behind_real_time=behind_real_time)
 
 
-@pytest.mark.parametrize("kind", ["auto", "heightfield", "trimesh", "prisms"])
+@pytest.mark.parametrize("kind", ["auto", "heightfield", "trimesh"])
 def test_between_updates_colliders_go_on_as_the_ground_does(kind: PatchKind) -> None:
     """The ball stands on it, and PyBullet has the collider where the ground is, in every step."""
     ground = Rising(kind, rate=40.0)

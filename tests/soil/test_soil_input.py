@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smartmesh_ros import HeightMap, InputError
+from smartmesh_ros import HeightMap, InputError, MotionConfig
 from smartmesh_ros.patches.shapes import BodyShape, ball, box, capsule, cylinder, hull
 from smartmesh_ros.soil.bodies import GivenBodies
 from smartmesh_ros.soil.config import SoilConfig, SoilType
+from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.soil.soil import Load, Soil
 from smartmesh_ros.soil.soils import soil_named, soils_of
 from tests.bodies import TETRAHEDRON
+from tests.grounds import level
 
 SAND = {
     "Bekker_Kphi": 1e6, "Bekker_Kc": 0.0, "Bekker_n": 1.0, "Mohr_cohesion": 0.0, "Mohr_friction": 30.0,
@@ -53,6 +55,12 @@ def with_shape(shape: BodyShape) -> None:
         (lambda: with_shape(capsule(1e7, 1.0)), r"press the soil|dimensions"),
         (lambda: with_shape(capsule(1.0, -1.0)), r"press the soil|dimensions"),
         (lambda: GivenBodies().put("a", ball(1.0), (0.0,) * 13), "unit quaternion"),
+        (lambda: ContactSoil(level(), "lunar", spacing=0.0), "spacing"),
+        (lambda: ContactSoil(level(), "porridge"), "no soil"),
+        (lambda: ContactSoil(level(101, 10.0), "lunar"), r"on cells of 10 m; it must be above 0\.01 m"),
+        (lambda: ContactSoil(level(1000, 5.0), "lunar"), "raise spacing"),
+        *((lambda soil=soil: ContactSoil(level(), soil), "is no soil; give a SoilType") for soil in (5, [5], None)),
+        (lambda: ContactSoil(level(motion=MotionConfig(changes="correction")), "lunar"), "corrections"),
     ],
 )
 def test_what_cannot_be_is_refused(make: Callable[[], object], words: str) -> None:
