@@ -47,15 +47,10 @@ def motion_of(way: ArrayLike) -> np.ndarray:
     return np.array([way, (0.0, 0.0, 0.0)], np.float64)
 
 
-def request() -> Any:
-    """Returns coal's settings, exact to rounding."""
-    made = coal.DistanceRequest()
-    made.gjk_tolerance, made.gjk_max_iterations = 1e-10, 1000
-    made.epa_tolerance, made.epa_max_iterations = 1e-9, 500
-    return made
-
-
-REQUEST = request()
+# Coal's settings, exact to rounding.
+REQUEST = coal.DistanceRequest()
+REQUEST.gjk_tolerance, REQUEST.gjk_max_iterations = 1e-10, 1000
+REQUEST.epa_tolerance, REQUEST.epa_max_iterations = 1e-9, 500
 
 
 def distance(one: Any, one_pose: Any, other: Any, other_pose: Any) -> float:

@@ -8,7 +8,6 @@ import numpy as np
 import pybullet as pb
 import pybullet_data
 import pytest
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Ground, HeightMap, PatchConfig, PhysicsConfig, Terrain, World, WorldConfig
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
@@ -140,50 +139,47 @@ def lander(plate: float) -> str:
     return robot(link("body", "", 200.0, 50.0), *legs)
 
 
-def stroke(urdf: Path, height: float, speed: float, *, from_map: bool) -> float:
+def stroke(client: Any, urdf: Path, height: float, speed: float, *, from_map: bool) -> float:
     """Return how far springs and dampers let the legs of a lander in [m]; its body falls from ``height`` [m]."""
-    client = BulletClient(pb.DIRECT)
-    try:
-        client.setGravity(0.0, 0.0, -9.81)
-        robot = client.loadURDF(str(urdf), (0.0, 0.0, height))
-        client.resetBaseVelocity(robot, (0.0, 0.0, -speed))
-        legs, longest = range(len(FEET) ** 2), 0.0
-        client.setJointMotorControlArray(robot, legs, pb.VELOCITY_CONTROL, forces=[0.0] * len(legs))
+    client.resetSimulation()
+    client.setGravity(0.0, 0.0, -9.81)
+    robot = client.loadURDF(str(urdf), (0.0, 0.0, height))
+    client.resetBaseVelocity(robot, (0.0, 0.0, -speed))
+    legs, longest = range(len(FEET) ** 2), 0.0
+    client.setJointMotorControlArray(robot, legs, pb.VELOCITY_CONTROL, forces=[0.0] * len(legs))
+    if from_map:
+        ground = Ground(client, level(201, 0.05))
+        ground.attach(robot)
+    else:
+        client.createMultiBody(0.0, client.createCollisionShape(pb.GEOM_PLANE))
+    for step in range(120):
+        for leg in legs:
+            place, rate = client.getJointState(robot, leg)[:2]
+            longest = max(longest, place)
+            force = -8000.0 * place - 700.0 * rate
+            client.setJointMotorControl2(robot, leg, pb.TORQUE_CONTROL, force=force)
         if from_map:
-            ground = Ground(client, level(201, 0.05))
-            ground.attach(robot)
+            ground.step(step * DT, DT)
         else:
-            client.createMultiBody(0.0, client.createCollisionShape(pb.GEOM_PLANE))
-        for step in range(120):
-            for leg in legs:
-                place, rate = client.getJointState(robot, leg)[:2]
-                longest = max(longest, place)
-                force = -8000.0 * place - 700.0 * rate
-                client.setJointMotorControl2(robot, leg, pb.TORQUE_CONTROL, force=force)
-            if from_map:
-                ground.step(step * DT, DT)
-            else:
-                client.stepSimulation()
-        return longest
-    finally:
-        client.disconnect()
+            client.stepSimulation()
+    if from_map:
+        ground.close()
+    return longest
 
 
 @pytest.mark.parametrize("speed", [2.0, 3.0])
 @pytest.mark.parametrize("plate", [0.01, 0.02])
-def test_a_lander_takes_the_same_stroke_at_each_phase_of_the_step(plate: float, speed: float, tmp_path: Path) -> None:
+def test_a_lander_takes_the_same_stroke_at_each_phase_of_the_step(
+    client: Any, plate: float, speed: float, tmp_path: Path
+) -> None:
     (tmp_path / "lander.urdf").write_text(lander(plate))
-    strokes = {
-        from_map: [
-            stroke(
-                tmp_path / "lander.urdf", 0.9 + 0.5 * plate + speed * DT * (4.0 + phase / 6), speed, from_map=from_map
-            )
-            for phase in range(6)
-        ]
+    heights = [0.9 + 0.5 * plate + speed * DT * (4.0 + phase / 6) for phase in range(6)]
+    of_map, of_plane = (
+        [stroke(client, tmp_path / "lander.urdf", height, speed, from_map=from_map) for height in heights]
         for from_map in (True, False)
-    }
-    assert strokes[True] == pytest.approx(strokes[False], rel=0.05)
-    assert max(strokes[True]) < 1.01 * min(strokes[True])
+    )
+    assert of_map == pytest.approx(of_plane, rel=0.05)
+    assert max(of_map) < 1.01 * min(of_map)
 
 
 def test_what_hovers_far_above_is_lifted_by_ground_that_rises() -> None:

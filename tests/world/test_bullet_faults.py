@@ -11,7 +11,7 @@ import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import BodyState, Box, Ground, InputError, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
+from smartmesh_ros import BodyState, Box, Ground, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
@@ -116,23 +116,13 @@ def known(world: World) -> tuple[dict[str, FloatArray], dict[str, dict[str, Join
     return numbers, {name: dict(body.commands) for name, body in world.bodies.items()}
 
 
-def done(faults: Faults, number: int, operation: Callable[[], Any]) -> bool:
-    """Whether an operation is done whose ``number``-th call to PyBullet fails; if not, its error was one for users."""
-    try:
-        with faults.failing(number):
-            operation()
-    except (pb.error, InputError):
-        return False
-    return True
-
-
 @pytest.mark.parametrize(("name", "kind"), CASES)
 def test_an_operation_is_done_or_has_changed_nothing(faults: Faults, name: str, kind: str) -> None:
     operation, come, go = OPERATIONS[name]
     for number in faults.runs():
         with made(kind) as world:
             numbers, commands = known(world)
-            if not done(faults, number, lambda: operation(world)):
+            if not faults.done(number, lambda: operation(world)):
                 found, still = known(world)
                 assert (found.keys(), still) == (numbers.keys(), commands), faults.fired
                 np.testing.assert_allclose(list(found.values()), list(numbers.values()), rtol=0.0, atol=1e-9)
@@ -151,7 +141,7 @@ def test_a_step_that_failed_is_made_again(faults: Faults, kind: str) -> None:
         with made(kind) as world:
             set_ground(world, 0.02)
             time = world.time
-            if not done(faults, number, world.step):
+            if not faults.done(number, world.step):
                 assert world.time in (time, time + world.dt)
             assert_goes_on(world, 0.02)
 
@@ -166,7 +156,7 @@ def test_bodies_sleep_and_wake_whatever_failed(faults: Faults, way: str, changes
                 fall_asleep(world)
             if way == "ground":
                 set_ground(world, -0.2)
-            done(faults, number, world.wake if way == "wake" else lambda: world.step(8))
+            faults.done(number, world.wake if way == "wake" else lambda: world.step(8))
             if way != "ground":
                 world.step(3)
                 fall_asleep(world)
@@ -188,7 +178,7 @@ def test_what_wakes_a_body_is_done_or_has_changed_nothing(faults: Faults, change
                 "surface": lambda: world.drive_surface("box", "", 0.3),
                 "soil": lambda: world.ground.set_soil(soil),  # noqa: B023
             }
-            if not done(faults, number, changes[change]):
+            if not faults.done(number, changes[change]):
                 assert world.ground.soil is None
                 assert not any(follower.belt.speed for follower in world.followers)
                 changes[change]()
@@ -224,7 +214,7 @@ def test_guests_come_and_go_whatever_failed(faults: Faults) -> None:
                     assert "guest" in world.bodies
                 if way == "goes":
                     world.guests.take("other", far, world.time)
-                done(faults, number, (lambda: world.guests.forget("other")) if way == "is forgotten" else world.step)
+                faults.done(number, (lambda: world.guests.forget("other")) if way == "is forgotten" else world.step)
                 world.step(10)
                 assert ("guest" in world.bodies) == (way == "comes" or (way != "goes" and bool(world.guests.counts)))
                 assert_whole(world)
@@ -241,7 +231,7 @@ def test_settings_are_changed_or_not(faults: Faults, kinds: tuple[str, str]) -> 
             new = replace(
                 old, patch=replace(old.patch, kind=kinds[1]), physics=replace(old.physics, gravity=(0, 0, -5))
             )
-            if not done(faults, number, lambda: world.configure(new)):  # noqa: B023
+            if not faults.done(number, lambda: world.configure(new)):  # noqa: B023
                 assert world.config is old
                 assert world.ground.config is old.patch
                 assert_gravity(world, old)
@@ -275,7 +265,7 @@ def test_a_clients_ground_is_made_and_its_bodies_are_attached_or_not(faults: Fau
             "step": lambda: grounds[0].step(0.0, 1.0 / 240.0),  # noqa: B023
         }
         proxies = 0 if way in ("make", "attach") else 2
-        if not done(faults, number, actions[way]):
+        if not faults.done(number, actions[way]):
             assert client.getNumBodies() == 1 + proxies
             assert sum(len(ground.followers) for ground in grounds) == proxies
             client.stepSimulation()
