@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smartmesh_ros import HeightMap, World
+from smartmesh_ros import HeightMap, Terrain, World
+from smartmesh_ros.terrain.terrain import MainMesh
 
 
 def level(side: int = 41, resolution: float = 0.1, **options: Any) -> HeightMap:
@@ -14,6 +15,14 @@ def level(side: int = 41, resolution: float = 0.1, **options: Any) -> HeightMap:
     half = 0.5 * (side - 1) * resolution
     heights = np.zeros((side, side), np.float32)
     return HeightMap(heights, resolution=resolution, origin=(-half, -half), **options)
+
+
+def terrain_of(**tiles: MainMesh) -> Terrain:
+    """A terrain of several maps or meshes."""
+    terrain = Terrain()
+    for name, mesh in tiles.items():
+        terrain.put(name, mesh)
+    return terrain
 
 
 def moving(world: World, heights: Callable[[float], ArrayLike], steps: int, every: int = 4) -> Iterator[int]:

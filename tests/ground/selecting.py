@@ -6,13 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros import PatchConfig, Terrain
+from smartmesh_ros import HeightMap, PatchConfig, Terrain
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, ShapeTable, ball
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 from tests.bodies import shapes_of
+
+SOLID = PatchConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
 
 
 class Selecting:
@@ -46,10 +48,10 @@ class Selecting:
 
 
 def balls_on(
-    terrain: Terrain, radii: Iterable[float], config: PatchConfig, solid: BoolArray | None = None
+    ground: HeightMap | Terrain, radii: Iterable[float], config: PatchConfig = SOLID, solid: BoolArray | None = None
 ) -> Selecting:
     """Balls of these radii [m]."""
-    return Selecting(terrain, config, shapes_of(ball(radius) for radius in radii), solid)
+    return Selecting(Terrain.of(ground), config, shapes_of(ball(radius) for radius in radii), solid)
 
 
 def update(selector: Selecting, positions: FloatArray, speed: float = 0.0, time: float = 0.0) -> list[PatchBatch]:

@@ -10,7 +10,7 @@ from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts
 from tests.ground.test_from_map import SHAPES, world_of
-from tests.grounds import level
+from tests.grounds import level, terrain_of
 from tests.urdfs import HUSKY
 
 
@@ -28,9 +28,7 @@ def tabletop(thickness: float) -> mesh_parts.Parts:
 
 
 def table_over_a_map() -> Terrain:
-    ground = Terrain.of(level(61))
-    ground.put("table", TriangleMesh(*tabletop(0.02)))
-    return ground
+    return terrain_of(floor=level(61), table=TriangleMesh(*tabletop(0.02)))
 
 
 @pytest.mark.parametrize("ground", [table(0.0), table(0.002), table(0.05), table_over_a_map()],

@@ -6,8 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, Terrain, World, WorldConfig
+from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
 from tests.ground.selecting import balls_on, update
+from tests.grounds import terrain_of
 
 FIELD = PatchConfig(kind="heightfield")
 
@@ -22,13 +23,6 @@ def tile(x0: float, y0: float, rows: int, columns: int, resolution: float, yaw: 
     place = heightmap.geometry.to_world(*np.indices((rows, columns)))
     heightmap.replace(surface(place[..., 0], place[..., 1]), time=10.0)
     return heightmap
-
-
-def terrain_of(**tiles: HeightMap) -> Terrain:
-    terrain = Terrain()
-    for name, heightmap in tiles.items():
-        terrain.put(name, heightmap)
-    return terrain
 
 
 ADJACENT = {

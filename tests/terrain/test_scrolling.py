@@ -11,6 +11,7 @@ from smartmesh_ros import GridGeometry, HeightMap, Terrain
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow, motion_between, moved_on
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.terrain.scrolling import cells_moved, velocities_across
+from tests.grounds import terrain_of
 
 
 def surface(geometry: GridGeometry, time: float) -> np.ndarray:
@@ -220,9 +221,8 @@ def test_one_coefficient_is_that_of_the_next_map_on_any_grid_and_others_are_not_
 def test_friction_at_points_is_that_of_the_nearest_sample_of_the_first_map_with_ground() -> None:
     heights = np.zeros((5, 5))
     heights[2, 2] = np.nan
-    terrain = Terrain()
-    terrain.put("holed", HeightMap(heights, friction=np.arange(25.0).reshape(5, 5)))
-    terrain.put("below", HeightMap(np.full((9, 9), -1.0), friction=0.5))
+    holed = HeightMap(heights, friction=np.arange(25.0).reshape(5, 5))
+    terrain = terrain_of(holed=holed, below=HeightMap(np.full((9, 9), -1.0), friction=0.5))
     points = np.array([[1.4, 0.6], [3.6, 4.0], [2.0, 2.0], [6.0, 6.0], [20.0, 0.0]])
     np.testing.assert_allclose(terrain.friction_at(points), [6.0, 24.0, 0.5, 0.5, 1.0])
     assert Terrain(HeightMap(np.zeros((5, 5)))).friction_at(points[:1]) == 1.0

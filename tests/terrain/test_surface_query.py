@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from smartmesh_ros import BodyState, HeightMap, InputError, PhysicsConfig, Sphere, Terrain, World, WorldConfig
 from smartmesh_ros.terrain.surface_query import GroundSamples, RayCaster, checked_points, checked_rays, ground_samples
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from tests.grounds import terrain_of
 from tests.terrain.surfaces import highest, triangles_of
 
 RESOLUTION, RATE, LAST = 0.25, 60.0, 6
@@ -107,11 +108,9 @@ def halves(gap: int) -> tuple[HeightMap, Terrain]:
     """A map, and the same one as two tiles; with ``gap`` 1 they share no samples."""
     r, c = np.mgrid[:20, :40]
     heights = wave(0.2 * c, 0.2 * r, 0.0)
-    whole, terrain = HeightMap(heights, resolution=0.2), Terrain()
-    terrain.put("left", HeightMap(heights[:, :20], resolution=0.2))
-    first = 19 + gap
-    terrain.put("right", HeightMap(heights[:, first:], resolution=0.2, origin=(0.2 * first, 0.0)))
-    return whole, terrain
+    first, whole = 19 + gap, HeightMap(heights, resolution=0.2)
+    right = HeightMap(heights[:, first:], resolution=0.2, origin=(0.2 * first, 0.0))
+    return whole, terrain_of(left=HeightMap(heights[:, :20], resolution=0.2), right=right)
 
 
 @pytest.mark.parametrize("gap", [0, 1])
