@@ -34,3 +34,9 @@ def moving(world: World, heights: Callable[[float], ArrayLike], steps: int, ever
             ground.replace(np.broadcast_to(heights(world.time), ground.heights.shape), time=world.time)
         world.step()
         yield step
+
+
+def step_on_moving(world: World, heights: Callable[[float], ArrayLike], steps: int, every: int = 4) -> None:
+    """Step a world as `moving` does."""
+    for _ in moving(world, heights, steps, every):
+        pass

@@ -1,7 +1,6 @@
 """Every kind of collider carries a body at the same height, and kinds change under resting bodies."""
 
 import math
-from collections import deque
 from collections.abc import Callable
 from itertools import combinations
 
@@ -13,7 +12,7 @@ from smartmesh_ros.patches.config import PatchKind, SearchMethod
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.core import mesh_parts
-from tests.grounds import level, moving
+from tests.grounds import level, moving, step_on_moving
 from tests.terrain.surfaces import highest
 
 RESOLUTION = 0.25
@@ -114,7 +113,7 @@ def test_nothing_falls_when_kinds_and_methods_change(general: bool) -> None:
 def test_mesh_colliders_carry_the_grounds_velocity(kind: PatchKind) -> None:
     with World(level(21, 0.25), config(kind)) as world:
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2)))
-        deque(moving(world, lambda time: 2.0 * time, 120, every=1), 0)
+        step_on_moving(world, lambda time: 2.0 * time, 120, every=1)
         assert 2.0 * world.time + 0.2 - world.state("ball").position[2] < 1e-3
 
 

@@ -15,6 +15,7 @@ from studies.soil.arcs import free_slip, undamped, wheel_forces
 from studies.soil.trials import Wheel, plate_sinkage
 from studies.soil.vehicles import WARTHOG, Cart, drive, roll, set_down, vertical_forces
 from tests.bodies import height, put
+from tests.grounds import step_on_moving
 
 SOILS = ("dry_sand", "clay", "sandy_loam", "lunar", "hit_lss1", "lete_sand", "chrono_rig", "k10_sand")
 FLAT = np.zeros((101, 101))
@@ -97,10 +98,7 @@ def test_prints_under_a_body_and_the_body_move_with_the_ground() -> None:
         tile = map_from(world.terrain, "")
         world.step(240)
         sunk, low, start = -tile.heights.min(), world.state("box").position[2], world.time
-        for step in range(240):
-            if step % 8 == 0:
-                tile.replace(FLAT + 0.1 * (world.time - start), time=world.time)
-            world.step()
+        step_on_moving(world, lambda time: 0.1 * (time - start), 240, every=8)
         assert world.state("box").position[2] - low == pytest.approx(0.1, abs=0.01)
         world.ground.refresh(world.time, world.dt)
         assert tile.heights.max() - tile.heights.min() == pytest.approx(sunk, rel=0.3)

@@ -1,7 +1,6 @@
 """Joints, frames and ground wrenches of robots, against mechanics."""
 
 import math
-from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from smartmesh_ros import BodyState, Box, Ground, HeightMap, InputError, Physics
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.link_frames import InertialFrame, centre_state, frame_state
-from tests.grounds import level, moving
+from tests.grounds import level, moving, step_on_moving
 from tests.urdfs import ROVER, inertial, joint, link, robot
 
 SLIDE = '<limit lower="-5" upper="5" effort="7" velocity="10"/>'
@@ -167,7 +166,7 @@ def test_a_fixed_base_stays_while_the_ground_rises_around_it(arm: bool, changes:
     with World(level(motion=MotionConfig(changes=changes))) as world:
         world.spawn_robot("mast", on_a_fixed_base(arm=arm), BodyState((0.0, 0.0, 0.5)))
         world.step(240)
-        deque(moving(world, lambda time: 0.2 * (time - 1.0), 720), 0)
+        step_on_moving(world, lambda time: 0.2 * (time - 1.0), 720)
         world.step(480)
         assert world.state("mast") == BodyState((0.0, 0.0, 0.5))
         assert world.rescues == 0

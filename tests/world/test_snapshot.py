@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from collections import deque
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 from smartmesh_ros import BodyState, Box, GridGeometry, HeightMap, InputError, Snapshot, Sphere, World
 from smartmesh_ros.scenes.moving import InwardWaves, Wave
 from smartmesh_ros.world.joints import JointCommand
-from tests.grounds import moving
+from tests.grounds import step_on_moving
 from tests.urdfs import HUSKY
 
 GEOMETRY = GridGeometry(rows=61, columns=61, resolution=0.2, origin=(-6.0, -6.0, 0.0))
@@ -34,7 +33,7 @@ def populate(world: World) -> None:
 
 
 def run(world: World, steps: int) -> None:
-    deque(moving(world, SCENE.heights, steps, every=1), 0)
+    step_on_moving(world, SCENE.heights, steps, every=1)
 
 
 def digest() -> str:
