@@ -1,19 +1,15 @@
 """Bodies of every shape as tests know them, written independently of the package: where they are, turned how."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
+from smartmesh_ros import HeightMap
 from smartmesh_ros.core import CORE, as_bytes
-from smartmesh_ros.patches.shapes import (
-    BodyShape,
-    ShapeTable,
-)
+from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.patches.shapes import BodyShape, ShapeTable
 from smartmesh_ros.patches.supports import no_supports
-from smartmesh_ros.terrain.heightmap import HeightMap
 
 TETRAHEDRON = np.array([[1.0, 0.0, -0.4], [-0.5, 0.8, -0.4], [-0.5, -0.8, -0.4], [0.0, 0.0, 1.0]])
 
@@ -66,3 +62,13 @@ def lowest_of(shape: BodyShape, position: np.ndarray, turn: np.ndarray) -> float
         shapes_of([shape]).core, state_at(position, turn), np.zeros(1, np.int64), [high.core_reader], 0.0
     )
     return 1024.0 - float(lift)
+
+
+def put(client: Any, shape: Shape, at: tuple[float, float, float], mass: float = 1.0, **options: Any) -> int:
+    """A body in a PyBullet client of the test's own; returns its id."""
+    return int(client.createMultiBody(mass, client.createCollisionShape(**shape.bullet()), basePosition=at, **options))
+
+
+def height(client: Any, body: int) -> float:
+    """Height of the middle of a body [m]."""
+    return float(client.getBasePositionAndOrientation(body)[0][2])

@@ -11,9 +11,11 @@ from hypothesis import settings
 from hypothesis.internal.conjecture import providers
 from pybullet_utils.bullet_client import BulletClient
 
+from smartmesh_ros import World
 from smartmesh_ros.tools.testing import Process
 from tests import preloaded
 from tests.examples import FACTORS
+from tests.grounds import level
 
 ROOT = Path(__file__).resolve().parents[1]
 # Tests say nothing of time: a machine may be as slow as it is.
@@ -76,6 +78,13 @@ def client() -> Iterator[Any]:
     bullet.setGravity(0.0, 0.0, -9.81)
     yield bullet
     bullet.disconnect()
+
+
+@pytest.fixture
+def world() -> Iterator[World]:
+    """A world on level ground of 10 m, around the origin."""
+    with World(level(101)) as made:
+        yield made
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

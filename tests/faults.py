@@ -1,7 +1,5 @@
 """The k-th call of some kind fails, for k = 1, 2, ... until a run makes fewer calls."""
 
-from __future__ import annotations
-
 import builtins
 import inspect
 import io
@@ -14,6 +12,8 @@ import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
+from smartmesh_ros import InputError
+
 # Ends a run that never makes fewer calls than fail.
 MOST_RUNS = 2000
 # Calls that tests make to look at a client, and that end it.
@@ -22,10 +22,11 @@ QUIET = ("getNumBodies", "isConnected", "disconnect")
 
 class Faults:
     """Counts calls while a block of `failing` runs, and lets one of them fail. ``fired``: the call that failed, or
-    empty."""
+    empty. ``errors``: those that users are to see; ``said``: by that of the last operation that was not `done`."""
 
-    def __init__(self) -> None:
-        self.fired = ""
+    def __init__(self, *errors: type[Exception]) -> None:
+        self.fired = self.said = ""
+        self._errors = errors
         self._left: int | None = None  # calls until the one that fails
 
     @contextmanager
@@ -36,6 +37,16 @@ class Faults:
             yield
         finally:
             self._left = None
+
+    def done(self, number: int, operation: Callable[[], object]) -> bool:
+        """Whether an operation is done whose ``number``-th call fails; if not, its error was one of ``errors``."""
+        try:
+            with self.failing(number):
+                operation()
+        except self._errors as error:
+            self.said = str(error)
+            return False
+        return True
 
     def runs(self) -> Iterator[int]:
         """Yield 1, 2, ... until nothing failed in a block."""
@@ -61,7 +72,7 @@ class Faults:
 
 def bullet_faults(monkeypatch: pytest.MonkeyPatch) -> Faults:
     """Faults of PyBullet's functions, called through a client or not."""
-    faults = Faults()
+    faults = Faults(pb.error, InputError)
     names = {name for name, found in vars(pb).items() if inspect.isbuiltin(found) and name not in QUIET}
     for name in names:
         monkeypatch.setattr(pb, name, faults.counted(name, getattr(pb, name), pb.error))
@@ -76,7 +87,7 @@ def bullet_faults(monkeypatch: pytest.MonkeyPatch) -> Faults:
 
 def file_faults(monkeypatch: pytest.MonkeyPatch) -> Faults:
     """Faults of opening a file, and of reading it or writing to it."""
-    faults, opened = Faults(), io.open
+    faults, opened = Faults(InputError), io.open
 
     def open_file(*args: Any, **kwargs: Any) -> Any:
         file = opened(*args, **kwargs)

@@ -1,7 +1,5 @@
 """Several worlds in one process that exchange the states of their bodies, with delay."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager

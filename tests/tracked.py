@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 
-from smartmesh_ros import BodyState, HeightMap, PhysicsConfig, World, WorldConfig
+from smartmesh_ros import BodyState, GridGeometry, HeightMap, PhysicsConfig, World, WorldConfig
 from smartmesh_ros.scenes.tracks import robot_file
-from smartmesh_ros.terrain.grid import GridGeometry
 
 NAME = "machine"
 LEVEL = GridGeometry(rows=201, columns=201, resolution=0.1, origin=(-10.0, -10.0, 0.0))

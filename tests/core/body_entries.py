@@ -1,19 +1,16 @@
 """Functions of the core that take tables of bodies, and soil under them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 
-from smartmesh_ros import HeightMap
+from smartmesh_ros import HeightMap, MotionConfig
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.shapes import SHAPE, ball, box, compound, hull
 from smartmesh_ros.patches.supports import no_supports
 from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.layer import LAYER_SAMPLE
 from smartmesh_ros.soil.soil import FOOT, with_room
-from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.state_table import LIMITS
 from tests.bodies import TETRAHEDRON, shapes_of
 from tests.core.entries import COLUMNS, ROWS, Arguments, Entry, arrays
@@ -63,47 +60,8 @@ def feet_on_patches() -> Arguments:
     return bodies() | more
 
 
-def mesh_foot() -> Arguments:
-    more = {"points": np.eye(3), "triangles": np.array([[0, 1, 2], [2, 1, 0]], np.int32), "slot": 1}
-    given = bodies() | more | {"supports": supports()}
-    del given["slots"]
-    return given
-
-
-def corrections() -> Arguments:
-    poses = zeros(7, 2)
-    poses[:, 6] = 1.0
-    return bodies() | {
-        "tiles": [(0, grid(), 0.0)], "owners": np.array([0, 1, 1]), "supports": supports(), "time": 0.0, "poses": poses
-    }  # fmt: skip
-
-
-def shape_tables() -> Arguments:
-    return {"shapes": as_bytes(np.zeros(2, SHAPE)), "parts": as_bytes(np.zeros(2, SHAPE)), "vertices": zeros(3, 2)}
-
-
-def motion() -> Arguments:
-    return {
-        "chosen": slots(), "shapes": as_bytes(np.zeros(SLOTS, SHAPE)), "states": zeros(13), "boxes": zeros(6),
-        "anchors": zeros(8), "time": 0.1, "distance": 0.001,
-    }  # fmt: skip
-
-
 def asleep() -> Arguments:
     return {"asleep": slots(), "boxes": zeros(6), "radii": np.ones(SLOTS), "near": 0.1, "share": 0.1}
-
-
-def island() -> Arguments:
-    given = asleep() | {"chosen": slots(), "owners": np.arange(SLOTS)}
-    del given["asleep"]
-    return given
-
-
-def reached() -> Arguments:
-    return {
-        "movers": np.array([1, 2]), "states": zeros(13), "positions": zeros(3), "moved": zeros(3), "anchors": zeros(8),
-        "stillness": (1.0, 0.5, 0.001), "elapsed": 0.01, "found": np.zeros(SLOTS, bool),
-    }  # fmt: skip
 
 
 def under() -> Arguments:
@@ -119,22 +77,8 @@ def faults() -> Arguments:
     }  # fmt: skip
 
 
-def remote() -> Arguments:
-    return {
-        "states": zeros(13, 4), "radii": np.ones(4), "margins": np.ones(4), "places": zeros(3), "speeds": zeros(3),
-        "others": np.ones(SLOTS), "own": flags(),
-    }  # fmt: skip
-
-
 def near_any(states: Any, radii: Any, margins: Any, places: Any, speeds: Any, others: Any, own: Any) -> Any:
     return CORE.near_any((states, radii, margins), 0.1, (places, speeds, others, own), 0.1)
-
-
-def stepped() -> Arguments:
-    return {
-        "positions": zeros(3), "moved": zeros(3), "radii": np.ones(SLOTS), "guests": flags(), "solid": flags(),
-        "slack": 0.1,
-    }  # fmt: skip
 
 
 def soil() -> Arguments:
@@ -178,23 +122,29 @@ ENTRIES = {
     "find_feet": Entry(
         CORE.find_feet, feet_on_patches, written=("supports",), rows=("slots",), within=OF_SLOTS, finite=("time",)
     ),
-    "find_mesh_foot": Entry(
-        CORE.find_mesh_foot, mesh_foot, written=("supports",), rows=("states", "supports", "triangles"),
-        within=(("slot", BODIES), ("triangles", 3)),
-    ),
-    "move_with_corrections": Entry(
-        CORE.move_with_corrections, corrections, written=("poses",), rows=("slots", "poses"),
-        within=(*OF_SLOTS, ("owners", 2)), finite=("time",),
-    ),
+    "find_mesh_foot": Entry(CORE.find_mesh_foot, lambda: {
+        "shapes": bodies()["shapes"], "states": bodies()["states"], "points": np.eye(3), "slot": 1,
+        "triangles": np.array([[0, 1, 2], [2, 1, 0]], np.int32), "supports": supports(),
+    }, written=("supports",), rows=("states", "supports", "triangles"), within=(("slot", BODIES), ("triangles", 3))),
+    "move_with_corrections": Entry(CORE.move_with_corrections, lambda: bodies() | {
+        "tiles": [(0, grid(), 0.0)], "owners": np.array([0, 1, 1]), "supports": supports(), "time": 0.0,
+        "poses": np.tile([0.0] * 6 + [1.0], (2, 1)),
+    }, written=("poses",), rows=("slots", "poses"), within=(*OF_SLOTS, ("owners", 2)), finite=("time",)),
     "distances_outside": Entry(
         CORE.distances_outside, lambda: {"kept": np.eye(3), "points": np.ones((4, 3)), "found": np.zeros(4)},
         written=("found",), rows=("kept",),
     ),
-    "Shapes": Entry(CORE.Shapes, shape_tables, rows=("shapes", "parts", "vertices")),
-    "note_motion": Entry(
-        CORE.note_motion, motion, written=("boxes", "anchors"), rows=("chosen",), within=CHOSEN
-    ),
-    "islands": Entry(CORE.islands, island, rows=("chosen",), within=CHOSEN),
+    "Shapes": Entry(CORE.Shapes, lambda: {
+        "shapes": as_bytes(np.zeros(2, SHAPE)), "parts": as_bytes(np.zeros(2, SHAPE)), "vertices": zeros(3, 2),
+    }, rows=("shapes", "parts", "vertices")),
+    "note_motion": Entry(CORE.note_motion, lambda: {
+        "chosen": slots(), "shapes": as_bytes(np.zeros(SLOTS, SHAPE)), "states": zeros(13), "boxes": zeros(6),
+        "anchors": zeros(8), "time": 0.1, "distance": 0.001,
+    }, written=("boxes", "anchors"), rows=("chosen",), within=CHOSEN),
+    "islands": Entry(CORE.islands, lambda: {
+        "chosen": slots(), "owners": np.arange(SLOTS), "boxes": zeros(6), "radii": np.ones(SLOTS), "near": 0.1,
+        "share": 0.1,
+    }, rows=("chosen",), within=CHOSEN),
     "Sleepers": Entry(CORE.Sleepers, asleep, rows=("asleep",), within=(("asleep", SLOTS),)),
     "mark_near": Entry(
         CORE.Sleepers(**asleep()).mark_near, lambda: {"slot": 1, "found": np.zeros(SLOTS, bool)}, written=("found",),
@@ -203,18 +153,24 @@ ENTRIES = {
     "mark_connected": Entry(
         CORE.Sleepers(**asleep()).mark_connected, lambda: {"found": np.zeros(SLOTS, bool)}, written=("found",)
     ),
-    "mark_reached": Entry(
-        CORE.Sleepers(**asleep()).mark_reached, reached, written=("found",), rows=("movers",),
-        within=(("movers", SLOTS),),
-    ),
+    "mark_reached": Entry(CORE.Sleepers(**asleep()).mark_reached, lambda: {
+        "movers": np.array([1, 2]), "states": zeros(13), "positions": zeros(3), "moved": zeros(3),
+        "anchors": zeros(8), "stillness": (1.0, 0.5, 0.001), "elapsed": 0.01, "found": np.zeros(SLOTS, bool),
+    }, written=("found",), rows=("movers",), within=(("movers", SLOTS),)),
     "strayed": Entry(CORE.strayed, lambda: {"state": np.zeros(13), "anchor": np.zeros(7), "radius": 1.0}),
     "count_updates": Entry(CORE.count_updates, under, written=("counts",), within=CHOSEN),
     "samples_under": Entry(CORE.samples_under, under, written=("counts",), within=CHOSEN),
     "first_fault": Entry(CORE.first_fault, faults),
     "extrapolated": Entry(CORE.extrapolated, lambda: {"states": zeros(13), "duration": 0.1}, rows=("states",)),
     "blended": Entry(CORE.blended, lambda: {"states": zeros(13), "targets": zeros(13), "share": 0.5}),
-    "near_any": Entry(near_any, remote),
-    "may_touch": Entry(CORE.may_touch, stepped),
+    "near_any": Entry(near_any, lambda: {
+        "states": zeros(13, 4), "radii": np.ones(4), "margins": np.ones(4), "places": zeros(3), "speeds": zeros(3),
+        "others": np.ones(SLOTS), "own": flags(),
+    }),
+    "may_touch": Entry(CORE.may_touch, lambda: {
+        "positions": zeros(3), "moved": zeros(3), "radii": np.ones(SLOTS), "guests": flags(), "solid": flags(),
+        "slack": 0.1,
+    }),
     "may_meet": Entry(
         CORE.may_meet,
         lambda: {"origins": zeros(3), "ways": zeros(3) + 1.0, "reach": np.ones(SLOTS), "boxes": zeros(6, 20)},

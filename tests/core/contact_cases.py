@@ -47,15 +47,10 @@ def motion_of(way: ArrayLike) -> np.ndarray:
     return np.array([way, (0.0, 0.0, 0.0)], np.float64)
 
 
-def request() -> Any:
-    """Returns coal's settings, exact to rounding."""
-    made = coal.DistanceRequest()
-    made.gjk_tolerance, made.gjk_max_iterations = 1e-10, 1000
-    made.epa_tolerance, made.epa_max_iterations = 1e-9, 500
-    return made
-
-
-REQUEST = request()
+# Coal's settings, exact to rounding.
+REQUEST = coal.DistanceRequest()
+REQUEST.gjk_tolerance, REQUEST.gjk_max_iterations = 1e-10, 1000
+REQUEST.epa_tolerance, REQUEST.epa_max_iterations = 1e-9, 500
 
 
 def distance(one: Any, one_pose: Any, other: Any, other_pose: Any) -> float:
@@ -161,11 +156,7 @@ class Ground:
     @cached_property
     def corners(self) -> np.ndarray:
         """Corners of the facets (F, 3, 3) [m]."""
-        rows, columns = self.heights.shape
-        first = np.arange(rows * columns).reshape(rows, columns)[:-1, :-1].ravel()
-        lower = np.stack([first, first + 1, first + columns + 1], axis=1)
-        upper = np.stack([first, first + columns + 1, first + columns], axis=1)
-        return self.points[np.concatenate([lower, upper])]
+        return self.points[grid_triangles(*self.heights.shape)]
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:

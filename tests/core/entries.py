@@ -1,7 +1,5 @@
 """What tests give to functions of the core, and how it is spoilt."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

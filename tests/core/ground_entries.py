@@ -1,7 +1,5 @@
 """Functions of the core that take maps and meshes: contacts, queries and updates."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -36,79 +34,12 @@ def contacts() -> Arguments:
     }  # fmt: skip
 
 
-def heights_at() -> Arguments:
-    return {
-        "tiles": tiles(), "points": np.ones((COUNT, 2)), "time": 0.0, "heights": np.zeros(COUNT),
-        "velocities": np.zeros(COUNT),
-    }  # fmt: skip
-
-
-def samples_at() -> Arguments:
-    return {
-        "tiles": tiles(), "points": np.ones((COUNT, 3)), "time": 0.0, "heights": np.zeros(COUNT),
-        "normals": np.zeros((COUNT, 3)), "velocities": np.zeros((COUNT, 3)), "ages": np.zeros(COUNT),
-    }  # fmt: skip
-
-
-def rays() -> Arguments:
-    return {
-        "tiles": tiles(), "origins": np.ones((COUNT, 3)), "directions": np.tile([0.0, 0.0, -1.0], (COUNT, 1)),
-        "reach": 5.0, "time": 0.0, "distances": np.zeros(COUNT), "normals": np.zeros((COUNT, 3)),
-    }  # fmt: skip
-
-
-def scans() -> Arguments:
-    return {
-        "tiles": tiles(), "poses": np.ones((COUNT, 3)), "pattern": np.ones((4, 2)), "time": 0.0,
-        "heights": np.zeros((COUNT, 4)),
-    }  # fmt: skip
-
-
-def samples() -> Arguments:
-    return {
-        "grid": CORE.Grid(**arrays()), "indices": np.arange(COUNT), "time": 0.0, "ahead": 0.1,
-        "heights": np.zeros(COUNT), "velocities": np.zeros(COUNT),
-    }  # fmt: skip
-
-
-def window() -> Arguments:
-    return {
-        "grid": CORE.Grid(**arrays()), "row": 0, "column": 0, "time": 0.0, "heights": np.zeros((COUNT, COUNT)),
-    }  # fmt: skip
-
-
 def vertices() -> Arguments:
     places = np.stack([*np.divmod(np.arange(12), 4), np.zeros(12)], axis=1)
     return {
         "mesh": TriangleMesh(places, grid_triangles(3, 4)).core_reader, "indices": np.arange(12), "time": 0.1,
         "ahead": 0.1, "positions": np.zeros((12, 3)), "velocities": np.zeros((12, 3)),
     }  # fmt: skip
-
-
-def rectangles() -> Arguments:
-    return {
-        "heights": floats(ROWS, COLUMNS), "velocities": floats(KEPT, ROWS, COLUMNS), "clocks": clock_bytes(2, 3),
-        "rectangles": np.array([[0, 0, 1, 2], [68, 127, 69, 129]]), "fresh": floats(12), "given": floats(12),
-        "time": 0.1, "intervals": (0.004, 0.25),
-    }  # fmt: skip
-
-
-def correction() -> Arguments:
-    return {
-        "heights": floats(ROWS, COLUMNS), "offsets": floats(ROWS, COLUMNS), "clocks": clock_bytes(2, 3),
-        "first": (67, 126), "known": floats(3, 4), "time": 0.1, "shown": 0.1, "settle": 0.2,
-    }  # fmt: skip
-
-
-def fusion() -> Arguments:
-    return {
-        "heights": floats(ROWS, COLUMNS), "variances": floats(ROWS, COLUMNS), "first": (67, 126),
-        "measured": floats(3, 4), "noises": floats(3, 4), "grown": 0.0, "gate_squared": 25.0,
-    }  # fmt: skip
-
-
-def update() -> Arguments:
-    return {"clock": clock_bytes(1), "time": 0.1, "given": False, "whole": True, "intervals": (0.004, 0.25)}
 
 
 def lattice() -> Arguments:
@@ -132,29 +63,49 @@ ENTRIES = {
         rows=("points",),
     ),
     "find_contacts": Entry(CORE.find_contacts, contacts, finite=("pose", "motion", "duration", "margin")),
-    "ground_heights": Entry(CORE.ground_heights, heights_at, written=("heights", "velocities"), finite=("time",)),
-    "ground_samples": Entry(
-        CORE.ground_samples, samples_at, written=("heights", "normals", "velocities", "ages"), finite=("time",)
-    ),
-    "cast": Entry(
-        CORE.RayCaster().cast, rays, written=("distances", "normals"),
-        finite=("origins", "directions", "reach", "time"),
-    ),
-    "scan_heights": Entry(CORE.scan_heights, scans, written=("heights",), finite=("pattern", "time")),
-    "sample_grid": Entry(CORE.sample_grid, samples, written=("heights", "velocities"), finite=("time", "ahead")),
-    "grid_window": Entry(CORE.grid_window, window, written=("heights",), any_shape=("heights",), finite=("time",)),
+    "ground_heights": Entry(CORE.ground_heights, lambda: {
+        "tiles": tiles(), "points": np.ones((COUNT, 2)), "time": 0.0, "heights": np.zeros(COUNT),
+        "velocities": np.zeros(COUNT),
+    }, written=("heights", "velocities"), finite=("time",)),
+    "ground_samples": Entry(CORE.ground_samples, lambda: {
+        "tiles": tiles(), "points": np.ones((COUNT, 3)), "time": 0.0, "heights": np.zeros(COUNT),
+        "normals": np.zeros((COUNT, 3)), "velocities": np.zeros((COUNT, 3)), "ages": np.zeros(COUNT),
+    }, written=("heights", "normals", "velocities", "ages"), finite=("time",)),
+    "cast": Entry(CORE.RayCaster().cast, lambda: {
+        "tiles": tiles(), "origins": np.ones((COUNT, 3)), "directions": np.tile([0.0, 0.0, -1.0], (COUNT, 1)),
+        "reach": 5.0, "time": 0.0, "distances": np.zeros(COUNT), "normals": np.zeros((COUNT, 3)),
+    }, written=("distances", "normals"), finite=("origins", "directions", "reach", "time")),
+    "scan_heights": Entry(CORE.scan_heights, lambda: {
+        "tiles": tiles(), "poses": np.ones((COUNT, 3)), "pattern": np.ones((4, 2)), "time": 0.0,
+        "heights": np.zeros((COUNT, 4)),
+    }, written=("heights",), finite=("pattern", "time")),
+    "sample_grid": Entry(CORE.sample_grid, lambda: {
+        "grid": CORE.Grid(**arrays()), "indices": np.arange(COUNT), "time": 0.0, "ahead": 0.1,
+        "heights": np.zeros(COUNT), "velocities": np.zeros(COUNT),
+    }, written=("heights", "velocities"), finite=("time", "ahead")),
+    "grid_window": Entry(CORE.grid_window, lambda: {
+        "grid": CORE.Grid(**arrays()), "row": 0, "column": 0, "time": 0.0, "heights": np.zeros((COUNT, COUNT)),
+    }, written=("heights",), any_shape=("heights",), finite=("time",)),
     "sample_mesh": Entry(
         CORE.sample_mesh, vertices, written=("positions", "velocities"), within=(("indices", 12),),
         finite=("time", "ahead"),
     ),
-    "take_rectangles": Entry(
-        CORE.take_rectangles, rectangles, written=("heights", "velocities", "clocks"), rows=("given",)
-    ),
-    "take_corrected": Entry(
-        CORE.take_corrected, correction, written=("heights", "offsets", "clocks"), any_shape=("known",)
-    ),
-    "fuse": Entry(CORE.fuse, fusion, written=("heights", "variances")),
-    "note_update": Entry(CORE.note_update, update, written=("clock",)),
+    "take_rectangles": Entry(CORE.take_rectangles, lambda: {
+        "heights": floats(ROWS, COLUMNS), "velocities": floats(KEPT, ROWS, COLUMNS), "clocks": clock_bytes(2, 3),
+        "rectangles": np.array([[0, 0, 1, 2], [68, 127, 69, 129]]), "fresh": floats(12), "given": floats(12),
+        "time": 0.1, "intervals": (0.004, 0.25),
+    }, written=("heights", "velocities", "clocks"), rows=("given",)),
+    "take_corrected": Entry(CORE.take_corrected, lambda: {
+        "heights": floats(ROWS, COLUMNS), "offsets": floats(ROWS, COLUMNS), "clocks": clock_bytes(2, 3),
+        "first": (67, 126), "known": floats(3, 4), "time": 0.1, "shown": 0.1, "settle": 0.2,
+    }, written=("heights", "offsets", "clocks"), any_shape=("known",)),
+    "fuse": Entry(CORE.fuse, lambda: {
+        "heights": floats(ROWS, COLUMNS), "variances": floats(ROWS, COLUMNS), "first": (67, 126),
+        "measured": floats(3, 4), "noises": floats(3, 4), "grown": 0.0, "gate_squared": 25.0,
+    }, written=("heights", "variances")),
+    "note_update": Entry(CORE.note_update, lambda: {
+        "clock": clock_bytes(1), "time": 0.1, "given": False, "whole": True, "intervals": (0.004, 0.25),
+    }, written=("clock",)),
     "compare_maps": Entry(
         CORE.compare_maps, lattice, written=("cells", "last", "steps"), any_shape=("heights",)
     ),

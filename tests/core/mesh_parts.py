@@ -1,7 +1,5 @@
 """Meshes for tests: boxes, sheets, stairs and tables of one part or of several."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

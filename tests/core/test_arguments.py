@@ -1,7 +1,5 @@
 """No argument makes the core read or write outside an array: what it cannot take, it refuses."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables of bodies, and soil under them, at the limits of what the core takes."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,18 +16,7 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.world.state_table import LIMITS
 from tests.bodies import shapes_of, state_at
 from tests.core import mesh_parts
-from tests.core.body_entries import (
-    SLOTS,
-    above_grid,
-    below,
-    faults,
-    feet,
-    feet_on_patches,
-    press,
-    pressed,
-    soil,
-    zeros,
-)
+from tests.core.body_entries import SLOTS, above_grid, below, faults, feet, feet_on_patches, press, pressed, soil, zeros
 from tests.core.entries import REFUSED, arrays
 
 

@@ -8,8 +8,6 @@ On steep thin ridges about one pose in 5,000 of shapes with corners still overla
 says so, or has one that is too deep: `make contacts` finds and lists them, so it fails for those shapes.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Iterator
 from functools import cache
@@ -18,16 +16,11 @@ import coal
 import numpy as np
 import pytest
 
-from tests.core.contact_cases import (
-    IDENTITY,
-    SHAPES,
-    Case,
-    convex_ground,
-    distance,
-    random_case,
-    random_ground,
-    solid,
-)
+from smartmesh_ros.core import _core
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.core import contact_cases, mesh_parts
+from tests.core.contact_cases import IDENTITY, SHAPES, Case, body, coal_triangle, distance, motion_of, random_case
+from tests.core.mesh_parts import Parts
 
 # Poses of each shape; `make contacts` tries 100,000.
 POSES = int(os.environ.get("CONTACT_POSES", "300"))
@@ -38,7 +31,20 @@ MOVES = 60
 # Share of poses whose deepest contact may be shallower than coal's depth of a facet: a corner that pierced a thin ridge
 # leaves by the ridge's other flank, which is nearer.
 SHALLOW = 1e-3
+MESH_MARGIN = 0.01  # up to which contacts with meshes are looked for [m]
+# Overlaps with meshes by less than this must have a contact that says so [m]. A deeper body may be on the other side.
+SHALLOW_IN_MESH = 6e-3
 CONE = 1e-4  # sine of the angle by which normals may leave their cones, CONE_TOLERANCE of cones.h
+
+
+MESHES = {
+    "stairs": mesh_parts.stairs(4, 0.15, 0.4),
+    "soup": mesh_parts.soup(mesh_parts.stairs(4, 0.15, 0.4)),
+    "blocks": mesh_parts.blocks(4, 0.15, 0.4),
+    "sheet": mesh_parts.sheet(1.0, 2),
+    "plate": mesh_parts.box((-0.5, -0.5, -0.01), (0.5, 0.5, 0.0)),
+    "box": mesh_parts.box((-0.5, -0.5, -0.15), (0.5, 0.5, 0.15)),
+}
 
 
 def allowed(depth: float) -> float:
@@ -64,7 +70,7 @@ def made(name: str, count: int) -> Iterator[Case]:
     for seed in range(count):
         rng = np.random.default_rng(seed)
         if seed % PER_GROUND == 0:
-            ground = random_ground(rng)
+            ground = contact_cases.random_ground(rng)
         yield random_case(name, ground, rng)
 
 
@@ -95,8 +101,8 @@ def test_depths_in_convex_ground_are_those_of_the_solid(name: str) -> None:
     for seed in range(POSES // 3):
         rng = np.random.default_rng(seed)
         if seed % PER_GROUND == 0:
-            ground = convex_ground(rng)
-            made = solid(ground)
+            ground = contact_cases.convex_ground(rng)
+            made = contact_cases.solid(ground)
         case = random_case(name, ground, rng)
         case = case.moved(np.array([0.0, 0.0, -rng.uniform(0.0, 0.02) * case.body.half.min()]))
         true = distance(made, IDENTITY, case.body.deep, coal.Transform3s(case.turn, case.position))
@@ -137,3 +143,52 @@ def test_normals_are_in_the_cones_of_the_ground(name: str) -> None:
             assert len(touched) > 0 or contact[6] < 0.0  # deep points leave through a facet that they are under
             ways = touched - point
             assert np.all(ways @ normal <= CONE * np.linalg.norm(ways, axis=2) + 1e-9), (seed, contact)
+
+
+class Triangles:
+    """The triangles of a mesh, for coal."""
+
+    def __init__(self, mesh: Parts) -> None:
+        vertices, triangles = mesh
+        self.made = [coal_triangle(vertices[corners]) for corners in triangles]
+        self.low, self.high = vertices[triangles].min(axis=1), vertices[triangles].max(axis=1)
+
+    def distance(self, shape: object, turn: np.ndarray, at: np.ndarray, reach: float) -> float:
+        """Return the least signed distance of a shape from the triangles within its ``reach`` [m]."""
+        near = np.all((self.low <= at + reach) & (self.high >= at - reach), axis=1)
+        pose = coal.Transform3s(turn, at)
+        return min((distance(self.made[k], IDENTITY, shape, pose) for k in np.flatnonzero(near)), default=np.inf)
+
+
+@pytest.mark.parametrize("name", ["ball", "capsule", "box", "cylinder", "hull", "wheel"])
+@pytest.mark.parametrize("form", MESHES)
+def test_distances_from_meshes_are_exact_and_no_shallow_overlap_is_missed(form: str, name: str) -> None:
+    vertices, corners = mesh = MESHES[form]
+    tile = TriangleMesh(vertices, corners).core_reader
+    triangles, wrong, apart, shallow = Triangles(mesh), [], 0, 0
+    for seed in range(120):
+        rng = np.random.default_rng(seed)
+        made, turn = body(name, 0.1, rng), contact_cases.random_rotation(rng)
+        place = rng.dirichlet((0.5, 0.5, 0.5)) @ vertices[corners[rng.integers(len(corners))]]
+        way = rng.normal(size=3)
+        way *= np.sign(place @ way if form == "box" else way[2]) / np.linalg.norm(way)
+        at = place + 1.5 * made.reach * way
+        for _ in range(6):  # from the outside to the mesh
+            at = at - way * np.clip(triangles.distance(made.coal, turn, at, made.reach + 0.05), 0.0, 0.05)
+        at = at - way * rng.uniform(-MESH_MARGIN, 0.5 * SHALLOW_IN_MESH)
+        pose = np.ascontiguousarray(np.vstack([turn, at]))
+        still = motion_of((0.0, 0.0, 0.0))
+        contacts = np.asarray(_core.find_contacts(made.core, [tile], pose, still, 0.0, MESH_MARGIN))
+        found = float(contacts[:, 6].min(initial=np.inf))
+        true = triangles.distance(made.coal, turn, at, made.reach + 0.05)
+        if true > EXACT:
+            apart += 1
+            right = abs(found - true) <= EXACT or min(true, found) > MESH_MARGIN - EXACT
+        else:
+            true = triangles.distance(made.deep, turn, at, made.reach)
+            shallow += true > -SHALLOW_IN_MESH
+            right = not -SHALLOW_IN_MESH < true < -1e-4 or found < 0.0
+        if not right:
+            wrong.append((seed, true, found))
+    assert not wrong
+    assert apart > 10 and shallow > 5

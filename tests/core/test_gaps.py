@@ -1,7 +1,5 @@
 """Distances of triangles from bodies against the library coal, and their depths."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -13,7 +11,7 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.patches.shapes import MOST_GROWTH, BodyShape, ball, box, capsule, compound, cylinder, hull
 from tests.bodies import foot_on, lowest_of, random_turn, rotation
-from tests.core.contact_cases import IDENTITY, coal_hull, coal_triangle, wheel
+from tests.core.contact_cases import IDENTITY, coal_hull, coal_triangle, distance, wheel
 from tests.examples import examples
 
 UNTURNED = np.array([0.0, 0.0, 0.0, 1.0])
@@ -133,16 +131,11 @@ def true_distance(parts: list[Part], position: np.ndarray, turn: np.ndarray) -> 
     axes = rotation(turn)
     poses = [coal.Transform3s(axes @ rotation(q), axes @ offset + position) for _, offset, q in parts]
 
-    def distance(corners: np.ndarray) -> float:
+    def found(corners: np.ndarray) -> float:
         one = coal_triangle(corners)
-        return float(
-            min(
-                coal.distance(one, IDENTITY, part[0], pose, coal.DistanceRequest(), coal.DistanceResult())
-                for part, pose in zip(parts, poses, strict=True)
-            )
-        )
+        return min(distance(one, IDENTITY, part[0], pose) for part, pose in zip(parts, poses, strict=True))
 
-    return distance
+    return found
 
 
 @examples(150)
@@ -151,10 +144,10 @@ def test_the_gap_is_the_distance(seed: int, name: str) -> None:
     rng = np.random.default_rng(seed)
     made, parts = shape_named(name, rng)
     position, turn = rng.normal(scale=0.2, size=3), random_turn(rng)
-    distance = true_distance(parts, position, turn)
+    true = true_distance(parts, position, turn)
     for _ in range(10):
         corners = rng.normal(size=3) * 0.3 + rng.normal(size=(3, 3)) * rng.choice([0.03, 0.3])
-        truth, gap = distance(corners), gap_to(corners, made, position, turn)
+        truth, gap = true(corners), gap_to(corners, made, position, turn)
         if truth > 1e-6:
             assert gap == pytest.approx(truth, abs=1e-5)
         else:
@@ -166,19 +159,14 @@ def test_a_hull_of_many_vertices_is_replaced_by_one_of_fewer_that_holds_it() -> 
     points = rng.normal(size=(10_000, 3))
     points *= (0.3, 0.2, 0.1) / np.linalg.norm(points, axis=1)[:, None]
     made = hull(points)
-    assert made.vertices is not None
     assert len(made.vertices) <= 2048
     growth = float(made.record["rounding"])
     assert 0.0 < growth <= MOST_GROWTH
     reduced = coal_hull(made.vertices + made.record["offset"])
     for point in points[:300]:
-        away = coal.distance(
-            coal.Sphere(1e-9), coal.Transform3s(np.eye(3), point), reduced, IDENTITY, coal.DistanceRequest(),
-            coal.DistanceResult(),
-        )  # fmt: skip
+        away = distance(coal.Sphere(1e-9), coal.Transform3s(np.eye(3), point), reduced, IDENTITY)
         assert away <= growth + 1e-6
     few = hull(points[:40])
-    assert few.vertices is not None
     assert len(few.vertices) == 40
     assert few.record["rounding"] == 0.0
 

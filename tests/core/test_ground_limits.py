@@ -1,7 +1,5 @@
 """Maps, meshes, contacts, queries and updates of the core at the limits of what they take."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any
@@ -33,6 +31,21 @@ def call(name: str, **changes: Any) -> dict[str, Any]:
 def test_a_grid_has_at_least_a_cell(rows: int, columns: int) -> None:
     with pytest.raises(REFUSED):
         CORE.Grid(**arrays(rows, columns))
+
+
+@pytest.mark.parametrize(
+    ("method", "values"),
+    [
+        *(("place", place) for place in ((np.nan, 0, 0, 0, 0.1), (0, np.inf, 0, 0, 0.1), (0, 0, np.nan, 0, 0.1))),
+        ("place", (0, 0, 0, np.inf, 0.1)),
+        *(("place", (0, 0, 0, 0, resolution)) for resolution in (np.nan, np.inf, -np.inf, 0.0, -1.0)),
+        *(("set_motion", (mode, 1.0, 1.0, 0.0, 0.0)) for mode in (-1, 4, 2**31 - 1)),
+        *(("set_friction", (None, value)) for value in (-1.0, math.nan, math.inf)),
+    ],
+)  # fmt: skip
+def test_a_grid_has_a_finite_place_a_resolution_above_zero_and_a_known_motion(method: str, values: Any) -> None:
+    with pytest.raises(REFUSED):
+        getattr(CORE.Grid(**arrays()), method)(*values)
 
 
 def test_a_grid_reads_arrays_that_are_read_only_and_keeps_them() -> None:
@@ -68,27 +81,6 @@ def test_a_clock_that_names_no_velocity_reads_none(newest: int) -> None:
     assert not found["velocities"].any()
 
 
-@pytest.mark.parametrize(
-    "place", [(np.nan, 0, 0, 0, 0.1), (0, np.inf, 0, 0, 0.1), (0, 0, np.nan, 0, 0.1), (0, 0, 0, np.inf, 0.1),
-              *((0, 0, 0, 0, resolution) for resolution in (np.nan, np.inf, -np.inf, 0.0, -1.0))],
-)  # fmt: skip
-def test_a_place_is_finite_and_a_resolution_above_zero(place: tuple[float, ...]) -> None:
-    with pytest.raises(REFUSED):
-        CORE.Grid(**arrays()).place(*place)
-
-
-@pytest.mark.parametrize("mode", [-1, 4, 2**31 - 1])
-def test_a_mode_is_one_of_four(mode: int) -> None:
-    with pytest.raises(REFUSED):
-        CORE.Grid(**arrays()).set_motion(mode, 1.0, 1.0, 0.0, 0.0)
-
-
-@pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
-def test_impossible_uniform_friction_is_refused(value: float) -> None:
-    with pytest.raises(ValueError, match="zero or more"):
-        CORE.Grid(**arrays()).set_friction(None, value)
-
-
 def test_arrays_that_are_no_mesh_are_refused_with_what_is_wrong() -> None:
     good, triangles = mesh_arrays(), mesh_arrays()["triangles"]
     for name, value, what in [
@@ -117,10 +109,10 @@ def test_contacts_of_extreme_numbers_do_no_harm(changes: dict[str, Any]) -> None
         return
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_heights_that_are_not_finite_are_no_ground(value: float) -> None:
-    tiles = [grid_of(np.full((8, 8), value, np.float32))]
-    assert not len(CORE.find_contacts(**(contacts() | {"tiles": tiles})))
+def test_there_are_no_contacts_with_heights_that_are_not_finite() -> None:
+    for value in (np.nan, np.inf, -np.inf):
+        tiles = [grid_of(np.full((8, 8), value, np.float32))]
+        assert not len(CORE.find_contacts(**(contacts() | {"tiles": tiles})))
 
 
 def test_hulls_without_volume_do_no_harm_and_without_points_are_refused() -> None:
@@ -151,13 +143,16 @@ def test_slots_that_nobody_has_are_refused(ground: Any, slot: int) -> None:
             wrong()
 
 
-def test_flags_and_tiles_that_do_not_fit_are_refused(ground: Any) -> None:
+def test_flags_tiles_and_plugins_that_do_not_fit_are_refused(ground: Any) -> None:
     for flags in (np.zeros(3), np.zeros((2, 2), bool), np.zeros(6, bool)[::2], None):
         with pytest.raises(REFUSED):
             ground.enable(flags)
     for tiles in NO_TILES:
         with pytest.raises((*REFUSED, RuntimeError)):
             ground.set_tiles(tiles)
+    for number in (-1, 10**6):
+        with pytest.raises(RuntimeError):
+            CORE.Ground(number)
 
 
 def test_flags_of_slots_that_nobody_has_do_no_harm(ground: Any) -> None:
@@ -165,12 +160,6 @@ def test_flags_of_slots_that_nobody_has_do_no_harm(ground: Any) -> None:
     states = np.zeros((4, 13))
     ground.read(np.arange(4), states)
     assert np.isnan(states).all()
-
-
-@pytest.mark.parametrize("number", [-1, 10**6])
-def test_a_ground_without_a_plugin_is_refused(number: int) -> None:
-    with pytest.raises(RuntimeError):
-        CORE.Ground(number)
 
 
 @pytest.mark.parametrize("name", ["ground_heights", "ground_samples", "cast"])
@@ -189,20 +178,6 @@ def test_scans_from_nowhere_find_no_ground(value: float) -> None:
         poses[-1, column] = value
         found = call("scan_heights", poses=poses)["heights"]
         assert np.isnan(found).any(axis=1).tolist() == [False] * (COUNT - 1) + [True]
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf, 1e10])
-def test_rays_from_nowhere_are_refused(value: float) -> None:
-    origins = np.ones((COUNT, 3))
-    origins[3, 1] = value
-    with pytest.raises(REFUSED):
-        call("cast", origins=origins)
-
-
-@pytest.mark.parametrize("way", [(0.0, 0.0, 0.0), (0.0, 0.0, 2.0)])
-def test_directions_have_length_one(way: tuple[float, float, float]) -> None:
-    with pytest.raises(REFUSED):
-        call("cast", directions=np.tile(way, (COUNT, 1)))
 
 
 @pytest.mark.parametrize("resolution", [1e-300, 1e-9, 1e9, 1e300])
@@ -243,6 +218,8 @@ LATTICES = ("compare_maps", "moved_as_one")
         *((entry, "first", place) for entry in ("take_corrected", "fuse") for place in PLACES),
         *((entry, "time", np.nan) for entry in ("take_rectangles", "take_corrected", "note_update")),
         ("take_corrected", "shown", np.nan), ("take_corrected", "settle", 0.0), ("take_corrected", "settle", np.nan),
+        ("cast", "origins", np.full((COUNT, 3), 1e10)),
+        *(("cast", "directions", np.tile(way, (COUNT, 1))) for way in ((0.0, 0.0, 0.0), (0.0, 0.0, 2.0))),
         *((entry, "stride", s) for entry in LATTICES for s in ((0, 1), (1, 0), (-1, 1), (2**62, 1), (1, 2**62))),
         *((entry, "first", place) for entry in LATTICES for place in ((2**63 - 1, 0), (0, -(2**63)), (2**53, 0))),
     ],
@@ -264,11 +241,8 @@ def test_clocks_that_lead_out_of_an_array_are_refused(entry: str, name: str) -> 
             ENTRIES[entry].function(**given)
 
 
-@pytest.mark.parametrize("cell", [2**40, 2**63 - 1, -(2**63)])
-def test_lattice_points_that_are_too_far_away_are_unknown(cell: int) -> None:
-    assert not CORE.moved_as_one(**(lattice() | {"cells": np.full((8, 14, 2), cell)}))
-
-
-def test_a_lattice_may_be_smaller_than_the_map() -> None:
+def test_a_lattice_may_be_smaller_than_the_map_and_does_not_know_points_that_are_too_far_away() -> None:
     counts, _ = CORE.compare_maps(**(lattice() | {"stride": (1, 1)}))
     assert counts[0] <= ROWS * COLUMNS
+    for cell in (2**40, 2**63 - 1, -(2**63)):
+        assert not CORE.moved_as_one(**(lattice() | {"cells": np.full((8, 14, 2), cell)}))

@@ -1,14 +1,12 @@
 """The core's reader of moving maps gives the law of their motion to the bit."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
+from smartmesh_ros import GridGeometry
 from smartmesh_ros.core import _core
-from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.grid_track import RigidMotion, moved_on
 from smartmesh_ros.terrain.motion import CLOCK, KEPT, Mode
 from tests.terrain.motion_law import phase_of, sample_at

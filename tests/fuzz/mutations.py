@@ -1,7 +1,5 @@
 """Bytes of real messages, spoilt in the ways that wires, bugs and enemies spoil them."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An independent copy of the terrain, kept from the messages that the node took, and what must hold against it."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

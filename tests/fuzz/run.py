@@ -4,8 +4,6 @@ Each share of the messages goes to a node in a process of its own, whose end is 
 broke a rule is kept in ``out/fuzz/``. Ends with 1 if there was any.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import multiprocessing
@@ -16,6 +14,7 @@ import traceback
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from importlib import import_module
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -24,10 +23,11 @@ import hypothesis
 import numpy as np
 from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
+from rosidl_parser.definition import AbstractSequence, AbstractString, Array, BasicType, NamespacedType
 
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.tools.testing import Probe
-from tests.fuzz import seeds, strategies
+from tests.fuzz import seeds
 from tests.fuzz.mutations import mutated
 from tests.fuzz.target import FindingError, Target
 from tests.fuzz.wire import bombard
@@ -35,6 +35,7 @@ from tests.fuzz.wire import bombard
 INPUTS = ("heightmap", *ADAPTERS)
 # What changes of the terrain mean: of the nodes that take an input, every other one.
 CHANGES = ("motion", "correction")
+_NAMES = ("", "map", "odom", "a", "ball", "rover", "body_0", "robot", "robot/wheel", "x" * 300, "\u00e4\u6f22", "a\nb")
 # Of each kind of input, so many seeds are kept to be spoilt and spliced.
 POOL = 60
 # Every so many shares, one of messages that Hypothesis makes.
@@ -60,6 +61,38 @@ def stream(target: Target, count: int, rng: np.random.Generator) -> Iterator[tup
             yield name, mutated(pool[int(rng.integers(len(pool)))], others, rng)
 
 
+def messages(kind: Any) -> st.SearchStrategy[Any]:
+    """Hypothesis's strategy for messages of a type: every field within what its type can hold."""
+    fields = kind.get_fields_and_field_types()
+    parts = {name: _values(slot) for name, slot in zip(fields, kind.SLOT_TYPES, strict=True)}
+    return st.builds(kind, **parts)
+
+
+def _values(slot: Any) -> st.SearchStrategy[Any]:
+    if isinstance(slot, BasicType):
+        return _numbers(slot.typename)
+    if isinstance(slot, AbstractString):
+        return st.sampled_from(_NAMES) | st.text(max_size=12, alphabet=st.characters(exclude_categories=["Cs"]))
+    if isinstance(slot, NamespacedType):
+        kind = getattr(import_module(".".join(slot.namespaces)), slot.name)
+        if slot.name == "Quaternion":
+            return st.just(kind(w=1.0)) | messages(kind)
+        return messages(kind)
+    if isinstance(slot, Array):
+        return st.lists(_values(slot.value_type), min_size=slot.size, max_size=slot.size)
+    assert isinstance(slot, AbstractSequence)
+    return st.lists(_values(slot.value_type), max_size=4) | st.lists(_values(slot.value_type), min_size=9, max_size=9)
+
+
+def _numbers(name: str) -> st.SearchStrategy[Any]:
+    if name == "boolean":
+        return st.booleans()
+    if name in ("float", "double"):
+        return st.floats(-20.0, 20.0, width=32) | st.floats(width=32 if name == "float" else 64)
+    bounds = np.iinfo({"octet": "uint8", "char": "uint8"}.get(name, name))
+    return st.integers(0, 4) | st.integers(int(bounds.min), int(bounds.max))
+
+
 def attack(
     terrain_input: str, count: int, seed: int, record: Path | None = None, changes: str = "motion"
 ) -> dict[str, Any]:
@@ -77,7 +110,7 @@ def attack_with_examples(
     """The same with ``count`` messages that Hypothesis makes field by field, in between good ones."""
     rng = np.random.default_rng(seed)
     with Target(terrain_input, record, changes) as target:
-        kinds = {name: strategies.messages(target.kind(name)) for name in target.inputs}
+        kinds = {name: messages(target.kind(name)) for name in target.inputs}
 
         @hypothesis.seed(seed)
         @hypothesis.settings(

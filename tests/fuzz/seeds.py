@@ -1,7 +1,5 @@
 """Good messages of every input, to be spoilt."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -13,31 +11,21 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification, HeightmapUpdate, TerrainMeshUpdate, TrackedBody, TrackedBodyArray
-from smartmesh_msgs.srv import (
-    CastRays,
-    QueryGround,
-    RemoveBodies,
-    RemoveBody,
-    SpawnBodies,
-    SpawnBody,
-    StepPhysics,
-)
+from smartmesh_msgs.srv import CastRays, QueryGround, RemoveBodies, RemoveBody, SpawnBodies, SpawnBody, StepPhysics
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.tools.testing import floats, heightmap_message, mesh_message, point_message, pose_message
-from tests import robot_urdfs
+from tests import urdfs
 from tests.grid_maps import grid_map_message
 
 ROWS, COLUMNS, RESOLUTION = 14, 17, 0.25
 SIZE, CYLINDER = (0.3, 0.3, 0.2), '<cylinder radius="0.1" length="0.05"/>'
-PARTS = [
-    robot_urdfs.link("base", 1.0, SIZE, robot_urdfs.box(SIZE)),
-    robot_urdfs.link("wheel", 0.2, (0.2, 0.2, 0.2), CYLINDER),
-    robot_urdfs.joint("axle", "base", "wheel", (0.0, 0.2, 0.0), "continuous"),
-]
-ROBOT = f'<robot name="r">{"".join(PARTS)}</robot>'
+ROBOT = urdfs.robot(
+    urdfs.link("base", urdfs.box(SIZE), 1.0, SIZE), urdfs.link("wheel", CYLINDER, 0.2, (0.2, 0.2, 0.2)),
+    urdfs.joint("axle", "continuous", "base", "wheel", xyz="0 0.2 0"),
+)  # fmt: skip
 
 
 def heights(rng: np.random.Generator) -> NDArray[np.float32]:
@@ -103,10 +91,6 @@ def _tracked(rng: np.random.Generator) -> Any:
         for name in ("rover", "walker", "b")[: int(rng.integers(1, 4))]
     ]
     return _framed(TrackedBodyArray(bodies=bodies))
-
-
-def _poses(rng: np.random.Generator) -> Any:
-    return _framed(PoseArray(poses=[_place(rng) for _ in range(int(rng.integers(0, 4)))]))
 
 
 def _odometry(rng: np.random.Generator) -> Any:
@@ -221,7 +205,7 @@ _MAKERS: dict[str, Any] = {
     "terrain_mesh": _mesh,
     "terrain_mesh_update": _mesh_update,
     "tracked_bodies": _tracked,
-    "body_poses": _poses,
+    "body_poses": lambda rng: _framed(PoseArray(poses=[_place(rng) for _ in range(int(rng.integers(0, 4)))])),
     "pose_in": lambda rng: _framed(PoseStamped(pose=_place(rng)), str(rng.choice(["map", "odom"]))),
     "odometry_in": _odometry,
     "tf": _transforms,

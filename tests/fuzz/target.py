@@ -5,7 +5,7 @@ from __future__ import annotations
 import traceback
 from collections import Counter
 from pathlib import Path
-from types import SimpleNamespace, TracebackType
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -72,9 +72,7 @@ class Target:
     def __enter__(self) -> Target:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.node.destroy_node()
         rclpy.shutdown(context=self._context)
 
@@ -123,7 +121,9 @@ class Target:
             (self.oracle.take_map if name == "heightmap" else self.oracle.take_region)(message)
         terrain = self.node.session.world.terrain
         if fate == "taken" and name in RASTERS:
-            self._copy(terrain.tiles[""])
+            mesh = terrain.tiles[""]
+            g = mesh.geometry
+            self.oracle.tiles[""] = Tile(mesh.heights.astype(np.float64), g.origin, g.resolution, g.yaw)
         elif fate == "taken" and name == "terrain_mesh":
             # Takes the place of a height map of that name, or takes it away.
             for gone in [n for n in self.oracle.tiles if not hasattr(terrain.tiles.get(n), "heights")]:
@@ -168,10 +168,6 @@ class Target:
         success = getattr(response, "success", True)
         assert success == (self.node.refusals.counts.total() == before), "a refusal that was not counted"
         return "taken" if success else "refused"
-
-    def _copy(self, mesh: Any) -> None:
-        g = mesh.geometry
-        self.oracle.tiles[""] = Tile(mesh.heights.astype(np.float64), g.origin, g.resolution, g.yaw)
 
     def _tick(self) -> None:
         """A turn of the node's loop with everything published, and what must hold after it."""

@@ -1,7 +1,5 @@
 """Spoilt messages over real DDS to a node in a process of its own."""
 
-from __future__ import annotations
-
 import ast
 
 import numpy as np

@@ -1,19 +1,20 @@
 """Patches together with the bodies they are chosen for, for tests without a physics world."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from smartmesh_ros import HeightMap, PatchConfig, Terrain
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.shapes import ShapeTable
+from smartmesh_ros.patches.shapes import BODY_COLUMNS, ShapeTable, ball
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
-from smartmesh_ros.terrain.terrain import Terrain
+from tests.bodies import shapes_of
+
+SOLID = PatchConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
 
 
 class Selecting:
@@ -44,3 +45,18 @@ class Selecting:
     def batches(self) -> list[PatchBatch]:
         self._patches.choose_tracked()
         return self._patches.batches
+
+
+def balls_on(
+    ground: HeightMap | Terrain, radii: Iterable[float], config: PatchConfig = SOLID, solid: BoolArray | None = None
+) -> Selecting:
+    """Balls of these radii [m]."""
+    return Selecting(Terrain.of(ground), config, shapes_of(ball(radius) for radius in radii), solid)
+
+
+def update(selector: Selecting, positions: FloatArray, speed: float = 0.0, time: float = 0.0) -> list[PatchBatch]:
+    """Patches of bodies at positions (N, 3) [m] that move along x [m/s]."""
+    bodies = np.zeros((len(positions), BODY_COLUMNS))
+    bodies[:, :3], bodies[:, 6], bodies[:, 7] = positions, 1.0, speed
+    selector.update(bodies, time, 1.0 / 240.0)
+    return selector.batches()

@@ -1,7 +1,5 @@
 """Shapes read from PyBullet hold what PyBullet collides."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +12,15 @@ from smartmesh_ros import Box, Capsule, Cylinder, Sphere
 from smartmesh_ros.ground.body_shapes import HULL_MARGIN, read_shape
 from smartmesh_ros.patches.shapes import BodyShape, ShapeKind
 from tests import urdfs
-from tests.bodies import lowest_of
+from tests.bodies import lowest_of, put
 
 SHAPES = (Sphere(0.2), Box(0.2, 0.4, 0.6), Cylinder(0.1, 0.5), Capsule(0.1, 0.5))
+FLOOR = Box(100.0, 100.0, 100.0)  # whose top is at zero
 
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_shape_given_is_the_shape_read(client: Any, shape: Any) -> None:
-    body = client.createMultiBody(1.0, client.createCollisionShape(**shape.bullet()))
-    given_, read = shape.body_shape, read_shape(client, body)
+    given_, read = shape.body_shape, read_shape(client, put(client, shape, (0.0, 0.0, 0.0)))
     for name in ("kind", "half", "rounding", "offset", "radius"):
         np.testing.assert_allclose(read.record[name], given_.record[name], atol=1e-9)
     assert read.radius == pytest.approx(shape.bounding_radius)
@@ -41,9 +39,7 @@ def lowest_by_shape(client: Any, body: int, link: int, shape: BodyShape) -> floa
 
 
 def test_several_shapes_reach_as_far_as_they_do_in_bullet(client: Any) -> None:
-    rng = np.random.default_rng(0)
-    floor = client.createMultiBody(0.0, client.createCollisionShape(pb.GEOM_BOX, halfExtents=[50.0] * 3))
-    client.resetBasePositionAndOrientation(floor, (0.0, 0.0, -50.0), (0.0, 0.0, 0.0, 1.0))
+    rng, floor = np.random.default_rng(0), put(client, FLOOR, (0.0, 0.0, -50.0), 0.0)
     for _ in range(10):
         places, turns = rng.normal(scale=0.3, size=(3, 3)), rng.normal(size=(3, 4))
         turns /= np.linalg.norm(turns, axis=1)[:, None]
@@ -68,9 +64,7 @@ def test_several_shapes_reach_as_far_as_they_do_in_bullet(client: Any) -> None:
 @pytest.mark.parametrize("urdf", ["husky/husky", "laikago/laikago", "mini_cheetah/mini_cheetah", "a1/a1", "r2d2"])
 def test_links_reach_as_far_as_they_do_in_bullet(client: Any, urdf: str, flags: int) -> None:
     """Wheels, hulls in frames of their own, and meshes of many parts."""
-    rng = np.random.default_rng(1)
-    floor = client.createMultiBody(0.0, client.createCollisionShape(pb.GEOM_BOX, halfExtents=[50.0] * 3))
-    client.resetBasePositionAndOrientation(floor, (0.0, 0.0, -50.0), (0.0, 0.0, 0.0, 1.0))
+    rng, floor = np.random.default_rng(1), put(client, FLOOR, (0.0, 0.0, -50.0), 0.0)
     robot = client.loadURDF(f"{pybullet_data.getDataPath()}/{urdf}.urdf", flags=flags)
     links = [link for link in range(-1, client.getNumJoints(robot)) if client.getCollisionShapeData(robot, link)]
     shapes = {link: read_shape(client, robot, link) for link in links}

@@ -12,6 +12,8 @@ from smartmesh_ros.patches.config import PatchKind, SearchMethod
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.core import mesh_parts
+from tests.grounds import level, moving, step_on_moving
+from tests.terrain.surfaces import highest
 
 RESOLUTION = 0.25
 SIZE = 41
@@ -19,14 +21,10 @@ KINDS: tuple[PatchKind, ...] = ("heightfield", "trimesh", "prisms", "whole_trime
 MESH_KINDS: tuple[PatchKind, ...] = ("trimesh", "prisms", "whole_trimesh", "auto")
 
 
-def bowl_heights() -> np.ndarray:
-    axis = (np.arange(SIZE) - SIZE // 2) * RESOLUTION
-    return 0.15 * (axis[:, None] ** 2 + axis**2)
-
-
 def bowl() -> HeightMap:
     half = SIZE // 2 * RESOLUTION
-    return HeightMap(bowl_heights(), resolution=RESOLUTION, origin=(-half, -half))
+    axis = np.linspace(-half, half, SIZE)
+    return HeightMap(0.15 * (axis[:, None] ** 2 + axis**2), resolution=RESOLUTION, origin=(-half, -half))
 
 
 def bowl_mesh() -> TriangleMesh:
@@ -58,16 +56,11 @@ def test_bodies_rest_on_every_kind_as_on_the_whole_main_mesh(shape: Sphere | Box
         assert rest(bowl_mesh(), settings, shape)[2] == pytest.approx(reference, abs=1.1e-3), f"{kind} of a mesh"
 
 
-def lid_over(points: np.ndarray, xy: tuple[float, float]) -> float:
-    """Height of the upper side of the convex hull of points over a place: the highest triangle of any three."""
+def lid_over(points: np.ndarray) -> float:
+    """Height of the upper side of the convex hull of points over the origin: the highest triangle of any three."""
     corners = points[np.array(list(combinations(range(len(points)), 3)))]
-    a, b, c = (corners[:, i, :2] - xy for i in range(3))
-    u, v, w = (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] for p, q in ((b, c), (c, a), (a, b)))
-    area = u + v + w
     with np.errstate(divide="ignore", invalid="ignore"):
-        weights = np.stack([u, v, w], axis=1) / area[:, None]
-    over = (weights >= -1e-9).all(axis=1) & (np.abs(area) > 1e-9)
-    return float((weights[over] * corners[over, :, 2]).sum(axis=1).max())
+        return float(highest(corners, np.array([[0.0, 0.0, np.inf]])).values[0])
 
 
 @pytest.mark.parametrize("terrain", [bowl, bowl_mesh], ids=["map", "mesh"])
@@ -76,7 +69,7 @@ def test_a_hull_hovers_over_a_trough_by_what_geometry_predicts(terrain: Callable
     with World(terrain(), config("hull", rings=2, search="brute_force")) as world:
         world.track("probe", 0.2, BodyState((0.0, 0.0, 0.6)))
         world.refresh()
-        lid = lid_over(world.shown_batches()[0].vertices_w[0], (0.0, 0.0))
+        lid = lid_over(world.shown_batches()[0].vertices_w[0])
         assert lid > 0.05
         world.remove("probe")
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, lid + 0.201)))
@@ -118,14 +111,10 @@ def test_nothing_falls_when_kinds_and_methods_change(general: bool) -> None:
 
 @pytest.mark.parametrize("kind", ["trimesh", "prisms"])
 def test_mesh_colliders_carry_the_grounds_velocity(kind: PatchKind) -> None:
-    heightmap = HeightMap(np.zeros((21, 21)), resolution=0.25, origin=(-2.5, -2.5))
-    with World(heightmap, config(kind)) as world:
+    with World(level(21, 0.25), config(kind)) as world:
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2)))
-        for _ in range(120):
-            world.step()
-            heightmap.replace(np.full((21, 21), 2.0 * world.time), time=world.time)
-        sunk = 2.0 * world.time + 0.2 - world.state("ball").position[2]
-        assert sunk < 1e-3
+        step_on_moving(world, lambda time: 2.0 * time, 120, every=1)
+        assert 2.0 * world.time + 0.2 - world.state("ball").position[2] < 1e-3
 
 
 def test_a_general_mesh_moves_under_bodies_in_every_direction() -> None:
@@ -176,16 +165,15 @@ def test_patches_of_a_moving_mesh_of_40000_vertices_are_right_after_every_update
 def test_what_a_terrain_does_not_allow_is_refused_and_nothing_changes() -> None:
     mesh = bowl_mesh()
     with World(mesh, config("auto", search="brute_force")) as world:
-        for bad in (config("whole_heightfield", search="brute_force"),):
-            with pytest.raises(InputError):
-                world.configure(bad)
+        with pytest.raises(InputError):
+            world.configure(config("whole_heightfield", search="brute_force"))
         assert world.ground.config.kind == "auto"
     with World(HeightMap(np.zeros((600, 600)))) as world, pytest.raises(InputError, match="PyBullet takes no trimesh"):
         world.configure(config("whole_trimesh"))
 
 
 def test_colliders_that_pybullet_cannot_change_are_counted() -> None:
-    heightmap = HeightMap(np.zeros((21, 21)), resolution=0.25, origin=(-2.5, -2.5))
+    heightmap = level(21, 0.25)
     with World(heightmap, config("trimesh")) as world:
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2)))
         world.step(10)
@@ -197,9 +185,7 @@ def test_colliders_that_pybullet_cannot_change_are_counted() -> None:
 
 def test_a_body_that_gets_a_colliders_old_number_is_not_haunted_by_it() -> None:
     """PyBullet keeps rules for pairs of numbers; a crate must not fall through what a prism collider once was."""
-    half = SIZE // 2 * RESOLUTION
-    flat = HeightMap(np.zeros((SIZE, SIZE)), resolution=RESOLUTION, origin=(-half, -half))
-    with World(flat, config("heightfield")) as world:
+    with World(level(SIZE, RESOLUTION), config("heightfield")) as world:
         world.spawn("crate", Box(0.6, 0.6, 0.3), 1.0, BodyState((0.0, 0.0, 0.15)))
         world.step(24)
         world.configure(config("prisms"))
@@ -246,22 +232,11 @@ def test_no_patch_stays_where_a_body_was_when_others_come(kind: PatchKind) -> No
         assert colliders_near(world, 5.01, 5.02) == 0
 
 
-def width_on_a_seesaw() -> float:
-    """How wide the bounds of a ball's collider get on ground that tilts [m]."""
-    x = 0.1 * np.arange(41) - 2.0
-    heightmap = HeightMap(np.zeros((41, 41)), resolution=0.1, origin=(-2.0, -2.0))
-    config = WorldConfig(patch=PatchConfig(kind="heightfield"))
-    widest = 0.0
-    with World(heightmap, config) as world:
-        world.spawn("ball", Sphere(0.15), 1.0, BodyState((0.5, 0.0, 0.15)))
-        for step in range(60):
-            if step % 8 == 0:
-                heightmap.replace(0.5 * world.time * x * np.ones((41, 1)), time=world.time)
-            world.step()
-            low, high = world.client.getAABB(world.ground.followers[0].collider)
-            widest = max(widest, high[0] - low[0], high[1] - low[1])
-    return widest
-
-
 def test_the_bounds_of_leaning_colliders_do_not_reach_over_others() -> None:
-    assert width_on_a_seesaw() < 1.0
+    """Of a ball's collider, on ground that tilts."""
+    x = 0.1 * np.arange(41) - 2.0
+    with World(level(), config("heightfield")) as world:
+        world.spawn("ball", Sphere(0.15), 1.0, BodyState((0.5, 0.0, 0.15)))
+        for _ in moving(world, lambda time: 0.5 * time * x, 60, every=8):
+            low, high = world.client.getAABB(world.ground.followers[0].collider)
+            assert max(high[0] - low[0], high[1] - low[1]) < 1.0

@@ -1,18 +1,16 @@
 """Bodies are taken along by corrections of the ground under them, and gain nothing by it."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from smartmesh_ros import BodyState, HeightMap, MotionConfig, Terrain, World
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
-from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.world.world import World
+from tests.bodies import rotation
 from tests.urdfs import HUSKY
 
 CELLS, RESOLUTION = 61, 0.1
@@ -24,12 +22,12 @@ def slope(angle: float) -> NDArray[np.float64]:
     return np.tile(math.tan(angle) * AXIS, (CELLS, 1))
 
 
-def on_ground(heights: NDArray[np.float64], **motion: float) -> tuple[World, HeightMap]:
-    low = float(AXIS[0])
-    heightmap = HeightMap(
-        heights, resolution=RESOLUTION, origin=(low, low), motion=MotionConfig(changes="correction", **motion)
-    )
-    return World(heightmap), heightmap
+@contextmanager
+def on_ground(heights: NDArray[np.float64], **motion: float) -> Iterator[tuple[World, HeightMap]]:
+    low, config = float(AXIS[0]), MotionConfig(changes="correction", **motion)
+    heightmap = HeightMap(heights, resolution=RESOLUTION, origin=(low, low), motion=config)
+    with World(heightmap) as world:
+        yield world, heightmap
 
 
 def spawn(world: World, kind: str, angle: float = 0.0) -> None:
@@ -47,10 +45,9 @@ def spawn(world: World, kind: str, angle: float = 0.0) -> None:
         world.spawn("body", SHAPES[kind], 5.0, state)
 
 
-def tilt(state: BodyState) -> NDArray[np.float64]:
+def axis(state: BodyState) -> NDArray[np.float64]:
     """Where the body's own z axis points."""
-    x, y, z, w = state.orientation
-    return np.array([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
+    return rotation(np.array(state.orientation))[:, 2]
 
 
 def fastest_and_highest(world: World, steps: int) -> tuple[float, float]:
@@ -67,8 +64,7 @@ def fastest_and_highest(world: World, steps: int) -> tuple[float, float]:
 @pytest.mark.parametrize("after", [0.1, 1.0])
 def test_a_body_at_rest_goes_with_the_correction(kind: str, by: float, after: float) -> None:
     level = slope(0.0)
-    world, heightmap = on_ground(level)
-    with world:
+    with on_ground(level) as (world, heightmap):
         spawn(world, kind)
         world.step(480)
         heightmap.replace(level, time=world.time)
@@ -80,14 +76,13 @@ def test_a_body_at_rest_goes_with_the_correction(kind: str, by: float, after: fl
         assert fastest < 0.2
         assert highest <= max(rest, before.position[2]) + 0.005
         assert world.state("body").position[2] == pytest.approx(rest, abs=0.001)
-        assert tilt(world.state("body")) @ tilt(before) > math.cos(math.radians(1.0))
+        assert axis(world.state("body")) @ axis(before) > math.cos(math.radians(1.0))
         assert world.rescues == 0
 
 
 @pytest.mark.parametrize("change", [lambda h: h + 0.2, lambda h: h + 0.05 * AXIS, lambda h: h + np.sin(AXIS) * 0.1])
 def test_a_correction_changes_no_velocity(change: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> None:
-    world, heightmap = on_ground(slope(0.1))
-    with world:
+    with on_ground(slope(0.1)) as (world, heightmap):
         for index, (name, shape) in enumerate(SHAPES.items()):
             state = BodyState((0.5 * index - 0.5, 0.0, 0.3), linear=(0.1, 0.2, -0.3), angular=(0.3, 0.2, 0.1))
             world.spawn(name, shape, 1.0, state)
@@ -104,8 +99,7 @@ def test_a_correction_changes_no_velocity(change: Callable[[NDArray[np.float64]]
 
 
 def test_a_stack_stays_whole() -> None:
-    world, heightmap = on_ground(slope(0.0))
-    with world:
+    with on_ground(slope(0.0)) as (world, heightmap):
         spawn(world, "box")
         world.spawn("top", Box(0.3, 0.3, 0.3), 2.0, BodyState((0.013, 0.017, 0.45)))
         world.step(240)
@@ -115,8 +109,7 @@ def test_a_stack_stays_whole() -> None:
 
 
 def test_a_region_takes_only_what_is_on_it() -> None:
-    world, heightmap = on_ground(slope(0.0))
-    with world:
+    with on_ground(slope(0.0)) as (world, heightmap):
         spawn(world, "box")
         world.spawn("beside", Box(0.3, 0.3, 0.3), 2.0, BodyState((2.0, 0.0, 0.15)))
         world.step(240)
@@ -130,8 +123,7 @@ def test_a_region_takes_only_what_is_on_it() -> None:
 def test_fused_noise_leaves_bodies_at_rest(kind: str) -> None:
     """A box on noise rocks between the samples that hold it, as these change by tenths of a millimetre."""
     rng, sigma = np.random.default_rng(2), 0.005
-    world, heightmap = on_ground(rng.normal(0.0, sigma, (CELLS, CELLS)), noise=sigma)
-    with world:
+    with on_ground(rng.normal(0.0, sigma, (CELLS, CELLS)), noise=sigma) as (world, heightmap):
         spawn(world, kind)
         fastest = 0.0
         for index in range(60):
@@ -146,8 +138,7 @@ def test_a_body_that_falls_asleep_on_fused_noise_does_not_fall() -> None:
     """While PyBullet stops it, its ground goes on to be corrected: nothing may wake it in PyBullet, where it would fall
     as soon as its collider is taken away."""
     rng, sigma = np.random.default_rng(2), 0.005
-    world, heightmap = on_ground(slope(0.0), noise=sigma)
-    with world:
+    with on_ground(slope(0.0), noise=sigma) as (world, heightmap):
         world.spawn("box", Box(0.4, 0.4, 0.3), 20.0, BodyState((0.0, 0.017, 0.15)))
         asleep = 0
         for _ in range(220):
@@ -166,8 +157,7 @@ def test_a_body_that_falls_asleep_on_fused_noise_does_not_fall() -> None:
 def test_a_sleeping_body_follows_corrections_that_noise_could_explain(kind: str, by: float, maps: int) -> None:
     """The fused heights follow the maps slowly, and too little for noise of 3 cm to wake the body; it rises with them,
     and is never deeper than the tolerance, even if no further map comes."""
-    world, heightmap = on_ground(slope(0.0), noise=0.03)
-    with world:
+    with on_ground(slope(0.0), noise=0.03) as (world, heightmap):
         spawn(world, kind)
         world.step(480)
         assert world.is_asleep("body")
@@ -195,7 +185,6 @@ def test_a_body_goes_with_its_tile_although_another_is_taken_away_at_once() -> N
         world.spawn("body", SHAPES["box"], 5.0, BodyState((3.0, 3.0, 0.15)))
         world.step(240)
         second = terrain.tile("second")
-        assert isinstance(second, HeightMap)
         second.replace(level + 0.3, time=world.time)
         world.step(24)
         depth = world.state("body").position[2] - 0.15 - second.at([[3.0, 3.0]], world.time).heights[0]

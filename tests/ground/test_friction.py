@@ -1,7 +1,5 @@
 """Friction of the ground by place: ice beside gravel."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -9,19 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import (
-    BodyState,
-    Box,
-    HeightMap,
-    InputError,
-    PatchConfig,
-    PhysicsConfig,
-    Sphere,
-    Terrain,
-    World,
-    WorldConfig,
-)
+from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, Terrain, World, WorldConfig
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.config import PatchKind
+from tests.grounds import terrain_of
 
 GRAVITY = 9.81
 ROWS, COLUMNS, RESOLUTION = 41, 201, 0.1
@@ -98,11 +87,8 @@ def test_unknown_samples_and_tiles_without_friction_leave_the_bodies_own() -> No
     friction[:, : COLUMNS // 2] = np.nan
     expected = 2.0**2 / (2 * 0.5 * GRAVITY)
     assert way_of(sliding(flat(friction), -5.0, 2.0, 0.5)) == pytest.approx(expected, rel=0.02)
-    terrain = Terrain()
-    terrain.put("ice", flat(ICE))
     plain = HeightMap(np.zeros((ROWS, COLUMNS)), resolution=RESOLUTION, origin=(10.1, -2.0))
-    terrain.put("plain", plain)
-    assert way_of(sliding(terrain, 12.0, 2.0, 0.5)) == pytest.approx(expected, rel=0.02)
+    assert way_of(sliding(terrain_of(ice=flat(ICE), plain=plain), 12.0, 2.0, 0.5)) == pytest.approx(expected, rel=0.02)
 
 
 def test_friction_stays_when_heights_are_replaced_and_changes_when_it_is_assigned() -> None:
@@ -142,10 +128,6 @@ def test_coefficients_change_by_assignment_alone() -> None:
     assert np.array_equal(terrain.friction, halves())
     with pytest.raises(ValueError, match="read-only"):
         terrain.friction[:] = ICE  # type: ignore[index]
-
-
-def test_one_coefficient_may_be_of_numpy() -> None:
-    terrain = flat()
     terrain.friction = np.float32(0.5)
     assert terrain.friction == 0.5
 

@@ -6,18 +6,18 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.patches.config import PatchConfig, PatchKind
-from smartmesh_ros.terrain.heightmap import HeightMap
-from tests.urdfs import inertial, joint, link, robot
+from smartmesh_ros import Ground, HeightMap, InputError, PatchConfig, Sphere
+from smartmesh_ros.ground import map_contacts
+from smartmesh_ros.patches.config import PatchKind
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.bodies import height, put
+from tests.core import mesh_parts
+from tests.grounds import level
+from tests.urdfs import joint, link, robot
 
 DT = 1.0 / 240.0
-
-
-def sphere(client: Any, position: tuple[float, float, float], radius: float = 0.3) -> int:
-    shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=radius)
-    return int(client.createMultiBody(1.0, shape, basePosition=position))
+BALL = Sphere(0.2)
+START = (0.0, 0.0, 0.5)  # of a ball that falls to the ground
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.4, 2.0, -3.0])
@@ -27,8 +27,8 @@ def test_the_collider_has_the_surface_that_sampling_gives(client: Any, yaw: floa
     rng = np.random.default_rng(7)
     heightmap = HeightMap(rng.uniform(-0.5, 0.5, (60, 70)), resolution=0.2, origin=(1.0, 2.0, 0.7), yaw=yaw)
     middle = heightmap.geometry.to_world(30.3, 33.2)
-    height = float(heightmap.at([middle], 0.0).heights[0])
-    body = sphere(client, (*middle, height + 0.5 * radius), radius)  # halfway in, so that it touches much
+    surface = float(heightmap.at([middle], 0.0).heights[0])
+    body = put(client, Sphere(radius), (*middle, surface + 0.5 * radius))  # halfway in, so that it touches much
     ground = Ground(client, heightmap, PatchConfig(kind="heightfield"))
     follower = ground.attach(body)
     assert follower.radius == radius
@@ -51,7 +51,7 @@ def test_the_collider_has_the_surface_that_sampling_gives(client: Any, yaw: floa
 def test_a_field_is_replaced_only_if_its_shape_changes(client: Any) -> None:
     bumps = np.random.default_rng(0).uniform(-0.1, 0.1, (50, 50)).astype(np.float32)
     heightmap = HeightMap(bumps, resolution=0.1)
-    body = sphere(client, (2.04, 2.03, 0.2), 0.2)
+    body = put(client, BALL, (2.04, 2.03, 0.2))
     ground = Ground(client, heightmap, PatchConfig(kind="heightfield"))
     ground.attach(body)
 
@@ -75,28 +75,24 @@ def test_a_field_is_replaced_only_if_its_shape_changes(client: Any) -> None:
 def test_a_patch_collides_with_its_own_body_only(client: Any, kind: PatchKind) -> None:
     client.setGravity(0, 0, -9.81)
     heightmap = HeightMap(np.zeros((50, 50)), resolution=0.1)
-    followed, other = sphere(client, (2.0, 2.0, 0.3)), sphere(client, (2.0, 2.36, 0.05), radius=0.05)
+    followed, other = put(client, BALL, (2.0, 2.0, 0.2)), put(client, Sphere(0.05), (2.0, 2.26, 0.05))
     ground = Ground(client, heightmap, PatchConfig(kind=kind))
     ground.attach(followed)
     for step in range(120):
         ground.update(step * DT, DT)
         client.stepSimulation()
-    assert client.getBasePositionAndOrientation(followed)[0][2] == pytest.approx(0.3, abs=1e-3)
-    assert client.getBasePositionAndOrientation(other)[0][2] < -0.5
+    assert height(client, followed) == pytest.approx(0.2, abs=1e-3)
+    assert height(client, other) < -0.5
 
 
 def test_bad_attachments_are_refused(client: Any) -> None:
     ground = Ground(client, HeightMap(np.zeros((5, 5))))
-    body = sphere(client, (2.0, 2.0, 1.0))
+    body = put(client, BALL, (2.0, 2.0, 1.0))
     ground.attach(body)
     with pytest.raises(InputError, match="attached already"):
         ground.attach(body)
     with pytest.raises(InputError, match="radius"):
-        ground.attach(sphere(client, (3.0, 2.0, 1.0)), radius=-1.0)
-
-
-WHEEL = f"""<link name="wheel{{}}">{inertial(0.5, 0.001)}<collision><origin rpy="1.570796 0 0"/><geometry>
-<cylinder radius="0.1" length="0.05"/></geometry></collision></link>"""
+        ground.attach(put(client, BALL, (3.0, 2.0, 1.0)), radius=-1.0)
 
 
 @pytest.fixture
@@ -104,7 +100,8 @@ def car(client: Any, tmp_path: Any) -> int:
     base = [link("base_footprint", "", None), link("base_link", '<box size="0.5 0.3 0.1"/>', 5.0, 0.1)]
     base.append(joint("up", "fixed", "base_footprint", "base_link", xyz="0 0 0.1"))
     for n, (x, y) in enumerate((x, y) for x in (0.2, -0.2) for y in (0.2, -0.2)):
-        base += [WHEEL.format(n), joint(f"axle{n}", "continuous", "base_link", f"wheel{n}", xyz=f"{x} {y} -0.03")]
+        wheel = link(f"wheel{n}", '<cylinder radius="0.1" length="0.05"/>', 0.5, 0.001, rpy="1.570796 0 0")
+        base += [wheel, joint(f"axle{n}", "continuous", "base_link", f"wheel{n}", xyz=f"{x} {y} -0.03")]
     (tmp_path / "car.urdf").write_text(robot(*base))
     return int(client.loadURDF(str(tmp_path / "car.urdf"), (3.0, 2.0, 0.05), flags=pb.URDF_USE_IMPLICIT_CYLINDER))
 
@@ -143,3 +140,77 @@ def test_a_robot_one_link_of_which_is_attached_already_is_refused_whole(client: 
     with pytest.raises(InputError, match="link 2 is attached already"):
         ground.attach(car)
     assert len(ground.followers) == 1
+
+
+def test_ground_that_rises_carries_a_body_in_the_users_own_steps(client: Any) -> None:
+    heightmap, body = level(), put(client, BALL, (0.0, 0.0, 0.2))
+    ground = Ground(client, heightmap)
+    ground.attach(body)
+    for step in range(240):
+        if step % 4 == 0:
+            heightmap.replace(np.full((41, 41), 0.5 * step * DT), time=step * DT)
+        client.stepSimulation()
+    assert height(client, body) == pytest.approx(0.2 + 0.5, abs=1e-3)
+
+
+def test_a_ground_that_is_gone_leaves_the_world_usable(client: Any) -> None:
+    body, ground = put(client, BALL, START), Ground(client, level())
+    ground.attach(body)
+    ground.step(0.0, DT)
+    del ground
+    for _ in range(240):
+        client.stepSimulation()
+    client.removeBody(body)
+    client.resetSimulation()
+    client.stepSimulation()
+
+
+def require_standing(client: Any, ground: Ground, within: float = 1e-4) -> None:
+    """Assert that a ball falls to the ground and stands on it."""
+    body = put(client, BALL, START)
+    ground.attach(body)
+    for step in range(480):
+        ground.step(step * DT, DT)
+    assert height(client, body) == pytest.approx(0.2, abs=within)
+
+
+def test_a_client_has_one_ground_at_a_time(client: Any) -> None:
+    first = Ground(client, level())
+    first.attach(put(client, BALL, (1.0, 0.0, 0.5)))
+    with pytest.raises(InputError, match="has a ground already"):
+        Ground(client, level())
+    first.close()
+    require_standing(client, Ground(client, level()))
+
+
+def test_a_client_that_was_reset_is_named_and_takes_a_new_ground(client: Any) -> None:
+    ground = Ground(client, level())
+    ground.attach(put(client, BALL, START))
+    client.stepSimulation()
+    client.resetSimulation()
+    with pytest.raises(InputError, match="the PyBullet client was reset"):
+        ground.step(DT, DT)
+    client.stepSimulation()
+    ground.close()
+    client.setGravity(0.0, 0.0, -9.81)
+    require_standing(client, Ground(client, level()))
+
+
+def test_a_core_that_reads_bullets_memory_otherwise_is_not_used(client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(map_contacts, "PROBE", ((1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0), (0.0,) * 3, (1e-3, 0.0, 0.0)))
+    assert Ground(client, level()).no_proxies == ""
+    monkeypatch.setattr(np, "allclose", lambda *_, **__: False)
+    ground = Ground(client, level())
+    assert ground.no_proxies == "the core was built for another PyBullet"
+    monkeypatch.undo()
+    require_standing(client, ground, 1e-3)
+    assert not ground.exact
+
+
+def test_meshes_of_several_parts_are_ground_for_contacts_from_the_map_alone(client: Any) -> None:
+    ground = Ground(client, TriangleMesh(*mesh_parts.joined(mesh_parts.sheet(6.0, 1), mesh_parts.sheet(1.0, 3))))
+    with pytest.raises(InputError, match="parts"):
+        ground.configure(PatchConfig(kind="heightfield"))
+    ground.attach(put(client, BALL, START))
+    ground.step(0.0, DT)
+    assert ground.exact

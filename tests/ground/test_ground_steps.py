@@ -10,31 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros import BodyState, Ground, HeightMap, InputError, PatchConfig, Terrain, World, WorldConfig
 from smartmesh_ros.ground.config import PhysicsConfig, set_up
-from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
-from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.bodies import BodyFactory
-from smartmesh_ros.world.world import World, WorldConfig
+from tests.bodies import height, put
+from tests.grounds import level
 
 DT = 1.0 / 240.0
-
-
-def flat(height: float = 0.0) -> HeightMap:
-    return HeightMap(np.full((41, 41), height), resolution=0.1, origin=(-2.0, -2.0))
-
-
-def ball(client: Any, z: float, radius: float = 0.02, mass: float = 1.0) -> int:
-    shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=radius)
-    return int(client.createMultiBody(mass, shape, basePosition=(0.013, 0.021, z)))
-
-
-def height(client: Any, body: int) -> float:
-    return float(client.getBasePositionAndOrientation(body)[0][2])
+BALL = Sphere(0.02)
 
 
 @pytest.mark.parametrize("deviation", [0.0, 0.005], ids=["flat", "rough"])
@@ -52,8 +36,8 @@ def test_a_body_whose_middle_is_below_the_ground_is_pushed_up_and_not_down(devia
 
 
 def test_bodies_that_physics_does_not_move_stay_where_they_are(client: Any) -> None:
-    fixed, patched = ball(client, -0.01, mass=0.0), ball(client, -1.0)
-    ground = Ground(client, flat())
+    fixed, patched = put(client, BALL, (0.013, 0.021, -0.01), 0.0), put(client, BALL, (0.013, 0.021, -1.0))
+    ground = Ground(client, level())
     ground.attach(fixed)
     ground.attach(patched, solid=False)
     ground.step(0.0, DT)
@@ -63,9 +47,9 @@ def test_bodies_that_physics_does_not_move_stay_where_they_are(client: Any) -> N
 
 
 def test_a_body_that_is_nowhere_disturbs_no_other(client: Any) -> None:
-    lost, fine = ball(client, 0.5), ball(client, 0.3)
+    lost, fine = put(client, BALL, (0.013, 0.021, 0.5)), put(client, BALL, (0.013, 0.021, 0.3))
     client.resetBasePositionAndOrientation(lost, (math.nan, 0.0, 0.0), (0, 0, 0, 1))
-    ground = Ground(client, flat())
+    ground = Ground(client, level())
     for body in (lost, fine):
         ground.attach(body)
     for step in range(240):
@@ -74,7 +58,7 @@ def test_a_body_that_is_nowhere_disturbs_no_other(client: Any) -> None:
 
 
 def test_a_step_of_another_length_than_pybullets_is_refused(client: Any) -> None:
-    ground = Ground(client, flat())
+    ground = Ground(client, level())
     with pytest.raises(InputError, match=r"dt is 0\.01 s, but PyBullet steps 0\.0041\d* s; call setTimeStep\(0\.01\)"):
         ground.step(0.0, 0.01)
     client.setTimeStep(0.01)
@@ -83,9 +67,7 @@ def test_a_step_of_another_length_than_pybullets_is_refused(client: Any) -> None
 
 SHAPES: tuple[Shape, ...] = (Sphere(0.15), Box(0.3, 0.2, 0.2), Cylinder(0.1, 0.3), Sphere(0.03))
 STATES = st.tuples(
-    st.sampled_from(SHAPES),
-    st.floats(-0.2, 2.0),
-    st.tuples(*[st.floats(-4.0, 4.0)] * 2, st.floats(-30.0, 2.0)),
+    st.sampled_from(SHAPES), st.floats(-0.2, 2.0), st.tuples(*[st.floats(-4.0, 4.0)] * 2, st.floats(-30.0, 2.0))
 )
 
 

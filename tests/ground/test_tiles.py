@@ -6,11 +6,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, Terrain, World, WorldConfig
-from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.patches.shapes import BODY_COLUMNS, ball
-from tests.bodies import shapes_of
-from tests.ground.selecting import Selecting
+from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
+from tests.ground.selecting import balls_on, update
+from tests.grounds import terrain_of
+
+FIELD = PatchConfig(kind="heightfield")
 
 
 def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -23,26 +23,6 @@ def tile(x0: float, y0: float, rows: int, columns: int, resolution: float, yaw: 
     place = heightmap.geometry.to_world(*np.indices((rows, columns)))
     heightmap.replace(surface(place[..., 0], place[..., 1]), time=10.0)
     return heightmap
-
-
-def terrain_of(**tiles: HeightMap) -> Terrain:
-    terrain = Terrain()
-    for name, heightmap in tiles.items():
-        terrain.put(name, heightmap)
-    return terrain
-
-
-def selector_for(terrain: Terrain, radius: float, count: int) -> Selecting:
-    shapes = shapes_of([ball(radius)] * count)
-    return Selecting(terrain, PatchConfig(kind="heightfield"), shapes)
-
-
-def update(selector: Selecting, positions: np.ndarray) -> list[PatchBatch]:
-    """Patches of bodies at rest at positions (N, 3)."""
-    bodies = np.zeros((len(positions), BODY_COLUMNS))
-    bodies[:, :3], bodies[:, 6] = positions, 1.0
-    selector.update(bodies, 20.0, 1.0 / 240.0)
-    return selector.batches()
 
 
 ADJACENT = {
@@ -63,8 +43,8 @@ def test_patches_that_cross_a_border_have_no_step_and_no_hole(name: str, radius:
     x = np.linspace(-2.0, 2.0, count)
     positions = np.column_stack([x, np.full(count, 0.03), surface(x, np.full(count, 0.03)) + 0.9 * radius])
     seen = set()
-    selector = selector_for(terrain, radius, count)
-    for batch in update(selector, positions):
+    selector = balls_on(terrain, [radius] * count, FIELD)
+    for batch in update(selector, positions, time=20.0):
         for body, vertices in zip(batch.bodies.tolist(), batch.vertices_w, strict=True):
             assert not np.isnan(vertices).any()
             np.testing.assert_allclose(vertices[:, 2], surface(vertices[:, 0], vertices[:, 1]), atol=1e-4)
@@ -133,10 +113,10 @@ def test_tiles_come_are_replaced_and_go() -> None:
 
 def test_a_body_stays_with_its_tile_where_tiles_overlap() -> None:
     terrain = ADJACENT["overlapping"]()
-    selector = selector_for(terrain, 0.2, 1)
+    selector = balls_on(terrain, [0.2], FIELD)
     tiles = []
     for x in (*np.linspace(-2.0, 2.0, 41), *np.linspace(2.0, -2.0, 41)):
-        [batch] = update(selector, np.array([[x, 0.0, 0.5]]))
+        [batch] = update(selector, np.array([[x, 0.0, 0.5]]), time=20.0)
         tiles.append(batch.tile)
     assert [tiles[0], tiles[40], tiles[-1]] == ["west", "east", "west"]
     assert sum(a != b for a, b in pairwise(tiles)) == 2

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from smartmesh_ros import BodyState, HeightMap, PatchConfig, PhysicsConfig, Sphere, Terrain, World, WorldConfig
 from smartmesh_ros.ground.ground import FIRST_MAPS, LONGEST_LIFE, SHORTEST_LIFE, UpdateSchedule
 from smartmesh_ros.patches.config import PatchKind
+from tests.grounds import level, moving
 
 RATE, SIDE = 240.0, 41
 DT = 1.0 / RATE
@@ -197,15 +198,30 @@ def test_fast_bodies_do_not_leave_their_patches_before_these_follow(
 def test_patches_that_leave_maps_out_follow_ground_that_accelerates(kind: PatchKind) -> None:
     """Maps come with every step, patches follow every fourth: what changed since the last that was looked at took four
     times as long as since the map before."""
-    acceleration = 3.0
-    heightmap = HeightMap(np.zeros((SIDE, SIDE)), resolution=0.1)
+
+    def ground(time: float) -> float:
+        return 1.5 * time**2
+
     patch = PatchConfig(kind=kind, rate=30.0)
-    with World(heightmap, WorldConfig(physics=PhysicsConfig(rate=RATE), patch=patch)) as world:
-        world.spawn("ball", Sphere(RADIUS), 1.0, BodyState((2.0, 2.0, RADIUS)))
-        for step in range(240):
-            height = 0.5 * acceleration * world.time**2
-            heightmap.replace(np.full((SIDE, SIDE), height), time=world.time)
-            world.step()
+    with World(level(SIDE), WorldConfig(physics=PhysicsConfig(rate=RATE), patch=patch)) as world:
+        world.spawn("ball", Sphere(RADIUS), 1.0, BodyState((0.0, 0.0, RADIUS)))
+        for step in moving(world, ground, 240, every=1):
             if step > 24:
-                ground = 0.5 * acceleration * world.time**2
-                assert world.state("ball").position[2] - RADIUS == pytest.approx(ground, abs=3e-4)
+                assert world.state("ball").position[2] - RADIUS == pytest.approx(ground(world.time), abs=3e-4)
+
+
+@pytest.mark.parametrize("rate", [0.0, 60.0])
+@pytest.mark.parametrize("kind", ["heightfield", "auto"])
+def test_a_ball_stays_on_a_seesaw_however_steep(kind: PatchKind, rate: float) -> None:
+    """Ground rises and falls where it is; a collider that turns about a point aside would move into the ball."""
+    across = 0.5 * (np.indices((41, 41))[1] - 20)
+
+    def slope(time: float) -> float:
+        return 0.8 * math.sin(3.0 * time)
+
+    with World(level(41, 0.5), WorldConfig(patch=PatchConfig(kind=kind, rate=rate))) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.22, 0.2, 0.2)))
+        for step in moving(world, lambda time: slope(time) * across, 100, every=1):
+            steep, (x, _, z) = slope(world.time), world.state("ball").position
+            clearance = (z - steep * x) / math.hypot(1.0, steep) - 0.2
+            assert step < 5 or abs(clearance) < 5e-4  # the ground's velocity is known after two maps

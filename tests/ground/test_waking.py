@@ -6,9 +6,9 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros import Box, Ground, HeightMap
 from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.bodies import height, put
 from tests.core import mesh_parts
 
 DT = 1.0 / 240.0
@@ -33,23 +33,22 @@ def woken(monkeypatch: pytest.MonkeyPatch, client: Any) -> list[int]:
 
 
 def box(client: Any, maximal: bool, sleeps: bool = True) -> int:
-    shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=[0.15] * 3)
-    body = client.createMultiBody(1.0, shape, basePosition=(0.0, 0.0, 0.16), useMaximalCoordinates=maximal)
+    body = put(client, Box(0.3, 0.3, 0.3), (0.0, 0.0, 0.16), useMaximalCoordinates=maximal)
     if sleeps:
         client.changeDynamics(body, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
-    return int(body)
+    return body
 
 
-def height(client: Any, body: int) -> float:
-    return float(client.getBasePositionAndOrientation(body)[0][2])
-
-
-def standing(client: Any, *, maximal: bool = True, sleeps: bool = True) -> tuple[HeightMap, Ground, int]:
-    """A map, the ground of it, and a box that is attached."""
-    heightmap = HeightMap(BUMPS, resolution=SPACING, origin=(-2.0, -2.0))
-    ground, body = Ground(client, heightmap), box(client, maximal, sleeps)
+def standing(
+    client: Any, *, mesh: bool = False, maximal: bool = True, sleeps: bool = True
+) -> tuple[HeightMap | TriangleMesh, Ground, int]:
+    """A map or a mesh, the ground of it, and a box that is attached."""
+    terrain: Any = HeightMap(BUMPS, resolution=SPACING, origin=(-2.0, -2.0))
+    if mesh:
+        terrain = TriangleMesh(*mesh_parts.sheet(4.0, 40))
+    ground, body = Ground(client, terrain), box(client, maximal, sleeps)
     ground.attach(body)
-    return heightmap, ground, body
+    return terrain, ground, body
 
 
 def run(client: Any, ground: Ground, first: int, steps: int, every: int = 1) -> int:
@@ -71,29 +70,23 @@ def asleep(client: Any, ground: Ground, body: int, every: int = 1) -> int:
 
 
 @pytest.mark.parametrize(
-    ("drop", "maximal", "every"),
-    [*((drop, maximal, 1) for drop in (1.0, 0.05, 0.002) for maximal in (False, True)), (1.0, True, 4)],
-)
-def test_a_sleeping_body_falls_with_its_ground(client: Any, drop: float, maximal: bool, every: int) -> None:
+    ("drop", "maximal", "every", "mesh"),
+    [
+        *((drop, maximal, 1, False) for drop in (1.0, 0.05, 0.002) for maximal in (False, True)),
+        (1.0, True, 4, False), (0.5, True, 1, True),
+    ],
+)  # fmt: skip
+def test_a_sleeping_body_falls_with_its_ground(client: Any, drop: float, maximal: bool, every: int, mesh: bool) -> None:
     """A rigid body or a multibody, whichever step the map comes in."""
-    heightmap, ground, body = standing(client, maximal=maximal)
+    terrain, ground, body = standing(client, mesh=mesh, maximal=maximal)
     step = asleep(client, ground, body, every)
     before = height(client, body)
-    heightmap.replace(BUMPS - drop, time=step * DT + 100.0)  # long after: no velocity
+    if mesh:
+        terrain.move(terrain.vertices - (0.0, 0.0, drop), time=step * DT + 100.0)
+    else:
+        terrain.replace(BUMPS - drop, time=step * DT + 100.0)  # long after: no velocity
     run(client, ground, step, 240)
     assert height(client, body) == pytest.approx(before - drop, abs=2e-3 if drop > 0.01 else 5e-4)
-
-
-def test_a_sleeping_body_on_a_general_mesh_falls_with_it(client: Any) -> None:
-    vertices, triangles = mesh_parts.sheet(4.0, 40)
-    mesh = TriangleMesh(vertices, triangles)
-    ground, body = Ground(client, mesh), box(client, True)
-    ground.attach(body)
-    step = asleep(client, ground, body)
-    before = height(client, body)
-    mesh.move(vertices - (0.0, 0.0, 0.5), time=step * DT + 100.0)
-    run(client, ground, step, 240)
-    assert height(client, body) == pytest.approx(before - 0.5, abs=2e-3)
 
 
 def test_on_ground_that_stands_still_nobody_is_woken(client: Any, woken: list[int]) -> None:

@@ -18,14 +18,14 @@ from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.terrain.height_scan import yaws_of
 from smartmesh_ros.tools.testing import Probe
 from smartmesh_ros.world.height_scanner import HeightScanner
-from tests import robot_urdfs
+from tests import urdfs
 from tests.node.shared import box, made_with, refusal_at_start, spawn, wait_until
 
 SIDE, RESOLUTION, LOW = 81, 0.25, -10.0
 x = LOW + RESOLUTION * np.arange(SIDE)
 HILLS = (0.4 * np.sin(0.6 * x[None]) * np.cos(0.5 * x[:, None])).astype(np.float32)
 SIZE = (0.5, 0.3, 0.2)
-ROBOT = f'<robot name="r">{robot_urdfs.link("base", 5.0, SIZE, robot_urdfs.box(SIZE), (0.1, 0.05, 0.0))}</robot>'
+ROBOT = urdfs.robot(urdfs.link("base", urdfs.box(SIZE), 5.0, SIZE, at="0.1 0.05 0"))
 SHARED = {
     "frame_id": "map",
     "height_scans": [

@@ -10,11 +10,11 @@ from geometry_msgs.msg import PoseArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, pose_message
-from tests import robot_urdfs
+from tests import urdfs
 from tests.node.shared import BALL, spawn
 
 SIZE = (0.3, 0.3, 0.2)
-ROBOT = f'<robot name="r">{robot_urdfs.link("a", 1.0, SIZE, robot_urdfs.box(SIZE))}</robot>'
+ROBOT = urdfs.robot(urdfs.link("a", urdfs.box(SIZE), 1.0, SIZE))
 
 
 def test_services_open_no_file_outside_the_folders(probe: Probe, tmp_path: Path) -> None:

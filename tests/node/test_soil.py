@@ -34,7 +34,7 @@ from smartmesh_ros.tools.testing import Probe, pose_message
 from smartmesh_ros.tools.testing.messages import heightmap_message
 from smartmesh_ros.tools.testing.process import START_TIMEOUT
 from studies.soil.trials import plate_sinkage
-from tests import robot_urdfs
+from tests import urdfs
 from tests.node.shared import LATCHED, box, made_with, position_of, seconds, set_parameters, spawn
 
 PLATE = box(0.2, 0.2, 0.1)
@@ -220,9 +220,9 @@ def test_contacts_that_are_not_finite_are_refused() -> None:
 
 SIZE, CYLINDER = (0.4, 0.3, 0.1), '<cylinder radius="0.1" length="0.05"/>'
 PARTS = [
-    robot_urdfs.link("base", 5.0, SIZE, robot_urdfs.box(SIZE)),
-    robot_urdfs.link("wheel", 1.0, (0.1, 0.1, 0.1), CYLINDER, rpy="1.5707963 0 0"),
-    robot_urdfs.joint("axle", "base", "wheel", (0.3, 0.2, -0.1), "continuous"),
+    urdfs.link("base", urdfs.box(SIZE), 5.0, SIZE),
+    urdfs.link("wheel", CYLINDER, 1.0, (0.1, 0.1, 0.1), rpy="1.5707963 0 0"),
+    urdfs.joint("axle", "continuous", "base", "wheel", xyz="0.3 0.2 -0.1"),
 ]
 ROBOT = f'<robot name="bot">{"".join(PARTS)}</robot>'
 

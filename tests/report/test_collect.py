@@ -50,19 +50,15 @@ def test_patches_of_the_triangle_graph_have_the_shapes_of_figure_5(
 
 
 @pytest.mark.parametrize("rings", [1, 2, 3, 4])
-def test_counts_of_the_grid_graph_inside_at_edges_and_in_corners(rings: int) -> None:
+def test_counts_of_the_grid_graph_inside_at_edges_and_in_corners_and_of_the_triangle_graph(rings: int) -> None:
     graph = GridGraph(20, 20)
     side = 2 * rings + 1
     assert len(union_bfs(graph, 10 * 20 + 10, rings)) == side * side  # Figure 7
     assert len(union_bfs(graph, 10 * 20, rings)) == side * (rings + 1)
     assert len(union_bfs(graph, 0, rings)) == (rings + 1) ** 2
-
-
-@pytest.mark.parametrize("rings", [1, 2, 3, 4])
-def test_counts_of_the_triangle_graph(rings: int) -> None:
-    graph = TriangleGraph(grid_triangles(20, 20), 400)
     # A hexagon of rings: 1 + 6 (1 + 2 + ... + rings) vertices.
-    assert len(queue_bfs(graph, 10 * 20 + 10, rings)) == 1 + 3 * rings * (rings + 1)
+    triangles = TriangleGraph(grid_triangles(20, 20), 400)
+    assert len(queue_bfs(triangles, 10 * 20 + 10, rings)) == 1 + 3 * rings * (rings + 1)
 
 
 @settings(max_examples=30, deadline=None)

@@ -1,7 +1,5 @@
 """Patches of fixed extent, as the report makes them: around the nearest vertex, as large as asked for."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -9,36 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from smartmesh_ros import HeightMap, PatchConfig
 from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.shapes import BODY_COLUMNS, ball
+from smartmesh_ros.patches.shapes import BODY_COLUMNS
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.report.fixed import extent_for
 from smartmesh_ros.report.mesh import mesh_twist
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.terrain import Terrain
-from tests.bodies import shapes_of
+from smartmesh_ros.terrain.grid import FloatArray
 from tests.examples import examples
-from tests.ground.selecting import Selecting
+from tests.ground.selecting import SOLID, balls_on, update
 
 DT = 1.0 / 240.0
-SOLID = PatchConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
-
-
-def selector_for(
-    heightmap: HeightMap, radii: list[float], config: PatchConfig = SOLID, solid: BoolArray | None = None
-) -> Selecting:
-    shapes = shapes_of(ball(radius) for radius in radii)
-    return Selecting(Terrain(heightmap), config, shapes, solid)
-
-
-def update(selector: Selecting, positions: FloatArray, speed: float = 0.0, time: float = 0.0) -> list[PatchBatch]:
-    """Patches of bodies at positions (N, 3) that move along x."""
-    bodies = np.zeros((len(positions), BODY_COLUMNS))
-    bodies[:, :3], bodies[:, 6], bodies[:, 7] = positions, 1.0, speed
-    selector.update(bodies, time, DT)
-    return selector.batches()
 
 
 @examples(50)
@@ -59,7 +38,7 @@ def test_every_vertex_is_a_sample_of_the_map(
     inside = heightmap.geometry.to_world(rng.uniform(0, shape[0] - 1, 20), rng.uniform(0, shape[1] - 1, 20))
     positions = np.column_stack([inside, np.full(20, 1.5)])
     seen = 0
-    for batch in update(selector_for(heightmap, radii, config), positions):
+    for batch in update(balls_on(heightmap, radii, config), positions):
         vertices = batch.vertices_w.reshape(-1, 3)
         cells = heightmap.geometry.to_grid(vertices[:, :2])
         np.testing.assert_allclose(cells, np.rint(cells), atol=1e-6)
@@ -77,7 +56,7 @@ def test_patches_reach_beyond_the_body_on_every_side(radius: float, travel: floa
     heightmap = HeightMap(np.zeros((300, 300)), resolution=0.1)
     rng = np.random.default_rng(3)
     positions = np.column_stack([rng.uniform(10, 20, (50, 2)), np.zeros(50)])
-    for batch in update(selector_for(heightmap, [radius] * 50), positions, travel / DT):
+    for batch in update(balls_on(heightmap, [radius] * 50), positions, travel / DT):
         body, need = positions[batch.bodies], radius + travel - 1e-6
         for axis in (0, 1):
             assert np.all(batch.vertices_w[..., axis].max(axis=1) - body[:, axis] >= need)
@@ -96,7 +75,7 @@ def test_the_twist_of_a_patch_is_that_of_rigidly_moving_ground(
     velocities = rise + roll * place[..., 1] - pitch * place[..., 0]
     heightmap.replace(np.zeros((60, 60)), time=0.1, velocities=velocities)
     position = heightmap.geometry.to_world(29.7, 30.2)
-    [batch] = update(selector_for(heightmap, [radius], config), np.array([[*position, 0.5 * radius]]), time=0.1)
+    [batch] = update(balls_on(heightmap, [radius], config), np.array([[*position, 0.5 * radius]]), time=0.1)
     centre = batch.centres_w[0]
     assert batch.linear_w[0, 2] == pytest.approx(rise + roll * centre[1] - pitch * centre[0], abs=1e-3)
     np.testing.assert_allclose(batch.angular_w[0], [roll, pitch, 0.0], atol=1e-3)
@@ -112,7 +91,7 @@ def test_a_patch_moves_as_the_ground_under_the_body_does(config: PatchConfig) ->
     heightmap.replace(0.01 * speed, time=0.01)
     places = heightmap.geometry.to_world(*rng.uniform(10.0, 49.0, (2, 40)))
     positions = np.column_stack([places, heightmap.at(places, 0.01).heights + 0.05])
-    selector, checked = selector_for(heightmap, [0.05] * 40, config), 0
+    selector, checked = balls_on(heightmap, [0.05] * 40, config), 0
     for batch in update(selector, positions, time=0.01):
         for row, body in enumerate(batch.bodies.tolist()):
             foot = selector.supports[body]
@@ -125,7 +104,7 @@ def test_a_patch_moves_as_the_ground_under_the_body_does(config: PatchConfig) ->
 
 
 def test_patches_do_not_flicker_between_sizes() -> None:
-    selector, sizes = selector_for(HeightMap(np.zeros((100, 100)), resolution=0.1), [0.25]), []
+    selector, sizes = balls_on(HeightMap(np.zeros((100, 100)), resolution=0.1), [0.25]), []
     here = np.array([[5.0, 5.0, 0.2]])
     for step in range(60):
         [batch] = update(selector, here, 0.001 / DT if step % 2 else 0.0)  # about the border between two sizes
@@ -153,7 +132,7 @@ def test_an_extent_covers_what_is_asked_for_as_far_as_the_map_has_room(
 def test_bodies_off_the_terrain_have_no_patch() -> None:
     heightmap = HeightMap(np.zeros((11, 11)), resolution=1.0)
     positions = np.array([[5.0, 5.0, 0.0], [-0.3, 5.0, 0.0], [-0.6, 5.0, 0.0], [np.nan, 5.0, 0.0], [5.0, 12.0, 0.0]])
-    [batch] = update(selector_for(heightmap, [0.5] * 5), positions)
+    [batch] = update(balls_on(heightmap, [0.5] * 5), positions)
     assert batch.bodies.tolist() == [0, 1]
 
 
@@ -165,7 +144,7 @@ def test_fixed_rings_are_the_reports_collider_size_by_every_method(rings: int, c
     heightmap = HeightMap(rng.normal(scale=0.05, size=(50, 50)), resolution=0.1)
     positions = np.column_stack([rng.uniform(1.0, 3.9, (6, 2)), np.full(6, 1.0)])
     configs = PatchConfig(rings=rings), PatchConfig(rings=rings, collect=collect, search=search)
-    expected, found = (selector_for(heightmap, [0.01, 2.0] * 3, config) for config in configs)
+    expected, found = (balls_on(heightmap, [0.01, 2.0] * 3, config) for config in configs)
     for _ in range(3):  # rays are cast at the patches before
         [one], [other] = update(expected, positions), update(found, positions)
         assert one.vertices_w.shape[1] == (2 * rings + 1) ** 2
@@ -187,8 +166,8 @@ def test_patches_of_bodies_that_are_not_solid_are_worked_out_when_asked_for() ->
     rng = np.random.default_rng(4)
     heightmap = HeightMap(rng.normal(size=(60, 60)), resolution=0.1)
     solid = np.arange(12) % 3 > 0
-    fixed = selector_for(heightmap, [0.3] * 12, SOLID)
-    chosen = selector_for(heightmap, [0.3] * 12, PatchConfig(), solid)
+    fixed = balls_on(heightmap, [0.3] * 12, SOLID)
+    chosen = balls_on(heightmap, [0.3] * 12, PatchConfig(), solid)
     others = set(np.flatnonzero(~solid).tolist())
     positions = rng.uniform(1.0, 4.0, (12, 3))
     bodies = np.zeros((12, BODY_COLUMNS))
@@ -210,7 +189,7 @@ def test_patches_of_bodies_that_are_not_solid_are_worked_out_when_asked_for() ->
 def test_fixed_patches_say_how_far_they_are_from_the_ground_where_they_know(x: float, *, known: bool) -> None:
     """Of stride one they are the ground itself; of a coarser one nobody has looked."""
     heightmap = HeightMap(np.random.default_rng(0).normal(size=(101, 101)), resolution=0.1)
-    selector = selector_for(heightmap, [0.3 if known else 3.0])
+    selector = balls_on(heightmap, [0.3 if known else 3.0])
     [batch] = update(selector, np.array([[x, 5.0, 0.0]]))
     assert (batch.deviation[0] == 0.0) == known
     assert (batch.stride[0] == 1) == known

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.tri import Triangulation
 
-from smartmesh_ros import BodyState, PatchConfig, Sphere, World, WorldConfig
-from smartmesh_ros.errors import InputError
+from smartmesh_ros import BodyState, GridGeometry, InputError, PatchConfig, Sphere, World, WorldConfig
 from smartmesh_ros.patches.config import SearchMethod, require_search
 from smartmesh_ros.report.search import (
     Cells,
@@ -22,7 +21,6 @@ from smartmesh_ros.report.search import (
     ray_cast,
     uniform_grid_vertices,
 )
-from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.mesh_shape import count_parts
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from studies.bench.searching import best_first_vertex
@@ -114,7 +112,6 @@ def test_grid_traversal_of_a_mesh_equals_brute_force(seed: int) -> None:
     mesh = TriangleMesh(np.column_stack([xy, rng.normal(size=63)]), grid_triangles(7, 9))
     require_search("grid_traversal", mesh)
     positions = around(rng, mesh.vertices)[:60]
-    assert mesh.shape.grid is not None
     found = uniform_grid_vertices(mesh.shape.grid, positions)
     np.testing.assert_array_equal(found, horizontal_brute_force(mesh, positions))
 

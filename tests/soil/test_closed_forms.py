@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros import InputError
 from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.soils import soil_named, soils_of
 from studies.soil.trials import TOWED, PlateTrial, TowedWheel, plate_sinkage, sled_shear, wheel_sinkage, wheel_work

@@ -1,6 +1,5 @@
 """Soil whose law is that of contacts: laws of plates, wheels and carts in PyBullet."""
 
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -8,14 +7,15 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, InputError, PatchConfig, Sphere, World
+from smartmesh_ros import BodyState, Box, Ground, HeightMap, InputError, PatchConfig, Sphere, World
 from smartmesh_ros.soil.config import SoilType
 from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.soil.soils import map_from, soil_named
-from smartmesh_ros.terrain.motion import MotionConfig
 from studies.soil.arcs import free_slip, undamped, wheel_forces
 from studies.soil.trials import Wheel, plate_sinkage
 from studies.soil.vehicles import WARTHOG, Cart, drive, roll, set_down, vertical_forces
+from tests.bodies import height, put
+from tests.grounds import step_on_moving
 
 SOILS = ("dry_sand", "clay", "sandy_loam", "lunar", "hit_lss1", "lete_sand", "chrono_rig", "k10_sand")
 FLAT = np.zeros((101, 101))
@@ -98,10 +98,7 @@ def test_prints_under_a_body_and_the_body_move_with_the_ground() -> None:
         tile = map_from(world.terrain, "")
         world.step(240)
         sunk, low, start = -tile.heights.min(), world.state("box").position[2], world.time
-        for step in range(240):
-            if step % 8 == 0:
-                tile.replace(FLAT + 0.1 * (world.time - start), time=world.time)
-            world.step()
+        step_on_moving(world, lambda time: 0.1 * (time - start), 240, every=8)
         assert world.state("box").position[2] - low == pytest.approx(0.1, abs=0.01)
         world.ground.refresh(world.time, world.dt)
         assert tile.heights.max() - tile.heights.min() == pytest.approx(sunk, rel=0.3)
@@ -168,42 +165,11 @@ def test_energy_never_grows_in_set_downs(number: int, rate: float) -> None:
     assert set_down(number, ("dry_sand", "lunar", "clay", "hit_lss1")[number % 4], rate=rate).rose < 1e-3
 
 
-@pytest.mark.parametrize("shape", [Box(0.3, 0.3, 0.3), Sphere(0.15), Cylinder(0.15, 0.2)])
-def test_a_heavy_body_dropped_from_a_metre_stays_where_it_fell(shape: Box | Sphere | Cylinder) -> None:
-    with World(HeightMap(FLAT, resolution=0.04)) as world:
-        world.spawn("heavy", shape, 40.0, BodyState((2.0, 2.0, 1.15)))
-        world.ground.set_soil(soil := ContactSoil(world.terrain, "lunar"))
-        heights = []
-        for _ in range(720):
-            world.step()
-            heights.append(world.state("heavy").position[2])
-        assert max(heights[200:]) - min(heights) < 1e-3
-        assert 0.0 < soil.sinkage().max() < 0.2
-        assert world.rescues == 0
-
-
 def test_a_body_that_is_put_into_the_soil_is_not_thrown() -> None:
     for soil in ("clay", "lunar"):
         with with_box(soil, height=0.04) as world:
             world.step(240)
             assert world.state("box").position[2] == pytest.approx(0.04, abs=5e-3)
-
-
-def test_a_sliding_box_is_held_by_the_shear_strength() -> None:
-    """On a slope below the angle of friction a box creeps by millimetres and stays; above, it slides."""
-    found = {}
-    for degrees in (15.0, 45.0):
-        x = np.tile(0.04 * np.arange(101), (101, 1))
-        with World(HeightMap(-math.tan(math.radians(degrees)) * x, resolution=0.04)) as world:
-            world.spawn("box", Box(0.2, 0.2, 0.1), 20.0, BodyState((2.0, 2.0, 0.0)), on_ground=True, align=True)
-            world.ground.set_soil(ContactSoil(world.terrain, "dry_sand"))
-            world.step(240)
-            soon = world.state("box").position[0]
-            world.step(240)
-            found[degrees] = soon - 2.0, world.state("box").position[0] - soon
-    assert 0.0 < found[15.0][0] < 0.03
-    assert found[15.0][1] < 1e-4
-    assert found[45.0][1] > 0.3
 
 
 def test_prints_stay_in_the_map_and_new_ground_is_new_soil() -> None:
@@ -260,8 +226,7 @@ def test_soil_goes_with_its_map(way: str, caplog: pytest.LogCaptureFixture) -> N
 
 @pytest.mark.parametrize("maximal", [True, False])
 def test_what_sleeps_in_pybullet_wakes_on_another_soil(client: Any, maximal: bool) -> None:
-    shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=[0.1] * 3)
-    body = client.createMultiBody(20.0, shape, basePosition=(1.0, 1.0, 0.1), useMaximalCoordinates=maximal)
+    body = put(client, Box(0.2, 0.2, 0.2), (1.0, 1.0, 0.1), 20.0, useMaximalCoordinates=maximal)
     client.changeDynamics(body, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
     ground = Ground(client, HeightMap(np.zeros((41, 41)), resolution=0.05))
     ground.attach(body)
@@ -270,8 +235,7 @@ def test_what_sleeps_in_pybullet_wakes_on_another_soil(client: Any, maximal: boo
     ground.set_soil(ContactSoil(ground.terrain, "lunar"))
     for _ in range(480):
         ground.step(ground.time, 1.0 / 240.0)
-    sunk = 0.1 - client.getBasePositionAndOrientation(body)[0][2]
-    assert sunk == pytest.approx(20.0 * 9.81 / 0.04 / 820e3, rel=0.1)
+    assert 0.1 - height(client, body) == pytest.approx(20.0 * 9.81 / 0.04 / 820e3, rel=0.1)
 
 
 def test_a_driven_track_pulls_itself_through_the_soil() -> None:
@@ -298,21 +262,7 @@ def test_soils_are_where_kinds_say() -> None:
         soil.reset()
 
 
-def test_what_cannot_be_soil_is_refused() -> None:
-    tile = HeightMap(FLAT, resolution=0.04)
-    with pytest.raises(InputError, match="spacing"):
-        ContactSoil(tile, "lunar", spacing=0.0)
-    with pytest.raises(InputError, match="no soil"):
-        ContactSoil(tile, "porridge")
-    with pytest.raises(InputError, match=r"on cells of 10 m; it must be above 0\.01 m"):
-        ContactSoil(HeightMap(FLAT, resolution=10.0), "lunar")
-    with pytest.raises(InputError, match="raise spacing"):
-        ContactSoil(HeightMap(np.zeros((1000, 1000)), resolution=5.0), "lunar")
-    for soil in (5, [5], None):
-        with pytest.raises(InputError, match="is no soil; give a SoilType"):
-            ContactSoil(tile, soil)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="corrections"):
-        ContactSoil(HeightMap(FLAT, resolution=0.04, motion=MotionConfig(changes="correction")), "lunar")
+def test_soil_where_it_cannot_be_is_refused() -> None:
     with with_box() as world:
         world.client.resetSimulation()
         with pytest.raises(InputError, match="make another"):
@@ -320,7 +270,7 @@ def test_what_cannot_be_soil_is_refused() -> None:
         assert world.ground.soil is None
     with with_box() as world:
         with pytest.raises(InputError, match="no tile"):
-            world.ground.set_soil(ContactSoil(tile, "lunar"))
+            world.ground.set_soil(ContactSoil(HeightMap(FLAT, resolution=0.04), "lunar"))
         world.ground.set_soil(ContactSoil(world.terrain, "lunar"))
         with pytest.raises(InputError, match="contacts come from the map"):
             world.ground.configure(PatchConfig(kind="heightfield"))

@@ -3,8 +3,6 @@
 The reasons for it are in core/motion.h, core/motion.cpp and core/noisy_motion.h.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -1,13 +1,11 @@
 """The surface of a main mesh as triangles, and points and rays on it by brute force: written without the package's
 sampling of facets."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros import HeightMap
 
 
 class Found(NamedTuple):

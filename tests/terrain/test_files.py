@@ -13,10 +13,9 @@ from rasterio.control import GroundControlPoint
 from rasterio.enums import ColorInterp
 from rasterio.transform import Affine
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros import HeightMap, InputError
 from smartmesh_ros.io.files import load
 from smartmesh_ros.io.rasters import Raster, RasterConfig
-from smartmesh_ros.terrain.heightmap import HeightMap
 
 HEIGHTS = np.arange(12, dtype=np.float32).reshape(3, 4)  # first row at the top
 

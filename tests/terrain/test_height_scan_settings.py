@@ -1,7 +1,5 @@
 """Height scans refuse settings that cannot be, and say what would be right."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,5 +1,6 @@
-"""Heights, holes and motion of a height map."""
+"""Where samples of a height map lie, and its heights, holes and motion."""
 
+import math
 import mmap
 from pathlib import Path
 
@@ -8,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros import GridGeometry, HeightMap, InputError
 from smartmesh_ros.terrain.motion import BLOCK, MotionConfig
 from tests.examples import examples
 
@@ -95,21 +95,6 @@ def test_a_region_moves_alone() -> None:
     assert velocity_at(heightmap, 22, 12, 0.2)[1] == pytest.approx(2.0, rel=1e-4)
 
 
-@pytest.mark.parametrize("whole", [False, True])
-def test_a_frame_in_parts_that_share_blocks_has_one_velocity(whole: bool) -> None:
-    """The second part corrects the blocks it shares with the first, and is new to the others."""
-    size = 3 * BLOCK
-    heightmap = HeightMap(np.zeros((size, size)), time=0.0)
-    heightmap.replace(np.full((size, size), 0.1), time=0.1)
-    heightmap.update_region(0, 0, np.full((size, 100), 0.2), time=0.2)
-    if whole:
-        heightmap.replace(np.full((size, size), 0.2), time=0.2)
-    else:
-        heightmap.update_region(0, 100, np.full((size, size - 100), 0.2), time=0.2)
-    for column in (5, 80, 110, size - 5):
-        assert velocity_at(heightmap, 50, column, 0.2) == (pytest.approx(0.2), pytest.approx(1.0, rel=1e-4))
-
-
 def test_jumps_and_old_maps_give_no_velocity() -> None:
     motion = MotionConfig(max_interval=0.25, max_velocity=25.0)
     jumped = HeightMap(np.zeros((5, 5)), time=0.0, motion=motion)
@@ -173,3 +158,48 @@ def test_heights_may_lie_at_any_address() -> None:
         heightmap.replace(shifted, time=0.1, velocities=shifted, variance=shifted)
         heightmap.update_region(1, 0, shifted[1:], time=0.2)
         np.testing.assert_allclose(heightmap.heights, new, rtol=1e-6)
+
+
+geometries = st.builds(
+    GridGeometry,
+    rows=st.integers(3, 200),
+    columns=st.integers(3, 200),
+    resolution=st.floats(0.01, 10.0),
+    origin=st.tuples(*[st.floats(-1e3, 1e3)] * 3),
+    yaw=st.floats(-math.pi, math.pi),
+)
+
+
+@given(geometries, st.floats(0, 199), st.floats(0, 199))
+def test_grid_and_world_are_inverse(geometry: GridGeometry, row: float, column: float) -> None:
+    back = geometry.to_grid(geometry.to_world(row, column))
+    np.testing.assert_allclose(back, [row, column], atol=1e-6)
+
+
+@given(geometries)
+def test_rows_run_along_the_maps_y_and_columns_along_its_x(geometry: GridGeometry) -> None:
+    origin, along_row, along_column = (geometry.to_world(*cell) for cell in ((0, 0), (1, 0), (0, 1)))
+    x_axis = np.array([math.cos(geometry.yaw), math.sin(geometry.yaw)]) * geometry.resolution
+    y_axis = np.array([-math.sin(geometry.yaw), math.cos(geometry.yaw)]) * geometry.resolution
+    np.testing.assert_allclose(origin, geometry.origin[:2])
+    np.testing.assert_allclose(along_column - origin, x_axis, atol=1e-9)
+    np.testing.assert_allclose(along_row - origin, y_axis, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"rows": 2}, "geometry"),
+        ({"columns": 0}, "geometry"),
+        ({"rows": 2**20, "columns": 2**20}, "size"),
+        ({"resolution": 0.0}, "geometry"),
+        ({"resolution": -0.1}, "geometry"),
+        ({"resolution": math.nan}, "geometry"),
+        ({"origin": (0.0, math.inf, 0.0)}, "geometry"),
+        ({"yaw": math.nan}, "geometry"),
+    ],
+)
+def test_impossible_geometry_is_refused(change: dict[str, object], reason: str) -> None:
+    with pytest.raises(InputError) as error:
+        GridGeometry(**{"rows": 10, "columns": 10, "resolution": 0.1, **change})  # type: ignore[arg-type]
+    assert error.value.reason == reason

@@ -1,7 +1,5 @@
 """How maps, and meshes, are moved on in time from what their updates told, also if the stamps of these are uneven."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import get_args
@@ -11,11 +9,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from smartmesh_ros import HeightMap, Terrain
 from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import BLOCK, INTERVALS_KEPT, MotionConfig, MotionMode
-from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.examples import examples
 from tests.terrain.motion_law import LATE_AFTER, REST_AFTER
@@ -50,9 +47,11 @@ def fed(when: Callable[[float], FloatArray], times: FloatArray, *, mode: MotionM
 @examples(25)
 @given(parts, st.lists(st.floats(0.01, 0.2), min_size=1, max_size=4), st.integers(0, 10**6), st.floats(0.0, 0.3))
 @example([BLOCK + 3], [0.05, 0.05, 0.05], 0, 0.02)  # in a block that both parts share
+@example([BLOCK + 3], [0.05, 0.05, 0.05], 1, 0.02)
 def test_a_map_that_comes_in_parts_moves_as_the_whole_map_does(
     borders: list[int], intervals: list[float], seed: int, age: float
 ) -> None:
+    """Also if it comes as a whole after its parts, as with every odd seed."""
     rng = np.random.default_rng(seed)
     shape = rng.normal(size=(SIDE, SIDE)).astype(np.float32)
     whole, pieces, time = HeightMap(shape, time=0.0), HeightMap(shape, time=0.0), 0.0
@@ -62,6 +61,8 @@ def test_a_map_that_comes_in_parts_moves_as_the_whole_map_does(
         whole.replace(shape, time=time)
         for first, last in zip([0, *borders], [*borders, SIDE], strict=True):
             pieces.update_region(0, first, shape[:, first:last], time=time)
+        if seed % 2:
+            pieces.replace(shape, time=time)
     expected, found = (mesh.sample(EVERYTHING, time + age, 0.01) for mesh in (whole, pieces))
     np.testing.assert_allclose(found.heights, expected.heights, atol=1e-4)
     np.testing.assert_allclose(found.velocities, expected.velocities, atol=1e-2)

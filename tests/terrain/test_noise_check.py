@@ -12,10 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from smartmesh_ros import GridGeometry, HeightMap, MotionConfig
 from smartmesh_ros.core import CORE
-from smartmesh_ros.terrain.grid import GridGeometry
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.noise_check import NO_FINDINGS, Lattice, NoiseCheck, NoiseCheckConfig
 from smartmesh_ros.tools.evaluation.grounds import make_ground
 from smartmesh_ros.tools.evaluation.scene import Scene, read_scenes
@@ -64,30 +62,18 @@ def at_rate(rate: float, seconds: float = 4.0, most: int = 120) -> list[float]:
 
 
 @pytest.mark.parametrize("rate", [5.0, 10.0, 20.0, 60.0, 240.0])
-def test_noise_is_seen_within_five_seconds_and_measured(rate: float) -> None:
-    findings = check_of(of_mapper(SOON, rate, noise=0.005)).findings
-    assert findings.noise == pytest.approx(0.005, rel=0.15)
-    assert findings.jump == 0.0
-
-
-@pytest.mark.parametrize("rate", [5.0, 10.0, 20.0, 60.0])
-@pytest.mark.parametrize("noise", [0.0, 0.005])
-def test_closures_are_seen_within_five_seconds_and_measured(rate: float, noise: float) -> None:
-    findings = check_of(of_mapper(SOON, rate, noise=noise, closure=0.08)).findings
-    assert findings.jump == pytest.approx(0.08, rel=0.1)
-    assert (findings.noise > 0.0) == (noise > 0.0)
-
-
-def test_noise_drift_and_closures_together_are_seen_within_five_seconds() -> None:
-    findings = check_of(of_mapper(SOON, 10.0, noise=0.005, drift=0.01, closure=0.08)).findings
-    assert findings.noise == pytest.approx(0.005, rel=0.15)
-    assert findings.jump == pytest.approx(0.08, rel=0.1)
-    assert str(findings).startswith("noise of 5.")
-    assert "jumps of still ground by up to 8." in str(findings)
-
-
-def test_drift_alone_is_motion() -> None:
-    assert check_of(of_mapper(10.0, 10.0, drift=0.01)).findings == NO_FINDINGS
+@pytest.mark.parametrize(
+    ("noise", "closure", "drift"),
+    [(0.005, 0.0, 0.0), (0.0, 0.08, 0.0), (0.005, 0.08, 0.0), (0.005, 0.08, 0.01), (0.0, 0.0, 0.01)],
+)
+def test_noise_and_closures_are_seen_within_five_seconds_and_measured_and_drift_is_motion(
+    rate: float, noise: float, closure: float, drift: float
+) -> None:
+    findings = check_of(of_mapper(SOON, rate, noise=noise, drift=drift, closure=closure)).findings
+    assert findings.noise == pytest.approx(noise, rel=0.15)
+    assert findings.jump == pytest.approx(closure, rel=0.1)
+    assert (f"noise of {1e3 * findings.noise:.1f} mm" in str(findings)) == (noise > 0.0)
+    assert (f"jumps of still ground by up to {1e2 * findings.jump:.1f} cm" in str(findings)) == (closure > 0.0)
 
 
 def test_smoothed_noise_is_seen() -> None:

@@ -1,44 +1,31 @@
-"""Surfaces as others keep them, against their definitions."""
+"""Surfaces as others keep them, against their definitions.
+
+Masked arrays: cells without data are holes, whatever number lies below the mask.
+"""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.io.rasters import (
-    Raster,
-    RasterConfig,
-    from_cells,
-    from_grid_map,
-    from_image,
-    from_points,
-    occupancy_heights,
-)
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros import HeightMap, InputError, MotionConfig, World
+from smartmesh_ros.io.rasters import RasterConfig, from_cells, from_grid_map, from_image, from_points, occupancy_heights
+from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 NAN = float("nan")
 PLAIN = RasterConfig()
 
 
-def height_at(raster: Raster, x: float, y: float) -> float:
+def height_at(raster: Any, x: float, y: float) -> float:
     return float(HeightMap(raster.heights, geometry=raster.geometry).at([[x, y]], 0.0).heights[0])
 
 
-# One map of 5 x 4 cells of 1 m about (10, 20): what it holds, north (+x) up and west (+y) to the left, and the same as
-# its circular buffer stores it for several starts. Worked out by hand from the definition.
-SEEN = [
-    [11.0, 12.0, 13.0, 14.0],
-    [21.0, 22.0, 23.0, 24.0],
-    [31.0, 32.0, 33.0, 34.0],
-    [41.0, 42.0, 43.0, 44.0],
-    [51.0, 52.0, 53.0, 54.0],
-]
+CELLS = np.arange(20.0, dtype=np.float32).reshape(5, 4)
 
 
-@settings(deadline=None)
 @given(
     along_x=st.integers(3, 9),
     along_y=st.integers(3, 9),
@@ -65,11 +52,11 @@ def test_every_cell_of_a_grid_map_is_where_its_definition_says(
 @pytest.mark.parametrize("start", [(5, 0), (0, 4), (65535, 0)])
 def test_a_buffer_that_starts_outside_is_refused(start: tuple[int, int]) -> None:
     with pytest.raises(InputError, match="circular buffer"):
-        from_grid_map(np.array(SEEN), start=start, centre=(0.0, 0.0), resolution=1.0, config=PLAIN)
+        from_grid_map(CELLS, start=start, centre=(0.0, 0.0), resolution=1.0, config=PLAIN)
 
 
 def test_what_is_not_finite_is_a_hole_everywhere() -> None:
-    cells = np.array(SEEN, np.float32)
+    cells = CELLS.copy()
     cells[1, 2], cells[3, 0] = math.inf, NAN
     raster = from_grid_map(cells, start=(0, 0), centre=(0.0, 0.0), resolution=1.0, config=PLAIN)
     assert np.isnan(raster.heights).sum() == 2
@@ -97,7 +84,6 @@ def test_occupancy_stands_as_high_as_it_is_certain_and_unknown_is_a_hole() -> No
         occupancy_heights(np.array([[101]], np.int8), PLAIN)
 
 
-@settings(deadline=None)
 @given(yaw=st.floats(-3.0, 3.0), resolution=st.floats(0.01, 5.0))
 def test_samples_of_cells_lie_in_their_middles(yaw: float, resolution: float) -> None:
     raster = from_cells(np.zeros((4, 6), np.float32), corner=(1.0, 2.0, 3.0), yaw=yaw, resolution=resolution)
@@ -107,7 +93,6 @@ def test_samples_of_cells_lie_in_their_middles(yaw: float, resolution: float) ->
     assert raster.geometry.yaw == yaw
 
 
-@settings(deadline=None)
 @given(
     yaw=st.floats(-3.1, 3.1),
     resolution=st.floats(0.02, 3.0),
@@ -162,3 +147,66 @@ def test_what_missing_points_of_a_cloud_say_does_not_matter() -> None:
     raster = from_points(points, PLAIN)
     assert np.isnan(raster.heights).sum() == 2
     assert raster.geometry.origin == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+
+
+NO_DATA = -9999.0
+WHERE = [[0.0, -1.0], [0.0, 1.0]]
+
+
+def masked(kind: Any = np.float64) -> Any:
+    """A level map; its half along +y has no data."""
+    heights = np.zeros((41, 41), kind)
+    heights[20:] = NO_DATA
+    return np.ma.masked_equal(heights, NO_DATA)
+
+
+def heightmap(heights: Any, **options: Any) -> HeightMap:
+    return HeightMap(heights, resolution=0.1, origin=(-2.0, -2.0), **options)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64, np.int16])
+@pytest.mark.parametrize("corrects", [False, True])
+def test_masked_heights_are_holes(kind: Any, corrects: bool) -> None:
+    motion = MotionConfig(changes="correction" if corrects else "motion")
+    made = heightmap(masked(kind), motion=motion)
+    replaced, updated = heightmap(np.full((41, 41), np.nan), motion=motion), heightmap(masked(kind), motion=motion)
+    replaced.replace(masked(kind), time=1.0)
+    updated.update_region(0, 0, masked(kind)[:30], time=1.0)
+    for ground in (made, replaced, updated):
+        with World(ground) as world:
+            np.testing.assert_array_equal(world.ground_at(WHERE).z, [0.0, np.nan])
+
+
+def test_masked_velocities_are_none_and_masked_variances_are_unknown() -> None:
+    speeds = np.ma.masked_greater(np.where(np.arange(41)[:, None] < 20, 1.0, 1e6) * np.ones((41, 41)), 1e3)
+    moving = heightmap(np.zeros((41, 41)), velocities=speeds)
+    np.testing.assert_allclose(moving.at(WHERE, 0.0).velocities, [1.0, 0.0])
+    variances = np.ma.masked_equal(np.where(np.arange(41)[:, None] < 20, 1e-4, NO_DATA) * np.ones((41, 41)), NO_DATA)
+    fused = heightmap(np.zeros((41, 41)), variance=variances, motion=MotionConfig(changes="correction"))
+    np.testing.assert_array_equal(np.isfinite(fused.at(WHERE, 0.0).heights), [True, False])
+
+
+def test_masks_survive_rasters() -> None:
+    config = RasterConfig(scale=0.5, offset=1.0)
+    hole = masked(np.int16).mask
+    image = from_image(masked(np.int16), config)
+    np.testing.assert_array_equal(np.isnan(image.heights[::-1]), hole)
+    layer = from_grid_map(masked(), start=(3, 0), centre=(0.0, 0.0), resolution=0.1, config=config, variances=masked())
+    assert np.isnan(layer.heights).sum() == np.isnan(layer.variances).sum() == hole.sum()
+    y, x = np.mgrid[0:41, 0:41] * 0.1
+    cloud = from_points(np.ma.stack([np.ma.array(x), np.ma.array(y), masked()], axis=-1), config)
+    np.testing.assert_array_equal(np.isnan(cloud.heights), hole)
+
+
+def test_a_mesh_has_no_masked_vertices() -> None:
+    vertices = np.ma.masked_equal([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, NO_DATA]], NO_DATA)
+    with pytest.raises(InputError, match="not finite"):
+        TriangleMesh(vertices, [[0, 1, 2]])
+    with World(heightmap(np.zeros((41, 41)))) as world, pytest.raises(InputError, match="not finite"):
+        world.ground_at(np.ma.masked_equal([[0.0, NO_DATA]], NO_DATA))
+
+
+def test_a_mask_that_covers_nothing_changes_nothing() -> None:
+    assert heightmap(np.ma.array(np.ones((41, 41)))).heights.min() == 1.0
+    with World(heightmap(np.ma.array(np.ones((41, 41), int)))) as world:
+        assert world.ground_at(np.ma.array([[0, 1]])).z[0] == 1.0

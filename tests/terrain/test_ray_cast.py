@@ -8,11 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros import HeightMap, InputError, MotionConfig, Terrain
 from smartmesh_ros.terrain.surface_query import GroundHits, RayCaster, checked_rays
-from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.terrain.surfaces import first_hit, triangles_of
 from tests.terrain.test_surface_query import folded_mesh

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from smartmesh_ros import GridGeometry
 from smartmesh_ros.scenes.moving import Crater, InwardWaves, Level, Rut, Scene, Wave, jacksboro_fault
-from smartmesh_ros.terrain.grid import GridGeometry
 
 GRID = GridGeometry(rows=81, columns=121, resolution=0.2)
 

@@ -4,22 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros.terrain.grid import GridGeometry
-from smartmesh_ros.terrain.grid_track import (
-    STILL,
-    RigidMotion,
-    at_rest,
-    follow,
-    motion_between,
-    moved_on,
-)
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros import GridGeometry, HeightMap, Terrain
+from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow, motion_between, moved_on
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.terrain.scrolling import cells_moved, velocities_across
-from smartmesh_ros.terrain.terrain import Terrain
+from tests.grounds import terrain_of
 
 
 def surface(geometry: GridGeometry, time: float) -> np.ndarray:
@@ -28,13 +20,7 @@ def surface(geometry: GridGeometry, time: float) -> np.ndarray:
     return (np.sin(xy[..., 0]) + xy[..., 1] - 0.5 * time * xy[..., 0]).astype(np.float32)
 
 
-@settings(deadline=None)
-@given(
-    rows=st.integers(-7, 7),
-    columns=st.integers(-9, 9),
-    yaw=st.floats(-3.0, 3.0),
-    resolution=st.floats(0.05, 1.0),
-)
+@given(rows=st.integers(-7, 7), columns=st.integers(-9, 9), yaw=st.floats(-3.0, 3.0), resolution=st.floats(0.05, 1.0))
 def test_velocities_of_shared_samples_are_those_of_the_ground(
     rows: int, columns: int, yaw: float, resolution: float
 ) -> None:
@@ -44,7 +30,6 @@ def test_velocities_of_shared_samples_are_those_of_the_ground(
     assert cells_moved(before, after) == (rows, columns)
     old = HeightMap(surface(before, 0.0), geometry=before, time=0.0)
     velocities = velocities_across(old, after, surface(after, 0.1), 0.1)
-    assert velocities is not None
     shared = ~np.isnan(velocities)
     assert shared.sum() == (8 - abs(rows)) * (10 - abs(columns))
     wanted = -0.5 * after.to_world(*np.mgrid[:8, :10])[..., 0]
@@ -186,7 +171,6 @@ def coefficients(geometry: GridGeometry) -> np.ndarray:
     return np.where(xy[..., 1] < -3.0, np.nan, 1.0 + 0.5 * np.sin(xy[..., 0])).astype(np.float32)
 
 
-@settings(deadline=None)
 @given(
     rows=st.integers(-9, 9), columns=st.integers(-11, 11), yaw=st.floats(-3.0, 3.0), rise=st.floats(-1.0, 1.0),
     changes=st.sampled_from(["motion", "correction"]), later=st.sampled_from([0.0, 0.1, 100.0]),
@@ -237,9 +221,8 @@ def test_one_coefficient_is_that_of_the_next_map_on_any_grid_and_others_are_not_
 def test_friction_at_points_is_that_of_the_nearest_sample_of_the_first_map_with_ground() -> None:
     heights = np.zeros((5, 5))
     heights[2, 2] = np.nan
-    terrain = Terrain()
-    terrain.put("holed", HeightMap(heights, friction=np.arange(25.0).reshape(5, 5)))
-    terrain.put("below", HeightMap(np.full((9, 9), -1.0), friction=0.5))
+    holed = HeightMap(heights, friction=np.arange(25.0).reshape(5, 5))
+    terrain = terrain_of(holed=holed, below=HeightMap(np.full((9, 9), -1.0), friction=0.5))
     points = np.array([[1.4, 0.6], [3.6, 4.0], [2.0, 2.0], [6.0, 6.0], [20.0, 0.0]])
     np.testing.assert_allclose(terrain.friction_at(points), [6.0, 24.0, 0.5, 0.5, 1.0])
     assert Terrain(HeightMap(np.zeros((5, 5)))).friction_at(points[:1]) == 1.0

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros import HeightMap, InputError
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from tests.bodies import rotation
 
 
 def grid(rows: int = 6, columns: int = 8, stretch: tuple[float, float] = (1.0, 1.0)) -> np.ndarray:
@@ -101,17 +101,11 @@ def test_a_mesh_of_a_grid_samples_as_the_height_map_does() -> None:
     np.testing.assert_allclose(mesh.at(points, 0.0).heights, heightmap.at(points, 0.0).heights, atol=1e-6)
 
 
-def rotated(vertices: np.ndarray, angle: float) -> np.ndarray:
-    cos, sin = np.cos(angle), np.sin(angle)
-    return np.stack(
-        [vertices[:, 0] * cos - vertices[:, 1] * sin, vertices[:, 0] * sin + vertices[:, 1] * cos, vertices[:, 2]], 1
-    )
-
-
 @pytest.mark.parametrize("angle", [0.0, 0.4, -2.0])
 @pytest.mark.parametrize("stretch", [(1.0, 1.0), (0.5, 2.0)])
 def test_even_grids_are_recognised_however_they_lie(angle: float, stretch: tuple[float, float]) -> None:
-    mesh = TriangleMesh(rotated(grid(stretch=stretch), angle), grid_triangles(6, 8))
+    turn = np.array([0.0, 0.0, np.sin(0.5 * angle), np.cos(0.5 * angle)])
+    mesh = TriangleMesh(grid(stretch=stretch) @ rotation(turn).T, grid_triangles(6, 8))
     assert not mesh.shape.reason
     assert mesh.shape.grid is not None
     assert (mesh.shape.grid.rows, mesh.shape.grid.columns) == (6, 8)

@@ -1,8 +1,5 @@
 """The k-th call to PyBullet fails, for k = 1, 2, ...: what failed has changed nothing, and the world goes on."""
 
-from __future__ import annotations
-
-import tempfile
 from collections.abc import Callable
 from dataclasses import astuple, replace
 from itertools import chain
@@ -14,24 +11,14 @@ import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import (
-    BodyState,
-    Box,
-    Ground,
-    HeightMap,
-    InputError,
-    PatchConfig,
-    PhysicsConfig,
-    Sphere,
-    World,
-    WorldConfig,
-)
+from smartmesh_ros import BodyState, Box, Ground, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.states import simulated_states
 from tests.faults import Faults, bullet_faults
+from tests.grounds import level
 from tests.urdfs import joint, link, robot
 
 CUBE = '<box size="0.2 0.2 0.2"/>'
@@ -39,7 +26,6 @@ LIMIT = '<limit lower="-1" upper="1" effort="10" velocity="1"/>'
 BASE = link("base", CUBE, moment=0.1)
 ROBOT = robot(BASE, link("arm", CUBE, moment=0.1), joint("hinge", "revolute", "base", "arm", LIMIT, "0.3 0 0"))
 OTHER = robot(BASE)
-KINDS = ("auto", "heightfield", "trimesh", "whole_trimesh")
 # `BulletClient` cannot be deleted if it is not connected.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 ABOVE = BodyState((0.0, 1.5, 0.15))
@@ -54,8 +40,7 @@ def made(kind: str = "auto", *, robots: bool = True, after: float = 0.5, changes
     """A world with a box, a tracked ball and, if asked for, a robot; it has run for some steps."""
     config = WorldConfig(patch=PatchConfig(kind=kind), physics=PhysicsConfig(sleep=True))  # type: ignore[arg-type]
     config = replace(config, sleep=replace(config.sleep, after=after))
-    motion = MotionConfig(changes=changes)
-    world = World(HeightMap(np.zeros((61, 61)), resolution=0.1, origin=(-3.0, -3.0), motion=motion), config)
+    world = World(level(61, motion=MotionConfig(changes=changes)), config)
     world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.0, 0.0, 0.1)))
     world.track("ball", 0.2, BodyState((1.0, 0.0, 0.3)))
     if robots:
@@ -84,17 +69,12 @@ LONG = ("spawn on ground", "restore")
 CASES = [(name, kind) for name in OPERATIONS for kind in ("auto", "heightfield") if kind == "auto" or name not in LONG]
 
 
-def links(world: World) -> dict[str, list[str]]:
-    """Names of the followers of each body, as the bodies want them."""
-    return {
+def assert_whole(world: World) -> None:
+    """The client has the bodies of the world and one proxy for each solid follower, and nothing else."""
+    wanted = {
         name: [f"{name}/{link}" for link in body.links.values()] if body.is_robot else [name]
         for name, body in world.bodies.items()
     }
-
-
-def assert_whole(world: World) -> None:
-    """The client has the bodies of the world and one proxy for each solid follower, and nothing else."""
-    wanted = links(world)
     assert sorted(follower.name for follower in world.followers) == sorted(chain.from_iterable(wanted.values()))
     for name, body in world.bodies.items():
         found = {world.followers[slot].name for slot in world.followers.of(body.uid)}
@@ -112,13 +92,12 @@ def colliders(world: World) -> int:
 def set_ground(world: World, height: float) -> None:
     """A new map, which is at rest."""
     tile = world.terrain.tile("")
-    assert isinstance(tile, HeightMap)
     still = None if tile.motion.corrects else np.zeros((61, 61), np.float32)
     tile.replace(np.full((61, 61), height), time=world.time, velocities=still)
 
 
 def assert_goes_on(world: World, height: float = 0.0) -> None:
-    """Bodies fall and stand on ground of this height, and none is lost."""
+    """Bodies fall and stand on ground of this height, none is lost, and the client is whole."""
     world.spawn("probe", Sphere(0.1), 1.0, BodyState((2.0, -2.0, height + 0.13)))
     world.step(60)
     assert world.lost == []
@@ -128,31 +107,13 @@ def assert_goes_on(world: World, height: float = 0.0) -> None:
         if body.simulated:
             assert world.state(name).position[2] > 0.05, name
     world.remove("probe")
+    assert_whole(world)
 
 
-def known(world: World) -> dict[str, tuple[FloatArray, dict[str, JointCommand]]]:
+def known(world: World) -> tuple[dict[str, FloatArray], dict[str, dict[str, JointCommand]]]:
     """Numbers of the states, and the commands, of the bodies."""
-    return {
-        name: (np.concatenate(astuple(world.state(name))), dict(body.commands)) for name, body in world.bodies.items()
-    }
-
-
-def assert_known(world: World, before: dict[str, tuple[FloatArray, dict[str, JointCommand]]], fired: str) -> None:
-    found = known(world)
-    assert found.keys() == before.keys()
-    for name, (numbers, commands) in found.items():
-        assert np.allclose(numbers, before[name][0], rtol=0.0, atol=1e-9), (fired, name)
-        assert commands == before[name][1], (fired, name)
-
-
-def done(faults: Faults, number: int, operation: Callable[[], Any]) -> bool:
-    """Whether an operation is done whose ``number``-th call to PyBullet fails; if not, its error was one for users."""
-    try:
-        with faults.failing(number):
-            operation()
-    except (pb.error, InputError):
-        return False
-    return True
+    numbers = {name: np.concatenate(astuple(world.state(name))) for name in world.bodies}
+    return numbers, {name: dict(body.commands) for name, body in world.bodies.items()}
 
 
 @pytest.mark.parametrize(("name", "kind"), CASES)
@@ -160,29 +121,29 @@ def test_an_operation_is_done_or_has_changed_nothing(faults: Faults, name: str, 
     operation, come, go = OPERATIONS[name]
     for number in faults.runs():
         with made(kind) as world:
-            before = known(world)
-            if not done(faults, number, lambda: operation(world)):
-                assert_known(world, before, faults.fired)
+            numbers, commands = known(world)
+            if not faults.done(number, lambda: operation(world)):
+                found, still = known(world)
+                assert (found.keys(), still) == (numbers.keys(), commands), faults.fired
+                np.testing.assert_allclose(list(found.values()), list(numbers.values()), rtol=0.0, atol=1e-9)
                 assert_whole(world)
                 world.step(3)
                 assert_whole(world)
                 operation(world)
-            assert set(world.bodies) == (set(before) | come) - go
+            assert set(world.bodies) == (set(numbers) | come) - go
             assert_goes_on(world)
-            assert_whole(world)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["auto", "heightfield", "trimesh", "whole_trimesh"])
 def test_a_step_that_failed_is_made_again(faults: Faults, kind: str) -> None:
     """The map has changed under the bodies before the step."""
     for number in faults.runs():
         with made(kind) as world:
             set_ground(world, 0.02)
             time = world.time
-            if not done(faults, number, world.step):
+            if not faults.done(number, world.step):
                 assert world.time in (time, time + world.dt)
             assert_goes_on(world, 0.02)
-            assert_whole(world)
 
 
 @pytest.mark.parametrize("way", ["sleep", "wake", "ground"])
@@ -195,7 +156,7 @@ def test_bodies_sleep_and_wake_whatever_failed(faults: Faults, way: str, changes
                 fall_asleep(world)
             if way == "ground":
                 set_ground(world, -0.2)
-            done(faults, number, world.wake if way == "wake" else lambda: world.step(8))
+            faults.done(number, world.wake if way == "wake" else lambda: world.step(8))
             if way != "ground":
                 world.step(3)
                 fall_asleep(world)
@@ -217,7 +178,7 @@ def test_what_wakes_a_body_is_done_or_has_changed_nothing(faults: Faults, change
                 "surface": lambda: world.drive_surface("box", "", 0.3),
                 "soil": lambda: world.ground.set_soil(soil),  # noqa: B023
             }
-            if not done(faults, number, changes[change]):
+            if not faults.done(number, changes[change]):
                 assert world.ground.soil is None
                 assert not any(follower.belt.speed for follower in world.followers)
                 changes[change]()
@@ -253,14 +214,13 @@ def test_guests_come_and_go_whatever_failed(faults: Faults) -> None:
                     assert "guest" in world.bodies
                 if way == "goes":
                     world.guests.take("other", far, world.time)
-                done(faults, number, (lambda: world.guests.forget("other")) if way == "is forgotten" else world.step)
+                faults.done(number, (lambda: world.guests.forget("other")) if way == "is forgotten" else world.step)
                 world.step(10)
                 assert ("guest" in world.bodies) == (way == "comes" or (way != "goes" and bool(world.guests.counts)))
                 assert_whole(world)
                 world.guests.forget("other")
                 assert set(world.bodies) == {"box", "ball"}
                 assert_goes_on(world)
-                assert_whole(world)
 
 
 @pytest.mark.parametrize("kinds", [("auto", "heightfield"), ("heightfield", "auto"), ("auto", "auto")])
@@ -271,16 +231,14 @@ def test_settings_are_changed_or_not(faults: Faults, kinds: tuple[str, str]) -> 
             new = replace(
                 old, patch=replace(old.patch, kind=kinds[1]), physics=replace(old.physics, gravity=(0, 0, -5))
             )
-            if not done(faults, number, lambda: world.configure(new)):  # noqa: B023
+            if not faults.done(number, lambda: world.configure(new)):  # noqa: B023
                 assert world.config is old
                 assert world.ground.config is old.patch
                 assert_gravity(world, old)
                 assert_goes_on(world)
-                assert_whole(world)
                 world.configure(new)
             assert_gravity(world, new)
             assert_goes_on(world)
-            assert_whole(world)
 
 
 def assert_gravity(world: World, config: WorldConfig) -> None:
@@ -288,46 +246,31 @@ def assert_gravity(world: World, config: WorldConfig) -> None:
     assert [found[f"gravityAcceleration{axis}"] for axis in "XYZ"] == pytest.approx(list(config.physics.gravity))
 
 
-def test_a_clients_ground_is_made_and_its_bodies_are_attached_or_not(faults: Faults) -> None:
+@pytest.mark.parametrize("way", ["make", "attach", "detach", "close", "step"])
+def test_a_clients_ground_is_made_and_its_bodies_are_attached_or_not(faults: Faults, way: str, tmp_path: Path) -> None:
     """For the world of a PyBullet user: what fails leaves the client as it was, and may be asked for again."""
-    heights = HeightMap(np.zeros((61, 61)), resolution=0.1, origin=(-3.0, -3.0))
+    (tmp_path / "robot.urdf").write_text(ROBOT)
     for number in faults.runs():
         client: Any = BulletClient(pb.DIRECT)
-        ball = client.createMultiBody(1.0, client.createCollisionShape(pb.GEOM_SPHERE, radius=0.1))
-        found: list[Ground] = []
-        if not done(faults, number, lambda: found.append(Ground(client, heights))):  # noqa: B023
-            assert client.getNumBodies() == 1
-            found.append(Ground(client, heights))
-        [ground] = found
-        ground.attach(ball)
-        assert client.getNumBodies() == 2
+        client.setGravity(0.0, 0.0, -9.81)
+        robot = client.loadURDF(str(tmp_path / "robot.urdf"), (0.0, 0.0, 0.1))
+        grounds = [] if way == "make" else [Ground(client, level(61))]
+        if way not in ("make", "attach"):
+            grounds[0].attach(robot)
+        actions: dict[str, Callable[[], object]] = {
+            "make": lambda: grounds.append(Ground(client, level(61))),  # noqa: B023
+            "attach": lambda: grounds[0].attach(robot),  # noqa: B023
+            "detach": lambda: grounds[0].detach(robot),  # noqa: B023
+            "close": lambda: grounds[0].close(),  # noqa: B023, PLW0108
+            "step": lambda: grounds[0].step(0.0, 1.0 / 240.0),  # noqa: B023
+        }
+        proxies = 0 if way in ("make", "attach") else 2
+        if not faults.done(number, actions[way]):
+            assert client.getNumBodies() == 1 + proxies
+            assert sum(len(ground.followers) for ground in grounds) == proxies
+            client.stepSimulation()
+            actions[way]()
+        if way == "make":
+            grounds[0].attach(robot)
+        assert client.getNumBodies() == (1 if way in ("detach", "close") else 3)
         client.disconnect()
-    for way in ("attach", "detach", "close", "step"):
-        for number in faults.runs():
-            client = BulletClient(pb.DIRECT)
-            client.setGravity(0.0, 0.0, -9.81)
-            robot = loaded(client)
-            ground = Ground(client, heights)
-            if way != "attach":
-                ground.attach(robot)
-            actions = {
-                "attach": lambda: ground.attach(robot),  # noqa: B023
-                "detach": lambda: ground.detach(robot),  # noqa: B023
-                "close": ground.close,
-                "step": lambda: ground.step(0.0, 1.0 / 240.0),  # noqa: B023
-            }
-            proxies = 0 if way == "attach" else 2
-            if not done(faults, number, actions[way]):
-                assert client.getNumBodies() == 1 + proxies
-                assert len(ground.followers) == proxies
-                client.stepSimulation()
-                actions[way]()
-            assert client.getNumBodies() == (1 if way in ("detach", "close") else 3)
-            client.disconnect()
-
-
-def loaded(client: Any) -> int:
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "robot.urdf"
-        file.write_text(ROBOT)
-        return int(client.loadURDF(str(file), (0.0, 0.0, 0.1)))

@@ -1,7 +1,5 @@
 """The k-th opening, reading or writing of a file fails, for k = 1, 2, ...: a refusal, after which all goes on."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from smartmesh_ros import BodyState, InputError, World
+from smartmesh_ros import BodyState, World
 from smartmesh_ros.io import files
 from smartmesh_ros.io.urdf import UrdfRules, checked_urdf
 from smartmesh_ros.soil.soils import soils_of
@@ -35,21 +33,11 @@ def robot_in(folder: Path, scale: float) -> Path:
     return file
 
 
-def done(faults: Faults, number: int, operation: Callable[[], Any]) -> bool:
-    """Whether an operation is done whose ``number``-th call fails; if not, it was refused."""
-    try:
-        with faults.failing(number):
-            operation()
-    except InputError as error:
-        assert faults.fired in str(error)
-        return False
-    return True
-
-
 def test_a_robot_is_spawned_or_not(faults: Faults, world: World, tmp_path: Path) -> None:
     for number in faults.runs():
         file = str(robot_in(tmp_path, 0.2 + 0.001 * number))
-        if not done(faults, number, lambda: world.spawn_robot("robot", file, BodyState((0.0, 0.0, 0.05)))):  # noqa: B023
+        if not faults.done(number, lambda: world.spawn_robot("robot", file, BodyState((0.0, 0.0, 0.05)))):  # noqa: B023
+            assert faults.fired in faults.said
             assert world.bodies == {}
             assert world.client.getNumBodies() == 0
             world.spawn_robot("robot", file, BodyState((0.0, 0.0, 0.05)))
@@ -75,6 +63,7 @@ def test_a_file_is_read_or_refused(faults: Faults, tmp_path: Path) -> None:
     for read in readers:
         for number in faults.runs():
             soils_of.cache_clear()
-            if not done(faults, number, read):
+            if not faults.done(number, read):
+                assert faults.fired in faults.said
                 read()
         assert number > 1

@@ -1,7 +1,5 @@
 """Bodies of several worlds meet as those of one do, and guests are what their owners say they are."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 
@@ -16,7 +14,6 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.shapes import Shape, padded_dimensions, shape_of
 from smartmesh_ros.world.guest_config import GuestConfig
 from smartmesh_ros.world.guests import Guests
-from smartmesh_ros.world.state_table import StateTable
 from smartmesh_ros.world.states import simulated_states
 from tests.bodies import random_turn, rotation
 from tests.peers import RATE, Peers, Start, flat_world, peers
@@ -146,20 +143,24 @@ def test_a_guest_is_its_owners_body(shape: Shape) -> None:
         assert np.allclose(there.position, here.position, atol=5e-3)
 
 
-def test_guests_are_shown_by_their_owners_only() -> None:
+def test_guests_are_shown_saved_and_reset_by_their_owners_only() -> None:
     with peers([[ball(0.0, 0.0)], [ball(0.5, 0.0)]], 0) as made:
         made.step(5)
         for world, own in zip(made.worlds, ("b0", "b1"), strict=True):
             assert set(world.bodies) == {"b0", "b1"}
             names = world.followers.names
             assert [names[index] for batch in world.shown_batches() for index in batch.bodies.tolist()] == [own]
-            assert (
-                sum(len(batch.bodies) for batch in world.ground.patches.batches) == 2
-            )  # guests stand on patches of their own
+            # Guests stand on patches of their own.
+            assert sum(len(batch.bodies) for batch in world.ground.patches.batches) == 2
             assert {contact.body for contact in world.contacts()} == {own}
             assert [wrench.body for wrench in world.wrenches()] == [own]
             assert [body.name for body in world.snapshot().bodies] == [own]
             assert simulated_states(world).names == [own]
+            world.save()
+        made.step(5)
+        for world, own in zip(made.worlds, ("b0", "b1"), strict=True):
+            world.reset()
+            assert list(world.bodies) == [own]
 
 
 def test_bodies_come_and_go_with_the_distance_and_with_their_owner() -> None:
@@ -265,16 +266,6 @@ def test_a_body_changes_its_owner_while_older_states_are_in_use() -> None:
         assert world.bodies["body"].owner == "b"
 
 
-def test_worlds_with_guests_are_saved_and_reset_without_them() -> None:
-    with peers([[ball(0.0, 0.0)], [ball(0.5, 0.0)]], 0) as made:
-        made.step(5)
-        saved = made.worlds[0].save()
-        assert [body.name for body in saved.bodies] == ["b0"]
-        made.step(5)
-        made.worlds[0].reset()
-        assert list(made.worlds[0].bodies) == ["b0"]
-
-
 @given(seed=st.integers(0, 2**32 - 1), duration=st.floats(-0.2, 0.2))
 def test_states_move_on_at_their_velocities(seed: int, duration: float) -> None:
     rng = np.random.default_rng(seed)
@@ -292,22 +283,15 @@ def test_states_move_on_at_their_velocities(seed: int, duration: float) -> None:
     assert np.allclose(np.linalg.norm(half, axis=1), 1.0)
 
 
-def test_a_world_without_peers_does_nothing_for_them() -> None:
-    made = Peers(1, 0, PhysicsConfig())
-    with made.worlds[0] as world:
-        world.spawn("ball", BALL, 1.0)
-        made.step(2)
-        assert world.guests.counts == {}
-
-
 def test_the_margin_of_guests_is_above_zero() -> None:
     with pytest.raises(InputError, match="margin"):
         GuestConfig(margin=0.0)
 
 
-def test_states_without_bodies_are_taken() -> None:
+def test_worlds_without_peers_and_peers_without_bodies_are_taken() -> None:
     with flat_world(PhysicsConfig()) as world, flat_world(PhysicsConfig()) as other:
-        empty = simulated_states(other)
-        assert isinstance(empty, StateTable)
-        assert world.guests.take("other", empty, 0.0) == []
+        world.spawn("ball", BALL, 1.0)
+        world.step(2)
+        assert world.guests.counts == {}
+        assert world.guests.take("other", simulated_states(other), 0.0) == []
         world.step()

@@ -1,36 +1,21 @@
 """Height scans are the ground at the points of their grid, in the layouts that policies were trained with."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
 import numpy as np
 import pytest
 
-from smartmesh_ros import (
-    BodyState,
-    Box,
-    HeightMap,
-    HeightScan,
-    HeightScanner,
-    InputError,
-    MotionConfig,
-    Sphere,
-    Terrain,
-    World,
-)
+from smartmesh_ros import BodyState, Box, HeightMap, HeightScan, HeightScanner, MotionConfig, Sphere, Terrain, World
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.height_scan import LAYOUTS, yaws_of
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts
-from tests.urdfs import inertial, robot
+from tests.urdfs import link, robot
 
 SIDE, RESOLUTION, LOW = 161, 0.05, -4.0
-# The rover's base link has its centre of mass beside its origin.
-LOPSIDED = robot(
-    f'<link name="base">{inertial(2.0, 0.1, "0.1 0.05 -0.02")}<collision><geometry><box size="0.4 0.3 0.1"/></geometry>'
-    "</collision></link>"
-)
+# A robot whose base link has its centre of mass beside its origin.
+LOPSIDED = robot(link("base", '<box size="0.4 0.3 0.1"/>', 2.0, 0.1, at="0.1 0.05 -0.02"))
 
 
 def wave(time: float, side: int = SIDE) -> np.ndarray:
@@ -215,28 +200,27 @@ def test_both_orders_hold_the_same_values() -> None:
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize(("distribution", "deviation"), [("uniform", 0.02 / math.sqrt(3.0)), ("normal", 0.02)])
 def test_noise_has_its_deviation_and_is_added_before_the_scale(
-    layout: str, distribution: str, deviation: float
+    world: World, layout: str, distribution: str, deviation: float
 ) -> None:
     plain = HeightScan.of(layout)
     noisy = HeightScan.of(layout, noise=0.02, distribution=distribution)
-    with World(HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))) as world:
-        names = [f"body_{k}" for k in range(50)]
-        for name in names:
-            world.spawn(name, Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.6)))
-        true, first = world.height_scan(names, plain), world.height_scan(names, noisy)
-        errors = (first - true) / noisy.scale
-        assert errors.std() == pytest.approx(deviation, rel=0.03)
-        assert abs(errors.mean()) < 0.001
-        if distribution == "uniform":
-            assert np.abs(errors).max() <= 0.02 + 1e-12
-        # The same at the same instant, and new at another instant or with another seed.
-        np.testing.assert_array_equal(world.height_scan(names, noisy), first)
-        other = world.height_scan(names, HeightScan.of(layout, noise=0.02, distribution=distribution, seed=1))
-        world.skip(1)
-        later = world.height_scan(names, noisy)
-        for values in (other, later):
-            again = (values - true) / noisy.scale
-            assert abs(np.corrcoef(again.ravel(), errors.ravel())[0, 1]) < 0.05
+    names = [f"body_{k}" for k in range(50)]
+    for name in names:
+        world.spawn(name, Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.6)))
+    true, first = world.height_scan(names, plain), world.height_scan(names, noisy)
+    errors = (first - true) / noisy.scale
+    assert errors.std() == pytest.approx(deviation, rel=0.03)
+    assert abs(errors.mean()) < 0.001
+    if distribution == "uniform":
+        assert np.abs(errors).max() <= 0.02 + 1e-12
+    # The same at the same instant, and new at another instant or with another seed.
+    np.testing.assert_array_equal(world.height_scan(names, noisy), first)
+    other = world.height_scan(names, HeightScan.of(layout, noise=0.02, distribution=distribution, seed=1))
+    world.skip(1)
+    later = world.height_scan(names, noisy)
+    for values in (other, later):
+        again = (values - true) / noisy.scale
+        assert abs(np.corrcoef(again.ravel(), errors.ravel())[0, 1]) < 0.05
 
 
 def test_holes_are_filled_only_if_that_is_asked() -> None:
@@ -290,12 +274,9 @@ def test_what_cannot_be_scanned_is_refused(world: World) -> None:
         world.height_scan(["robot", "rover"], HeightScan())
     with pytest.raises(InputError, match="HeightScanner"):
         world.height_scan("robot", HeightScan(delay=0.02))
-
-
-@pytest.mark.parametrize("poses", [np.zeros(4), np.zeros((2, 3))])
-def test_poses_of_another_shape_are_refused(world: World, poses: np.ndarray) -> None:
-    with pytest.raises(InputError, match=r"it must be \(n, 4\)"):
-        HeightScan().read(world.terrain, poses, 0.0)
+    for poses in (np.zeros(4), np.zeros((2, 3))):
+        with pytest.raises(InputError, match=r"it must be \(n, 4\)"):
+            HeightScan().read(world.terrain, poses, 0.0)
 
 
 def test_a_map_is_ground_to_scan_and_poses_may_be_any_numbers() -> None:

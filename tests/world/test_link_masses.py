@@ -86,7 +86,39 @@ def test_a_robot_without_any_inertial_has_the_mass_of_its_root(world: World) -> 
     assert world.bodies["robot"].mass == pytest.approx(1.0)
 
 
-def test_a_root_called_world_needs_no_mass(world: World) -> None:
-    [said] = spawned(world, link("world", "", None) + BASE + joint("j", "fixed", "world", "base", xyz="0 0 0"))
-    assert "does not move" in said and "mass" not in said
-    assert world.bodies["robot"].mass == pytest.approx(2.0)
+@pytest.mark.parametrize("inertial", [0.0, None], ids=["mass 0", "no inertial"])
+def test_a_root_without_mass_is_one_body_with_what_is_fixed_to_it(
+    world: World, inertial: float | None, caplog: pytest.LogCaptureFixture
+) -> None:
+    """PAL's base_footprint: the robot falls, and its frames and names are those of the URDF."""
+    box = '<box size="0.5 0.5 0.2"/>'
+    urdf = robot(
+        link("base_footprint", "", inertial), link("frame", "", 0.0), link("base_link", box, 30.0),
+        joint("f", "fixed", "base_footprint", "frame", xyz="0 0 0.04"),
+        joint("g", "fixed", "frame", "base_link", xyz="0 0 0.06"),
+    )  # fmt: skip
+    world.spawn_robot("r", urdf, BodyState((0.0, 0.0, 0.3)))
+    assert world.bodies["r"].mass == pytest.approx(30.0)
+    assert list(world.bodies["r"].links.values()) == ["base_link"]
+    [line] = [line for line in caplog.messages if "base_footprint" in line]
+    assert "merged with link 'base_link'" in line
+    assert world.base_state("r").position[2] == pytest.approx(0.3, abs=1e-6)
+    speed = 9.81 * 24 / 240.0
+    world.step(24)
+    assert world.state("r").linear[2] == pytest.approx(-speed, rel=1e-6), "free fall"
+    world.step(456)
+    assert world.base_state("r").position[2] == pytest.approx(0.0, abs=2e-3)
+    assert sum(wrench.force[2] for wrench in world.wrenches()) == pytest.approx(30.0 * 9.81, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["world", "plinth"])
+def test_a_root_that_stands_for_the_world_stays(world: World, name: str, caplog: pytest.LogCaptureFixture) -> None:
+    urdf = robot(
+        link(name, "", None if name == "world" else 0.0), link("arm"),
+        joint("j", "fixed" if name == "world" else "continuous", name, "arm"),
+    )  # fmt: skip
+    world.spawn_robot("r", urdf, BodyState((0.0, 0.0, 1.0)))
+    world.step(120)
+    assert world.base_state("r").position[2] == pytest.approx(1.0)
+    said = [line for line in caplog.messages if name in line and "not move" in line]
+    assert ["mass" in line for line in said] == [name != "world"]

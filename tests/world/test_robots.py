@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, HeightMap, InputError, PhysicsConfig, World, WorldConfig
-from smartmesh_ros.ground.ground import Ground
+from smartmesh_ros import BodyState, Box, Ground, HeightMap, InputError, PhysicsConfig, World, WorldConfig
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.link_frames import InertialFrame, centre_state, frame_state
+from tests.grounds import level, moving, step_on_moving
 from tests.urdfs import ROVER, inertial, joint, link, robot
 
 SLIDE = '<limit lower="-5" upper="5" effort="7" velocity="10"/>'
@@ -65,20 +65,6 @@ def test_impossible_commands_are_refused(fields: dict[str, float]) -> None:
         JointCommand(**fields)
 
 
-def test_commands_outlive_a_restart_from_a_snapshot(world: World) -> None:
-    world.spawn_robot("arm", PENDULUM, BodyState((0.0, 0.0, 3.0)))
-    world.command("arm", "slide", JointCommand(effort=1.5))
-    world.step(10)
-    saved = world.save()
-    world.step(110)
-    first = world.snapshot().hash
-    world.restore(type(saved).from_json(saved.to_json()))
-    world.step(110)
-    assert world.snapshot().hash == first
-    world.remove("arm")
-    world.step(2)
-
-
 UNIT = st.floats(-1.0, 1.0)
 VECTOR = st.tuples(UNIT, UNIT, UNIT)
 TURN = (
@@ -113,23 +99,18 @@ def test_the_frame_of_a_spawned_robot_is_pybullets(world: World) -> None:
     assert frame.position == pytest.approx(expected, abs=1e-6)
 
 
-def test_ground_that_accelerates_carries_more_than_the_weight() -> None:
+def test_ground_that_accelerates_carries_more_than_the_weight(world: World) -> None:
     """The sum of the forces on a rover is its mass times what it is accelerated with, gravity included: 2nd law."""
-    terrain = HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))
-    with World(terrain) as world:
-        world.spawn_robot("rover", ROVER, BodyState((0.0, 0.0, 0.11)))
-        world.step(240)
-        forces, speeds = [], []
-        for tick in range(240):
-            t = tick / 240.0
-            terrain.replace(np.full((101, 101), 0.5 * 2.0 * t * t), time=world.time)
-            world.step()
-            forces.append(sum(wrench.force[2] for wrench in world.wrenches()))
-            speeds.append(world.state("rover").linear[2])
-        gained = 14.0 * (speeds[-1] - speeds[119])
-        impulse = (np.mean(forces[120:]) - 14.0 * 9.81) * 0.5
-        assert impulse == pytest.approx(gained, rel=0.05), "momentum"
-        assert np.mean(forces[120:]) == pytest.approx(14.0 * (9.81 + 2.0), rel=0.02)
+    world.spawn_robot("rover", ROVER, BodyState((0.0, 0.0, 0.11)))
+    world.step(240)
+    forces, speeds, start = [], [], world.time
+    for _ in moving(world, lambda time: (time - start) ** 2, 240, every=1):
+        forces.append(sum(wrench.force[2] for wrench in world.wrenches()))
+        speeds.append(world.state("rover").linear[2])
+    gained = 14.0 * (speeds[-1] - speeds[119])
+    impulse = (np.mean(forces[120:]) - 14.0 * 9.81) * 0.5
+    assert impulse == pytest.approx(gained, rel=0.05), "momentum"
+    assert np.mean(forces[120:]) == pytest.approx(14.0 * (9.81 + 2.0), rel=0.02)
 
 
 def test_on_a_slope_the_ground_carries_the_weight_and_no_more() -> None:
@@ -182,39 +163,31 @@ def on_a_fixed_base(*, arm: bool) -> str:
 @pytest.mark.parametrize("changes", ["motion", "correction"])
 @pytest.mark.parametrize("arm", [False, True], ids=["alone", "with an arm"])
 def test_a_fixed_base_stays_while_the_ground_rises_around_it(arm: bool, changes: Changes) -> None:
-    flat = np.zeros((41, 41))
-    terrain = HeightMap(flat, resolution=0.1, origin=(-2.0, -2.0), motion=MotionConfig(changes=changes))
-    with World(terrain) as world:
+    with World(level(motion=MotionConfig(changes=changes))) as world:
         world.spawn_robot("mast", on_a_fixed_base(arm=arm), BodyState((0.0, 0.0, 0.5)))
         world.step(240)
-        for step in range(720):
-            if step % 4 == 0:
-                terrain.replace(flat + 0.2 * step / 240, time=world.time)
-            world.step()
+        step_on_moving(world, lambda time: 0.2 * (time - 1.0), 720)
         world.step(480)
         assert world.state("mast") == BodyState((0.0, 0.0, 0.5))
         assert world.rescues == 0
 
 
-def test_a_buried_fixed_base_stays_where_it_was_spawned_or_moved_whatever_velocity_it_is_given() -> None:
-    with World(HeightMap(np.zeros((41, 41)), resolution=0.1, origin=(-2.0, -2.0))) as world:
-        world.spawn_robot("mast", on_a_fixed_base(arm=True), BodyState((0.0, 0.0, -0.1), linear=(1.0, 0.0, 0.5)))
-        world.step(240)
-        assert world.state("mast") == BodyState((0.0, 0.0, -0.1))
-        world.move("mast", BodyState((0.5, 0.0, -0.2), linear=(0.0, 1.0, 0.0), angular=(0.0, 0.0, 2.0)))
-        world.step(240)
-        assert world.state("mast") == BodyState((0.5, 0.0, -0.2))
-        world.reset_bodies()
-        world.step(240)
-        assert world.state("mast") == BodyState((0.0, 0.0, -0.1))
-        assert world.rescues == 0
-        assert world.below_ground() == []
+def test_a_buried_fixed_base_stays_where_it_was_spawned_or_moved_whatever_velocity_it_is_given(world: World) -> None:
+    world.spawn_robot("mast", on_a_fixed_base(arm=True), BodyState((0.0, 0.0, -0.1), linear=(1.0, 0.0, 0.5)))
+    world.step(240)
+    assert world.state("mast") == BodyState((0.0, 0.0, -0.1))
+    world.move("mast", BodyState((0.5, 0.0, -0.2), linear=(0.0, 1.0, 0.0), angular=(0.0, 0.0, 2.0)))
+    world.step(240)
+    assert world.state("mast") == BodyState((0.5, 0.0, -0.2))
+    world.reset_bodies()
+    world.step(240)
+    assert world.state("mast") == BodyState((0.0, 0.0, -0.1))
+    assert world.rescues == 0
+    assert world.below_ground() == []
 
 
 def test_a_fixed_base_that_is_spawned_on_moving_ground_stays() -> None:
-    flat = np.zeros((41, 41))
-    terrain = HeightMap(flat, resolution=0.1, origin=(-2.0, -2.0), velocities=np.full((41, 41), 0.2))
-    with World(terrain) as world:
+    with World(level(velocities=np.full((41, 41), 0.2))) as world:
         world.spawn_robot("mast", on_a_fixed_base(arm=False), BodyState(), on_ground=True)
         before = world.state("mast")
         assert before.position[2] == pytest.approx(0.5, abs=1e-3)
@@ -224,7 +197,7 @@ def test_a_fixed_base_that_is_spawned_on_moving_ground_stays() -> None:
 
 def test_a_fixed_base_of_a_pybullet_world_stays(client: Any) -> None:
     body = client.loadURDF(ROVER, basePosition=(0.0, 0.0, -0.1), useFixedBase=True)
-    ground = Ground(client, HeightMap(np.zeros((41, 41)), resolution=0.1, origin=(-2.0, -2.0)))
+    ground = Ground(client, level())
     ground.attach(body)
     start = client.getBasePositionAndOrientation(body)
     for step in range(240):

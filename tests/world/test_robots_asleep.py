@@ -3,8 +3,6 @@
 Joints hold their positions, which loads their motors: these push as soon as a robot loses the ground.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -13,11 +11,10 @@ import pybullet as pb
 import pybullet_data
 import pytest
 
-from smartmesh_ros import BodyState, HeightMap, World, WorldConfig
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros import BodyState, HeightMap, PhysicsConfig, World, WorldConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand
-from tests.robot_urdfs import MODELS, Robot, robot
+from tests.legged import MODELS, Robot, robot
 from tests.urdfs import HUSKY
 
 RATE, MINUTE = 240, 60 * 240
@@ -123,7 +120,19 @@ def test_a_rover_drives_brakes_and_sleeps_for_a_minute() -> None:
         for joint in world.bodies["husky"].joints:
             world.command("husky", joint, JointCommand(velocity=0.0))
         sleep_all(world)
+        assert not world.followers.awake.size, "it sleeps whole"
         require_still_for_a_minute(world)
+        sleep_all(world)
+        first, *_ = joints = list(world.bodies["husky"].joints)
+        world.command("husky", first, JointCommand(velocity=0.0))
+        assert world.is_asleep("husky"), "the same command again is none"
+        start = world.state("husky").position
+        for joint in joints:
+            world.command("husky", joint, JointCommand(velocity=4.0))
+        assert not world.is_asleep("husky")
+        world.step(RATE)
+        assert math.dist(start, world.state("husky").position) > 0.1
+        assert not world.is_asleep("husky"), "a robot whose joints are driven never sleeps"
 
 
 def test_robots_of_pybullets_data_sleep_for_a_minute() -> None:

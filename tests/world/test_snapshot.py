@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, InputError, Snapshot, Sphere, World
+from smartmesh_ros import BodyState, Box, GridGeometry, HeightMap, InputError, Snapshot, Sphere, World
 from smartmesh_ros.scenes.moving import InwardWaves, Wave
-from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.world.joints import JointCommand
+from tests.grounds import step_on_moving
 from tests.urdfs import HUSKY
 
 GEOMETRY = GridGeometry(rows=61, columns=61, resolution=0.2, origin=(-6.0, -6.0, 0.0))
@@ -27,15 +28,12 @@ def populate(world: World) -> None:
         world.spawn(f"body_{index}", Sphere(0.2) if index % 2 else Box(0.3, 0.2, 0.4), 1.0, BodyState((x, y, 1.0)))
     world.spawn_robot("rover", HUSKY, BodyState((0.0, 0.0, 1.0)))
     world.drive("rover", "front_left_wheel", 3.0)
+    world.command("rover", "rear_left_wheel", JointCommand(effort=1.5))
     world.track("hand", 0.3, BodyState((2.0, 2.0, 0.5), linear=(0.1, 0.0, 0.0)))
 
 
 def run(world: World, steps: int) -> None:
-    heightmap = world.terrain.tiles[""]
-    assert isinstance(heightmap, HeightMap)
-    for _ in range(steps):
-        heightmap.replace(SCENE.heights(world.time), time=world.time)
-        world.step()
+    step_on_moving(world, SCENE.heights, steps, every=1)
 
 
 def digest() -> str:

@@ -1,7 +1,5 @@
 """Driven surfaces of links and bodies: commands, sleep, snapshots, settings, and what is refused."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +15,7 @@ from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.robots.prepared import prepare_robot
+from tests.bodies import put
 from tests.tracked import NAME, UNDERCARRIAGE, drive, slope, speed, standing
 
 
@@ -116,13 +115,6 @@ def test_where_contacts_are_pybullets_own_a_command_is_refused() -> None:
         assert [s.speed for s in world.surfaces(NAME)] == [0.0, 0.0]
 
 
-@pytest.mark.parametrize("fields", [{"position": 1.0}, {"effort": 1.0}, {"velocity": 1.0, "effort": 1.0}, {}])
-def test_a_track_takes_a_velocity_alone(driven: World, fields: dict[str, float]) -> None:
-    with pytest.raises(InputError, match="velocity alone"):
-        driven.command(NAME, "left_track", JointCommand(**fields))
-    assert [s.speed for s in driven.surfaces(NAME)] == [0.3, 0.5]
-
-
 def test_what_has_no_surface_on_the_ground_is_refused(driven: World) -> None:
     driven.track("hand", 0.2, BodyState((5.0, 0.0, 0.2)))
     for name, link, speed_, axis, words in (
@@ -136,6 +128,10 @@ def test_what_has_no_surface_on_the_ground_is_refused(driven: World) -> None:
     ):
         with pytest.raises(InputError, match=words):
             driven.drive_surface(name, link, speed_, axis)
+    for fields in ({"position": 1.0}, {"effort": 1.0}, {"velocity": 1.0, "effort": 1.0}, {}):
+        with pytest.raises(InputError, match="velocity alone"):
+            driven.command(NAME, "left_track", JointCommand(**fields))
+    assert [s.speed for s in driven.surfaces(NAME)] == [0.3, 0.5]
     with pytest.raises(InputError, match="left_track, right_track"):
         driven.drive(NAME, "middle_track", 1.0)
     driven.spawn("ball", Sphere(0.2), 1.0, BodyState((6.0, 0.0, 0.2)))
@@ -188,8 +184,7 @@ def test_pybullet_itself_ignores_the_element() -> None:
 @pytest.fixture
 def ground(client: Any) -> Ground:
     """The ground of a PyBullet world of one's own, to which a box of 2 kg is attached."""
-    shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=[0.2, 0.2, 0.1])
-    client.createMultiBody(2.0, shape, basePosition=[0.0, 0.0, 0.1])
+    put(client, Box(0.4, 0.4, 0.2), (0.0, 0.0, 0.1), 2.0)
     made = Ground(client, slope())
     made.attach(0)
     return made
@@ -225,16 +220,12 @@ def test_a_robot_whose_file_lost_a_link_or_joint_is_not_restored(tmp_path: Path,
 def test_in_a_pybullet_world_of_ones_own(ground: Ground, client: Any) -> None:
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
     assert run(ground, client, 240) == pytest.approx(0.3, rel=0.01)
+    ground.drive(0, -1, np.array([0.0, 1.0, 0.0]), np.float32(0.25))  # type: ignore[arg-type]
+    assert ground.followers.at(0, -1).belt == Belt((0.0, 1.0, 0.0), 0.25)  # type: ignore[union-attr]
+    assert run(ground, client, 240) == pytest.approx(0.25, rel=0.01)
     ground.detach(0)
     ground.attach(0)
     assert run(ground, client, 240) == pytest.approx(0.0, abs=1e-3), "it is attached anew"
-
-
-def test_an_axis_may_be_an_array(ground: Ground, client: Any) -> None:
-    for _ in range(2):
-        ground.drive(0, -1, np.array([0.0, 1.0, 0.0]), np.float32(0.25))  # type: ignore[arg-type]
-    assert ground.followers.at(0, -1).belt == Belt((0.0, 1.0, 0.0), 0.25)  # type: ignore[union-attr]
-    assert run(ground, client, 240) == pytest.approx(0.25, rel=0.01)
 
 
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 0.0), (0.0, math.nan, 0.0), (0.0, 1e200, 0.0), (0.0, 1.0)])
@@ -254,17 +245,14 @@ def test_after_a_reset_of_pybullet_nothing_is_driven(ground: Ground, client: Any
     assert not any(follower.belt.speed for follower in ground.followers)
 
 
-def test_a_command_wakes_a_body_that_sleeps_in_pybullet(ground: Ground, client: Any) -> None:
+def test_a_command_wakes_a_body_that_sleeps_in_pybullet_and_one_that_creeps_does_not_sleep(
+    ground: Ground, client: Any
+) -> None:
     client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
     run(ground, client, 1200)
-    ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
-    assert run(ground, client, 240) == pytest.approx(0.3, rel=0.01)
-
-
-def test_a_body_that_creeps_does_not_sleep_in_pybullet(ground: Ground, client: Any) -> None:
-    client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
-    ground.drive(0, -1, (0.0, 1.0, 0.0), 0.02)
-    assert run(ground, client, 960) == pytest.approx(0.02, rel=0.01)
+    for speed_ in (0.3, 0.02):
+        ground.drive(0, -1, (0.0, 1.0, 0.0), speed_)
+        assert run(ground, client, 960) == pytest.approx(speed_, rel=0.01)
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.0)
     assert run(ground, client, 960) == 0.0, "it sleeps again"
 

@@ -1,17 +1,15 @@
 """A tracked machine drives, climbs, slips and turns as Coulomb's friction at its contacts says."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, HeightMap, World
+from smartmesh_ros import BodyState, GridGeometry, HeightMap, World
 from smartmesh_ros.scenes.tracks import ground as ramp
 from smartmesh_ros.soil.bodies import BulletBodies
 from smartmesh_ros.soil.soil import Soil
-from smartmesh_ros.terrain.grid import GridGeometry
+from tests.grounds import moving
 from tests.tracked import FLAT_TRACKS, LEVEL, NAME, UNDERCARRIAGE, drive, slope, speed, standing, yaw
 
 GRAVITY = 9.81
@@ -52,12 +50,7 @@ def test_on_ground_that_moves_back_as_fast_it_stays_in_place() -> None:
 def test_on_ground_that_rises_and_sinks_it_keeps_its_speed() -> None:
     with standing(slope()) as world:
         drive(world, 0.5, 0.5)
-        ground = world.terrain.tiles[""]
-        assert isinstance(ground, HeightMap)
-        for step in range(480):
-            if step % 4 == 0:
-                ground.replace(np.full((201, 201), 0.1 * math.sin(3.0 * world.time)), time=world.time)
-            world.step()
+        for step in moving(world, lambda time: 0.1 * math.sin(3.0 * time), 480):
             if step >= 120:
                 assert world.state(NAME).linear[0] == pytest.approx(0.5, rel=0.02)
 

@@ -6,11 +6,8 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros import BodyState, HeightMap, InputError, World
 from smartmesh_ros.io.urdf import UrdfRules, checked_urdf
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.world.world import World
 from tests.urdfs import joint, link, robot
 
 MESH = '<robot name="r"><link name="a"><collision><geometry><mesh filename="{}"/></geometry></collision></link></robot>'
@@ -117,17 +114,16 @@ def test_shapes_that_are_only_seen_may_have_any_size(rules: UrdfRules, visual: s
         checked_urdf(SHAPE.format(visual.replace("visual", "collision")), rules)
 
 
-def test_a_light_frame_is_accepted(rules: UrdfRules) -> None:
+def test_a_light_frame_is_accepted(rules: UrdfRules, world: World) -> None:
     """NASA's Valkyrie has frames of 1e-7 kg; the robot stands as it does without the frame."""
     text = robot(
         link("a", '<box size="0.2 0.2 0.2"/>', 1.0, 0.01), link("b", "", 1e-7, 1e-9),
         joint("j", "fixed", "a", "b", xyz="0 0 0"),
     )  # fmt: skip
     assert checked_urdf(text, rules) == text
-    with World(HeightMap(np.zeros((21, 21)), resolution=0.1, origin=(-1.0, -1.0))) as world:
-        world.spawn_robot("robot", text, BodyState(), on_ground=True)
-        world.step(240)
-        assert world.state("robot").position[2] == pytest.approx(0.1, abs=1e-3)
+    world.spawn_robot("robot", text, BodyState(), on_ground=True)
+    world.step(240)
+    assert world.state("robot").position[2] == pytest.approx(0.1, abs=1e-3)
 
 
 def test_a_comment_is_no_entity(rules: UrdfRules) -> None:
@@ -136,11 +132,9 @@ def test_a_comment_is_no_entity(rules: UrdfRules) -> None:
 
 
 ROLLER = """<robot name="r"><link name="base"><inertial><mass value="1"/><inertia ixx="{}" iyy="{}" izz="{}" ixy="{}"
-ixz="0" iyz="0"/></inertial><collision><geometry><box size="0.3 0.3 0.13"/></geometry></collision></link>
-<link name="wheel"><inertial><mass value="0.2"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial>
-<collision><geometry><cylinder radius="0.1" length="0.05"/></geometry></collision></link>
-<joint name="axle" type="continuous"><parent link="base"/>
-<child link="wheel"/><origin xyz="0 0.2 0"/><axis xyz="0 1 0"/></joint></robot>"""
+ixz="0" iyz="0"/></inertial><collision><geometry><box size="0.3 0.3 0.13"/></geometry></collision></link>"""
+ROLLER += link("wheel", '<cylinder radius="0.1" length="0.05"/>', 0.2, 0.01)
+ROLLER += joint("axle", "continuous", "base", "wheel", xyz="0 0.2 0") + "</robot>"
 
 
 @pytest.mark.parametrize(
