@@ -39,13 +39,22 @@ class BulletEngine(Engine):
     uids: list[int]
     setup: Setup
 
-    def positions(self) -> FloatArray:
+    def poses(self) -> FloatArray:
         poses = [self.client.getBasePositionAndOrientation(uid) for uid in self.uids]
-        return np.array([position for position, _ in poses]).reshape(-1, 3)
+        return np.array([[*position, *orientation] for position, orientation in poses]).reshape(-1, 7)
 
-    def orientations(self) -> FloatArray:
-        poses = [self.client.getBasePositionAndOrientation(uid) for uid in self.uids]
-        return np.array([orientation for _, orientation in poses]).reshape(-1, 4)
+    def add(self, body: EngineBody, **more: Any) -> int:
+        """Return the id of a new body, made with ``more`` arguments of PyBullet."""
+        client, state = self.client, body.state
+        shape = client.createCollisionShape(**body.shape.bullet())
+        uid = client.createMultiBody(
+            body.mass, shape, basePosition=state.position, baseOrientation=state.orientation, **more
+        )
+        client.changeDynamics(
+            uid, -1, lateralFriction=body.friction, restitution=body.restitution, linearDamping=0.0, angularDamping=0.0
+        )
+        client.resetBaseVelocity(uid, state.linear, state.angular)
+        return int(uid)
 
     def velocities(self) -> FloatArray:
         twists = [self.client.getBaseVelocity(uid) for uid in self.uids]
@@ -66,7 +75,7 @@ class _WholeMap(BulletEngine):
         self.client.setGravity(*setup.gravity)
         self.client.setTimeStep(setup.dt)
         self.client.setPhysicsEngineParameter(contactERP=CONTACT_ERP, erp=CONTACT_ERP)
-        self.uids = [self._add(body) for body in setup.bodies]
+        self.uids = [self.add(body, useMaximalCoordinates=1) for body in setup.bodies]
 
     def step(self) -> None:
         self.client.stepSimulation()
@@ -79,18 +88,6 @@ class _WholeMap(BulletEngine):
     def close(self) -> None:
         if self.client.isConnected():
             self.client.disconnect()
-
-    def _add(self, body: EngineBody) -> int:
-        client, state = self.client, body.state
-        shape = client.createCollisionShape(**body.shape.bullet())
-        uid = client.createMultiBody(
-            body.mass, shape, basePosition=state.position, baseOrientation=state.orientation, useMaximalCoordinates=1
-        )
-        client.changeDynamics(
-            uid, -1, lateralFriction=body.friction, restitution=body.restitution, linearDamping=0.0, angularDamping=0.0
-        )
-        client.resetBaseVelocity(uid, state.linear, state.angular)
-        return int(uid)
 
     def _ground(self, shape: int, position: Any, orientation: Any) -> int:
         uid = self.client.createMultiBody(0.0, shape, basePosition=position, baseOrientation=orientation)

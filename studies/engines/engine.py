@@ -161,16 +161,17 @@ class Simulation(ABC):
 class Engine(Simulation):
     """Simulation of the bodies of a `Setup`, with the engine's own dataclass of options, None = defaults."""
 
-    def links(self) -> Links:
-        return Links(self.positions()[:, None], self.orientations()[:, None])
-
     @abstractmethod
+    def poses(self) -> FloatArray:
+        """Return the poses of the bodies (N, 7): centres [m] in front, orientations (x, y, z, w) after."""
+
     def positions(self) -> FloatArray:
         """Return the centres of the bodies (N, 3) [m]."""
+        return self.poses()[:, :3]
 
-    @abstractmethod
-    def orientations(self) -> FloatArray:
-        """Return the orientations of the bodies (N, 4) as (x, y, z, w)."""
+    def links(self) -> Links:
+        poses = self.poses()[:, None]
+        return Links(poses[..., :3], poses[..., 3:])
 
 
 # Module and class of each engine, by its name: of bodies, and of robots.

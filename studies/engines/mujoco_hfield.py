@@ -121,11 +121,8 @@ class MujocoHfield(MujocoGround, Engine):
     def step(self) -> None:
         mujoco.mj_step(self.model, self.data)
 
-    def positions(self) -> FloatArray:
-        return np.array(self.data.qpos).reshape(-1, 7)[:, :3]
-
-    def orientations(self) -> FloatArray:
-        return np.array(self.data.qpos).reshape(-1, 7)[:, [4, 5, 6, 3]]
+    def poses(self) -> FloatArray:
+        return np.array(self.data.qpos).reshape(-1, 7)[:, [0, 1, 2, 4, 5, 6, 3]]
 
     def velocities(self) -> FloatArray:
         twists = np.array(self.data.qvel).reshape(-1, 6)

@@ -63,16 +63,12 @@ class RapierHeightfield(Engine):
         self._world.step()
         self._steps += 1
 
-    def positions(self) -> FloatArray:
-        return np.array([tuple(self._body(handle).translation) for handle in self._handles]).reshape(-1, 3)
-
-    def orientations(self) -> FloatArray:
-        turns = [self._body(handle).rotation for handle in self._handles]
-        return np.array([(turn.i, turn.j, turn.k, turn.w) for turn in turns]).reshape(-1, 4)
+    def poses(self) -> FloatArray:
+        frames = [(body.translation, body.rotation) for body in self._bodies()]
+        return np.array([(*place, turn.i, turn.j, turn.k, turn.w) for place, turn in frames]).reshape(-1, 7)
 
     def velocities(self) -> FloatArray:
-        twists = [(*self._body(handle).linvel, *self._body(handle).angvel) for handle in self._handles]
-        return np.array(twists).reshape(-1, 6)
+        return np.array([(*body.linvel, *body.angvel) for body in self._bodies()]).reshape(-1, 6)
 
     def close(self) -> None:
         self._world.clear()
@@ -85,8 +81,8 @@ class RapierHeightfield(Engine):
         (width, length), (x, y) = self._setup.size, self._setup.offset(self._steps * self._setup.dt)
         self._world.colliders[self._ground].translation = rapier.Vec3(0.5 * width + x, 0.5 * length + y, 0.0)
 
-    def _body(self, handle: Any) -> Any:
-        return self._world.rigid_bodies[handle]
+    def _bodies(self) -> list[Any]:
+        return [self._world.rigid_bodies[handle] for handle in self._handles]
 
     def _add(self, body: EngineBody) -> Any:
         shape, state = body.shape, body.state

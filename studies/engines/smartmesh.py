@@ -11,7 +11,7 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.world import World, WorldConfig
 from studies.engines.bullet import BulletEngine
-from studies.engines.engine import EngineBody, GroundSetup, Setup
+from studies.engines.engine import GroundSetup, Setup
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +40,9 @@ class SmartMesh(BulletEngine):
         self.heightmap, self.world = world_on(setup, chosen)
         self.setup, self.client = setup, self.world.client
         if chosen.attached:
-            self.uids = [self._attach(body) for body in setup.bodies]
+            self.uids = [self.add(body) for body in setup.bodies]
+            for uid in self.uids:
+                self.world.ground.attach(uid)
         else:
             for index, body in enumerate(setup.bodies):
                 self.world.spawn(f"body_{index}", body.shape, body.mass, body.state)
@@ -69,15 +71,6 @@ class SmartMesh(BulletEngine):
         self._prepared = False
         self.client.stepSimulation()
         self.world.time += self.setup.dt
-
-    def _attach(self, body: EngineBody) -> int:
-        client, state = self.client, body.state
-        shape = client.createCollisionShape(**body.shape.bullet())
-        uid = client.createMultiBody(body.mass, shape, basePosition=state.position, baseOrientation=state.orientation)
-        client.changeDynamics(uid, -1, linearDamping=0.0, angularDamping=0.0)
-        client.resetBaseVelocity(uid, state.linear, state.angular)
-        self.world.ground.attach(uid)
-        return int(uid)
 
     def close(self) -> None:
         self.world.close()

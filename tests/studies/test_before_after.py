@@ -42,8 +42,7 @@ def test_another_checkout_of_the_same_code_moves_bodies_like_this_one() -> None:
             world.step()
             other.step()
         here = [world.client.getBasePositionAndOrientation(body.uid) for body in world.bodies.values()]
-        np.testing.assert_array_equal(other.positions(), [position for position, _ in here])
-        np.testing.assert_array_equal(other.orientations(), [orientation for _, orientation in here])
+        np.testing.assert_array_equal(other.poses(), [(*position, *orientation) for position, orientation in here])
         update, step_time = other.taken()
         assert update > 0.0 and step_time > 0.0
         assert other.taken() == (0.0, 0.0)
