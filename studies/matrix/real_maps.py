@@ -75,10 +75,6 @@ class Site(Arena):
         """Steps through so many seconds; returns how the body was after every step."""
         return [self.state for _ in self.run(seconds)]
 
-    def tell(self, heights: FloatArray) -> None:
-        """Apply a map."""
-        self.heightmap.replace(heights, time=self.world.time)
-
 
 def inclined(slope: float) -> FloatArray:
     """Ground that rises along x."""

@@ -95,18 +95,18 @@ def ripples_against_whole(method: PatchConfig) -> float:
         return 1e3 * max(float(off - whole_off), 0.0)
 
 
-def _box_on_slope(arena: Arena, x: float, angle: float) -> None:
+def lay_on_slope(arena: Arena, box: Box, x: float, angle: float) -> None:
     """Adds a box that lies on a slope which rises along x at an ``angle`` [rad]."""
-    foot = np.array([x, 0.013, x * math.tan(angle)]) + 0.1 * np.array([-math.sin(angle), 0.0, math.cos(angle)])
+    foot = np.array([x, 0.013, x * math.tan(angle)]) + 0.5 * box.z * np.array([-math.sin(angle), 0.0, math.cos(angle)])
     turn = (0.0, -math.sin(0.5 * angle), 0.0, math.cos(0.5 * angle))
-    arena.spawn("box", Box(0.4, 0.4, 0.2), tuple(foot.tolist()), orientation=turn)
+    arena.spawn("box", box, tuple(foot.tolist()), orientation=turn)
 
 
 def slope_slides(method: PatchConfig) -> float:
     """Error [%] of the acceleration of a box sliding down 35 degrees with friction 0.5."""
     angle = math.radians(35.0)
     with Arena(method, {"kind": "slope", "angle": 35.0}) as arena:
-        _box_on_slope(arena, 2.0, angle)
+        lay_on_slope(arena, Box(0.4, 0.4, 0.2), 2.0, angle)
         arena.settle(0.25)
         first = np.linalg.norm(arena.velocities()[0])
         arena.settle(0.5)
@@ -119,7 +119,7 @@ def slope_holds(method: PatchConfig) -> float:
     """How far [mm] a box creeps in a second on 25 degrees, where friction of 0.5 holds it (up to 26.6 degrees)."""
     angle = math.radians(25.0)
     with Arena(method, {"kind": "slope", "angle": 25.0}) as arena:
-        _box_on_slope(arena, 0.0, angle)
+        lay_on_slope(arena, Box(0.4, 0.4, 0.2), 0.0, angle)
         arena.settle(0.5)
         before = arena.positions()[0]
         arena.settle(1.0)
