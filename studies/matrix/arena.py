@@ -109,6 +109,10 @@ class Arena:
         for _ in self.run(seconds):
             pass
 
+    def most(self, seconds: float, figure: Callable[[], float]) -> float:
+        """Return the largest figure after any step of a time [s]."""
+        return max(figure() for _ in self.run(seconds))
+
     def _poses(self) -> tuple[FloatArray, FloatArray]:
         """Return centres (N, 3) [m] and orientations (N, 4) of the bodies."""
         states = [self.world.client.getBasePositionAndOrientation(self.world.bodies[name].uid) for name in self.shapes]

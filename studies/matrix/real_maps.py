@@ -14,6 +14,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.tools.evaluation.clearance import rotate
 from smartmesh_ros.world.joints import JointCommand
 from studies.matrix.arena import HUSKY, Arena
 from studies.matrix.row import own_row
@@ -82,12 +83,6 @@ def inclined(slope: float) -> FloatArray:
     return np.tile(math.tan(slope) * axis, (CELLS, 1))
 
 
-def up(state: BodyState) -> FloatArray:
-    """Where a body's own z axis points."""
-    x, y, z, w = state.orientation
-    return np.array([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
-
-
 def correction(
     method: PatchConfig, kind: str, by: float, after: float, slope: float = 0.0, turn: float = 0.0
 ) -> Thrown:
@@ -101,7 +96,8 @@ def correction(
         states = site.states(2.0)
         end = states[-1]
         rest = max(before.position[2], end.position[2])
-        turned = math.acos(min(float(up(before) @ up(end)), 1.0)) - abs(turn)
+        up, now_up = rotate(np.array([before.orientation, end.orientation]), np.array([[0.0, 0.0, 1.0]]))[:, 0]
+        turned = math.acos(min(float(up @ now_up), 1.0)) - abs(turn)
         slid = math.dist(before.position[:2], end.position[:2])
         return Thrown(
             1e3 * (max(state.position[2] for state in states) - rest),

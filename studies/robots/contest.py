@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from tempfile import NamedTemporaryFile
 from typing import Any, ClassVar
 
@@ -15,7 +15,7 @@ from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.configurations import Configuration
-from studies.contest import FINE_RATE, HORIZON, Contest, Result, Rules, Runner, run
+from studies.contest import FINE_RATE, HORIZON, Contest, Rules, Runner
 from studies.engines.smartmesh import SmartMeshOptions
 from studies.robots.bullet_robots import WorldRobots
 from studies.robots.engine import RobotEngine, RobotSetup, setup_of
@@ -75,11 +75,6 @@ class RobotContest(Contest):
         """Return the robots for an engine that steps at ``rate`` [Hz]."""
         scene = self._scene
         return setup_of(scene.robot, scene.ground, scene.starts, rate, scene.speed)
-
-
-def run_scene(scene: RobotScene, chosen: Sequence[Configuration], say: Callable[[str], None]) -> dict[str, Result]:
-    """Run a scene in every configuration."""
-    return run(RobotContest(scene), chosen, say)
 
 
 def _parts_of(engine: RobotEngine, setup: RobotSetup) -> Mapping[str, list[Part]]:

@@ -102,8 +102,8 @@ def test_the_study_writes_what_it_says(
 
 @pytest.mark.parametrize("part", ["--quick", "--matrix-only", "--charts-only", "--methods defaults", "--scenes flat"])
 def test_a_part_of_a_run_changes_no_document(part: str) -> None:
-    assert accuracy.folder_of(accuracy._parser().parse_args(part.split())) == Path("out/studies")
-    assert accuracy.folder_of(accuracy._parser().parse_args([])) == Path("docs")
+    assert accuracy.CHARTS.folder(accuracy._parser().parse_args(part.split())) == Path("out/studies")
+    assert accuracy.CHARTS.folder(accuracy._parser().parse_args([])) == Path("docs")
 
 
 def test_the_tables_of_patches_compare_costs_scene_by_scene() -> None:

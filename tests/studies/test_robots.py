@@ -168,8 +168,9 @@ def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.Monke
 
 @pytest.mark.parametrize("part", ["--quick", "--scenes husky_rest_4cm"])
 def test_a_part_of_a_run_changes_no_document(part: str) -> None:
-    assert study.folder_of(study._parser().parse_args(part.split())) == Path("out/robots")
-    assert study.folder_of(study._parser().parse_args([])) == Path("docs")
+    parser = study.CHARTS.parser("", ["husky_rest_4cm"])
+    assert study.CHARTS.folder(parser.parse_args(part.split())) == Path("out/robots")
+    assert study.CHARTS.folder(parser.parse_args([])) == Path("docs")
 
 
 @pytest.mark.parametrize("engine", ["defaults", "MuJoCo tuned, 240 Hz", "PhysX, 240 Hz"])
