@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
-
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.tools.tune.start import PRESETS, preset_folder
+from smartmesh_ros.tools.tune.start import PRESETS, preset_folder, preset_values, settings_of
 from studies.engines.checkout import CheckoutOptions
 from studies.engines.engine import GroundSetup, build, missing
 from studies.engines.smartmesh import SmartMeshOptions
@@ -70,20 +68,10 @@ REPORT = (
 
 def read_presets() -> dict[str, SmartMeshOptions]:
     """Return the parameter files that come with the package by name; none if they are not installed."""
-    found = preset_folder()
-    return {name: _read_preset(found / f"{name}.yaml") for name in PRESETS} if found else {}
-
-
-def _read_preset(path: Path) -> SmartMeshOptions:
-    nodes: dict[str, Any] = yaml.safe_load(path.read_text())
-    values = next(iter(nodes.values()))["ros__parameters"]
-
-    def given(group: str, config: type) -> dict[str, Any]:
-        names = {field.name: f"{group}.{field.name}" for field in fields(config)}
-        return {name: values[parameter] for name, parameter in names.items() if parameter in values}
-
-    patch, physics = given("patch", PatchConfig), given("physics", PhysicsConfig)
-    return SmartMeshOptions(patch=PatchConfig(**patch), physics=PhysicsConfig(**physics))
+    if preset_folder() is None:
+        return {}
+    worlds = {name: settings_of(preset_values(name)).world for name in PRESETS}
+    return {name: SmartMeshOptions(patch=world.patch, physics=world.physics) for name, world in worlds.items()}
 
 
 def _presets(engine: str) -> list[Configuration]:

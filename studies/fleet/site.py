@@ -167,8 +167,3 @@ def site(plan: FleetPlan) -> Iterator[Site]:
         finally:
             made.close()
             rclpy.try_shutdown()
-
-
-def load() -> float:
-    """Mean number of processes that wanted to run in the last minute, ours among them."""
-    return os.getloadavg()[0]

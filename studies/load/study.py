@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.startup.dds import isolated_unless_chosen
+from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.terrain.heightmap import HeightMap
 from studies.load import cases, tables
 from studies.load.cases import Case
@@ -104,16 +104,14 @@ def main(args: list[str] | None = None) -> None:
     """Runs the study, and keeps what there is after each case, with the digest of the code of each group."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a few cases in less than two minutes; writes no page")
-    parser.add_argument(
-        "--out", type=Path, help=f"folder of JSON and pictures (default {PICTURES}; out/load with --quick)"
-    )
     parser.add_argument("--only", choices=[*groups(quick=True), "regions"], help="run one group again, keep the others")
     options = parser.parse_args(args)
-    out = options.out or (Path("out/load") if options.quick else PICTURES)
+    out = Path("out/load") if options.quick else PICTURES
     out.mkdir(parents=True, exist_ok=True)
     file = out / "load.json"
     data: dict[str, Any] = json.loads(file.read_text()) if options.only and file.is_file() else {}
     data = {"groups": {}, "code": {}, **data, "machine": short()}
+    use_large_message_profile()
     with isolated_unless_chosen():
         for group, members in groups(quick=options.quick).items():
             if options.only in (None, group):
