@@ -74,12 +74,8 @@ def height_map(waves: Waves) -> HeightMap:
 
 def grid_vertices(heights: FloatGrid) -> FloatArray:
     """The same ground as vertices (V, 3) [m] of a general mesh."""
-    rows, columns = heights.shape
-    vertices = np.empty((rows, columns, 3))
-    vertices[..., 0] = np.arange(columns) * RESOLUTION
-    vertices[..., 1] = np.arange(rows)[:, None] * RESOLUTION
-    vertices[..., 2] = heights
-    return vertices.reshape(-1, 3)
+    rows, columns = np.indices(heights.shape)
+    return np.stack([RESOLUTION * columns, RESOLUTION * rows, heights], axis=-1, dtype=np.float64).reshape(-1, 3)
 
 
 def general_mesh(waves: Waves) -> TriangleMesh:

@@ -24,20 +24,10 @@ from studies.bench.measure import Bench, Case
 from studies.bench.moving import RESOLUTION, Waves, crowd_positions, general_mesh
 from studies.bench.report import BATCHES, LARGER, RINGS, SEARCH
 
-# Sizes over which a search of a uniform grid is to cost the same.
-EQUAL_SIDES = (50, 100, 200, 512, 1024, 2048, 4096)
+# Sizes of Table 4, and of height maps, over which a search of a uniform grid is to cost the same.
+REPORT_SIDES, MAP_SIDES = tuple(SEARCH["brute_force"]), (50, 100, 200, *LARGER)
 # Calls timed together where one alone is as short as the clock's own cost.
 REPEATS = 10
-
-
-def report_sides(quick: bool) -> tuple[int, ...]:
-    """Sizes of Table 4."""
-    return (50, 100) if quick else tuple(SEARCH["brute_force"])
-
-
-def map_sides(quick: bool) -> tuple[int, ...]:
-    """Sizes of height maps."""
-    return (50, 512) if quick else (50, 100, 200, *LARGER)
 
 
 def best_first_vertex(mesh: TriangleMesh, position_w: FloatArray, start: int) -> int:
@@ -112,7 +102,7 @@ def measure_batches(bench: Bench) -> None:
     """Grid traversal for batches on maps of every size, turn by turn; positions in the world to nearest vertices."""
     for count in BATCHES:
         runs: dict[Case, Callable[[], object]] = {}
-        for side in EQUAL_SIDES:
+        for side in MAP_SIDES:
             geometry = GridGeometry(rows=side, columns=side, resolution=RESOLUTION)
             runs[Case("search_batch", "grid_traversal", side, count)] = _repeated(
                 geometry, crowd_positions(count, side)
