@@ -13,8 +13,8 @@ import numpy as np
 
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.terrain.heightmap import HeightMap
-from studies.load import cases, tables
-from studies.load.cases import Case
+from studies.load import tables
+from studies.load.cases import Case, groups
 from studies.load.processes import run_case
 from studies.load.tables import PAGE, PICTURES, Summary
 from studies.machine import short
@@ -62,12 +62,6 @@ def regions_table(found: Sequence[dict[str, Any]]) -> str:
     return table(head, rows)
 
 
-def groups(*, quick: bool) -> dict[str, list[Case]]:
-    """Everything that is run."""
-    makers = {"grid": cases.grid, "executors": cases.executors, "memory": cases.memory, "rest": cases.rest}
-    return {name: make(quick=quick) for name, make in makers.items()}
-
-
 def run(case: Case) -> dict[str, Any]:
     """Runs a case, and prints a line about it."""
     result = run_case(case)
@@ -84,8 +78,7 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     """Pictures, and the tables of the page."""
     found = data["groups"]
     summaries = {name: [Summary.of(result) for result in found.get(name, [])] for name in groups(quick=True)}
-    for path in tables.draw(summaries, data["machine"], out):
-        print(f"wrote {path}")
+    tables.draw(summaries, data["machine"], out)
     blocks = {
         "grid": tables.runs(summaries["grid"]),
         "executors": tables.executors(summaries["executors"]),
