@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,13 +22,6 @@ from studies.engines.engine import Contacts, Engine, EngineBody, Setup
 CONTACT_ERP = 0.2
 # Orientation of a heightfield that makes the diagonals of PyBullet's cells agree with ours.
 QUARTER_TURN = (0.0, 0.0, math.sin(0.25 * math.pi), math.cos(0.25 * math.pi))
-
-
-@dataclass(frozen=True, kw_only=True)
-class BulletOptions:
-    """``edge_filter``: no ghost collisions at inner edges."""
-
-    edge_filter: bool = False
 
 
 class BulletEngine(Engine):
@@ -66,11 +58,11 @@ class BulletEngine(Engine):
 
 
 class _WholeMap(BulletEngine):
-    """Common part of both engines: the client and the bodies."""
+    """Common part of both engines: the client and the bodies. ``edge_filter``: no ghost collisions at inner edges."""
 
-    def __init__(self, setup: Setup, options: BulletOptions | None = None) -> None:
-        self.setup, self._options = setup, options or BulletOptions()
-        self._steps = 0
+    def __init__(self, setup: Setup, *, edge_filter: bool = False) -> None:
+        self.setup, self._steps = setup, 0
+        self._flags = pb.GEOM_CONCAVE_INTERNAL_EDGE if edge_filter else 0
         self.client = BulletClient(pb.DIRECT)
         self.client.setGravity(*setup.gravity)
         self.client.setTimeStep(setup.dt)
@@ -99,14 +91,13 @@ class _WholeMap(BulletEngine):
 class BulletTrimesh(_WholeMap):
     """A triangle mesh of the whole map, rebuilt for every map. PyBullet leaks some memory of each mesh."""
 
-    def __init__(self, setup: Setup, options: BulletOptions | None = None) -> None:
+    def __init__(self, setup: Setup, **options: Any) -> None:
         rows, columns = setup.heights.shape
         triangles = grid_triangles(rows, columns)
         if rows * columns > MOST_VERTICES or triangles.size > MOST_INDICES:
             raise InputError("size", f"PyBullet takes no trimesh of {rows} x {columns} vertices; take a smaller map")
-        super().__init__(setup, options)
-        edge_filter = pb.GEOM_CONCAVE_INTERNAL_EDGE if self._options.edge_filter else 0
-        self._flags = pb.GEOM_FORCE_CONCAVE_TRIMESH | edge_filter
+        super().__init__(setup, **options)
+        self._flags |= pb.GEOM_FORCE_CONCAVE_TRIMESH
         self._indices = triangles.ravel().tolist()
         self._vertices = setup.vertices()
         self._uid = -1
@@ -125,12 +116,11 @@ class BulletTrimesh(_WholeMap):
 class BulletHeightfield(_WholeMap):
     """A heightfield of the whole map, replaced in place for every map."""
 
-    def __init__(self, setup: Setup, options: BulletOptions | None = None) -> None:
-        super().__init__(setup, options)
+    def __init__(self, setup: Setup, **options: Any) -> None:
+        super().__init__(setup, **options)
         rows, columns = setup.heights.shape
         # With the quarter turn, PyBullet's rows run along x.
         self._layout = {"numHeightfieldRows": rows, "numHeightfieldColumns": columns}
-        self._flags = pb.GEOM_CONCAVE_INTERNAL_EDGE if self._options.edge_filter else 0
         bounds = np.zeros(rows * columns)
         bounds[0], bounds[-1] = -HOLE, HOLE  # PyBullet never updates the bounds of a heightfield
         self._shape: int = self.client.createCollisionShape(

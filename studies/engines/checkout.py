@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any
@@ -21,22 +21,14 @@ from studies.engines.engine import Engine, EngineBody, Setup
 HERE = Path(smartmesh_ros.__file__).parents[1]
 
 
-@dataclass(frozen=True, kw_only=True)
-class CheckoutOptions:
-    """``folder``: directory that holds ``smartmesh_ros/``."""
-
-    folder: Path = HERE
-
-
 class Checkout(Engine):
-    """`World` with its defaults, by the package of a folder. Raises `InputError` if the folder holds no package, or if
-    its code cannot run the scene."""
+    """`World` with its defaults, by the ``smartmesh_ros/`` of a ``folder``. Raises `InputError` if the folder holds no
+    package, or if its code cannot run the scene."""
 
-    def __init__(self, setup: Setup, options: CheckoutOptions | None = None) -> None:
-        chosen = options or CheckoutOptions()
-        package = (chosen.folder / "smartmesh_ros").resolve()
+    def __init__(self, setup: Setup, *, folder: Path = HERE) -> None:
+        package = (folder / "smartmesh_ros").resolve()
         if not (package / "__init__.py").is_file():
-            raise InputError("checkout", f"{chosen.folder} holds no smartmesh_ros/; name a checkout of this repository")
+            raise InputError("checkout", f"{folder} holds no smartmesh_ros/; name a checkout of this repository")
         path = os.pathsep.join([str(package.parent), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
         self._calls, there = Pipe()
         # -P: the script's own folder is no place to import from. PyBullet prints onto the standard output.
@@ -48,7 +40,7 @@ class Checkout(Engine):
         try:
             runs = Path(self._call("package")).resolve().parent
             if runs != package:
-                raise InputError("checkout", f"{chosen.folder} was asked for, but the code that runs lies in {runs}")
+                raise InputError("checkout", f"{folder} was asked for, but the code that runs lies in {runs}")
             self._call(
                 "start",
                 heights=setup.heights, resolution=setup.resolution, rate=1.0 / setup.dt, gravity=setup.gravity,

@@ -75,7 +75,7 @@ class PhysxTrimesh(PhysxGround, Engine):
 
     bounce_threshold: ClassVar[float] = 0.2
 
-    def __init__(self, setup: Setup, _: None = None) -> None:
+    def __init__(self, setup: Setup) -> None:
         friction = float(np.mean([body.friction for body in setup.bodies])) if setup.bodies else 0.5
         restitution = float(np.mean([body.restitution for body in setup.bodies])) if setup.bodies else 0.0
         super().__init__(setup, friction, restitution)

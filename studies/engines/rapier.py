@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,24 +16,17 @@ from studies.engines.engine import Engine, EngineBody, Setup
 UPRIGHT = (0.5 * math.pi, 0.0, 0.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RapierOptions:
-    """``stiff``: the contacts' spring has a natural frequency of a quarter of the steps' rate, and contacts may overlap
-    by 0.1 mm; False = Rapier's defaults, 60 Hz and 5 mm."""
-
-    stiff: bool = True
-
-
 class RapierHeightfield(Engine):
     """The ground has no velocity in contacts, and inner edges are not filtered, because the package offers that for
     triangle meshes only. Bodies never sleep. Numbers are 32 bit.
 
     A ball that slides from triangle to triangle loses a tenth of its friction, because Rapier clusters contacts;
     without clusters boxes that land tip over. Contacts do not tell their impulses, only pairs of bodies their sum.
+    ``stiff``: the contacts' spring has a natural frequency of a quarter of the steps' rate, and contacts may overlap by
+    0.1 mm; False = Rapier's defaults, 60 Hz and 5 mm.
     """
 
-    def __init__(self, setup: Setup, options: RapierOptions | None = None) -> None:
-        chosen = options or RapierOptions()
+    def __init__(self, setup: Setup, *, stiff: bool = True) -> None:
         self._setup = setup
         self._steps = 0
         self._world = world = rapier.PhysicsWorld(gravity=setup.gravity)
@@ -42,7 +34,7 @@ class RapierHeightfield(Engine):
         parameters = world.integration_parameters
         parameters.dt = setup.dt
         parameters.friction_model = rapier.FrictionModel.COULOMB
-        if chosen.stiff:
+        if stiff:
             spring = rapier.SpringCoefficients(0.25 / setup.dt, 5.0)
             parameters.contact_softness = parameters.static_contact_softness = spring
             parameters.normalized_allowed_linear_error = 1e-4

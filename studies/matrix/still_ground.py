@@ -15,7 +15,6 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.distance import Surface, nearest
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from smartmesh_ros.tools.evaluation.scene import lowest
-from studies.engines.bullet import BulletOptions
 from studies.engines.engine import EngineBody, Setup, build
 from studies.matrix.arena import Arena, deepest
 from studies.matrix.row import Row
@@ -83,7 +82,7 @@ def ripples_against_whole(method: PatchConfig) -> float:
         ends = []
         for rate in (240, 8 * 240):
             setup = Setup(heights=surface.heights, resolution=0.1, bodies=bodies, dt=1.0 / rate)
-            with build("bullet_trimesh", setup, BulletOptions(edge_filter=True)) as whole:
+            with build("bullet_trimesh", setup, edge_filter=True) as whole:
                 for _ in range(rate):
                     whole.step()
                 ends.append(whole.positions() - (5.0, 5.0, 0.0))

@@ -16,7 +16,6 @@ from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.configurations import Configuration
 from studies.contest import FINE_RATE, HORIZON, Contest, Rules, Runner
-from studies.engines.smartmesh import SmartMeshOptions
 from studies.robots.bullet_robots import WorldRobots
 from studies.robots.engine import RobotEngine, RobotSetup, setup_of
 from studies.robots.geometry import GroundPrisms, Part, read_links
@@ -110,8 +109,7 @@ def reference_centres(scene: RobotScene, setup: RobotSetup) -> FloatArray:
     ground, where a whole collider has no velocity, it is ours, with an eighth of the step.
     """
     patch = PatchConfig(kind="whole_trimesh") if scene.motion == "rest" else PatchConfig(rate=MAPS)
-    options = SmartMeshOptions(patch=patch, physics=PhysicsConfig(sleep=False))
-    with WorldRobots(setup, options) as engine:
+    with WorldRobots(setup, patch=patch, physics=PhysicsConfig(sleep=False)) as engine:
         for step in range(math.floor(HORIZON / setup.dt + 0.5)):
             time = step * setup.dt
             if scene.trot:

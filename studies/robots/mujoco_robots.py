@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
 
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.engines.engine import Contacts, Links
-from studies.engines.mujoco_hfield import BODY, GROUND, MujocoGround, MujocoOptions
+from studies.engines.mujoco_hfield import BODY, GROUND, MujocoGround
 from studies.robots.engine import FRICTION, SERVO, RobotEngine, RobotSetup, root_link, xyzw
 
 
@@ -24,8 +24,8 @@ class MujocoRobots(MujocoGround, RobotEngine):
 
     reach: ClassVar[float] = 2.0
 
-    def __init__(self, setup: RobotSetup, options: MujocoOptions | None = None) -> None:
-        super().__init__(setup, options, (1 + len(setup.starts)) << 23)
+    def __init__(self, setup: RobotSetup, **options: Any) -> None:
+        super().__init__(setup, (1 + len(setup.starts)) << 23, **options)
         robot, spec = setup.robot, self.spec
         self._prefixes = [f"r{index}/" for index in range(len(setup.starts))]
         self._root = root_link(setup.text)

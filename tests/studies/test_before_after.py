@@ -11,7 +11,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
 from studies.body_contest import run_scene
 from studies.configurations import checkouts
-from studies.engines.checkout import HERE, Checkout, CheckoutOptions
+from studies.engines.checkout import HERE, Checkout
 from studies.engines.engine import EngineBody, Setup
 
 DT = 1.0 / 240.0
@@ -59,7 +59,7 @@ def test_the_same_code_is_equal_to_itself() -> None:
 
 def test_a_folder_without_the_package_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no smartmesh_ros"):
-        Checkout(Setup(heights=np.zeros((9, 9)), resolution=0.5, bodies=[], dt=DT), CheckoutOptions(folder=tmp_path))
+        Checkout(Setup(heights=np.zeros((9, 9)), resolution=0.5, bodies=[], dt=DT), folder=tmp_path)
 
 
 def test_code_that_cannot_run_a_scene_says_why(tmp_path: Path) -> None:
