@@ -10,9 +10,10 @@ import mujoco
 import numpy as np
 
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.world.robots.description import read_description
 from studies.engines.engine import Contacts, Links
 from studies.engines.mujoco_hfield import BODY, GROUND, MujocoGround
-from studies.robots.engine import FRICTION, SERVO, RobotEngine, RobotSetup, root_link, xyzw
+from studies.robots.engine import FRICTION, SERVO, RobotEngine, RobotSetup, xyzw
 
 
 class MujocoRobots(MujocoGround, RobotEngine):
@@ -28,7 +29,7 @@ class MujocoRobots(MujocoGround, RobotEngine):
         super().__init__(setup, (1 + len(setup.starts)) << 23, **options)
         robot, spec = setup.robot, self.spec
         self._prefixes = [f"r{index}/" for index in range(len(setup.starts))]
-        self._root = root_link(setup.text)
+        self._root = read_description(setup.text).root
         for prefix in self._prefixes:
             spec.attach(self._loaded(setup), prefix=prefix, frame=spec.worldbody.add_frame())
             for joint in (*robot.stance, *robot.wheels):

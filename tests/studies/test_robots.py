@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import coal
 import numpy as np
 import pytest
 from hypothesis import example, given
@@ -18,7 +19,7 @@ from studies.matrix.arena import square
 from studies.robots import study
 from studies.robots.contest import shapes_of
 from studies.robots.engine import MASSLESS, SERVO, RobotEngine, RobotSetup, prepared
-from studies.robots.geometry import GroundPrisms, Part, cylinder, hull, placed, pose_of, read_links, sphere
+from studies.robots.geometry import GroundPrisms, Part, hull, placed, pose_of, read_links
 from studies.robots.robot import HUSKY, LAIKAGO, RACECAR, ROVER, Robot, laikago_joints
 from studies.robots.scene import RobotScene, scenes
 from studies.robots.study import Stranger, run_stranger
@@ -32,7 +33,7 @@ near = st.floats(-0.5, 0.5)
 
 
 def wheel() -> Part:
-    return cylinder(RADIUS, WIDTH, LYING)
+    return Part(coal.Cylinder(RADIUS, WIDTH), LYING)
 
 
 def gon() -> Part:
@@ -67,7 +68,7 @@ def test_balls_are_as_far_from_rough_ground_as_brute_force_says(
     centre[0, 2] = surface.below(centre)[0] + height
     expected = nearest(surface, centre, 0.3).distance[0] - radius
     upright = np.array([[0.0, 0.0, 0.0, 1.0]])
-    found = GroundPrisms(LEVEL, ROUGH).least_clearance([[sphere(radius, np.eye(4))]], centre, upright)
+    found = GroundPrisms(LEVEL, ROUGH).least_clearance([[Part(coal.Sphere(radius), np.eye(4))]], centre, upright)
     assert found == pytest.approx(min(expected, 0.1), abs=1e-6)
 
 
@@ -93,9 +94,8 @@ def test_the_shapes_of_links_fill_the_bounds_that_pybullet_gives_them(client: An
         if not np.allclose(pose_of(*mass)[:3, :3], np.eye(3), atol=1e-6):
             continue
         [parts] = read_links(client, uid, [link])
-        points = [(placed(part.points, frame), part.radius) for part in parts]
-        low = np.min([one.min(axis=0) - radius for one, radius in points], axis=0)
-        high = np.max([one.max(axis=0) + radius for one, radius in points], axis=0)
+        points = np.concatenate([placed(part.points, frame) for part in parts])
+        low, high = points.min(axis=0), points.max(axis=0)
         assert np.abs([low, high] - np.array(client.getAABB(uid, link))).max() < 0.005, link
         compared += 1
     assert compared >= 1
