@@ -72,7 +72,7 @@ def summary_table(
                 _factor(rivals, cheapest_as_accurate(rivals, distance_of(own)), own),
                 _factor(rivals, cheapest_as_accurate(rivals, distance_of(own), both), own),
                 "-" if fastest is None else f"{_factor(rivals, fastest, own)}, {_mm(distance_of(found[fastest]))} mm",
-                ", ".join(beyond_all(ours, rivals, trajectory=True)) or "none",
+                ", ".join(beyond_all(ours, rivals)) or "none",
             ]
         )  # fmt: skip
     header = [

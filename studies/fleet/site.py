@@ -14,11 +14,11 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from time import monotonic
 from typing import Any, NamedTuple
 
 import psutil
 import rclpy
+from rclpy.task import Future
 from smartmesh_msgs.msg import Timing
 
 from smartmesh_ros.node.fleet.command import FleetWatcher, commands_of
@@ -113,9 +113,7 @@ class Watcher(FleetWatcher):
 
     def spin(self, seconds: float) -> None:
         """Handles messages for so long."""
-        end = monotonic() + seconds
-        while monotonic() < end:
-            rclpy.spin_once(self, timeout_sec=max(end - monotonic(), 0.0))
+        rclpy.spin_until_future_complete(self, Future(), timeout_sec=seconds)
 
     def spawn(self, places: list[tuple[float, float]], first: int, height: float = 0.6) -> None:
         """Has the front spawn a ball at each place, numbered from ``first`` on."""

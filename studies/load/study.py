@@ -65,7 +65,7 @@ def regions_table(found: Sequence[dict[str, Any]]) -> str:
 def run(case: Case) -> dict[str, Any]:
     """Runs a case, and prints a line about it."""
     result = run_case(case)
-    s = Summary.of(result)
+    s = Summary(result)
     print(
         f"{case.name:50s} update+step {s.update_and_step:6.2f} ms  missed {100 * s.missed:6.2f} %  "
         f"real time {s.real_time_factor:.2f}  lost {s.lost}",
@@ -77,7 +77,7 @@ def run(case: Case) -> dict[str, Any]:
 def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     """Pictures, and the tables of the page."""
     found = data["groups"]
-    summaries = {name: [Summary.of(result) for result in found.get(name, [])] for name in groups(quick=True)}
+    summaries = {name: [Summary(result) for result in found.get(name, [])] for name in groups(quick=True)}
     tables.draw(summaries, data["machine"], out)
     blocks = {
         "grid": tables.runs(summaries["grid"]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +28,12 @@ class Summary:
     percentile and maximum, None if no marker was received.
     """
 
-    case: Case
-    result: dict[str, Any]
+    result: dict[str, Any]  # of `processes.run_case`
 
-    @classmethod
-    def of(cls, result: dict[str, Any]) -> Summary:
-        """From what `processes.run_case` returned."""
-        return cls(Case(**result["case"]), result)
+    @cached_property
+    def case(self) -> Case:
+        """What was run."""
+        return Case(**self.result["case"])
 
     def stage(self, name: str) -> tuple[float, float, float]:
         """Median, 99th percentile, maximum of a stage [ms]; the maximum is that of all windows."""

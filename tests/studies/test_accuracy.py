@@ -31,12 +31,12 @@ def test_a_front_holds_what_nothing_beats() -> None:
     assert cheapest_as_accurate(results, 0.02) == "slow and true"
     ours = {"a": Result(cost=5.0, p99=0.01), "b": Result(cost=2.0, p99=0.05)}
     rivals = {"better": Result(cost=1.0, p99=0.005), "other": Result(cost=1.0, p99=0.02)}
-    assert beyond_all(ours, rivals, trajectory=False) == ["better"]
+    assert beyond_all(ours, rivals) == ["better"]
     true = {name: replace(result, deviation=0.01) for name, result in ours.items()}
     astray = {name: replace(result, deviation=0.5) for name, result in rivals.items()}
-    assert beyond_all(true, astray, trajectory=True) == []
+    assert beyond_all(true, astray) == []
     along = {name: replace(result, deviation=0.01) for name, result in rivals.items()}
-    assert beyond_all(true, along, trajectory=True) == ["better"]
+    assert beyond_all(true, along) == ["better"]
 
 
 def test_a_front_over_both_measures_says_who_is_there_by_one_only() -> None:

@@ -51,7 +51,7 @@ def test_maps_and_regions_are_the_wave_with_a_code_that_comes_round(k: int, time
 
 def test_a_case_runs_between_processes_and_says_what_happened(domain: int) -> None:
     result = run_case(SMALL)
-    summary = Summary.of(result)
+    summary = Summary(result)
     assert summary.lost == 0
     assert result["sent"] == pytest.approx(SMALL.map_rate * SMALL.seconds, rel=0.3)
     assert summary.latency is not None
