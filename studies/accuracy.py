@@ -54,11 +54,7 @@ def _matrix(options: argparse.Namespace, out: Path, say: Any) -> dict[str, str]:
 
 def _charts(options: argparse.Namespace, out: Path, machine: str, say: Any) -> dict[str, str]:
     """Run the scenes; return their blocks."""
-    scenes = [
-        scene
-        for scene in read_scenes()
-        if (scene.name in options.scenes if options.scenes else scene.quick or not options.quick)
-    ]
+    scenes = CHARTS.chosen(options, read_scenes())
     chosen = checkouts(options.before) if options.before else configurations(quick=options.quick)
     captions = {f"{scene.title} ({scene.bodies.count} bodies)": scene for scene in scenes}
     results, blocks = CHARTS.run(out, captions, chosen, lambda scene: run_scene(scene, chosen, say), machine)

@@ -65,9 +65,6 @@ def draw_scene(
         axes = figure.add_axes((0.05 + 0.44 * column, 0.09, 0.385, 0.82))
         axes.set_ylabel(WORDS[measure])
         axes.set_xlabel(f"cost: update and step, per {unit} and simulated second [ms]")
-        if measure not in measures_of(results):
-            _say_nothing(axes)
-            continue
         _plot(axes, measure, results, families, labels=True)
         if column == 0:
             axes.set_title(title, loc="left")
@@ -94,10 +91,7 @@ def draw_all(
             shared = first.get(measure)
             axes = figure.add_subplot(grid[row, 2 * pair + column], sharex=first.get("distance"), sharey=shared)
             first.setdefault(measure, axes)
-            if measure in measures_of(results[scene]):
-                _plot(axes, measure, results[scene], families, labels=False)
-            else:
-                _say_nothing(axes)
+            _plot(axes, measure, results[scene], families, labels=False)
             axes.tick_params(which="both", labelsize=7)
             for axis in (axes.xaxis, axes.yaxis):
                 axis.set_minor_formatter(NullFormatter())
@@ -125,13 +119,12 @@ def _legend(families: Collection[Family]) -> list[Any]:
     return [*handles, ring, Line2D([], [], linestyle="--", color="0.35", linewidth=1.0, label="front of the panel")]
 
 
-def _say_nothing(axes: Any) -> None:
-    axes.text(0.5, 0.5, "no reference", ha="center", va="center", transform=axes.transAxes, color="0.5", fontsize=8)
-
-
 def _plot(
     axes: Any, measure: Measure, results: Mapping[str, Result], families: Mapping[str, Family], *, labels: bool
 ) -> None:
+    if measure not in measures_of(results):
+        axes.text(0.5, 0.5, "no reference", ha="center", va="center", transform=axes.transAxes, color="0.5", fontsize=8)
+        return
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):

@@ -174,6 +174,11 @@ class Charts(NamedTuple):
         part = any(value for name, value in vars(options).items() if name != "out")
         return options.out or Path(self.part if part else "docs")
 
+    def chosen(self, options: argparse.Namespace, scenes: Sequence[Any]) -> list[Any]:
+        """Return the scenes that the options name, or those of a whole or of a quick run."""
+        named = [scene for scene in scenes if scene.name in options.scenes]
+        return named or [scene for scene in scenes if scene.quick or not options.quick]
+
     def data(self, out: Path) -> Path:
         """Return the file of the results."""
         return out / f"{self.name}.json"

@@ -38,15 +38,12 @@ class Checkout(Engine):
         )  # fmt: skip
         there.close()
         try:
-            runs = Path(self._call("package")).resolve().parent
-            if runs != package:
-                raise InputError("checkout", f"{folder} was asked for, but the code that runs lies in {runs}")
-            self._call(
-                "start",
-                heights=setup.heights, resolution=setup.resolution, rate=1.0 / setup.dt, gravity=setup.gravity,
-                slide=setup.slide,
-                bodies=[_plain(body) for body in setup.bodies],
+            file = self._call(
+                "start", heights=setup.heights, resolution=setup.resolution, rate=1.0 / setup.dt, slide=setup.slide,
+                gravity=setup.gravity, bodies=[_plain(body) for body in setup.bodies],
             )  # fmt: skip
+            if (runs := Path(file).resolve().parent) != package:
+                raise InputError("checkout", f"{folder} was asked for, but the code that runs lies in {runs}")
         except InputError:
             self.close()
             raise

@@ -21,17 +21,12 @@ class Run:
     def __init__(self) -> None:
         self._taken = [0.0, 0.0]
 
-    def package(self) -> str:
-        """Return the path of the package that runs."""
-        import smartmesh_ros
-
-        return str(smartmesh_ros.__file__)
-
-    def start(self, *, heights: Any, resolution: float, rate: float, gravity: Any, slide: Any, bodies: Any) -> None:
-        """Make the world; ``bodies``: shape's class, its arguments, mass, state, friction, restitution of each."""
+    def start(self, *, heights: Any, resolution: float, rate: float, gravity: Any, slide: Any, bodies: Any) -> str:
+        """Make the world; return the path of the package that runs. ``bodies``: shape's class, its arguments, mass,
+        state, friction, restitution of each."""
         import smartmesh_ros as package
 
-        self._slide = slide
+        self._package, self._slide = package, slide
         self._map: Any = {"resolution": resolution}
         self._heightmap = package.HeightMap(heights, **self._map)
         physics = package.PhysicsConfig(rate=rate, gravity=gravity)
@@ -44,12 +39,11 @@ class Run:
         for uid, (*_, friction, restitution) in zip(self._uids, bodies, strict=True):
             self._client.changeDynamics(uid, -1, lateralFriction=friction, restitution=restitution)
         self._client.stepSimulation = self._timed(self._client.stepSimulation)
+        return str(package.__file__)
 
     def set_ground(self, *, heights: Any) -> None:
         """Take a map."""
-        import smartmesh_ros as package
-
-        begin, time = process_time(), self._world.time
+        package, begin, time = self._package, process_time(), self._world.time
         if any(self._slide):
             # A new map at another position tells the terrain that the ground slides.
             origin = (self._slide[0] * time, self._slide[1] * time)

@@ -90,16 +90,12 @@ def measure(fleet: Site, seconds: float) -> dict[str, float]:
 def carried(runs: list[dict[str, Any]]) -> float:
     """Return the number of bodies at which the real-time factor crosses the bound, interpolated between the last number
     within the bound and the first one beyond; the last number if all are within."""
-    within = 0
-    for run in runs:
-        if run["real_time"] < REAL_TIME:
-            last = next((r for r in reversed(runs) if r["bodies"] == within), None)
-            if last is None:
-                return 0.0
-            share = (last["real_time"] - REAL_TIME) / max(last["real_time"] - run["real_time"], 1e-9)
-            return float(within + share * (run["bodies"] - within))
-        within = run["bodies"]
-    return float(within)
+    late = next((index for index, run in enumerate(runs) if run["real_time"] < REAL_TIME), len(runs))
+    if late in (0, len(runs)):
+        return float(runs[-1]["bodies"]) if late else 0.0
+    last, first = runs[late - 1 : late + 1]
+    share = (last["real_time"] - REAL_TIME) / (last["real_time"] - first["real_time"])
+    return float(last["bodies"] + share * (first["bodies"] - last["bodies"]))
 
 
 def draw_capacity(path: Path, capacities: list[dict[str, Any]], machine: str) -> None:

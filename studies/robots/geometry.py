@@ -64,17 +64,13 @@ def _read_link(client: Any, uid: int, link: int) -> list[Part]:
             found.append(Part(coal.Cylinder(size[1], size[0]), pose))
         elif kind == pb.GEOM_CAPSULE:
             found.append(Part(coal.Capsule(size[1], size[0]), pose))
-        elif len(parts := _objects(shape[4].decode())) > 1:  # PyBullet gives the vertices of one only
+        elif (file := shape[4].decode()).endswith(".obj") and len(parts := obj_parts(file)) > 1:
+            # PyBullet gives the vertices of one object only.
             found += [hull(points * size, pose) for points in parts]
         else:  # the vertices of a mesh are given in the frame of the link's inertia
             points = np.array(client.getMeshData(uid, link, collisionShapeIndex=index)[1])
             found.append(hull(points, inertial))
     return found
-
-
-def _objects(file: str) -> list[FloatArray]:
-    """Return the vertices (K, 3) of each object of an OBJ file, an empty list for other files."""
-    return obj_parts(file) if file.endswith(".obj") else []
 
 
 def pose_of(position: Sequence[float], orientation: Sequence[float]) -> FloatArray:

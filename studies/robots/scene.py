@@ -116,11 +116,11 @@ class RobotScene:
         return trot_at(time) if self.trot else self.robot.stance
 
 
-def scenes(*, quick: bool) -> list[RobotScene]:
-    """Return all scenes, or those of the quick run."""
+def scenes() -> list[RobotScene]:
+    """Return all scenes."""
     grids: dict[Motion, tuple[float, ...]] = {"rest": (0.04, 0.1, 0.25), "wave": (0.1,), "maps": (0.04, 0.1, 0.25)}
     quick_ones = {("husky", "rest", 0.1, False), ("laikago", "maps", 0.1, False), ("laikago", "maps", 0.1, True)}
-    found = [
+    return [
         RobotScene(
             robot=robot, motion=motion, resolution=resolution, trot=trot,
             quick=(robot.name, motion, resolution, trot) in quick_ones,
@@ -129,4 +129,3 @@ def scenes(*, quick: bool) -> list[RobotScene]:
         for motion, spacings in grids.items()
         for resolution in spacings
     ]  # fmt: skip
-    return [scene for scene in found if scene.quick or not quick]

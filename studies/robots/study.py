@@ -116,11 +116,11 @@ CHARTS = Charts(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the scenes and the strangers; write JSON, pictures and tables."""
-    every = scenes(quick=False)
+    every = scenes()
     options = CHARTS.parser(__doc__, [scene.name for scene in every]).parse_args(arguments)
     out, machine = CHARTS.begin(options)
     say = Progress()
-    todo = [scene for scene in every if scene.name in options.scenes] or scenes(quick=options.quick)
+    todo = CHARTS.chosen(options, every)
     chosen = robot_configurations(quick=options.quick)
     by_title = {scene.title: scene for scene in todo}
     results, blocks = CHARTS.run(out, by_title, chosen, lambda scene: run(RobotContest(scene), chosen, say), machine)

@@ -139,9 +139,9 @@ def test_a_stranger_with_braked_joints_stays_on_rough_ground() -> None:
 
 
 def test_scenes_have_names_of_their_own_and_all_robots_start_above_the_ground() -> None:
-    found = scenes(quick=False)
+    found = scenes()
     assert len({scene.name for scene in found}) == len(found)
-    assert {scene.name for scene in scenes(quick=True)} < {scene.name for scene in found}
+    assert {scene.name for scene in found if scene.quick} < {scene.name for scene in found}
     for scene in found:
         levels = scene.surface(0.0).below(scene.starts)
         assert (scene.starts[:, 2] - scene.robot.height >= levels).all(), scene.name
@@ -156,8 +156,8 @@ def test_what_needs_rescues_or_leaves_the_map_is_marked() -> None:
 
 
 def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    small = RobotScene(robot=ROVER, motion="maps", resolution=0.25)
-    monkeypatch.setattr(study, "scenes", lambda **_: [small])
+    small = RobotScene(robot=ROVER, motion="maps", resolution=0.25, quick=True)
+    monkeypatch.setattr(study, "scenes", lambda: [small])
     monkeypatch.setattr(study, "run_strangers", lambda *_, **__: [])
     assert study.main(["--quick", "--out", str(tmp_path)]) == 0
     for name in ("robots.json", "robot_tables.md", "robot_charts.md", f"images/robots/{small.name}.png"):
