@@ -15,6 +15,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.distance import Surface, nearest
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from smartmesh_ros.tools.evaluation.scene import lowest
+from studies.engines.bullet import bullet_contacts
 from studies.engines.engine import EngineBody, Setup, build
 from studies.matrix.arena import Arena, deepest
 from studies.matrix.row import Row
@@ -169,17 +170,11 @@ def normals(method: PatchConfig) -> float:
 
 def _normal_errors(arena: Arena, surface: Surface, positions: FloatArray) -> list[float]:
     """Errors [deg] of the contacts with the ground, which were found with the bodies at ``positions`` (N, 3) [m]."""
-    names = {arena.world.bodies[name].uid: index for index, name in enumerate(arena.shapes)}
-    contacts = [
-        (names[point[1]], np.array(point[7])) if point[1] in names else (names[point[2]], -np.array(point[7]))
-        for point in arena.world.client.getContactPoints()
-        if point[9] > 0.0 and (point[1] in names) != (point[2] in names)
-    ]
-    if not contacts:
-        return []
-    owner = [body for body, _ in contacts]
-    true = nearest(surface, positions[owner], 0.4).normal
-    errors = angles_between(np.array([normal for _, normal in contacts]), true)
+    parts = {(arena.world.bodies[name].uid, -1): index for index, name in enumerate(arena.shapes)}
+    contacts = bullet_contacts(arena.world.client, parts, arena.world.dt)
+    pressed = contacts.normal_forces > 0.0
+    true = nearest(surface, positions[contacts.bodies[pressed]], 0.4).normal
+    errors = angles_between(contacts.normals_w[pressed], true)
     return [float(error) for error in errors[np.isfinite(true).all(axis=1)]]
 
 
