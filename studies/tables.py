@@ -15,7 +15,7 @@ from studies.contest import Result
 from studies.front import beyond_all, cheapest_as_accurate, deviation_of, distance_of, measures_of, only_by
 from studies.machine import describe, measured_on
 from studies.markdown import table
-from studies.pages import fill
+from studies.pages import blocks_of, fill
 from studies.results_file import records, save_results
 
 OURS = ("ours", "ours, less")
@@ -226,8 +226,8 @@ class Charts(NamedTuple):
         }  # fmt: skip
 
     def write(self, out: Path, blocks: Mapping[str, str]) -> None:
-        """Replace the blocks of the page; a folder without it gets a page of them."""
-        if (page := out / self.page).exists():
+        """Replace the blocks of the page; a folder without it gets a page of nothing else."""
+        if (page := out / self.page).exists() and blocks_of(page):
             fill(page, blocks)
         else:
             page.write_text("\n\n".join(blocks.values()) + "\n")

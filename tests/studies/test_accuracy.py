@@ -98,6 +98,8 @@ def test_the_study_writes_what_it_says(
     pictures = ("small", "all", "stability")
     for name in ("accuracy.json", "accuracy_tables.md", *(f"images/accuracy/{picture}.png" for picture in pictures)):
         assert (tmp_path / name).stat().st_size > 500, name
+    accuracy.CHARTS.write(tmp_path, {"machine": "another run"})
+    assert (tmp_path / "accuracy.md").read_text() == "another run\n"
 
 
 @pytest.mark.parametrize("part", ["--quick", "--matrix-only", "--charts-only", "--methods defaults", "--scenes flat"])
