@@ -65,10 +65,10 @@ height-scan:  ## what a legged robot's policy observes of moving ground, printed
 	@$(RUN) -- python -m scripts.height_scan $(ARGS)
 
 rover:  ## a wheeled robot drives an eight on soil and leaves ruts: out/rover.png, out/rover.gif
-	@$(RUN) studies -- $(STUDIES) rover $(ARGS)
+	@$(RUN) studies -- $(STUDIES) rover
 
 tracks:  ## a tracked machine drives, turns on the spot and climbs 20 degrees on soil: out/tracks.png, out/tracks.gif
-	@$(RUN) studies -- $(STUDIES) tracks $(ARGS)
+	@$(RUN) studies -- $(STUDIES) tracks
 
 soil:  ## soil against closed forms and a measured wheel, and its cost (ARGS="--only plates" for a part)
 	@$(RUN) studies -- $(STUDIES) soil $(ARGS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import sys
 
@@ -26,24 +27,16 @@ STUDIES = {
 }
 
 
-def usage() -> str:
-    """Return the usage text with all studies."""
-    lines = [f"  {name:14}{about}" for name, (_, about) in STUDIES.items()]
-    return "\n".join(
-        ["usage: python -m studies NAME [options]; `python -m studies NAME --help` tells the options", "", *lines]
-    )
-
-
 def main() -> None:
     """Runs the study that the command line names."""
-    name, options = (sys.argv[1], sys.argv[2:]) if len(sys.argv) > 1 else ("", [])
-    if name in ("-h", "--help"):
-        print(usage())
-        return
-    if name not in STUDIES:
-        print(f"python -m studies: no study {name!r}\n{usage()}", file=sys.stderr)
-        sys.exit(2)
-    sys.argv = [f"python -m studies {name}", *options]
+    parser = argparse.ArgumentParser(
+        prog="python -m studies", usage="python -m studies NAME [options]",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="\n".join(f"  {name:14}{about}" for name, (_, about) in STUDIES.items()),
+    )  # fmt: skip
+    parser.add_argument("name", choices=STUDIES, metavar="NAME", help="a study; NAME --help tells its options")
+    name = parser.parse_args(sys.argv[1:2]).name
+    sys.argv = [f"python -m studies {name}", *sys.argv[2:]]
     module, _, function = STUDIES[name][0].partition(":")
     getattr(importlib.import_module(module), function or "main")()
 

@@ -17,9 +17,7 @@ from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.scene import Scene
 from studies.configurations import Configuration
 from studies.contest import FINE_RATE, HORIZON, Contest, Result, Rules, Runner, run
-from studies.engines.bullet import BulletOptions
 from studies.engines.engine import Engine, EngineBody, Setup, build
-from studies.engines.smartmesh import SmartMeshOptions
 
 # Number of pieces of a run, and processor time in one scene after which an engine is stopped [s].
 PIECES, PATIENCE = 12, 2.5
@@ -87,11 +85,11 @@ def reference_positions(scene: Scene) -> FloatArray | None:
     starts = [replace(state, linear=tuple(np.add(state.linear, against).tolist())) for state in scene.starts()]
     setup = setup_of(scene, ground.heights(0.0), FINE_RATE, starts)
     if scene.reference == "whole":
-        found = build("bullet_trimesh", setup, BulletOptions(edge_filter=True))
+        found = build("bullet_trimesh", setup, edge_filter=True)
     else:
         # A map arrives at every step, so short intervals must not merge maps.
         motion = MotionConfig(min_interval=0.0)
-        found = build("smartmesh", setup, SmartMeshOptions(patch=PatchConfig(rate=0.0), motion=motion))
+        found = build("smartmesh", setup, patch=PatchConfig(rate=0.0), motion=motion)
     with found as engine:
         for step in range(math.floor(HORIZON * FINE_RATE + 0.5)):
             if scene.moves and scene.reference == "finest":

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.transforms import Bbox
 
 from studies.configurations import Family
 from studies.contest import Result
@@ -63,9 +65,6 @@ def draw_scene(
         axes = figure.add_axes((0.05 + 0.44 * column, 0.09, 0.385, 0.82))
         axes.set_ylabel(WORDS[measure])
         axes.set_xlabel(f"cost: update and step, per {unit} and simulated second [ms]")
-        if measure not in measures_of(results):
-            _say_nothing(axes)
-            continue
         _plot(axes, measure, results, families, labels=True)
         if column == 0:
             axes.set_title(title, loc="left")
@@ -92,15 +91,12 @@ def draw_all(
             shared = first.get(measure)
             axes = figure.add_subplot(grid[row, 2 * pair + column], sharex=first.get("distance"), sharey=shared)
             first.setdefault(measure, axes)
-            if measure in measures_of(results[scene]):
-                _plot(axes, measure, results[scene], families, labels=False)
-            else:
-                _say_nothing(axes)
+            _plot(axes, measure, results[scene], families, labels=False)
             axes.tick_params(which="both", labelsize=7)
             for axis in (axes.xaxis, axes.yaxis):
                 axis.set_minor_formatter(NullFormatter())
             if column == 0:
-                axes.set_title(_wrapped(title), fontsize=8, loc="left")
+                axes.set_title(fill(title, max(40, round(0.6 * len(title)))), fontsize=8, loc="left")
             else:
                 axes.set_title("deviation", fontsize=7, loc="right", color="0.4")
     handles = _legend({families[name] for found in results.values() for name in found})
@@ -123,22 +119,12 @@ def _legend(families: Collection[Family]) -> list[Any]:
     return [*handles, ring, Line2D([], [], linestyle="--", color="0.35", linewidth=1.0, label="front of the panel")]
 
 
-def _wrapped(title: str) -> str:
-    """Return a title in two lines if it is long."""
-    words = title.split(" ")
-    if len(title) < 40:
-        return title
-    half = next(count for count in range(len(words)) if len(" ".join(words[: count + 1])) > 0.5 * len(title)) + 1
-    return f"{' '.join(words[:half])}\n{' '.join(words[half:])}"
-
-
-def _say_nothing(axes: Any) -> None:
-    axes.text(0.5, 0.5, "no reference", ha="center", va="center", transform=axes.transAxes, color="0.5", fontsize=8)
-
-
 def _plot(
     axes: Any, measure: Measure, results: Mapping[str, Result], families: Mapping[str, Family], *, labels: bool
 ) -> None:
+    if measure not in measures_of(results):
+        axes.text(0.5, 0.5, "no reference", ha="center", va="center", transform=axes.transAxes, color="0.5", fontsize=8)
+        return
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
@@ -184,29 +170,22 @@ def _label(
     """Writes the names beside the points, each where it covers no other and stays within the panel."""
     right = axes.bbox.x1
     spots = {name: axes.transData.transform(place) for name, place in places.items()}
-    taken: list[tuple[float, float, float, float]] = []
+    taken: list[Bbox] = []
     for name, text in texts.items():
         x, y = spots[name]
         width = 4.6 * len(text)
         offsets = [(6.0, 10.0 * shift + 6.0) for shift in (0, -1, 1, -2, 2, -3, 3, -4, 4)]
         offsets += [(-width - 6.0, offset) for _, offset in offsets]
-        free = [
-            (dx, dy)
-            for dx, dy in offsets
-            if x + dx + width <= right and not _covers((x + dx, y + dy, width, 9.0), taken)
-        ]
-        dx, dy = free[0] if free else offsets[0]
-        taken.append((x + dx, y + dy, width, 9.0))
+        boxes = [Bbox.from_bounds(x + dx, y + dy, width, 9.0) for dx, dy in offsets]
+        free = (index for index, box in enumerate(boxes) if box.x1 <= right and not box.count_overlaps(taken))
+        chosen = next(free, 0)
+        dx, dy = offsets[chosen]
+        taken.append(boxes[chosen])
         axes.annotate(
             text, (x, y), xycoords="figure pixels", xytext=(x + dx, y + dy), textcoords="figure pixels", fontsize=7,
             color=COLOURS[families[name]], va="center", annotation_clip=False,
             arrowprops={"arrowstyle": "-", "color": "0.8", "linewidth": 0.5} if abs(dy) > 12.0 else None,
         )  # fmt: skip
-
-
-def _covers(box: tuple[float, float, float, float], taken: Sequence[tuple[float, float, float, float]]) -> bool:
-    x, y, width, height = box
-    return any(x < u + w and u < x + width and abs(y - v) < 0.5 * (height + h) for u, v, w, h in taken)
 
 
 def draw_readme(path: Path, results: Mapping[str, Result]) -> None:

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
-
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.tools.tune.start import PRESETS, preset_folder
-from studies.engines.checkout import CheckoutOptions
+from smartmesh_ros.tools.tune.start import PRESETS, preset_folder, preset_values, settings_of
 from studies.engines.engine import GroundSetup, build, missing
-from studies.engines.smartmesh import SmartMeshOptions
 
 Family = Literal["ours", "ours, less", "report", "whole map", "MuJoCo", "PhysX", "Rapier"]
 
@@ -29,19 +25,19 @@ class Configuration:
     name: str
     family: Family
     engine: str
-    options: Any = None
+    options: Mapping[str, Any] = field(default_factory=dict)
     rate: float = RATE
     quick: bool = False
     for_sliding: bool = False
 
     def build(self, setup: GroundSetup) -> Any:
         """Return a scene in the engine; raises `InputError` if it cannot run it."""
-        return build(self.engine, setup, self.options)
+        return build(self.engine, setup, **self.options)
 
 
 def _patch(name: str, family: Family, physics: float = RATE, quick: bool = False, **settings: Any) -> Configuration:
     """One of ours: the rate of its ``physics`` [Hz], and settings of its patches."""
-    options = SmartMeshOptions(patch=PatchConfig(**settings))
+    options = {"patch": PatchConfig(**settings)}
     return Configuration(name=name, family=family, engine="smartmesh", options=options, rate=physics, quick=quick)
 
 
@@ -68,27 +64,19 @@ REPORT = (
 )
 
 
-def read_presets() -> dict[str, SmartMeshOptions]:
-    """Return the parameter files that come with the package by name; none if they are not installed."""
-    found = preset_folder()
-    return {name: _read_preset(found / f"{name}.yaml") for name in PRESETS} if found else {}
-
-
-def _read_preset(path: Path) -> SmartMeshOptions:
-    nodes: dict[str, Any] = yaml.safe_load(path.read_text())
-    values = next(iter(nodes.values()))["ros__parameters"]
-
-    def given(group: str, config: type) -> dict[str, Any]:
-        names = {field.name: f"{group}.{field.name}" for field in fields(config)}
-        return {name: values[parameter] for name, parameter in names.items() if parameter in values}
-
-    patch, physics = given("patch", PatchConfig), given("physics", PhysicsConfig)
-    return SmartMeshOptions(patch=PatchConfig(**patch), physics=PhysicsConfig(**physics))
+def read_presets() -> dict[str, dict[str, Any]]:
+    """Return the parameter files that come with the package by name, as options; none if they are not installed."""
+    if preset_folder() is None:
+        return {}
+    worlds = {name: settings_of(preset_values(name)).world for name in PRESETS}
+    return {name: {"patch": world.patch, "physics": world.physics} for name, world in worlds.items()}
 
 
 def _presets(engine: str) -> list[Configuration]:
     return [
-        Configuration(name=f"preset {name}", family="ours", engine=engine, options=options, rate=options.physics.rate)
+        Configuration(
+            name=f"preset {name}", family="ours", engine=engine, options=options, rate=options["physics"].rate
+        )
         for name, options in read_presets().items()
     ]
 
@@ -103,70 +91,56 @@ def _at_rates(words: str, family: Family, engine: str, rates: Sequence[float], *
     ]
 
 
+# MuJoCo's and Rapier's own defaults; unless these are given both are tuned.
+_MUJOCO, _RAPIER = {"time_constant": 0.02}, {"stiff": False}
+
+
+def _chosen(found: Sequence[Configuration], *, quick: bool = False) -> list[Configuration]:
+    """Return the configurations whose engines are installed, or those of them that are part of the quick run."""
+    return [one for one in found if (one.quick or not quick) and not missing(one.engine)]
+
+
 def rivals() -> list[Configuration]:
     """Whole colliders and other engines, as far as they are installed."""
-    found = [
+    return _chosen([
         Configuration(name="whole trimesh", family="whole map", engine="bullet_trimesh", quick=True),
         Configuration(name="whole heightfield", family="whole map", engine="bullet_heightfield"),
-    ]
-    if not missing("mujoco"):
-        from studies.engines.mujoco_hfield import MujocoOptions
-
-        default, surface = MujocoOptions(time_constant=0.02), MujocoOptions(surface_velocity=True)
-        found += _at_rates("MuJoCo", "MuJoCo", "mujoco", [RATE], options=default)  # its own defaults
-        found += _at_rates("MuJoCo tuned", "MuJoCo", "mujoco", (120.0, 240.0, 480.0, 960.0, 1920.0, 7680.0))
-        found += _at_rates(
-            "MuJoCo tuned, surfacevel", "MuJoCo", "mujoco", (240.0, 480.0, 960.0), options=surface, for_sliding=True
-        )
-    if not missing("physx"):
-        found += _at_rates("PhysX", "PhysX", "physx", (240.0, 480.0))
-    if not missing("rapier"):
-        from studies.engines.rapier import RapierOptions
-
-        soft = RapierOptions(stiff=False)  # its own defaults
-        found += _at_rates("Rapier", "Rapier", "rapier", [RATE], options=soft)
-        found += _at_rates("Rapier stiff", "Rapier", "rapier", (240.0, 480.0, 960.0))
-    return found
+        *_at_rates("MuJoCo", "MuJoCo", "mujoco", [RATE], options=_MUJOCO),
+        *_at_rates("MuJoCo tuned", "MuJoCo", "mujoco", (120.0, 240.0, 480.0, 960.0, 1920.0, 7680.0)),
+        *_at_rates("MuJoCo tuned, surfacevel", "MuJoCo", "mujoco", (240.0, 480.0, 960.0), for_sliding=True,
+                   options={"surface_velocity": True}),
+        *_at_rates("PhysX", "PhysX", "physx", (240.0, 480.0)),
+        *_at_rates("Rapier", "Rapier", "rapier", [RATE], options=_RAPIER),
+        *_at_rates("Rapier stiff", "Rapier", "rapier", (240.0, 480.0, 960.0)),
+    ])  # fmt: skip
 
 
 def configurations(*, quick: bool) -> list[Configuration]:
     """All points of the chart of bodies, or those of the quick run."""
-    return [one for one in (*OURS, *_presets("smartmesh"), *REPORT, *rivals()) if one.quick or not quick]
+    return _chosen([*OURS, *_presets("smartmesh"), *REPORT, *rivals()], quick=quick)
 
 
 def checkouts(before: Path) -> list[Configuration]:
     """Our defaults by the code of this checkout and of another: each in a process of its own, as equals."""
-    options = CheckoutOptions(folder=before)
     return [
         Configuration(name="defaults", family="ours", engine="checkout"),
-        Configuration(name="before", family="ours, less", engine="checkout", options=options),
+        Configuration(name="before", family="ours, less", engine="checkout", options={"folder": before}),
     ]
 
 
 def robot_configurations(*, quick: bool) -> list[Configuration]:
     """All points of the charts of robots, or those of the quick run."""
-    ours, awake = "smartmesh robots", PhysicsConfig(sleep=False)
-    never, whole = SmartMeshOptions(physics=awake), PatchConfig(kind="whole_heightfield")
-    found = [
+    ours, mujoco, physx = "smartmesh robots", "mujoco robots", "physx robots"
+    awake = {"physics": PhysicsConfig(sleep=False)}
+    whole = {"patch": PatchConfig(kind="whole_heightfield"), **awake}
+    return _chosen([
         Configuration(name="defaults", family="ours", engine=ours, quick=True),
-        Configuration(name="defaults, never asleep", family="ours", engine=ours, options=never, quick=True),
+        Configuration(name="defaults, never asleep", family="ours", engine=ours, options=awake, quick=True),
         *_presets(ours),
-        Configuration(
-            name="whole heightfield", family="whole map", engine=ours, quick=True,
-            options=SmartMeshOptions(patch=whole, physics=awake),
-        ),
-    ]  # fmt: skip
-    if not missing("mujoco"):
-        from studies.engines.mujoco_hfield import MujocoOptions
-
-        default = MujocoOptions(time_constant=0.02)  # its own
-        found.append(Configuration(name="MuJoCo, 240 Hz", family="MuJoCo", engine="mujoco robots", options=default))
-        found += _at_rates("MuJoCo tuned", "MuJoCo", "mujoco robots", (240.0, 480.0, 960.0))
-    if not missing("physx"):
-        from studies.robots.physx_robots import PhysxRobotOptions
-
-        sleeps = PhysxRobotOptions(sleeps=True)
-        one, another = _at_rates("PhysX", "PhysX", "physx robots", (240.0, 480.0))
-        asleep = Configuration(name="PhysX, 240 Hz, sleeps", family="PhysX", engine="physx robots", options=sleeps)
-        found += [one, asleep, another]
-    return [one for one in found if one.quick or not quick]
+        Configuration(name="whole heightfield", family="whole map", engine=ours, options=whole, quick=True),
+        Configuration(name="MuJoCo, 240 Hz", family="MuJoCo", engine=mujoco, options=_MUJOCO),
+        *_at_rates("MuJoCo tuned", "MuJoCo", mujoco, (240.0, 480.0, 960.0)),
+        *_at_rates("PhysX", "PhysX", physx, [RATE]),
+        Configuration(name="PhysX, 240 Hz, sleeps", family="PhysX", engine=physx, options={"sleeps": True}),
+        *_at_rates("PhysX", "PhysX", physx, [480.0]),
+    ], quick=quick)  # fmt: skip

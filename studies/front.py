@@ -70,17 +70,15 @@ def only_by(results: Mapping[str, Result]) -> dict[str, str]:
     return found
 
 
-def beyond_all(ours: Mapping[str, Result], rivals: Mapping[str, Result], *, trajectory: bool) -> list[str]:
+def beyond_all(ours: Mapping[str, Result], rivals: Mapping[str, Result]) -> list[str]:
     """Return rivals that are both faster and more accurate than all of our results: in the distance from the ground
-    and, with ``trajectory``, in the deviation from the reference, if it was measured."""
+    and, if it was measured, in the deviation from the reference."""
     return [
         name
         for name, rival in rivals.items()
         if math.isfinite(distance_of(rival))
         and all(
-            rival.cost < own.cost
-            and distance_of(rival) < distance_of(own)
-            and not (trajectory and rival.deviation > own.deviation)
+            rival.cost < own.cost and distance_of(rival) < distance_of(own) and not rival.deviation > own.deviation
             for own in ours.values()
         )
     ]

@@ -87,20 +87,12 @@ def _python_code(source: str) -> str:
     tree = ast.parse(source)
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            node.body = _without_docstring(node.body)
+            node.body = node.body[ast.get_docstring(node, clean=False) is not None :]
     return ast.dump(tree)
 
 
 def _cpp_code(source: str) -> str:
     return " ".join(re.sub(r"//[^\n]*|/\*.*?\*/", " ", source, flags=re.DOTALL).split())
-
-
-def _without_docstring(body: list[ast.stmt]) -> list[ast.stmt]:
-    """The statements of a body but its docstring."""
-    match body:
-        case [ast.Expr(value=ast.Constant(value=str())), *rest]:
-            return rest
-    return body
 
 
 def stale_blocks(folder: Path) -> list[str]:

@@ -12,11 +12,6 @@ class Progress:
     def __init__(self) -> None:
         self._began = perf_counter()
 
-    @property
-    def elapsed(self) -> float:
-        """Time since it was made [s]."""
-        return perf_counter() - self._began
-
     def __call__(self, line: str) -> None:
         """Show a line."""
-        print(f"\r\033[K{self.elapsed:5.0f} s  {line}", end="", file=sys.stderr, flush=True)
+        print(f"\r\033[K{perf_counter() - self._began:5.0f} s  {line}", end="", file=sys.stderr, flush=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import math
+import re
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -20,7 +20,10 @@ def read_results(path: Path) -> dict[str, Any]:
 
 def save_results(path: Path, data: dict[str, Any]) -> None:
     """Writes results; entries of the file that ``data`` does not have stay."""
-    path.write_text(f"{_text({**read_results(path), **data}, 0)}\n")
+    exact = json.dumps({**read_results(path), **data})
+    text = json.dumps(json.loads(exact, parse_float=lambda figure: float(f"{float(figure):.{DIGITS}g}")), indent=1)
+    # Strings hold no line breaks, so that this changes the layout alone: what has no braces inside takes a line.
+    path.write_text(re.sub(r"{[^{}]+}|\[[^][{}]+\]", _in_a_line, text) + "\n")
 
 
 def records(results: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
@@ -28,27 +31,5 @@ def records(results: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     return {group: {name: asdict(one) for name, one in found.items()} for group, found in results.items()}
 
 
-def _text(value: Any, depth: int) -> str:
-    """A value as JSON: a record without records of its own takes a line."""
-    inner = " " * (depth + 1)
-    if isinstance(value, dict) and any(isinstance(item, dict) or _is_records(item) for item in value.values()):
-        lines = [f"{inner}{json.dumps(key)}: {_text(item, depth + 1)}" for key, item in value.items()]
-        return "{\n" + ",\n".join(lines) + "\n" + " " * depth + "}"
-    if _is_records(value):
-        return "[\n" + ",\n".join(inner + _text(item, depth + 1) for item in value) + "\n" + " " * depth + "]"
-    return json.dumps(_rounded(value))
-
-
-def _is_records(value: Any) -> bool:
-    return isinstance(value, list) and any(isinstance(item, dict) for item in value)
-
-
-def _rounded(value: Any) -> Any:
-    """A value with its numbers rounded."""
-    if isinstance(value, dict):
-        return {key: _rounded(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_rounded(item) for item in value]
-    if isinstance(value, float) and math.isfinite(value):
-        return float(f"{value:.{DIGITS}g}")
-    return value
+def _in_a_line(record: re.Match[str]) -> str:
+    return re.sub(r",\n *", ", ", re.sub(r"(?<=[{[])\n *|\n *(?=[]}])", "", record[0]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -12,7 +13,9 @@ from studies.chart import draw_all, draw_scene
 from studies.configurations import Configuration, Family
 from studies.contest import Result
 from studies.front import beyond_all, cheapest_as_accurate, deviation_of, distance_of, measures_of, only_by
+from studies.machine import describe, measured_on
 from studies.markdown import table
+from studies.pages import blocks_of, fill
 from studies.results_file import records, save_results
 
 OURS = ("ours", "ours, less")
@@ -69,7 +72,7 @@ def summary_table(
                 _factor(rivals, cheapest_as_accurate(rivals, distance_of(own)), own),
                 _factor(rivals, cheapest_as_accurate(rivals, distance_of(own), both), own),
                 "-" if fastest is None else f"{_factor(rivals, fastest, own)}, {_mm(distance_of(found[fastest]))} mm",
-                ", ".join(beyond_all(ours, rivals, trajectory=True)) or "none",
+                ", ".join(beyond_all(ours, rivals)) or "none",
             ]
         )  # fmt: skip
     header = [
@@ -143,15 +146,42 @@ Results = dict[str, dict[str, Result]]
 
 
 class Charts(NamedTuple):
-    """``name`` of a study, also of its folder of pictures; ``command`` that runs it; ``page``: a link to what its
-    figures mean; ``unit``: what the cost is of; ``data`` and ``tables``: files of its results."""
+    """``name`` of a study, also of its folder of pictures and its file of data; ``command`` that runs it; ``page`` of
+    its blocks, and the ``title`` of links to it; ``unit``: what the cost is of; ``tables``: file of all figures;
+    ``part``: folder of runs that are not whole."""
 
     name: str
     command: str
     page: str
+    title: str
     unit: str
-    data: str
     tables: str
+    part: str
+
+    def parser(self, about: str, scenes: Sequence[str]) -> argparse.ArgumentParser:
+        """Return the options of a study about ``scenes`` by their names."""
+        parser = argparse.ArgumentParser(description=about)
+        parser.add_argument("--quick", action="store_true", help="a few scenes and engines, under two minutes")
+        parser.add_argument("--out", type=Path, help=f"folder to write to (docs; {self.part} for a part of a run)")
+        parser.add_argument(
+            "--scenes", nargs="+", default=[], choices=scenes, metavar="SCENE", help="these scenes only"
+        )
+        return parser
+
+    def folder(self, options: argparse.Namespace) -> Path:
+        """Return the output folder of a run. Only whole runs write into docs/, so that no page mixes figures of
+        machines."""
+        part = any(value for name, value in vars(options).items() if name != "out")
+        return options.out or Path(self.part if part else "docs")
+
+    def chosen(self, options: argparse.Namespace, scenes: Sequence[Any]) -> list[Any]:
+        """Return the scenes that the options name, or those of a whole or of a quick run."""
+        named = [scene for scene in scenes if scene.name in options.scenes]
+        return named or [scene for scene in scenes if scene.quick or not options.quick]
+
+    def data(self, out: Path) -> Path:
+        """Return the file of the results."""
+        return out / f"{self.name}.json"
 
     def images(self, out: Path) -> Path:
         """Return the folder of the pictures, which is made if there is none."""
@@ -159,35 +189,46 @@ class Charts(NamedTuple):
         folder.mkdir(parents=True, exist_ok=True)
         return folder
 
+    def begin(self, options: argparse.Namespace) -> tuple[Path, str]:
+        """Return the output folder, and words about the machine, which are kept with the results."""
+        out, found = self.folder(options), describe()
+        self.images(out)
+        save_results(self.data(out), {"machine": found, "quick": options.quick})
+        return out, f"{measured_on(found)}."
+
     def run(
         self,
         out: Path,
         scenes: Mapping[str, Any],
         chosen: Sequence[Configuration],
         run: Callable[[Any], dict[str, Result]],
-    ) -> Results:
-        """Return the results of ``scenes`` by ``run``; after each one its picture is drawn under its key, and all are
-        kept."""
+        machine: str,
+    ) -> tuple[Results, dict[str, str]]:
+        """Return the results of ``scenes``, which have their captions as keys, by ``run``, and blocks of the page.
+        Each scene is drawn and kept at once; then come the picture and the tables of all."""
         families = {one.name: one.family for one in chosen}
+        titles = {scene.name: scene.title for scene in scenes.values()}
         results: Results = {}
-        for caption, scene in scenes.items():
-            results[scene.name] = run(scene)
-            draw_scene(self.images(out) / f"{scene.name}.png", caption, results[scene.name], families, self.unit)
-            save_results(out / self.data, {"scenes": records(results)})
-        return results
-
-    def write(
-        self, out: Path, titles: Mapping[str, str], chosen: Sequence[Configuration], results: Results, machine: str
-    ) -> dict[str, str]:
-        """Draw the picture of all scenes, write the page of their tables, and return the blocks of the study's page."""
-        families = {one.name: one.family for one in chosen}
-        draw_all(self.images(out) / "all.png", titles, results, families, self.unit)
         parts = [f"# {self.name.capitalize()}: every figure of every scene\n"]
-        parts.append(f"Written by `{self.command}`. {machine}\nSee {self.page} for what the figures mean.\n")
-        for name, title in titles.items():
-            picture = f"![](images/{self.name}/{name}.png)"
-            parts.append(f"## {title}\n\n{picture}\n\n{scene_table(results[name])}\n")
+        parts.append(
+            f"Written by `{self.command}`. {machine}\nSee [{self.title}]({self.page}) for what the figures mean.\n"
+        )
+        for caption, scene in scenes.items():
+            found = results[scene.name] = run(scene)
+            draw_scene(self.images(out) / f"{scene.name}.png", caption, found, families, self.unit)
+            save_results(self.data(out), {"scenes": records(results)})
+            picture = f"![](images/{self.name}/{scene.name}.png)"
+            parts.append(f"## {scene.title}\n\n{picture}\n\n{scene_table(found)}\n")
+        draw_all(self.images(out) / "all.png", titles, results, families, self.unit)
         (out / self.tables).write_text("\n".join(parts))
-        return {
+        return results, {
             "summary": summary_table(titles, results, families), "front": front_table(titles, results, families)
         }  # fmt: skip
+
+    def write(self, out: Path, blocks: Mapping[str, str]) -> None:
+        """Replace the blocks of the page; a folder without it gets a page of nothing else."""
+        if (page := out / self.page).exists() and blocks_of(page):
+            fill(page, blocks)
+        else:
+            page.write_text("\n\n".join(blocks.values()) + "\n")
+        print(f"\nwrote {page}, {self.tables}, {self.data(out).name} and {self.images(out)}")

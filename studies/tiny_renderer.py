@@ -12,6 +12,7 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.trimesh import grid_triangles
 
 NEAR, FAR = 0.2, 60.0  # planes of the camera [m]
 LIGHT = (-6.0, -3.0, 5.0)  # direction to the light
@@ -83,14 +84,11 @@ class Stage:
         self.replace_ground(*((points[row : row + TILE + 1], colour) for row in range(0, len(points) - 1, TILE)))
 
     def _surface(self, points: FloatArray, colour: tuple[float, float, float]) -> int:
-        rows, columns = points.shape[:2]
-        index = np.arange(rows * columns).reshape(rows, columns)
-        a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
         normals = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0)).reshape(-1, 3)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         return self.add(
             pb.GEOM_MESH, colour, vertices=points.reshape(-1, 3).tolist(), normals=normals.tolist(),
-            indices=np.stack([a, b, d, a, d, c], axis=-1).ravel().tolist(),
+            indices=grid_triangles(*points.shape[:2]).ravel().tolist(),
         )  # fmt: skip
 
     def shoot(self, camera: Camera) -> Shot:

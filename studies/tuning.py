@@ -13,31 +13,36 @@ from typing import Any
 from smartmesh_ros.startup.executables import silence_pybullet
 
 SCENES = ("crater", "heave", "noise", "rut", "sinusoid", "sliding_boxes", "stairs", "waves_w04")
+# Settings that are tried in each case; folder of results, studies and files; and the page.
+TRIALS, OUT, DOCUMENT = 96, Path("out/tuning"), Path("docs/tuning.md")
 # Cheaper, or truer, by less than this share is not told from noise.
 CLEARLY = 0.03
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Tunes what is not in the results yet; with all of them there it only writes the table."""
-    options = _parser().parse_args(arguments)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--bag", type=Path, help="bag of the demo, see scripts/make_demo_bag.py")
+    parser.add_argument("--params-file", type=Path, help="parameter file of that bag")
+    options = parser.parse_args(arguments)
     silence_pybullet()
     from studies.machine import short
     from studies.markdown import table
     from studies.pages import fill
 
-    results = options.out / "results.json"
-    options.out.mkdir(parents=True, exist_ok=True)
+    results = OUT / "results.json"
+    OUT.mkdir(parents=True, exist_ok=True)
     found: dict[str, Any] = json.loads(results.read_text()) if results.exists() else {}
     for source in [*SCENES, *([str(options.bag)] if options.bag else [])]:
         if source not in found:
             found[source] = _tuned(source, options)
             results.write_text(json.dumps(found, indent=1) + "\n")
             print(" | ".join(_row(found[source])), flush=True)
-    about = f"Measured on {short()}, {options.trials} settings tried in each."
+    about = f"Measured on {short()}, {TRIALS} settings tried in each."
     won = sum(_verdict(result) != ON_FRONT for result in found.values())
     summary = f"Better than the defaults in {won} of {len(found)}."
-    fill(options.document, {"table": f"{about} {summary}\n\n{table(HEAD, map(_row, found.values()))}"})
-    print(f"{summary} Wrote {options.document}")
+    fill(DOCUMENT, {"table": f"{about} {summary}\n\n{table(HEAD, map(_row, found.values()))}"})
+    print(f"{summary} Wrote {DOCUMENT}")
     return 0
 
 
@@ -55,12 +60,12 @@ def _tuned(source: str, options: argparse.Namespace) -> dict[str, Any]:
     from smartmesh_ros.tools.tune.report import parameter_file
     from smartmesh_ros.tools.tune.session import find
 
-    words = [source, "--trials", str(options.trials), "--jobs", str(options.jobs), "--out", str(options.out)]
+    words = [source, "--trials", str(TRIALS), "--out", str(OUT)]
     given = parser().parse_args(words)
     if options.bag is not None and source == str(options.bag):
         given.params_file = options.params_file
     search, verdict = find(given)
-    (options.out / f"{search.case.name}_tuned.yaml").write_text(parameter_file(search, verdict))
+    (OUT / f"{search.case.name}_tuned.yaml").write_text(parameter_file(search, verdict))
     return {
         "title": search.case.title, "defaults": asdict(verdict.defaults), "tuned": asdict(verdict.chosen.figures),
         "changed": space.changes(verdict.chosen.values),
@@ -84,17 +89,6 @@ def _row(result: dict[str, Any]) -> list[str]:
         f"{1e3 * after['penetration']:.3f}", f"{after['cost'] / before['cost']:.2f} x",
         f"{1e3 * before['hover']:.2f} / {1e3 * after['hover']:.2f}", _verdict(result), changed or "-",
     ]  # fmt: skip
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trials", type=int, default=96)
-    parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--bag", type=Path, help="bag of the demo, see scripts/make_demo_bag.py")
-    parser.add_argument("--params-file", type=Path, help="parameter file of that bag")
-    parser.add_argument("--out", type=Path, default=Path("out/tuning"), help="folder of results, studies and files")
-    parser.add_argument("--document", type=Path, default=Path("docs/tuning.md"))
-    return parser
 
 
 if __name__ == "__main__":

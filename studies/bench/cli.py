@@ -13,7 +13,7 @@ from typing import Any
 
 from studies.bench import crowds, searching, smart_mesh
 from studies.bench.figures import draw_all
-from studies.bench.measure import FULL, QUICK, Bench, Results
+from studies.bench.measure import FULL, QUICK, Bench, Effort, Results
 from studies.bench.report import BATCHES
 from studies.bench.tables import all_tables
 from studies.machine import describe, measured_on
@@ -23,25 +23,24 @@ from studies.progress import Progress
 RESULTS, TABLES, PICTURES = "bench.json", "tables.md", Path("images/bench")
 
 
-def jobs(*, quick: bool) -> Iterator[tuple[str, Callable[[Bench], None]]]:
+def jobs(effort: Effort) -> Iterator[tuple[str, Callable[[Bench], None]]]:
     """Yield all parts in the order they run: what each says while it runs, and what it does with the bench."""
-    for name in smart_mesh.ENGINES:
-        yield f"whole mesh, {name}", partial(smart_mesh.measure_engine, name=name)
-    yield "whole mesh, coal", smart_mesh.measure_trees
-    for side in smart_mesh.sides(quick):
+    for name in (*smart_mesh.ENGINES, *smart_mesh.COAL):
+        yield f"whole mesh, {name}", partial(smart_mesh.measure_whole, name=name)
+    for side in effort.of(smart_mesh.SIDES):
         yield f"patch on {side}x{side}", partial(smart_mesh.measure_main_meshes, side=side)
         if side <= smart_mesh.SIDE:
             yield f"frames on {side}x{side}", partial(smart_mesh.measure_frames, side=side)
     yield "local colliders", smart_mesh.measure_local_colliders
-    for side in searching.report_sides(quick):
+    for side in effort.of(searching.REPORT_SIDES):
         yield f"searches on {side}x{side}", partial(searching.measure_general, side=side)
-    for side in searching.map_sides(quick):
+    for side in effort.of(searching.MAP_SIDES):
         yield f"searches on a map of {side}x{side}", partial(searching.measure_maps, side=side)
     yield "searches in batches", searching.measure_batches
     yield "collecting", searching.measure_collecting
     yield "collecting in batches", searching.measure_collecting_batches
     yield "collider updates", crowds.measure_updates
-    for count in BATCHES[:1] if quick else BATCHES:
+    for count in effort.of(BATCHES):
         if count != crowds.BATCH:
             yield f"updates of {count}", partial(crowds.measure_batches, count=count)
         yield f"engines, {count} bodies", partial(crowds.measure_engines, scale=crowds.COARSE, count=count)
@@ -50,10 +49,10 @@ def jobs(*, quick: bool) -> Iterator[tuple[str, Callable[[Bench], None]]]:
     yield "general mesh", crowds.measure_general
 
 
-def measure(*, quick: bool) -> Results:
+def measure(effort: Effort) -> Results:
     """Runs every part; a line on stderr tells how far it is."""
-    bench, say = Bench(QUICK if quick else FULL), Progress()
-    todo = list(jobs(quick=quick))
+    bench, say = Bench(effort), Progress()
+    todo = list(jobs(effort))
     for number, (label, run) in enumerate(todo, 1):
         say(f"{number} of {len(todo)}: {label}")
         run(bench)
@@ -86,7 +85,7 @@ def main(arguments: list[str] | None = None) -> int:
     if given.earlier:
         data = json.loads(given.earlier.read_text())
     else:
-        data = {"machine": describe(), "quick": given.quick, **measure(quick=given.quick).as_json()}
+        data = {"machine": describe(), "quick": given.quick, **measure(QUICK if given.quick else FULL).as_json()}
     results = Results.from_json(data)
     given.out.mkdir(parents=True, exist_ok=True)
     (given.out / RESULTS).write_text(json.dumps(data, indent=1) + "\n")

@@ -54,7 +54,7 @@ FINE = Scale(("smartmesh", "mujoco"), 1001, 0.02, 0.3)
 def measure_updates(bench: Bench) -> None:
     """Updates of a batch of heightfield patches by their size, all in."""
     waves = Waves(SIDE)
-    for rings in RINGS[:2] if bench.effort.quick else RINGS:
+    for rings in bench.effort.of(RINGS):
         player = Player(waves, height_map(waves), PatchConfig(kind="heightfield", rings=rings), BATCH)
         with player.world as world:
             runs = {

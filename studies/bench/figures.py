@@ -1,4 +1,4 @@
-"""The report's Figures 2 and 12 to 17 with today's figures beside (Agg, no display)."""
+"""The report's Figures 2 and 12 to 17 with today's figures beside."""
 
 from __future__ import annotations
 
@@ -7,10 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")
-from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 
 from studies.bench import report
 from studies.bench.measure import Results
@@ -33,11 +30,10 @@ def draw_all(results: Results, folder: Path) -> list[Path]:
     figures = {2: figure_2, 12: figure_12, 13: figure_13, 14: figure_14, 15: figure_15, 16: figure_16, 17: figure_17}
     files = []
     for number, draw in figures.items():
-        figure, axes = plt.subplots(figsize=(8.5, 5.0), layout="constrained")
-        draw(axes, results)
+        figure = Figure(figsize=(11.0, 5.2), layout="constrained")
+        draw(figure.subplots(), results)
         files.append(folder / f"figure_{number:02d}.png")
         figure.savefig(files[-1], dpi=110)
-        plt.close(figure)
     return files
 
 
@@ -194,4 +190,3 @@ def _finish(axes: Any, x_scale: str | None) -> None:
     axes.grid(True, which="major", alpha=0.35)
     axes.set_axisbelow(True)
     axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    axes.figure.set_size_inches(11.0, 5.2)

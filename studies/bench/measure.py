@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -47,6 +47,10 @@ class Effort:
     seconds: float = 5.0
     report_seconds: float = 25.0
     quick: bool = False
+
+    def of(self, values: Sequence[int]) -> Sequence[int]:
+        """All sizes or numbers, or the first two of them in a quick run."""
+        return values[:2] if self.quick else values
 
 
 FULL = Effort()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import cycle
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -36,15 +37,12 @@ class Cycle(Generic[T]):
     """Frames that are run through forth and back, so that successive ones always follow from one another."""
 
     def __init__(self, frames: list[T]) -> None:
-        self._frames = frames
-        self._order = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
-        self._next = 0
-        self.now = frames[0]
+        self._frames, self.now = frames, frames[0]
+        self._endless = cycle([*frames, *frames[-2:0:-1]])
 
     def next(self) -> T:
         """Goes on to the next frame."""
-        self.now = self._frames[self._order[self._next % len(self._order)]]
-        self._next += 1
+        self.now = next(self._endless)
         return self.now
 
     def converted(self, convert: Callable[[T], S]) -> Cycle[S]:
@@ -74,12 +72,8 @@ def height_map(waves: Waves) -> HeightMap:
 
 def grid_vertices(heights: FloatGrid) -> FloatArray:
     """The same ground as vertices (V, 3) [m] of a general mesh."""
-    rows, columns = heights.shape
-    vertices = np.empty((rows, columns, 3))
-    vertices[..., 0] = np.arange(columns) * RESOLUTION
-    vertices[..., 1] = np.arange(rows)[:, None] * RESOLUTION
-    vertices[..., 2] = heights
-    return vertices.reshape(-1, 3)
+    rows, columns = np.indices(heights.shape)
+    return np.stack([RESOLUTION * columns, RESOLUTION * rows, heights], axis=-1, dtype=np.float64).reshape(-1, 3)
 
 
 def general_mesh(waves: Waves) -> TriangleMesh:

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from smartmesh_ros.report.collect import GridGraph, queue_bfs, topology_around, union_bfs
 from smartmesh_ros.report.search import (
-    Cells,
     best_first_cells,
     best_first_vertices,
     brute_force_cells,
@@ -24,20 +24,10 @@ from studies.bench.measure import Bench, Case
 from studies.bench.moving import RESOLUTION, Waves, crowd_positions, general_mesh
 from studies.bench.report import BATCHES, LARGER, RINGS, SEARCH
 
-# Sizes over which a search of a uniform grid is to cost the same.
-EQUAL_SIDES = (50, 100, 200, 512, 1024, 2048, 4096)
+# Sizes of Table 4, and of height maps, over which a search of a uniform grid is to cost the same.
+REPORT_SIDES, MAP_SIDES = tuple(SEARCH["brute_force"]), (50, 100, 200, *LARGER)
 # Calls timed together where one alone is as short as the clock's own cost.
 REPEATS = 10
-
-
-def report_sides(quick: bool) -> tuple[int, ...]:
-    """Sizes of Table 4."""
-    return (50, 100) if quick else tuple(SEARCH["brute_force"])
-
-
-def map_sides(quick: bool) -> tuple[int, ...]:
-    """Sizes of height maps."""
-    return (50, 512) if quick else (50, 100, 200, *LARGER)
 
 
 def best_first_vertex(mesh: TriangleMesh, position_w: FloatArray, start: int) -> int:
@@ -63,56 +53,51 @@ def best_first_vertex(mesh: TriangleMesh, position_w: FloatArray, start: int) ->
 
 
 def measure_general(bench: Bench, side: int) -> None:
-    """One body on a general mesh, a vertex at a time, as in the report; grid traversal on a height map.
-
-    The average player moves by less than a cell from frame to frame; the worst case teleports between two corners.
-    """
-    mesh, geometry = general_mesh(Waves(side)), GridGeometry(rows=side, columns=side, resolution=RESOLUTION)
-    average, worst = _Walk(side, 0.4 * RESOLUTION), _Walk(side, None)
-    bench.time(
-        Case("search", "brute_force", side),
-        lambda: brute_force_vertex(mesh.coordinates, average.position),
-        average.advance,
-    )
-    vertex = brute_force_vertex(mesh.coordinates, average.position)
+    """One body on a general mesh, a vertex at a time, as in the report; grid traversal on a height map."""
+    mesh = general_mesh(Waves(side))
+    _measure(bench, "search", side, partial(brute_force_vertex, mesh.coordinates), partial(best_first_vertex, mesh))
+    vertex = brute_force_vertex(mesh.coordinates, np.full(3, 0.3 * (side - 1) * RESOLUTION))
     patch = topology_around(mesh, vertex, 1)
     corners, above = mesh.vertices[patch.vertices][None], mesh.vertices[vertex][None] + (0.01, 0.02, 1.0)
     bench.time(Case("search", "ray_cast", side), lambda: ray_cast(above, corners, patch.triangles))
-    for walk, suffix in ((average, ""), (worst, "_worst")):
-        found = [vertex]
-
-        def search(walk: _Walk = walk, found: list[int] = found) -> None:
-            found[0] = best_first_vertex(mesh, walk.position, found[0])
-
-        search()
-        bench.time(Case("search", f"best_first{suffix}", side), search, walk.advance)
-        bench.time(Case("search", f"grid_traversal{suffix}", side), _traversal(geometry, walk), walk.advance)
 
 
 def measure_maps(bench: Bench, side: int) -> None:
     """One body on a height map, through the searches that serve batches."""
     geometry = GridGeometry(rows=side, columns=side, resolution=RESOLUTION)
+    _measure(
+        bench, "search_map", side,
+        lambda position: brute_force_cells(geometry, geometry.to_grid(position[None])),
+        lambda position, start: best_first_cells(geometry, geometry.to_grid(position[None]), start),
+    )  # fmt: skip
+
+
+def _measure(
+    bench: Bench, what: str, side: int, brute_force: Callable[[FloatArray], Any], best_first: Callable[..., Any]
+) -> None:
+    """Measure searches of one body by its position (3,) [m], and by what was found before. The average player moves by
+    less than a cell from frame to frame; the worst case teleports between two corners."""
+    geometry = GridGeometry(rows=side, columns=side, resolution=RESOLUTION)
     average, worst = _Walk(side, 0.4 * RESOLUTION), _Walk(side, None)
-    bench.time(
-        Case("search_map", "brute_force", side),
-        lambda: brute_force_cells(geometry, geometry.to_grid(average.position[None])),
-        average.advance,
-    )
+    bench.time(Case(what, "brute_force", side), lambda: brute_force(average.position), average.advance)
     for walk, suffix in ((average, ""), (worst, "_worst")):
-        found = [nearest_vertices(geometry, geometry.to_grid(walk.position[None]))]
+        found = [brute_force(walk.position)]
 
-        def search(walk: _Walk = walk, found: list[Cells] = found) -> None:
-            found[0] = best_first_cells(geometry, geometry.to_grid(walk.position[None]), found[0])
+        def search(walk: _Walk = walk, found: list[Any] = found) -> None:
+            found[0] = best_first(walk.position, found[0])
 
-        bench.time(Case("search_map", f"best_first{suffix}", side), search, walk.advance)
-        bench.time(Case("search_map", f"grid_traversal{suffix}", side), _traversal(geometry, walk), walk.advance)
+        def traverse(walk: _Walk = walk) -> None:
+            nearest_vertices(geometry, geometry.to_grid(walk.position[None]))
+
+        bench.time(Case(what, f"best_first{suffix}", side), search, walk.advance)
+        bench.time(Case(what, f"grid_traversal{suffix}", side), traverse, walk.advance)
 
 
 def measure_batches(bench: Bench) -> None:
     """Grid traversal for batches on maps of every size, turn by turn; positions in the world to nearest vertices."""
     for count in BATCHES:
         runs: dict[Case, Callable[[], object]] = {}
-        for side in EQUAL_SIDES:
+        for side in MAP_SIDES:
             geometry = GridGeometry(rows=side, columns=side, resolution=RESOLUTION)
             runs[Case("search_batch", "grid_traversal", side, count)] = _repeated(
                 geometry, crowd_positions(count, side)
@@ -129,10 +114,6 @@ def measure_batches(bench: Bench) -> None:
             Case("search_batch", "best_first", 200, count),
             lambda positions=positions, start=start: best_first_vertices(mesh, table, positions, start),  # type: ignore[misc]
         )
-
-
-def _traversal(geometry: GridGeometry, walk: _Walk) -> Callable[[], object]:
-    return lambda: nearest_vertices(geometry, geometry.to_grid(walk.position[None]))
 
 
 def _repeated(geometry: GridGeometry, places: FloatArray) -> Callable[[], object]:

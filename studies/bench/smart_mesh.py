@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
 
@@ -28,17 +30,14 @@ from studies.engines.engine import Setup, build, missing
 
 # Main mesh of the measurements that vary the collider [vertices on a side].
 SIDE = 200
+# Sizes of the main mesh, ascending.
+SIDES = (25, 50, 100, 150, 200, *LARGER)
 # The largest general mesh: its graph is built from its triangles, which takes a while.
 LARGEST_GENERAL = 512
 
 # The report's own colliders: triangle meshes built anew, in the kinds of the mesh they are cut from.
 REPORT = PatchConfig(kind="trimesh", rings=1, carry_velocity=False)
 UNIFORM = PatchConfig(kind="heightfield", rings=1)
-
-
-def sides(quick: bool) -> tuple[int, ...]:
-    """Sizes of the main mesh, ascending."""
-    return (25, 50, 512) if quick else (25, 50, 100, 150, 200, *LARGER)
 
 
 def measure_main_meshes(bench: Bench, side: int) -> None:
@@ -79,7 +78,7 @@ def _measure_physx(bench: Bench, waves: Waves) -> None:
 def measure_local_colliders(bench: Bench) -> None:
     """Colliders of several sizes: of varying shape (triangles found anew), of constant shape, and heightfields."""
     waves = Waves(SIDE)
-    for rings in RINGS[:2] if bench.effort.quick else RINGS:
+    for rings in bench.effort.of(RINGS):
         varying = replace(REPORT, rings=rings, collect="union_bfs")
         constant = replace(REPORT, rings=rings)
         plain = replace(UNIFORM, rings=rings)
@@ -98,72 +97,43 @@ def measure_frames(bench: Bench, side: int) -> None:
 
 
 ENGINES = ("physx", "bullet_trimesh", "bullet_heightfield", "mujoco")
+# Sizes of the whole mesh, ascending [vertices on a side].
+WHOLE_SIDES = (*SIMPLE_PHYSX, *LARGER)
+# What a frame of an update runs, and what goes on to the next frame before it.
+Update = tuple[Callable[[], object], Callable[[], object] | None]
 
 
-def whole_sides(quick: bool) -> tuple[int, ...]:
-    """Sizes to measure, ascending."""
-    return (3, 5, 25, 50) if quick else (*SIMPLE_PHYSX, *LARGER)
-
-
-def measure_engine(bench: Bench, name: str) -> None:
-    """Measure updates of the whole collider in one engine, up to the size at which a frame takes too long."""
-    if missing(name):
-        bench.results.left_out[name] = missing(name)
-        return
+def measure_whole(bench: Bench, name: str) -> None:
+    """Measure updates of the whole collider in one engine, or of one of coal's hierarchies alone, up to the size at
+    which a frame takes too long."""
     before = 0
-    for side in whole_sides(bench.effort.quick):
+    for side in bench.effort.of(WHOLE_SIDES):
         case = Case("simple", name, side)
         if before and bench.hopeless(case, before):
             return
+        in_report = name in ("physx", "bullet_trimesh") and side in SIMPLE_PHYSX
         try:
-            _measure_update(bench, case)
-        except InputError as error:  # larger than the engine takes
-            bench.results.left_out[f"{name} {side}x{side}"] = str(error)
+            with ExitStack() as stack:
+                run, prepare = COAL[name](Waves(side)) if name in COAL else _in_engine(name, Waves(side), stack)
+                bench.time(case, run, prepare, bench.effort.report_seconds if in_report else None)
+        except (ImportError, InputError) as error:  # not installed, or larger than the engine takes
+            bench.results.left_out[f"{name} {side}x{side}" if before else name] = str(error)
             return
         before = side
 
 
-def _measure_update(bench: Bench, case: Case) -> None:
-    waves = Waves(case.side)
+def _in_engine(name: str, waves: Waves, stack: ExitStack) -> Update:
     setup = Setup(heights=doubles(waves.now), resolution=RESOLUTION, bodies=(), dt=FRAME)
-    with build(case.method, setup) as engine:
-        maps = waves.converted(engine.ready)
-        in_report = case.method in ("physx", "bullet_trimesh") and case.side in SIMPLE_PHYSX
-        seconds = bench.effort.report_seconds if in_report else None
-        bench.time(case, lambda: engine.set_ground(maps.now), maps.next, seconds)
+    engine = stack.enter_context(build(name, setup))
+    maps = waves.converted(engine.ready)
+    return lambda: engine.set_ground(maps.now), maps.next
 
 
-def measure_trees(bench: Bench) -> None:
-    """Bounding volume hierarchies alone, with coal: rebuilt, refitted, and the heights of a height field replaced."""
-    try:
-        import coal
-    except ImportError as error:
-        bench.results.left_out["coal"] = str(error)
-        return
-    before = 0
-    for side in whole_sides(bench.effort.quick):
-        waves = Waves(side)
-        _measure_bvh(bench, coal, waves, before)
-        field = Case("simple", "coal_heightfield", side)
-        if before and bench.hopeless(field, before):
-            return
-        _measure_field(bench, coal, waves, field)
-        before = side
+def _bvh(waves: Waves) -> Callable[[], Any]:
+    """Return what builds a hierarchy of bounding volumes."""
+    import coal
 
-
-def _measure_field(bench: Bench, coal: Any, waves: Waves, case: Case) -> None:
-    frames = waves.converted(doubles)
-    extent = (waves.side - 1) * RESOLUTION
-    field = coal.HeightFieldOBBRSS(extent, extent, frames.now, -10.0)
-    bench.time(case, lambda: field.updateHeights(frames.now), frames.next)
-
-
-def _measure_bvh(bench: Bench, coal: Any, waves: Waves, before: int) -> None:
-    rebuild, refit = (Case("simple", method, waves.side) for method in ("coal_rebuild", "coal_refit"))
-    if before and bench.hopeless(refit, before):
-        return
-    triangles = grid_triangles(waves.side, waves.side)
-    vertices = grid_vertices(waves.next())
+    triangles, vertices = grid_triangles(waves.side, waves.side), grid_vertices(waves.next())
 
     def built() -> Any:
         model = coal.BVHModelOBBRSS()
@@ -173,20 +143,36 @@ def _measure_bvh(bench: Bench, coal: Any, waves: Waves, before: int) -> None:
         model.endModel()
         return model
 
-    if not before or not bench.hopeless(rebuild, before):
-        bench.time(rebuild, built)
-    model = built()
-    # Two frames in coal's own kind of list, because making one takes longer than the refit.
-    frames = []
-    for _ in range(2):
-        frame = coal.StdVec_Vec3s()
-        frame.extend(list(grid_vertices(waves.next())))
-        frames.append(frame)
+    return built
 
-    def refitted() -> None:
+
+def _refitted(waves: Waves) -> Update:
+    import coal
+
+    model = _bvh(waves)()
+    # Two frames in coal's own kind of list, because making one takes longer than the refit.
+    frames = [coal.StdVec_Vec3s() for _ in range(2)]
+    for frame in frames:
+        frame.extend(list(grid_vertices(waves.next())))
+
+    def refit() -> None:
         frames.reverse()
         model.beginReplaceModel()
         model.replaceSubModel(frames[0])
         model.endReplaceModel(True, True)
 
-    bench.time(refit, refitted)
+    return refit, None
+
+
+def _field(waves: Waves) -> Update:
+    import coal
+
+    frames, extent = waves.converted(doubles), (waves.side - 1) * RESOLUTION
+    field = coal.HeightFieldOBBRSS(extent, extent, frames.now, -10.0)
+    return lambda: field.updateHeights(frames.now), frames.next
+
+
+# Bounding volume hierarchies alone: rebuilt, refitted, and the heights of a height field replaced.
+COAL: dict[str, Callable[[Waves], Update]] = {
+    "coal_rebuild": lambda waves: (_bvh(waves), None), "coal_refit": _refitted, "coal_heightfield": _field
+}  # fmt: skip

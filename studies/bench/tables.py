@@ -185,7 +185,7 @@ def map_searches(results: Results) -> str:
     methods = [method for method in SEARCHES if method != "ray_cast"]
     rows = [
         [size(side), *(number(results.ms("search_map", method, side=side)) for method in methods)]
-        for side in (50, 100, 200, *report.LARGER)
+        for side in searching.MAP_SIDES
     ]
     return table(["height map", *(SEARCHES[method] for method in methods)], rows)
 
@@ -213,13 +213,13 @@ def batches(results: Results) -> str:
     for count in report.BATCHES:
         searches = [
             results.us("search_batch", "grid_traversal", side=side, bodies=count) / searching.REPEATS / count
-            for side in searching.EQUAL_SIDES
+            for side in searching.MAP_SIDES
         ]
         best_first = results.us("search_batch", "best_first", side=200, bodies=count) / count
         collect = results.us("collect_batch", "cached", side=searching.COLLECT_SIDE, bodies=count, rings=rings)
         per_body = [*searches, best_first, collect / searching.REPEATS / count, update_per_body(results, 2, count)]
         rows.append([f"{count}", *map(number, per_body)])
-    names = [f"grid traversal on {size(side)}" for side in searching.EQUAL_SIDES]
+    names = [f"grid traversal on {size(side)}" for side in searching.MAP_SIDES]
     return table(["bodies", *names, "best-first, general mesh 200x200", "collect 5x5", "update 5x5 on 1024x1024"], rows)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,13 +24,6 @@ CONTACT_ERP = 0.2
 QUARTER_TURN = (0.0, 0.0, math.sin(0.25 * math.pi), math.cos(0.25 * math.pi))
 
 
-@dataclass(frozen=True, kw_only=True)
-class BulletOptions:
-    """``edge_filter``: no ghost collisions at inner edges."""
-
-    edge_filter: bool = False
-
-
 class BulletEngine(Engine):
     """Bodies ``uids`` of a PyBullet ``client``."""
 
@@ -39,13 +31,22 @@ class BulletEngine(Engine):
     uids: list[int]
     setup: Setup
 
-    def positions(self) -> FloatArray:
+    def poses(self) -> FloatArray:
         poses = [self.client.getBasePositionAndOrientation(uid) for uid in self.uids]
-        return np.array([position for position, _ in poses]).reshape(-1, 3)
+        return np.array([[*position, *orientation] for position, orientation in poses]).reshape(-1, 7)
 
-    def orientations(self) -> FloatArray:
-        poses = [self.client.getBasePositionAndOrientation(uid) for uid in self.uids]
-        return np.array([orientation for _, orientation in poses]).reshape(-1, 4)
+    def add(self, body: EngineBody, **more: Any) -> int:
+        """Return the id of a new body, made with ``more`` arguments of PyBullet."""
+        client, state = self.client, body.state
+        shape = client.createCollisionShape(**body.shape.bullet())
+        uid = client.createMultiBody(
+            body.mass, shape, basePosition=state.position, baseOrientation=state.orientation, **more
+        )
+        client.changeDynamics(
+            uid, -1, lateralFriction=body.friction, restitution=body.restitution, linearDamping=0.0, angularDamping=0.0
+        )
+        client.resetBaseVelocity(uid, state.linear, state.angular)
+        return int(uid)
 
     def velocities(self) -> FloatArray:
         twists = [self.client.getBaseVelocity(uid) for uid in self.uids]
@@ -57,16 +58,16 @@ class BulletEngine(Engine):
 
 
 class _WholeMap(BulletEngine):
-    """Common part of both engines: the client and the bodies."""
+    """Common part of both engines: the client and the bodies. ``edge_filter``: no ghost collisions at inner edges."""
 
-    def __init__(self, setup: Setup, options: BulletOptions | None = None) -> None:
-        self.setup, self._options = setup, options or BulletOptions()
-        self._steps = 0
+    def __init__(self, setup: Setup, *, edge_filter: bool = False) -> None:
+        self.setup, self._steps = setup, 0
+        self._flags = pb.GEOM_CONCAVE_INTERNAL_EDGE if edge_filter else 0
         self.client = BulletClient(pb.DIRECT)
         self.client.setGravity(*setup.gravity)
         self.client.setTimeStep(setup.dt)
         self.client.setPhysicsEngineParameter(contactERP=CONTACT_ERP, erp=CONTACT_ERP)
-        self.uids = [self._add(body) for body in setup.bodies]
+        self.uids = [self.add(body, useMaximalCoordinates=1) for body in setup.bodies]
 
     def step(self) -> None:
         self.client.stepSimulation()
@@ -80,18 +81,6 @@ class _WholeMap(BulletEngine):
         if self.client.isConnected():
             self.client.disconnect()
 
-    def _add(self, body: EngineBody) -> int:
-        client, state = self.client, body.state
-        shape = client.createCollisionShape(**body.shape.bullet())
-        uid = client.createMultiBody(
-            body.mass, shape, basePosition=state.position, baseOrientation=state.orientation, useMaximalCoordinates=1
-        )
-        client.changeDynamics(
-            uid, -1, lateralFriction=body.friction, restitution=body.restitution, linearDamping=0.0, angularDamping=0.0
-        )
-        client.resetBaseVelocity(uid, state.linear, state.angular)
-        return int(uid)
-
     def _ground(self, shape: int, position: Any, orientation: Any) -> int:
         uid = self.client.createMultiBody(0.0, shape, basePosition=position, baseOrientation=orientation)
         # PyBullet multiplies the coefficients of both bodies. With 1 here, those of the moving body apply.
@@ -102,14 +91,13 @@ class _WholeMap(BulletEngine):
 class BulletTrimesh(_WholeMap):
     """A triangle mesh of the whole map, rebuilt for every map. PyBullet leaks some memory of each mesh."""
 
-    def __init__(self, setup: Setup, options: BulletOptions | None = None) -> None:
+    def __init__(self, setup: Setup, **options: Any) -> None:
         rows, columns = setup.heights.shape
         triangles = grid_triangles(rows, columns)
         if rows * columns > MOST_VERTICES or triangles.size > MOST_INDICES:
             raise InputError("size", f"PyBullet takes no trimesh of {rows} x {columns} vertices; take a smaller map")
-        super().__init__(setup, options)
-        edge_filter = pb.GEOM_CONCAVE_INTERNAL_EDGE if self._options.edge_filter else 0
-        self._flags = pb.GEOM_FORCE_CONCAVE_TRIMESH | edge_filter
+        super().__init__(setup, **options)
+        self._flags |= pb.GEOM_FORCE_CONCAVE_TRIMESH
         self._indices = triangles.ravel().tolist()
         self._vertices = setup.vertices()
         self._uid = -1
@@ -128,12 +116,11 @@ class BulletTrimesh(_WholeMap):
 class BulletHeightfield(_WholeMap):
     """A heightfield of the whole map, replaced in place for every map."""
 
-    def __init__(self, setup: Setup, options: BulletOptions | None = None) -> None:
-        super().__init__(setup, options)
+    def __init__(self, setup: Setup, **options: Any) -> None:
+        super().__init__(setup, **options)
         rows, columns = setup.heights.shape
         # With the quarter turn, PyBullet's rows run along x.
         self._layout = {"numHeightfieldRows": rows, "numHeightfieldColumns": columns}
-        self._flags = pb.GEOM_CONCAVE_INTERNAL_EDGE if self._options.edge_filter else 0
         bounds = np.zeros(rows * columns)
         bounds[0], bounds[-1] = -HOLE, HOLE  # PyBullet never updates the bounds of a heightfield
         self._shape: int = self.client.createCollisionShape(

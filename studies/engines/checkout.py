@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
-import pickle
 import subprocess
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
+from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 import smartmesh_ros
 from smartmesh_ros.errors import InputError
@@ -19,38 +21,29 @@ from studies.engines.engine import Engine, EngineBody, Setup
 HERE = Path(smartmesh_ros.__file__).parents[1]
 
 
-@dataclass(frozen=True, kw_only=True)
-class CheckoutOptions:
-    """``folder``: directory that holds ``smartmesh_ros/``."""
-
-    folder: Path = HERE
-
-
 class Checkout(Engine):
-    """`World` with its defaults, by the package of a folder. Raises `InputError` if the folder holds no package, or if
-    its code cannot run the scene."""
+    """`World` with its defaults, by the ``smartmesh_ros/`` of a ``folder``. Raises `InputError` if the folder holds no
+    package, or if its code cannot run the scene."""
 
-    def __init__(self, setup: Setup, options: CheckoutOptions | None = None) -> None:
-        chosen = options or CheckoutOptions()
-        package = (chosen.folder / "smartmesh_ros").resolve()
+    def __init__(self, setup: Setup, *, folder: Path = HERE) -> None:
+        package = (folder / "smartmesh_ros").resolve()
         if not (package / "__init__.py").is_file():
-            raise InputError("checkout", f"{chosen.folder} holds no smartmesh_ros/; name a checkout of this repository")
+            raise InputError("checkout", f"{folder} holds no smartmesh_ros/; name a checkout of this repository")
         path = os.pathsep.join([str(package.parent), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
-        # -P: the script's own folder is no place to import from.
+        self._calls, there = Pipe()
+        # -P: the script's own folder is no place to import from. PyBullet prints onto the standard output.
         self._process = subprocess.Popen(
-            [sys.executable, "-P", checkout_process.__file__],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={**os.environ, "PYTHONPATH": path},
+            [sys.executable, "-P", checkout_process.__file__, str(there.fileno())],
+            pass_fds=[there.fileno()], stdout=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": path},
         )  # fmt: skip
+        there.close()
         try:
-            runs = Path(self._call("package")).resolve().parent
-            if runs != package:
-                raise InputError("checkout", f"{chosen.folder} was asked for, but the code that runs lies in {runs}")
-            self._call(
-                "start",
-                heights=setup.heights, resolution=setup.resolution, rate=1.0 / setup.dt, gravity=setup.gravity,
-                slide=setup.slide,
-                bodies=[_plain(body) for body in setup.bodies],
+            file = self._call(
+                "start", heights=setup.heights, resolution=setup.resolution, rate=1.0 / setup.dt, slide=setup.slide,
+                gravity=setup.gravity, bodies=[_plain(body) for body in setup.bodies],
             )  # fmt: skip
+            if (runs := Path(file).resolve().parent) != package:
+                raise InputError("checkout", f"{folder} was asked for, but the code that runs lies in {runs}")
         except InputError:
             self.close()
             raise
@@ -69,33 +62,21 @@ class Checkout(Engine):
         found: tuple[float, float] = self._call("taken")
         return found
 
-    def positions(self) -> FloatArray:
-        return self._array("positions")
-
-    def orientations(self) -> FloatArray:
-        return self._array("orientations")
+    def poses(self) -> FloatArray:
+        return np.asarray(self._call("poses"))
 
     def velocities(self) -> FloatArray:
-        return self._array("velocities")
+        return np.asarray(self._call("velocities"))
 
     def close(self) -> None:
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                pipe.close()
+        self._calls.close()
         self._process.wait()
 
-    def _array(self, name: str) -> FloatArray:
-        found: FloatArray = self._call(name)
-        return found
-
     def _call(self, name: str, **arguments: Any) -> Any:
-        stdin, stdout = self._process.stdin, self._process.stdout
-        assert stdin is not None and stdout is not None
         try:
-            pickle.dump((name, arguments), stdin)
-            stdin.flush()
-            result, error = pickle.load(stdout)
-        except (EOFError, BrokenPipeError):
+            self._calls.send((name, arguments))
+            result, error = self._calls.recv()
+        except (EOFError, OSError):
             code = self._process.wait()
             raise InputError("checkout", f"the process ended with {code}; its output is above") from None
         if error:

@@ -1,15 +1,14 @@
 """The process of `studies.engines.checkout`: it steps the `World` of the smartmesh_ros in its PYTHONPATH.
 
-This script uses only the package's public API, so that it runs with other versions of the package. It reads pickled
-pairs (name of a method of `Run`, arguments) from standard input, and answers with pairs (result, error).
+This script uses only the package's public API, so that it runs with other versions of the package. It receives pairs
+(name of a method of `Run`, arguments) through the pipe that it inherits, and answers with pairs (result, error).
 """
 
 from __future__ import annotations
 
-import os
-import pickle
 import sys
 import traceback
+from multiprocessing.connection import Connection
 from time import process_time
 from typing import Any
 
@@ -22,17 +21,12 @@ class Run:
     def __init__(self) -> None:
         self._taken = [0.0, 0.0]
 
-    def package(self) -> str:
-        """Return the path of the package that runs."""
-        import smartmesh_ros
-
-        return str(smartmesh_ros.__file__)
-
-    def start(self, *, heights: Any, resolution: float, rate: float, gravity: Any, slide: Any, bodies: Any) -> None:
-        """Make the world; ``bodies``: shape's class, its arguments, mass, state, friction, restitution of each."""
+    def start(self, *, heights: Any, resolution: float, rate: float, gravity: Any, slide: Any, bodies: Any) -> str:
+        """Make the world; return the path of the package that runs. ``bodies``: shape's class, its arguments, mass,
+        state, friction, restitution of each."""
         import smartmesh_ros as package
 
-        self._slide = slide
+        self._package, self._slide = package, slide
         self._map: Any = {"resolution": resolution}
         self._heightmap = package.HeightMap(heights, **self._map)
         physics = package.PhysicsConfig(rate=rate, gravity=gravity)
@@ -45,12 +39,11 @@ class Run:
         for uid, (*_, friction, restitution) in zip(self._uids, bodies, strict=True):
             self._client.changeDynamics(uid, -1, lateralFriction=friction, restitution=restitution)
         self._client.stepSimulation = self._timed(self._client.stepSimulation)
+        return str(package.__file__)
 
     def set_ground(self, *, heights: Any) -> None:
         """Take a map."""
-        import smartmesh_ros as package
-
-        begin, time = process_time(), self._world.time
+        package, begin, time = self._package, process_time(), self._world.time
         if any(self._slide):
             # A new map at another position tells the terrain that the ground slides.
             origin = (self._slide[0] * time, self._slide[1] * time)
@@ -72,13 +65,9 @@ class Run:
         self._taken = [0.0, 0.0]
         return update, step
 
-    def positions(self) -> Any:
-        """Return the positions of the bodies (N, 3) [m]."""
-        return np.array([self._client.getBasePositionAndOrientation(uid)[0] for uid in self._uids])
-
-    def orientations(self) -> Any:
-        """Return the orientations of the bodies (N, 4)."""
-        return np.array([self._client.getBasePositionAndOrientation(uid)[1] for uid in self._uids])
+    def poses(self) -> Any:
+        """Return positions [m] and orientations of the bodies (N, 7)."""
+        return np.array([np.concatenate(self._client.getBasePositionAndOrientation(uid)) for uid in self._uids])
 
     def velocities(self) -> Any:
         """Return the velocities of the bodies (N, 6) [m/s, rad/s]."""
@@ -94,24 +83,17 @@ class Run:
 
 
 def main() -> None:
-    """Answers calls until standard input ends."""
-    # Redirect PyBullet's output, which must not mix with the answers.
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    run = Run()
+    """Answers calls until the pipe is closed."""
+    calls, run = Connection(int(sys.argv[1])), Run()
     while True:
         try:
-            name, arguments = pickle.load(sys.stdin.buffer)
+            name, arguments = calls.recv()
         except EOFError:
             return
-        result: Any = None
-        error = ""
         try:
-            result = getattr(run, name)(**arguments)
+            calls.send((getattr(run, name)(**arguments), ""))
         except Exception:  # noqa: BLE001  the other checkout runs on, and the table says what failed
-            error = traceback.format_exc()
-        pickle.dump((result, error), answers)
-        answers.flush()
+            calls.send((None, traceback.format_exc()))
 
 
 if __name__ == "__main__":

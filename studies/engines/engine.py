@@ -1,7 +1,7 @@
 """Interface of the physics engines that are compared, and the engines by name.
 
-To add an engine, write one file with a subclass of `Engine` and a frozen dataclass of its options, and add a line to
-`_ENTRIES`. An engine whose package is not installed is left out, with a reason.
+To add an engine, write one file with a subclass of `Engine`, whose options are keywords of its constructor, and add a
+line to `_ENTRIES`. An engine whose package is not installed is left out, with a reason.
 """
 
 from __future__ import annotations
@@ -159,18 +159,19 @@ class Simulation(ABC):
 
 
 class Engine(Simulation):
-    """Simulation of the bodies of a `Setup`, with the engine's own dataclass of options, None = defaults."""
-
-    def links(self) -> Links:
-        return Links(self.positions()[:, None], self.orientations()[:, None])
+    """Simulation of the bodies of a `Setup`, with the engine's own options."""
 
     @abstractmethod
+    def poses(self) -> FloatArray:
+        """Return the poses of the bodies (N, 7): centres [m] in front, orientations (x, y, z, w) after."""
+
     def positions(self) -> FloatArray:
         """Return the centres of the bodies (N, 3) [m]."""
+        return self.poses()[:, :3]
 
-    @abstractmethod
-    def orientations(self) -> FloatArray:
-        """Return the orientations of the bodies (N, 4) as (x, y, z, w)."""
+    def links(self) -> Links:
+        poses = self.poses()[:, None]
+        return Links(poses[..., :3], poses[..., 3:])
 
 
 # Module and class of each engine, by its name: of bodies, and of robots.
@@ -201,10 +202,10 @@ def missing(name: str) -> str:
     return ""
 
 
-def build(name: str, setup: GroundSetup, options: Any = None) -> Any:
+def build(name: str, setup: GroundSetup, **options: Any) -> Any:
     """Return a scene in the engine of that name; raises `InputError` if it is unknown or not installed."""
     reason = missing(name)
     if reason:
         raise InputError("engine", f"engine {name!r} is not available ({reason}); install requirements/studies.txt")
     module, kind = _ENTRIES[name]
-    return getattr(import_module(module), kind)(setup, options)
+    return getattr(import_module(module), kind)(setup, **options)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import mujoco
@@ -20,16 +19,6 @@ from studies.engines.engine import Contacts, Engine, EngineBody, GroundSetup, Se
 BODY, GROUND = 1, 2
 
 
-@dataclass(frozen=True, kw_only=True)
-class MujocoOptions:
-    """``time_constant`` [s]: of the contact (MuJoCo's solref, at least two steps), None = two steps, the tuned value;
-    MuJoCo's own default is 0.02. ``surface_velocity``: True = sliding ground has MuJoCo's ``surfacevel``; False = the
-    ground has no velocity in contacts."""
-
-    time_constant: float | None = None
-    surface_velocity: bool = False
-
-
 class MujocoGround(Simulation):
     """MuJoCo stores heights as float32 from 0 to 1 of a fixed range; heights outside the range are refused.
 
@@ -40,14 +29,18 @@ class MujocoGround(Simulation):
 
     reach: ClassVar[float] = 20.0  # of heights, up and down [m]
 
-    def __init__(self, setup: GroundSetup, options: MujocoOptions | None, memory: int) -> None:
-        """``memory``: for contacts [bytes], of which MuJoCo takes up to 50 between a body and the ground."""
-        chosen = options or MujocoOptions()
+    def __init__(
+        self, setup: GroundSetup, memory: int, time_constant: float | None = None, *, surface_velocity: bool = False
+    ) -> None:
+        """``memory``: for contacts [bytes], of which MuJoCo takes up to 50 between a body and the ground.
+        ``time_constant`` [s]: of the contact (MuJoCo's solref, at least two steps), None = two steps, the tuned value;
+        MuJoCo's own default is 0.02. ``surface_velocity``: True = sliding ground has MuJoCo's ``surfacevel``; False =
+        the ground has no velocity in contacts."""
         rows, columns = setup.heights.shape
         (width, length), (x, y) = setup.size, setup.origin
         self.setup = setup
         # The tightest contact that MuJoCo takes, unless another is asked for.
-        self.time_constant = chosen.time_constant or 2.0 * setup.dt
+        self.time_constant = time_constant or 2.0 * setup.dt
         self.spec = spec = mujoco.MjSpec()
         spec.option.timestep = setup.dt
         spec.option.gravity = setup.gravity
@@ -59,7 +52,7 @@ class MujocoGround(Simulation):
         # Ground that slides hangs on a body that is placed anew with every map; other ground needs none.
         holder = spec.worldbody.add_body(mocap=True) if setup.slides else spec.worldbody
         # The model takes it only where it is not zero when compiled; `geom_surfacevel` may change from then on.
-        velocity = [*setup.slide, 0.0, 0.0, 0.0, 0.0] if chosen.surface_velocity else [0.0] * 6
+        velocity = [*setup.slide, 0.0, 0.0, 0.0, 0.0] if surface_velocity else [0.0] * 6
         holder.add_geom(
             type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="ground", condim=3, contype=GROUND, conaffinity=BODY,
             pos=[x + 0.5 * width, y + 0.5 * length, -self.reach], surfacevel=velocity,
@@ -108,8 +101,8 @@ class MujocoGround(Simulation):
 class MujocoHfield(MujocoGround, Engine):
     """Balls and boxes."""
 
-    def __init__(self, setup: Setup, options: MujocoOptions | None = None) -> None:
-        super().__init__(setup, options, (16 + len(setup.bodies)) << 20)
+    def __init__(self, setup: Setup, **options: Any) -> None:
+        super().__init__(setup, (16 + len(setup.bodies)) << 20, **options)
         self._bodies = setup.bodies
         for body in setup.bodies:
             self._add(body)
@@ -121,11 +114,8 @@ class MujocoHfield(MujocoGround, Engine):
     def step(self) -> None:
         mujoco.mj_step(self.model, self.data)
 
-    def positions(self) -> FloatArray:
-        return np.array(self.data.qpos).reshape(-1, 7)[:, :3]
-
-    def orientations(self) -> FloatArray:
-        return np.array(self.data.qpos).reshape(-1, 7)[:, [4, 5, 6, 3]]
+    def poses(self) -> FloatArray:
+        return np.array(self.data.qpos).reshape(-1, 7)[:, [0, 1, 2, 4, 5, 6, 3]]
 
     def velocities(self) -> FloatArray:
         twists = np.array(self.data.qvel).reshape(-1, 6)

@@ -75,19 +75,17 @@ class PhysxTrimesh(PhysxGround, Engine):
 
     bounce_threshold: ClassVar[float] = 0.2
 
-    def __init__(self, setup: Setup, _: None = None) -> None:
+    def __init__(self, setup: Setup) -> None:
         friction = float(np.mean([body.friction for body in setup.bodies])) if setup.bodies else 0.5
         restitution = float(np.mean([body.restitution for body in setup.bodies])) if setup.bodies else 0.0
         super().__init__(setup, friction, restitution)
         self._bodies = [self._add(body) for body in setup.bodies]
         self.set_ground(self.ready(setup.heights))
 
-    def positions(self) -> FloatArray:
-        return np.array([body.entity_pose.p for body in self._bodies], np.float64).reshape(-1, 3)
-
-    def orientations(self) -> FloatArray:
-        wxyz = np.array([body.entity_pose.q for body in self._bodies], np.float64).reshape(-1, 4)
-        return wxyz[:, [1, 2, 3, 0]]
+    def poses(self) -> FloatArray:
+        poses = [body.entity_pose for body in self._bodies]
+        wxyz = np.array([[*pose.p, *pose.q] for pose in poses], np.float64).reshape(-1, 7)
+        return wxyz[:, [0, 1, 2, 4, 5, 6, 3]]
 
     def velocities(self) -> FloatArray:
         twists = [[*body.linear_velocity, *body.angular_velocity] for body in self._bodies]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,24 +16,17 @@ from studies.engines.engine import Engine, EngineBody, Setup
 UPRIGHT = (0.5 * math.pi, 0.0, 0.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RapierOptions:
-    """``stiff``: the contacts' spring has a natural frequency of a quarter of the steps' rate, and contacts may overlap
-    by 0.1 mm; False = Rapier's defaults, 60 Hz and 5 mm."""
-
-    stiff: bool = True
-
-
 class RapierHeightfield(Engine):
     """The ground has no velocity in contacts, and inner edges are not filtered, because the package offers that for
     triangle meshes only. Bodies never sleep. Numbers are 32 bit.
 
     A ball that slides from triangle to triangle loses a tenth of its friction, because Rapier clusters contacts;
     without clusters boxes that land tip over. Contacts do not tell their impulses, only pairs of bodies their sum.
+    ``stiff``: the contacts' spring has a natural frequency of a quarter of the steps' rate, and contacts may overlap by
+    0.1 mm; False = Rapier's defaults, 60 Hz and 5 mm.
     """
 
-    def __init__(self, setup: Setup, options: RapierOptions | None = None) -> None:
-        chosen = options or RapierOptions()
+    def __init__(self, setup: Setup, *, stiff: bool = True) -> None:
         self._setup = setup
         self._steps = 0
         self._world = world = rapier.PhysicsWorld(gravity=setup.gravity)
@@ -42,7 +34,7 @@ class RapierHeightfield(Engine):
         parameters = world.integration_parameters
         parameters.dt = setup.dt
         parameters.friction_model = rapier.FrictionModel.COULOMB
-        if chosen.stiff:
+        if stiff:
             spring = rapier.SpringCoefficients(0.25 / setup.dt, 5.0)
             parameters.contact_softness = parameters.static_contact_softness = spring
             parameters.normalized_allowed_linear_error = 1e-4
@@ -63,16 +55,12 @@ class RapierHeightfield(Engine):
         self._world.step()
         self._steps += 1
 
-    def positions(self) -> FloatArray:
-        return np.array([tuple(self._body(handle).translation) for handle in self._handles]).reshape(-1, 3)
-
-    def orientations(self) -> FloatArray:
-        turns = [self._body(handle).rotation for handle in self._handles]
-        return np.array([(turn.i, turn.j, turn.k, turn.w) for turn in turns]).reshape(-1, 4)
+    def poses(self) -> FloatArray:
+        frames = [(body.translation, body.rotation) for body in self._bodies()]
+        return np.array([(*place, turn.i, turn.j, turn.k, turn.w) for place, turn in frames]).reshape(-1, 7)
 
     def velocities(self) -> FloatArray:
-        twists = [(*self._body(handle).linvel, *self._body(handle).angvel) for handle in self._handles]
-        return np.array(twists).reshape(-1, 6)
+        return np.array([(*body.linvel, *body.angvel) for body in self._bodies()]).reshape(-1, 6)
 
     def close(self) -> None:
         self._world.clear()
@@ -85,8 +73,8 @@ class RapierHeightfield(Engine):
         (width, length), (x, y) = self._setup.size, self._setup.offset(self._steps * self._setup.dt)
         self._world.colliders[self._ground].translation = rapier.Vec3(0.5 * width + x, 0.5 * length + y, 0.0)
 
-    def _body(self, handle: Any) -> Any:
-        return self._world.rigid_bodies[handle]
+    def _bodies(self) -> list[Any]:
+        return [self._world.rigid_bodies[handle] for handle in self._handles]
 
     def _add(self, body: EngineBody) -> Any:
         shape, state = body.shape, body.state

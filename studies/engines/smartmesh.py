@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 from smartmesh_ros.ground.config import PhysicsConfig
@@ -11,36 +11,36 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.world import World, WorldConfig
 from studies.engines.bullet import BulletEngine
-from studies.engines.engine import EngineBody, GroundSetup, Setup
+from studies.engines.engine import GroundSetup, Setup
 
 
-@dataclass(frozen=True, kw_only=True)
-class SmartMeshOptions:
-    """Configurations of patches, of motion between maps, and of physics; the scene overrides step rate and gravity.
-    ``attached``: the bodies are made as PyBullet makes them and attached to the ground, not spawned by `World`."""
-
-    patch: PatchConfig = field(default_factory=PatchConfig)
-    motion: MotionConfig = field(default_factory=MotionConfig)
-    physics: PhysicsConfig = field(default_factory=PhysicsConfig)
-    attached: bool = False
-
-
-def world_on(setup: GroundSetup, options: SmartMeshOptions) -> tuple[HeightMap, World]:
-    """Return the map of a setup, and a world on it."""
-    heightmap = HeightMap(setup.heights, resolution=setup.resolution, origin=setup.origin, motion=options.motion)
-    physics = replace(options.physics, rate=1.0 / setup.dt, gravity=setup.gravity)
-    return heightmap, World(heightmap, WorldConfig(physics=physics, patch=options.patch))
+def world_on(
+    setup: GroundSetup,
+    *,
+    patch: PatchConfig | None = None,
+    motion: MotionConfig | None = None,
+    physics: PhysicsConfig | None = None,
+) -> tuple[HeightMap, World]:
+    """Return the map of a setup, and a world on it; the setup overrides step rate and gravity of ``physics``."""
+    heightmap = HeightMap(setup.heights, resolution=setup.resolution, origin=setup.origin, motion=motion)
+    physics = replace(physics or PhysicsConfig(), rate=1.0 / setup.dt, gravity=setup.gravity)
+    return heightmap, World(heightmap, WorldConfig(physics=physics, patch=patch or PatchConfig()))
 
 
 class SmartMesh(BulletEngine):
-    """`World` on a `HeightMap`. `set_ground` prepares the patches; in steps without a new map, `step` does."""
+    """`World` on a `HeightMap`. `set_ground` prepares the patches; in steps without a new map, `step` does.
 
-    def __init__(self, setup: Setup, options: SmartMeshOptions | None = None) -> None:
-        chosen = options or SmartMeshOptions()
-        self.heightmap, self.world = world_on(setup, chosen)
+    ``attached``: the bodies are made as PyBullet makes them and attached to the ground, not spawned by `World`. The
+    other options are those of `world_on`.
+    """
+
+    def __init__(self, setup: Setup, *, attached: bool = False, **options: Any) -> None:
+        self.heightmap, self.world = world_on(setup, **options)
         self.setup, self.client = setup, self.world.client
-        if chosen.attached:
-            self.uids = [self._attach(body) for body in setup.bodies]
+        if attached:
+            self.uids = [self.add(body) for body in setup.bodies]
+            for uid in self.uids:
+                self.world.ground.attach(uid)
         else:
             for index, body in enumerate(setup.bodies):
                 self.world.spawn(f"body_{index}", body.shape, body.mass, body.state)
@@ -69,15 +69,6 @@ class SmartMesh(BulletEngine):
         self._prepared = False
         self.client.stepSimulation()
         self.world.time += self.setup.dt
-
-    def _attach(self, body: EngineBody) -> int:
-        client, state = self.client, body.state
-        shape = client.createCollisionShape(**body.shape.bullet())
-        uid = client.createMultiBody(body.mass, shape, basePosition=state.position, baseOrientation=state.orientation)
-        client.changeDynamics(uid, -1, linearDamping=0.0, angularDamping=0.0)
-        client.resetBaseVelocity(uid, state.linear, state.angular)
-        self.world.ground.attach(uid)
-        return int(uid)
 
     def close(self) -> None:
         self.world.close()

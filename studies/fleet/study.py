@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -14,12 +15,13 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from smartmesh_ros.node.fleet.layout import WAVES, FleetPlan
-from studies.fleet.site import Site, enter, load, site
+from studies.fleet.site import Site, enter, site
 from studies.machine import short
 
 # Real time, as far as it counts; bodies start so far apart [m], in squares of so many on a side, one to a quarter of
 # the terrain, whose bodies share a node.
 REAL_TIME, APART, SIDE = 0.98, 1.0, 24
+OUT = Path("out/fleet")  # folder of figures and pictures
 NOBODY = "/nobody"  # a peer that is never heard
 
 
@@ -54,12 +56,12 @@ def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float, me
             print(
                 f"{nodes} nodes{which}, {count:5d} bodies: real-time factor {run['real_time']:.3f}, "
                 f"{run['busy']:.2f} s of processor time a simulated second, "
-                f"{run['sent'] / 1e6:.2f} MB/s sent by a node, load {load():.1f}",
+                f"{run['sent'] / 1e6:.2f} MB/s sent by a node, load {os.getloadavg()[0]:.1f}",
                 flush=True,
             )
             if run["real_time"] < REAL_TIME - 0.05:
                 break
-    return {"nodes": nodes, "meet": meet, "runs": runs, "carried": carried(runs), "load": load()}
+    return {"nodes": nodes, "meet": meet, "runs": runs, "carried": carried(runs), "load": os.getloadavg()[0]}
 
 
 def measure(fleet: Site, seconds: float) -> dict[str, float]:
@@ -88,16 +90,12 @@ def measure(fleet: Site, seconds: float) -> dict[str, float]:
 def carried(runs: list[dict[str, Any]]) -> float:
     """Return the number of bodies at which the real-time factor crosses the bound, interpolated between the last number
     within the bound and the first one beyond; the last number if all are within."""
-    within = 0
-    for run in runs:
-        if run["real_time"] < REAL_TIME:
-            last = next((r for r in reversed(runs) if r["bodies"] == within), None)
-            if last is None:
-                return 0.0
-            share = (last["real_time"] - REAL_TIME) / max(last["real_time"] - run["real_time"], 1e-9)
-            return float(within + share * (run["bodies"] - within))
-        within = run["bodies"]
-    return float(within)
+    late = next((index for index, run in enumerate(runs) if run["real_time"] < REAL_TIME), len(runs))
+    if late in (0, len(runs)):
+        return float(runs[-1]["bodies"]) if late else 0.0
+    last, first = runs[late - 1 : late + 1]
+    share = (last["real_time"] - REAL_TIME) / (last["real_time"] - first["real_time"])
+    return float(last["bodies"] + share * (first["bodies"] - last["bodies"]))
 
 
 def draw_capacity(path: Path, capacities: list[dict[str, Any]], machine: str) -> None:
@@ -123,17 +121,16 @@ def main() -> None:
     """Runs the study."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="a minute, and one figure")
-    parser.add_argument("--out", type=Path, default=Path("out/fleet"), help="folder of figures and pictures")
     options = parser.parse_args()
     enter()
-    options.out.mkdir(parents=True, exist_ok=True)
+    OUT.mkdir(parents=True, exist_ok=True)
     fleets = ((2, True),) if options.quick else ((1, True), (2, True), (4, True), (4, False))
     start, most, seconds = (100, 100, 4.0) if options.quick else (200, 2200, 6.0)
     found = [capacity(nodes, start=start, more=100, most=most, seconds=seconds, meet=meet) for nodes, meet in fleets]
     machine = short()
-    (options.out / "fleet.json").write_text(json.dumps({"machine": machine, "capacity": found}, indent=1))
-    draw_capacity(options.out / "capacity.png", found, machine)
-    print(f"wrote {options.out}")
+    (OUT / "fleet.json").write_text(json.dumps({"machine": machine, "capacity": found}, indent=1))
+    draw_capacity(OUT / "capacity.png", found, machine)
+    print(f"wrote {OUT}")
 
 
 if __name__ == "__main__":

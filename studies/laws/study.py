@@ -17,7 +17,6 @@ from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
 from studies.body_contest import setup_of
 from studies.configurations import OURS, RATE, Configuration, rivals, robot_configurations
 from studies.engines.engine import Contacts, Engine
-from studies.engines.smartmesh import SmartMeshOptions
 from studies.markdown import number, table
 from studies.matrix.arena import square
 from studies.pages import ROOT, fill
@@ -203,7 +202,7 @@ def residuals_of_husky(configuration: Configuration) -> Residuals | None:
 PAGE = ROOT / "docs" / "accuracy.md"
 # Runs, and how far their starts are from the middle one at most [m].
 RUNS, FURTHEST = 100, 0.5e-6
-ATTACHED = SmartMeshOptions(attached=True, physics=PhysicsConfig(sleep=False))
+ATTACHED = {"attached": True, "physics": PhysicsConfig(sleep=False)}
 ROBOTS = {one.name: one for one in robot_configurations(quick=False)}
 HEAD = (
     "gap and force", "normal speed [mm/s]", "depth [mm]", "beyond the cone [%]", "off the slip [deg]",

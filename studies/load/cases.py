@@ -86,7 +86,12 @@ class Case:
         }
 
 
-def grid(*, quick: bool) -> list[Case]:
+def groups(*, quick: bool) -> dict[str, list[Case]]:
+    """Return all cases by the table that they are in."""
+    return {"grid": _grid(quick), "executors": _executors(quick), "memory": _memory(quick), "rest": _rest(quick)}
+
+
+def _grid(quick: bool) -> list[Case]:
     """Return the cases of the grid bodies x maps x rates: each axis is varied with the others at their middle values,
     and the corners of the targets are added."""
     middle = Case(side=1024, bodies=100, mode="regions", map_rate=60.0, physics_rate=240.0)
@@ -105,7 +110,7 @@ def grid(*, quick: bool) -> list[Case]:
     return list({case.name: case for case in cases}.values())
 
 
-def executors(*, quick: bool) -> list[Case]:
+def _executors(quick: bool) -> list[Case]:
     """Ways to run the loop while maps stream in; nobody listens to markers, so that only the loop differs."""
     base = Case(side=1024, bodies=100, mode="full", map_rate=30.0, physics_rate=240.0, markers=False)
     kinds = ["events", "single_threaded"] if quick else ["events", "single_threaded", "multi_threaded"]
@@ -113,13 +118,13 @@ def executors(*, quick: bool) -> list[Case]:
     return [replace(base, executor=kind, seconds=seconds) for kind in kinds]
 
 
-def rest(*, quick: bool) -> list[Case]:
+def _rest(quick: bool) -> list[Case]:
     """Nine of ten bodies at rest."""
     base = Case(side=1024, bodies=1000, resting=900, mode="regions", map_rate=60.0, physics_rate=240.0, markers=False)
     return [base] if quick else [base, replace(base, bodies=5000, resting=4500, physics_rate=60.0, seconds=10.0)]
 
 
-def memory(*, quick: bool) -> list[Case]:
+def _memory(quick: bool) -> list[Case]:
     """How memory grows with the map."""
     base = Case(side=4096, bodies=10, mode="full", map_rate=1.0, physics_rate=60.0, markers=False)
     if quick:

@@ -5,10 +5,10 @@ python -m studies.load.driver CASE.json RESULT.json
 
 from __future__ import annotations
 
-import array
 import json
 import struct
 import sys
+from array import array
 from collections import deque
 from pathlib import Path
 from time import monotonic, time_ns
@@ -37,13 +37,13 @@ class TerrainMessages:
 
     def __init__(self, case: Case) -> None:
         side, window = case.side, case.window
-        message = Heightmap(heights=_floats(side * side))
+        message = Heightmap(heights=array("f", bytes(4 * side * side)))
         message.header.frame_id = FRAME
         message.info.resolution, message.info.width, message.info.height = RESOLUTION, side, side
         self._map = np.frombuffer(serialize_message(message), np.uint8).copy()
         # The heights are followed by the lengths of no velocities and no friction.
         self._map_heights = np.ndarray((side, side), "<f4", self._map, len(self._map) - 8 - 4 * side * side)
-        update = HeightmapUpdate(width=window, height=window, heights=_floats(window * window))
+        update = HeightmapUpdate(width=window, height=window, heights=array("f", bytes(4 * window * window)))
         update.header.frame_id = FRAME
         self._region = np.frombuffer(serialize_message(update), np.uint8).copy()
         at = len(self._region) - 4 - 4 * window * window
@@ -80,12 +80,6 @@ class TerrainMessages:
 def _stamped(buffer: NDArray[np.uint8], stamp_ns: int) -> bytes:
     struct.pack_into("<iI", buffer.data, 4, *divmod(stamp_ns, 1_000_000_000))
     return buffer.tobytes()
-
-
-def _floats(count: int) -> array.array[float]:
-    values = array.array("f")
-    values.frombytes(bytes(4 * count))
-    return values
 
 
 # How long the node may take to start and take the first map, and then to settle [s].

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -16,21 +15,6 @@ import psutil
 
 from smartmesh_ros.tools.testing.process import Process
 from studies.load.cases import Case
-
-SHARE = "share/smartmesh_ros/config/fastdds.xml"
-
-
-def environment() -> dict[str, str]:
-    """Variables of the processes: this machine only, and the package's Fast DDS profile unless another is set."""
-    from ament_index_python.packages import get_package_prefix
-
-    profile = str(Path(get_package_prefix("smartmesh_ros")) / SHARE)
-    return {
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "FASTRTPS_DEFAULT_PROFILES_FILE": profile,
-        "RMW_FASTRTPS_USE_QOS_FROM_XML": "1",
-        **os.environ,
-    }
 
 
 class Watch:
@@ -66,12 +50,12 @@ def run_case(case: Case) -> dict[str, Any]:
     """Runs a case and returns what the driver saw and what the processes took. Raises `RuntimeError` if it fails."""
     with (
         tempfile.TemporaryDirectory() as name,
-        Process("terrain_collider", case.parameters(), environment=environment()) as node,
+        Process("terrain_collider", case.parameters()) as node,
     ):
         given, found = Path(name) / "case.json", Path(name) / "result.json"
         given.write_text(json.dumps(asdict(case)))
         command = [sys.executable, "-m", "studies.load.driver", str(given), str(found)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment(), text=True) as driver:
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as driver:
             try:
                 usage = _watch(node.process, driver)
                 if driver.wait(10) or node.process.poll() is not None:

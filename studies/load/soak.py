@@ -28,10 +28,10 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, Timing, TrackedBodyAr
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros.startup.dds import isolated_unless_chosen
+from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.tools.testing.process import Process
 from studies.load import soak_report
-from studies.load.processes import Watch, environment
+from studies.load.processes import Watch
 from studies.load.tables import PAGE, PICTURES
 
 # How often things happen [s].
@@ -175,8 +175,8 @@ def run(minutes: float, file: Path) -> None:
     rclpy.init()
     node = Soak(rng)
     shown = {"publish.patches": 10.0, "publish.body_states": 10.0}
-    collider = Process("terrain_collider", shown, environment=environment())
-    source = Process("terrain_source", source_parameters(rng), environment=environment())
+    collider = Process("terrain_collider", shown)
+    source = Process("terrain_source", source_parameters(rng))
     try:
         if not node.wait(START_LIMIT, lambda: node.connected() and int(node.health.get("samples", 0)) > 0):
             raise RuntimeError("the node took no map")
@@ -186,7 +186,7 @@ def run(minutes: float, file: Path) -> None:
         def restart_source() -> None:
             nonlocal source
             source.close()
-            source = Process("terrain_source", source_parameters(rng), environment=environment())
+            source = Process("terrain_source", source_parameters(rng))
             node.done["sources killed"] += 1
 
         def tell() -> None:
@@ -262,6 +262,7 @@ def main(args: list[str] | None = None) -> None:
     out = PICTURES if options.document else OUT
     out.mkdir(parents=True, exist_ok=True)
     file = out / "soak.json"
+    use_large_message_profile()
     with isolated_unless_chosen():
         run(options.minutes, file)
     soak_report.report(json.loads(file.read_text()), out, PAGE if options.document else None)

@@ -5,11 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import matplotlib as mpl
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from studies.markdown import table
@@ -86,7 +83,8 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
 
 
 def _draw(samples: dict[str, NDArray[np.float64]], slopes: dict[str, Slope], minutes: float, path: Path) -> None:
-    figure, axes = plt.subplots(2, 2, figsize=(11, 6), layout="constrained", sharex=True)
+    figure = Figure(figsize=(11, 6), layout="constrained")
+    axes = figure.subplots(2, 2, sharex=True)
     time = samples["time"] / 60.0
     for axis, name in zip(axes.flat, ("memory", "descriptors", "latency", "factor"), strict=True):
         what, unit = FIGURES[name]
@@ -102,4 +100,3 @@ def _draw(samples: dict[str, NDArray[np.float64]], slopes: dict[str, Slope], min
         axis.set_xlabel("time [min]")
     figure.suptitle(f"The node while everything around it changes, {minutes:g} minutes")
     figure.savefig(path, dpi=110)
-    plt.close(figure)

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.startup.dds import isolated_unless_chosen
+from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.terrain.heightmap import HeightMap
-from studies.load import cases, tables
-from studies.load.cases import Case
+from studies.load import tables
+from studies.load.cases import Case, groups
 from studies.load.processes import run_case
 from studies.load.tables import PAGE, PICTURES, Summary
 from studies.machine import short
@@ -62,16 +62,10 @@ def regions_table(found: Sequence[dict[str, Any]]) -> str:
     return table(head, rows)
 
 
-def groups(*, quick: bool) -> dict[str, list[Case]]:
-    """Everything that is run."""
-    makers = {"grid": cases.grid, "executors": cases.executors, "memory": cases.memory, "rest": cases.rest}
-    return {name: make(quick=quick) for name, make in makers.items()}
-
-
 def run(case: Case) -> dict[str, Any]:
     """Runs a case, and prints a line about it."""
     result = run_case(case)
-    s = Summary.of(result)
+    s = Summary(result)
     print(
         f"{case.name:50s} update+step {s.update_and_step:6.2f} ms  missed {100 * s.missed:6.2f} %  "
         f"real time {s.real_time_factor:.2f}  lost {s.lost}",
@@ -83,9 +77,8 @@ def run(case: Case) -> dict[str, Any]:
 def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     """Pictures, and the tables of the page."""
     found = data["groups"]
-    summaries = {name: [Summary.of(result) for result in found.get(name, [])] for name in groups(quick=True)}
-    for path in tables.draw(summaries, data["machine"], out):
-        print(f"wrote {path}")
+    summaries = {name: [Summary(result) for result in found.get(name, [])] for name in groups(quick=True)}
+    tables.draw(summaries, data["machine"], out)
     blocks = {
         "grid": tables.runs(summaries["grid"]),
         "executors": tables.executors(summaries["executors"]),
@@ -104,16 +97,14 @@ def main(args: list[str] | None = None) -> None:
     """Runs the study, and keeps what there is after each case, with the digest of the code of each group."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a few cases in less than two minutes; writes no page")
-    parser.add_argument(
-        "--out", type=Path, help=f"folder of JSON and pictures (default {PICTURES}; out/load with --quick)"
-    )
     parser.add_argument("--only", choices=[*groups(quick=True), "regions"], help="run one group again, keep the others")
     options = parser.parse_args(args)
-    out = options.out or (Path("out/load") if options.quick else PICTURES)
+    out = Path("out/load") if options.quick else PICTURES
     out.mkdir(parents=True, exist_ok=True)
     file = out / "load.json"
     data: dict[str, Any] = json.loads(file.read_text()) if options.only and file.is_file() else {}
     data = {"groups": {}, "code": {}, **data, "machine": short()}
+    use_large_message_profile()
     with isolated_unless_chosen():
         for group, members in groups(quick=options.quick).items():
             if options.only in (None, group):

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 
 from studies.load.cases import Case
 from studies.markdown import table
-
-mpl.use("Agg")
 
 UPDATE = ("search", "collect", "collider", "bodies")
 
@@ -29,13 +28,12 @@ class Summary:
     percentile and maximum, None if no marker was received.
     """
 
-    case: Case
-    result: dict[str, Any]
+    result: dict[str, Any]  # of `processes.run_case`
 
-    @classmethod
-    def of(cls, result: dict[str, Any]) -> Summary:
-        """From what `processes.run_case` returned."""
-        return cls(Case(**result["case"]), result)
+    @cached_property
+    def case(self) -> Case:
+        """What was run."""
+        return Case(**self.result["case"])
 
     def stage(self, name: str) -> tuple[float, float, float]:
         """Median, 99th percentile, maximum of a stage [ms]; the maximum is that of all windows."""
@@ -175,21 +173,22 @@ STAGES = {
 }  # fmt: skip
 
 
-def draw(groups: dict[str, list[Summary]], machine: str, folder: Path) -> list[Path]:
+def draw(groups: dict[str, list[Summary]], machine: str, folder: Path) -> None:
     """Draws every picture there are runs for."""
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = []
-    if groups["grid"]:
-        paths += [_bodies(groups["grid"], machine, folder / "bodies.png")]
-        paths += [_latency(groups["grid"], machine, folder / "latency.png")]
-    if groups["executors"]:
-        paths += [_executors(groups["executors"], machine, folder / "executors.png")]
-    return paths
+    for name, group, draw_into in (
+        ("bodies", "grid", _bodies), ("latency", "grid", _latency), ("executors", "executors", _executors)
+    ):  # fmt: skip
+        if groups[group]:
+            figure = Figure(layout="constrained")
+            draw_into(figure, groups[group])
+            figure.text(0.995, 0.002, machine, fontsize=6, ha="right", va="bottom", color="grey")
+            figure.savefig(folder / f"{name}.png", dpi=110)
 
 
-def _bodies(summaries: list[Summary], machine: str, path: Path) -> Path:
+def _bodies(figure: Figure, summaries: list[Summary]) -> None:
     """Where a step's time goes, by the number of bodies."""
-    figure, axes = plt.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
+    figure.set_size_inches(11, 4.2)
+    axes = figure.subplots(1, 2)
     for axis, rate in zip(axes, (240.0, 60.0), strict=True):
         runs = sorted(
             (s for s in summaries if s.case.physics_rate == rate and s.case.side == 1024 and s.case.mode == "regions"
@@ -206,12 +205,12 @@ def _bodies(summaries: list[Summary], machine: str, path: Path) -> Path:
         axis.set_ylabel("time a step [ms]")
         axis.set_title(f"{rate:g} Hz physics, regions of a 1024$^2$ map at 60 Hz")
     axes[0].legend(fontsize=8)
-    return _save(figure, machine, path)
 
 
-def _executors(summaries: list[Summary], machine: str, path: Path) -> Path:
+def _executors(figure: Figure, summaries: list[Summary]) -> None:
     """Lateness, real-time factor and processor time of the ways to run the loop."""
-    figure, axes = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained")
+    figure.set_size_inches(13, 4.2)
+    axes = figure.subplots(1, 3)
     place = np.arange(len(summaries))
     late = np.array([s.stage("lateness") for s in summaries]) + 1e-3
     axes[0].bar(place, late[:, 1], color="#084594")
@@ -229,13 +228,13 @@ def _executors(summaries: list[Summary], machine: str, path: Path) -> Path:
             place, [s.case.executor for s in summaries], fontsize=7, rotation=30, ha="right", rotation_mode="anchor"
         )
     figure.suptitle("Ways to run the loop: 100 bodies, full 1024$^2$ maps at 30 Hz")
-    return _save(figure, machine, path)
 
 
-def _latency(summaries: list[Summary], machine: str, path: Path) -> Path:
+def _latency(figure: Figure, summaries: list[Summary]) -> None:
     """From a region that is sent to the marker that shows it."""
-    figure, axis = plt.subplots(figsize=(10, 4.5), layout="constrained")
-    axis.set_prop_cycle(color=[*plt.get_cmap("tab10").colors, "black", "gold"])  # twelve, one for each line
+    figure.set_size_inches(10, 4.5)
+    axis = figure.subplots()
+    axis.set_prop_cycle(color=[*mpl.colormaps["tab10"](range(10)), "black", "gold"])  # twelve, one for each line
     for s in sorted(summaries, key=lambda s: (s.case.bodies, -s.case.physics_rate)):
         if s.case.side != 1024 or not s.result["latencies_ms"] or s.case.map_rate not in (30.0, 60.0):
             continue
@@ -254,11 +253,3 @@ def _latency(summaries: list[Summary], machine: str, path: Path) -> Path:
     axis.set_title("Latency through the node, 1024$^2$ map")
     figure.legend(loc="outside right upper", fontsize=7, frameon=False)
     axis.grid(alpha=0.3)
-    return _save(figure, machine, path)
-
-
-def _save(figure: plt.Figure, machine: str, path: Path) -> Path:
-    figure.text(0.995, 0.002, machine, fontsize=6, ha="right", va="bottom", color="grey")
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
-    return path

@@ -83,6 +83,10 @@ class Arena:
         truth.surface[...] = height(np.asarray(truth.x, np.float64)[None], np.asarray(truth.y, np.float64))
         self.heightmap.replace(truth.surface, time=0.0)
 
+    def tell(self, heights: Any) -> None:
+        """Replace the map by heights (R, C) [m] of now."""
+        self.heightmap.replace(heights, time=self.world.time)
+
     def scatter(self, count: int, shape: Shape, spread: float, drop: float, seed: int = 5, **state: Any) -> None:
         """Adds bodies at random places within ``spread`` [m] of the middle, ``drop`` [m] above the ground there."""
         places = np.random.default_rng(seed).uniform(-spread, spread, (count, 2))
@@ -95,7 +99,7 @@ class Arena:
         for _ in range(round(seconds * self.world.config.physics.rate)):
             number = math.floor(self.world.time * self._map_rate + 1e-6)
             if number != self._map:
-                self.heightmap.replace(self.ground.heights(self.world.time), time=self.world.time)
+                self.tell(self.ground.heights(self.world.time))
                 self._map = number
             self.world.step()
             yield self.world.time
@@ -104,6 +108,10 @@ class Arena:
         """Steps through so many seconds."""
         for _ in self.run(seconds):
             pass
+
+    def most(self, seconds: float, figure: Callable[[], float]) -> float:
+        """Return the largest figure after any step of a time [s]."""
+        return max(figure() for _ in self.run(seconds))
 
     def _poses(self) -> tuple[FloatArray, FloatArray]:
         """Return centres (N, 3) [m] and orientations (N, 4) of the bodies."""

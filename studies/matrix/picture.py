@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.patches.config import PatchConfig
@@ -20,7 +21,7 @@ from studies.matrix.real_maps import CELLS, STEP, Site
 from studies.matrix.row import Outcome
 
 NOISE_RATE = 20.0  # of noisy maps [Hz]
-PASS, FAIL, NONE = "#cfe8d5", "#f4c7c3", "#eeeeee"
+COLOURS = {True: "#cfe8d5", False: "#f4c7c3", None: "#eeeeee"}  # by whether a cell passes
 
 
 def figure_text(outcome: Outcome) -> str:
@@ -57,8 +58,8 @@ def draw_matrix(path: Path, outcomes: Sequence[Outcome]) -> None:
     axes = figure.add_subplot()
     for outcome in outcomes:
         x, y = methods.index(outcome.method), rows.index(outcome.row)
-        colour = NONE if outcome.passed is None else PASS if outcome.passed else FAIL
-        axes.add_patch(_cell(x, y, colour))
+        colour = COLOURS[outcome.passed]
+        axes.add_patch(Rectangle((x, y), 1, 1, facecolor=colour, edgecolor="white", linewidth=1.5))
         weight = "bold" if outcome.passed is False else "normal"
         axes.text(x + 0.5, y + 0.5, figure_text(outcome), ha="center", va="center", fontsize=8, fontweight=weight)
     limits = {outcome.row: f"{outcome.row}  (<= {outcome.limit:g} {outcome.unit})" for outcome in outcomes}
@@ -72,12 +73,6 @@ def draw_matrix(path: Path, outcomes: Sequence[Outcome]) -> None:
         spine.set_visible(False)
     axes.set_title("Stability: green passes, red fails its limit; figures in the limit's unit", fontsize=10)
     figure.savefig(path, dpi=100)
-
-
-def _cell(x: int, y: int, colour: str):  # type: ignore[no-untyped-def]
-    from matplotlib.patches import Rectangle
-
-    return Rectangle((x, y), 1, 1, facecolor=colour, edgecolor="white", linewidth=1.5)
 
 
 class Way(NamedTuple):

@@ -14,6 +14,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.tools.evaluation.clearance import rotate
 from smartmesh_ros.world.joints import JointCommand
 from studies.matrix.arena import HUSKY, Arena
 from studies.matrix.row import own_row
@@ -75,21 +76,11 @@ class Site(Arena):
         """Steps through so many seconds; returns how the body was after every step."""
         return [self.state for _ in self.run(seconds)]
 
-    def tell(self, heights: FloatArray) -> None:
-        """Apply a map."""
-        self.heightmap.replace(heights, time=self.world.time)
-
 
 def inclined(slope: float) -> FloatArray:
     """Ground that rises along x."""
     axis = (np.arange(CELLS) - CELLS // 2) * RESOLUTION
     return np.tile(math.tan(slope) * axis, (CELLS, 1))
-
-
-def up(state: BodyState) -> FloatArray:
-    """Where a body's own z axis points."""
-    x, y, z, w = state.orientation
-    return np.array([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
 
 
 def correction(
@@ -105,7 +96,8 @@ def correction(
         states = site.states(2.0)
         end = states[-1]
         rest = max(before.position[2], end.position[2])
-        turned = math.acos(min(float(up(before) @ up(end)), 1.0)) - abs(turn)
+        up, now_up = rotate(np.array([before.orientation, end.orientation]), np.array([[0.0, 0.0, 1.0]]))[:, 0]
+        turned = math.acos(min(float(up @ now_up), 1.0)) - abs(turn)
         slid = math.dist(before.position[:2], end.position[:2])
         return Thrown(
             1e3 * (max(state.position[2] for state in states) - rest),

@@ -11,7 +11,6 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import Box, Sphere
-from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.tools.evaluation.measures import deviation
 from studies.matrix.arena import Arena
@@ -159,8 +158,7 @@ def stack(method: PatchConfig) -> float:
 def rests(method: PatchConfig) -> float:
     """How far [mm] a box at rest on a bump drifts in 5 s."""
     with Arena(method, {"kind": "noise", "deviation": 0.01}) as arena:
-        arena.world.spawn("box", Box(0.6, 0.5, 0.3), 1.0, BodyState((0.013, 0.017, 0.2)))
-        arena.shapes["box"] = Box(0.6, 0.5, 0.3)
+        arena.spawn("box", Box(0.6, 0.5, 0.3), (0.013, 0.017, 0.2))
         arena.settle(2.0)
         before = arena.positions()[0]
         arena.settle(5.0)

@@ -3,38 +3,115 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import Box, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.states import simulated_states
-from smartmesh_ros.world.world import World, WorldConfig
-from studies.matrix.arena import HUSKY
+from smartmesh_ros.world.world import WorldConfig
+from studies.matrix.arena import HUSKY, Arena
 from studies.matrix.row import Row
-from studies.matrix.sleep_scenes import (
-    FLAT,
-    MIDDLE,
-    RATE,
-    SETTLED,
-    Scene,
-    astray,
-    ball_and_box,
-    changed_map,
-    deeper,
-    ground_of,
-    map_of,
-    once,
-    pile,
-    play,
-    rise,
-    slope_of,
-)
+from studies.matrix.still_ground import lay_on_slope
+
+RATE, MAPS = 240, 60.0  # steps and maps in a second
+SETTLED = 2.0  # time until bodies are asleep [s]
+FLAT = np.zeros((41, 41), np.float32)
+
+Build = Callable[[Arena], Any]
+# Called before each step after the bodies slept: with the arena and the number of the step.
+Event = Callable[[Arena, int], Any]
+
+
+def small(method: PatchConfig, **more: Any) -> Arena:
+    """Level ground of 4 m, or what ``more`` settings of an arena make of it."""
+    return Arena(method, size=len(FLAT), resolution=0.1, **more)
+
+
+def play(
+    method: PatchConfig, build: Build, event: Event, *, sleep: bool, steps: int = 480, **more: Any
+) -> list[dict[str, FloatArray]]:
+    """Let bodies come to rest on level ground; return the positions [m] of all bodies by name after each of the steps
+    of what then happens to them. In a sleeping world all bodies must be asleep before it; raises `InputError` if they
+    are not."""
+    path = []
+    with small(method, physics=PhysicsConfig(sleep=sleep), **more) as arena:
+        world = arena.world
+        build(arena)
+        arena.settle(SETTLED)
+        awake = [follower.name for follower in world.followers if follower.slot in world.followers.solid]
+        if sleep and awake:
+            raise InputError("method", f"these bodies did not fall asleep: {', '.join(awake)}")
+        for step in range(steps):
+            event(arena, step)
+            world.step()
+            path.append({name: np.array(world.state(name).position) for name in world.bodies})
+    return path
+
+
+def astray(method: PatchConfig, build: Build, event: Event, **more: Any) -> float:
+    """Largest distance [mm] of any body from its place in a world that never sleeps, at the end; infinite if one is
+    lost."""
+    asleep, awake = (play(method, build, event, sleep=sleep, **more)[-1] for sleep in (True, False))
+    if asleep.keys() != awake.keys():
+        return math.inf
+    return 1e3 * max(math.dist(asleep[name], awake[name]) for name in awake)
+
+
+def box_alone(arena: Arena) -> None:
+    """One box."""
+    arena.spawn("box", Box(0.2, 0.2, 0.2), (0.5, 0.03, 0.1))
+
+
+def ball_and_box(arena: Arena) -> None:
+    """A ball and a box apart from one another."""
+    arena.spawn("ball", Sphere(0.1), (-0.5, 0.02, 0.1))
+    box_alone(arena)
+
+
+def pile(count: int) -> Build:
+    """Boxes in columns of five, side by side."""
+
+    def build(arena: Arena) -> None:
+        for index in range(count):
+            column, level = divmod(index, 5)
+            x, y = divmod(column, 4)
+            arena.spawn(f"box_{index}", Box(0.2, 0.2, 0.2), (0.21 * x, 0.21 * y, 0.1 + 0.2 * level))
+
+    return build
+
+
+def changed_map(change: Callable[[float], Any], *, region: bool = False) -> Event:
+    """Maps, or regions in the middle, at the maps' rate: heights [m] by the time since the event began [s]."""
+
+    def event(arena: Arena, step: int) -> None:
+        if step % round(RATE / MAPS) == 0:
+            heights = change(step / RATE).astype(np.float32)
+            if region:
+                arena.heightmap.update_region(8, 8, heights[8:33, 8:33], time=arena.world.time)
+            else:
+                arena.tell(heights)
+
+    return event
+
+
+def rise(height: float, speed: float) -> Callable[[float], Any]:
+    """Ground that rises by a ``height`` [m] at a ``speed`` [m/s] and stays there."""
+    return lambda time: FLAT + np.float32(min(speed * (time + 1.0 / MAPS), height))
+
+
+def once(act: Callable[[Arena], None]) -> Event:
+    """Do something before the first step."""
+    return lambda arena, step: act(arena) if step == 0 else None
 
 
 def rises(method: PatchConfig) -> float:
@@ -44,7 +121,7 @@ def rises(method: PatchConfig) -> float:
         for speed in (0.05, 3.0):
             for region in (False, True):
                 event = changed_map(rise(height, speed), region=region)
-                worst = max(worst, astray(Scene(build=ball_and_box, event=event), method))
+                worst = max(worst, astray(method, ball_and_box, event))
     return worst
 
 
@@ -52,48 +129,46 @@ def dug_away(method: PatchConfig) -> float:
     """The ground under both bodies is dug away by 0.2 m at once."""
     heights = FLAT.copy()
     heights[12:29, 12:29] = -0.2
-    return astray(Scene(build=ball_and_box, event=changed_map(lambda _: heights)), method)
+    return astray(method, ball_and_box, changed_map(lambda _: heights))
 
 
 def hole(method: PatchConfig) -> float:
     """The ground under both bodies is gone: they fall as far as awake ones."""
     heights = FLAT.copy()
     heights[12:29, 12:29] = np.nan
-    return astray(Scene(build=ball_and_box, event=changed_map(lambda _: heights), steps=60), method)
+    return astray(method, ball_and_box, changed_map(lambda _: heights), steps=60)
 
 
 def no_tile(method: PatchConfig) -> float:
     """The only tile is removed: they fall as far as awake ones."""
-    event = once(lambda world: world.terrain.remove(""))
-    return astray(Scene(build=ball_and_box, event=event, steps=60), method)
+    return astray(method, ball_and_box, once(lambda arena: arena.world.terrain.remove("")), steps=60)
 
 
 def slide(method: PatchConfig) -> float:
     """The ground starts to slide at 0.3 m/s, as a belt does."""
 
-    def start(world: World) -> None:
-        ground = map_of(world)
-        ground.replace(FLAT, time=world.time)
-        ground.slide((0.3, 0.0), 0.5)
+    def start(arena: Arena) -> None:
+        arena.tell(FLAT)
+        arena.heightmap.slide((0.3, 0.0), 0.5)
 
-    return astray(Scene(build=ball_and_box, event=once(start), steps=240), method)
+    return astray(method, ball_and_box, once(start), steps=240)
 
 
 def corrected(method: PatchConfig) -> float:
     """The map is corrected by 5 cm."""
-    motion = MotionConfig(changes="correction")
-    return astray(Scene(build=ball_and_box, event=changed_map(lambda _: FLAT + 0.05), motion=motion), method)
+    change = changed_map(lambda _: FLAT + 0.05)
+    return astray(method, ball_and_box, change, motion=MotionConfig(changes="correction"))
 
 
 def bottom_taken(method: PatchConfig) -> float:
     """The lowest box of a column of five is removed: error [mm] of the heights that the others come to rest at."""
-    ends = play(Scene(build=pile(5), event=once(lambda world: world.remove("box_0"))), method, sleep=True)[-1]
+    ends = play(method, pile(5), once(lambda arena: arena.world.remove("box_0")), sleep=True)[-1]
     return 1e3 * float(max(abs(ends[f"box_{level + 1}"][2] - 0.1 - 0.2 * level) for level in range(4)))
 
 
 def pile_of_fifty(method: PatchConfig) -> float:
     """The ground under ten columns of five boxes rises by 2 cm."""
-    return astray(Scene(build=pile(50), event=changed_map(rise(0.02, 0.1))), method)
+    return astray(method, pile(50), changed_map(rise(0.02, 0.1)))
 
 
 def hit(method: PatchConfig) -> float:
@@ -103,121 +178,100 @@ def hit(method: PatchConfig) -> float:
     for speed in (0.5, 5.0, 40.0):
         for start, velocity in (((-1.0, 0.03, 0.12), (speed, 0.0, 0.0)), ((0.5, 0.03, 1.0), (0.0, 0.0, -speed))):
 
-            def throw(world: World, start: Any = start, velocity: Any = velocity) -> None:
-                world.spawn("thrown", Sphere(0.1), 1.0, BodyState(start, linear=velocity))
+            def throw(arena: Arena, start: Any = start, velocity: Any = velocity) -> None:
+                arena.spawn("thrown", Sphere(0.1), start, linear=velocity)
 
-            worst = max(worst, deeper(Scene(build=box_alone, event=once(throw), steps=120), method))
+            paths = [play(method, box_alone, once(throw), sleep=sleep, steps=120) for sleep in (True, False)]
+            asleep, awake = (min(place[2] for places in path for place in places.values()) for path in paths)
+            worst = max(worst, 1e3 * float(awake - asleep))
     return worst
 
 
-def box_alone(world: World) -> None:
-    """One box."""
-    world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.5, 0.03, 0.1)))
-
-
-def spawn_husky(world: World, x: float) -> None:
+def spawn_husky(arena: Arena, x: float) -> None:
     """A robot with its brakes on; PyBullet lets it roll on flat ground otherwise."""
-    world.spawn_robot("husky", HUSKY, BodyState((x, 0.0, 0.15)))
-    for joint in world.bodies["husky"].joints:
-        world.command("husky", joint, JointCommand(velocity=0.0))
+    arena.world.spawn_robot("husky", HUSKY, BodyState((x, 0.0, 0.15)))
+    drive_husky(arena, 0.0)
+
+
+def drive_husky(arena: Arena, speed: float) -> None:
+    """All of its wheels turn at a ``speed`` [rad/s]."""
+    for joint in arena.world.bodies["husky"].joints:
+        arena.world.command("husky", joint, JointCommand(velocity=speed))
 
 
 def robot_pushes(method: PatchConfig) -> float:
     """A robot drives into a row of three boxes: how far the farthest ends from its place in a world that never
     sleeps."""
 
-    def build(world: World) -> None:
-        spawn_husky(world, -1.2)
+    def build(arena: Arena) -> None:
+        spawn_husky(arena, -1.2)
         for index in range(3):
-            world.spawn(f"box_{index}", Box(0.3, 0.3, 0.3), 2.0, BodyState((0.4 + 0.31 * index, 0.0, 0.15)))
+            arena.world.spawn(f"box_{index}", Box(0.3, 0.3, 0.3), 2.0, BodyState((0.4 + 0.31 * index, 0.0, 0.15)))
 
-    def drive(world: World) -> None:
-        for joint in world.bodies["husky"].joints:
-            if "wheel" in joint:
-                world.command("husky", joint, JointCommand(velocity=5.0))
-
-    scene = Scene(build=build, event=once(drive), steps=480)
-    asleep, awake = (play(scene, method, sleep=sleep)[-1]["box_2"] for sleep in (True, False))
+    drive = once(partial(drive_husky, speed=5.0))
+    asleep, awake = (play(method, build, drive, sleep=sleep)[-1]["box_2"] for sleep in (True, False))
     return 1e3 * math.dist(asleep, awake)
 
 
 def joint_commanded(method: PatchConfig) -> float:
     """A robot at rest gets a joint command."""
-
-    def drive(world: World) -> None:
-        for joint in world.bodies["husky"].joints:
-            world.command("husky", joint, JointCommand(velocity=2.0))
-
-    return astray(Scene(build=lambda world: spawn_husky(world, 0.0), event=once(drive), steps=240), method)
+    drive = once(partial(drive_husky, speed=2.0))
+    return astray(method, partial(spawn_husky, x=0.0), drive, steps=240)
 
 
 def gravity_turns(method: PatchConfig) -> float:
     """Gravity tilts so far that both bodies slide."""
 
-    def turn(world: World) -> None:
-        physics = PhysicsConfig(sleep=world.config.physics.sleep, gravity=(7.0, 0.0, -7.0))
-        world.configure(WorldConfig(physics=physics, patch=method))
+    def turn(arena: Arena) -> None:
+        physics = PhysicsConfig(sleep=arena.world.config.physics.sleep, gravity=(7.0, 0.0, -7.0))
+        arena.world.configure(WorldConfig(physics=physics, patch=method))
 
-    return astray(Scene(build=ball_and_box, event=once(turn), steps=60), method)
+    return astray(method, ball_and_box, once(turn), steps=60)
 
 
 def guest_comes(method: PatchConfig) -> float:
     """A remote ball rolls into the box."""
-    with World(ground_of(FLAT)) as other:
-        other.spawn("guest", Sphere(0.1), 1.0, BodyState((-0.3, 0.03, 0.1), linear=(2.0, 0.0, 0.0)))
-        path = []
-        for _ in range(120):
-            path.append(simulated_states(other))
-            other.step()
-
-    def come(world: World, step: int) -> None:
-        world.guests.take("other", path[min(step, len(path) - 1)], world.time)
-
-    return astray(Scene(build=box_alone, event=come, steps=120), method)
+    with small(PatchConfig()) as other:
+        other.spawn("guest", Sphere(0.1), (-0.3, 0.03, 0.1), linear=(2.0, 0.0, 0.0))
+        path = [simulated_states(other.world), *(simulated_states(other.world) for _ in other.run(119.0 / RATE))]
+    return astray(
+        method, box_alone, lambda arena, step: arena.world.guests.take("other", path[step], arena.world.time), steps=120
+    )
 
 
 def noise(method: PatchConfig) -> float:
     """Share of the time [%] that bodies are awake on maps with noise of 5 mm at 10 Hz that are fused, after the first
     minute of two."""
     rng = np.random.default_rng(7)
-    ground = ground_of(FLAT, MotionConfig(changes="correction", noise=0.005))
-    with World(ground, WorldConfig(patch=method)) as world:
+    with small(method, motion=MotionConfig(changes="correction", noise=0.005)) as arena:
         for index in range(4):
-            world.spawn(f"box_{index}", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.8 * index - 1.2, 0.03, 0.1)))
-        awake = 0
-        for step in range(120 * RATE):
-            if step % (RATE // 10) == 0:
-                ground.replace(FLAT + rng.normal(0.0, 0.005, FLAT.shape).astype(np.float32), time=world.time)
-            world.step()
-            if step >= 60 * RATE:
-                awake += len(world.followers.solid)
-        return 100.0 * awake / (60 * RATE * len(world.followers))
+            arena.spawn(f"box_{index}", Box(0.2, 0.2, 0.2), (0.8 * index - 1.2, 0.03, 0.1))
+        followers, awake = arena.world.followers, 0
+        for number in range(1200):
+            arena.tell(FLAT + rng.normal(0.0, 0.005, FLAT.shape).astype(np.float32))
+            awake += sum(len(followers.solid) for _ in arena.run(0.1) if number >= 600)
+        return 100.0 * awake / (60 * RATE * len(followers))
 
 
 def long_on_slope(method: PatchConfig) -> float:
     """How far [mm] a box creeps on a slope of 25 degrees in an hour, once it is asleep."""
-    with World(slope_of(math.radians(25.0)), WorldConfig(physics=PhysicsConfig(friction=0.7), patch=method)) as world:
-        half = 0.5 * math.radians(25.0)
-        height = MIDDLE * math.tan(2.0 * half) + 0.1 / math.cos(2.0 * half)
-        turn = (0.0, -math.sin(half), 0.0, math.cos(half))
-        world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.0, 0.0, height), turn))
-        world.step(SETTLED)
-        start = world.state("box").position
-        world.step(3600 * RATE)
-        return 1e3 * math.dist(start, world.state("box").position)
+    with small(method, ground={"kind": "slope", "angle": 25.0}, physics=PhysicsConfig(friction=0.7)) as arena:
+        lay_on_slope(arena, Box(0.2, 0.2, 0.2), 0.0, math.radians(25.0))
+        arena.settle(SETTLED)
+        start = arena.positions()[0]
+        arena.world.step(3600 * RATE)
+        return 1e3 * math.dist(start, arena.positions()[0])
 
 
 def rolls_on(method: PatchConfig) -> float:
     """Distance [mm] of a ball that rolls down a slope of 0.5 degrees for 3 s from its place in a world that never
     sleeps."""
-    angle = math.radians(0.5)
     ends = []
     for sleep in (True, False):
-        with World(slope_of(-angle), WorldConfig(physics=PhysicsConfig(sleep=sleep), patch=method)) as world:
-            height = -math.tan(angle) * (MIDDLE - 1.0) + 0.1 / math.cos(angle)
-            world.spawn("ball", Sphere(0.1), 1.0, BodyState((-1.0, 0.0, height)))
-            world.step(3 * RATE)
-            ends.append(world.state("ball").position)
+        physics = PhysicsConfig(sleep=sleep)
+        with small(method, ground={"kind": "slope", "angle": -0.5}, physics=physics) as arena:
+            height = math.tan(math.radians(0.5)) + 0.1 / math.cos(math.radians(0.5))
+            ends.append(arena.rest_of(Sphere(0.1), (-1.0, 0.0, height), 3.0))
     return 1e3 * math.dist(*ends)
 
 

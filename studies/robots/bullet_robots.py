@@ -12,15 +12,15 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.engines.bullet import bullet_contacts
 from studies.engines.engine import Contacts, Links
-from studies.engines.smartmesh import SmartMeshOptions, world_on
+from studies.engines.smartmesh import world_on
 from studies.robots.engine import FRICTION, SERVO, RobotEngine, RobotSetup
 
 
 class WorldRobots(RobotEngine):
     """`World` as it is, with the patches, rates and sleep of the options."""
 
-    def __init__(self, setup: RobotSetup, options: SmartMeshOptions | None = None) -> None:
-        self.heightmap, self.world = world_on(setup, options or SmartMeshOptions())
+    def __init__(self, setup: RobotSetup, **options: Any) -> None:
+        self.heightmap, self.world = world_on(setup, **options)
         self._robot, self._dt = setup.robot, setup.dt
         for index, start in enumerate(setup.starts.tolist()):
             self._add(f"robot_{index}", setup.text, start, setup.speed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from tempfile import NamedTemporaryFile
 from typing import Any, ClassVar
 
@@ -15,8 +15,7 @@ from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.configurations import Configuration
-from studies.contest import FINE_RATE, HORIZON, Contest, Result, Rules, Runner, run
-from studies.engines.smartmesh import SmartMeshOptions
+from studies.contest import FINE_RATE, HORIZON, Contest, Rules, Runner
 from studies.robots.bullet_robots import WorldRobots
 from studies.robots.engine import RobotEngine, RobotSetup, setup_of
 from studies.robots.geometry import GroundPrisms, Part, read_links
@@ -77,11 +76,6 @@ class RobotContest(Contest):
         return setup_of(scene.robot, scene.ground, scene.starts, rate, scene.speed)
 
 
-def run_scene(scene: RobotScene, chosen: Sequence[Configuration], say: Callable[[str], None]) -> dict[str, Result]:
-    """Run a scene in every configuration."""
-    return run(RobotContest(scene), chosen, say)
-
-
 def _parts_of(engine: RobotEngine, setup: RobotSetup) -> Mapping[str, list[Part]]:
     """Return the shapes of links by name, as the engine has them."""
     if isinstance(engine, WorldRobots):
@@ -115,8 +109,7 @@ def reference_centres(scene: RobotScene, setup: RobotSetup) -> FloatArray:
     ground, where a whole collider has no velocity, it is ours, with an eighth of the step.
     """
     patch = PatchConfig(kind="whole_trimesh") if scene.motion == "rest" else PatchConfig(rate=MAPS)
-    options = SmartMeshOptions(patch=patch, physics=PhysicsConfig(sleep=False))
-    with WorldRobots(setup, options) as engine:
+    with WorldRobots(setup, patch=patch, physics=PhysicsConfig(sleep=False)) as engine:
         for step in range(math.floor(HORIZON / setup.dt + 0.5)):
             time = step * setup.dt
             if scene.trot:

@@ -14,6 +14,7 @@ import numpy as np
 
 from smartmesh_ros.scenes.moving import Scene
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.world.robots.description import is_text
 from studies.engines.engine import GroundSetup, Simulation
 from studies.robots.robot import Robot
 
@@ -81,8 +82,7 @@ def prepared(urdf: str) -> str:
 
     Paths of meshes are absolute. Pictures and extensions are left out. Links without a mass get a small one.
     """
-    is_text = urdf.lstrip().startswith("<")
-    root = ET.fromstring(urdf) if is_text else ET.parse(urdf).getroot()
+    root = ET.fromstring(urdf) if is_text(urdf) else ET.parse(urdf).getroot()
     for part in list(root):
         if part.tag not in ("link", "joint"):
             root.remove(part)
@@ -95,7 +95,7 @@ def prepared(urdf: str) -> str:
     for part in root.iter():
         for name, value in part.attrib.items():
             part.set(name, _OPTIONAL.sub(r"\1", value))
-    folder = Path() if is_text else Path(urdf).parent
+    folder = Path() if is_text(urdf) else Path(urdf).parent
     for mesh in root.iter("mesh"):
         mesh.set("filename", str((folder / mesh.attrib["filename"]).resolve()))
     return ET.tostring(root, encoding="unicode")
@@ -108,11 +108,3 @@ def _inertial(mass: float) -> ET.Element:
     ET.SubElement(found, "mass", value=f"{mass:g}")
     ET.SubElement(found, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0")
     return found
-
-
-def root_link(text: str) -> str:
-    """Return the name of the link that is no child of any joint."""
-    root = ET.fromstring(text)
-    children = {child.attrib["link"] for joint in root.iter("joint") for child in joint.findall("child")}
-    [name] = [link.attrib["name"] for link in root.iter("link") if link.attrib["name"] not in children]
-    return name

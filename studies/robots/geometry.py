@@ -6,7 +6,6 @@ The ground is a prism below each triangle of the main mesh; a link is the shapes
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import coal
@@ -21,52 +20,25 @@ from smartmesh_ros.tools.evaluation.clearance import rotate
 THICK = 1.0
 # Largest distance from the ground that is measured [m].
 REACH = 0.1
-# Sides of the prism around a cylinder that bounds it.
-SIDES = 16
 _IDENTITY = coal.Transform3s()
 # Triangles of a prism whose first three corners are its top.
 _FACES = ((0, 1, 2), (3, 5, 4), (0, 3, 4), (0, 4, 1), (1, 4, 5), (1, 5, 2), (2, 5, 3), (2, 3, 0))
 
 
-@dataclass(frozen=True, eq=False)
 class Part:
-    """A convex shape of a link: a geometry of `coal`, its ``pose`` in the link's frame (4, 4), and ``points`` (K, 3)
-    [m] in that frame, whose spheres of ``radius`` [m] contain it."""
+    """A convex shape of a link: a geometry of `coal`, its ``pose`` in the link's frame (4, 4), and ``points`` (8, 3)
+    [m] in that frame, the corners of a box that contains it."""
 
-    geometry: Any
-    pose: FloatArray
-    points: FloatArray
-    radius: float = 0.0
-
-
-def sphere(radius: float, pose: FloatArray) -> Part:
-    """Return a ball."""
-    return Part(coal.Sphere(radius), pose, pose[:3, 3][None], radius)
-
-
-def box(edges: Sequence[float], pose: FloatArray) -> Part:
-    """Return a box with edges (3,) [m]."""
-    corners = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T * edges
-    return Part(coal.Box(*edges), pose, placed(corners, pose))
-
-
-def cylinder(radius: float, height: float, pose: FloatArray) -> Part:
-    """Return a cylinder along z."""
-    angle, outer = 2.0 * np.pi * np.arange(SIDES) / SIDES, radius / np.cos(np.pi / SIDES)
-    rim = np.column_stack([outer * np.cos(angle), outer * np.sin(angle)])
-    corners = np.concatenate([np.column_stack([rim, np.full(SIDES, z)]) for z in (-0.5 * height, 0.5 * height)])
-    return Part(coal.Cylinder(radius, height), pose, placed(corners, pose))
-
-
-def capsule(radius: float, height: float, pose: FloatArray) -> Part:
-    """Return a capsule along z; ``height`` [m] is that of its cylinder."""
-    ends = np.array([(0.0, 0.0, -0.5 * height), (0.0, 0.0, 0.5 * height)])
-    return Part(coal.Capsule(radius, height), pose, placed(ends, pose), radius)
+    def __init__(self, geometry: Any, pose: FloatArray) -> None:
+        geometry.computeLocalAABB()
+        bounds = np.array([geometry.aabb_local.min_, geometry.aabb_local.max_]).reshape(2, 3)
+        corners = np.array(np.meshgrid(*bounds.T)).reshape(3, -1).T
+        self.geometry, self.pose, self.points = geometry, pose, placed(corners, pose)
 
 
 def hull(points: FloatArray, pose: FloatArray) -> Part:
     """Return the convex hull of points (K, 3) [m]."""
-    return Part(coal.ConvexBase.convexHull(_vectors(points), False, "Qt"), pose, placed(points, pose))
+    return Part(coal.ConvexBase.convexHull(_vectors(points), False, "Qt"), pose)
 
 
 def placed(points: FloatArray, pose: FloatArray) -> FloatArray:
@@ -85,24 +57,20 @@ def _read_link(client: Any, uid: int, link: int) -> list[Part]:
     for index, shape in enumerate(client.getCollisionShapeData(uid, link)):
         kind, size, pose = shape[2], shape[3], inertial @ pose_of(shape[5], shape[6])
         if kind == pb.GEOM_SPHERE:
-            found.append(sphere(size[0], pose))
+            found.append(Part(coal.Sphere(size[0]), pose))
         elif kind == pb.GEOM_BOX:
-            found.append(box(size, pose))
+            found.append(Part(coal.Box(*size), pose))
         elif kind == pb.GEOM_CYLINDER:
-            found.append(cylinder(size[1], size[0], pose))
+            found.append(Part(coal.Cylinder(size[1], size[0]), pose))
         elif kind == pb.GEOM_CAPSULE:
-            found.append(capsule(size[1], size[0], pose))
-        elif len(parts := _objects(shape[4].decode())) > 1:  # PyBullet gives the vertices of one only
+            found.append(Part(coal.Capsule(size[1], size[0]), pose))
+        elif (file := shape[4].decode()).endswith(".obj") and len(parts := obj_parts(file)) > 1:
+            # PyBullet gives the vertices of one object only.
             found += [hull(points * size, pose) for points in parts]
         else:  # the vertices of a mesh are given in the frame of the link's inertia
             points = np.array(client.getMeshData(uid, link, collisionShapeIndex=index)[1])
             found.append(hull(points, inertial))
     return found
-
-
-def _objects(file: str) -> list[FloatArray]:
-    """Return the vertices (K, 3) of each object of an OBJ file, an empty list for other files."""
-    return obj_parts(file) if file.endswith(".obj") else []
 
 
 def pose_of(position: Sequence[float], orientation: Sequence[float]) -> FloatArray:
@@ -142,9 +110,7 @@ class GroundPrisms:
     def _of_part(self, part: Part, link: FloatArray, least: float) -> float:
         """Return the distance [m] of a part from the ground, at most ``least``."""
         points = placed(part.points, link)
-        low, high = points.min(axis=0) - part.radius, points.max(axis=0) + part.radius
-        if low[2] - self._highest >= max(least, 0.0):
-            return least
+        low, high = points.min(axis=0), points.max(axis=0)
         geometry = self._geometry
         x, y, _ = geometry.origin
         step = geometry.resolution
@@ -153,6 +119,8 @@ class GroundPrisms:
         r0, r1 = np.floor((np.array([low[1] - REACH, high[1] + REACH]) - y) / step).astype(int)
         if c1 < 0 or r1 < 0 or c0 > geometry.columns - 2 or r0 > geometry.rows - 2:
             return np.nan
+        if low[2] - self._highest >= max(least, 0.0):
+            return least
         r0, r1 = np.clip([r0, r1], 0, geometry.rows - 2)
         c0, c1 = np.clip([c0, c1], 0, geometry.columns - 2)
         bounds = self._bounds(low, high, (r0, r1, c0, c1))

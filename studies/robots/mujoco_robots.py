@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
 
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.world.robots.description import read_description
 from studies.engines.engine import Contacts, Links
-from studies.engines.mujoco_hfield import BODY, GROUND, MujocoGround, MujocoOptions
-from studies.robots.engine import FRICTION, SERVO, RobotEngine, RobotSetup, root_link, xyzw
+from studies.engines.mujoco_hfield import BODY, GROUND, MujocoGround
+from studies.robots.engine import FRICTION, SERVO, RobotEngine, RobotSetup, xyzw
 
 
 class MujocoRobots(MujocoGround, RobotEngine):
@@ -24,11 +25,11 @@ class MujocoRobots(MujocoGround, RobotEngine):
 
     reach: ClassVar[float] = 2.0
 
-    def __init__(self, setup: RobotSetup, options: MujocoOptions | None = None) -> None:
-        super().__init__(setup, options, (1 + len(setup.starts)) << 23)
+    def __init__(self, setup: RobotSetup, **options: Any) -> None:
+        super().__init__(setup, (1 + len(setup.starts)) << 23, **options)
         robot, spec = setup.robot, self.spec
         self._prefixes = [f"r{index}/" for index in range(len(setup.starts))]
-        self._root = root_link(setup.text)
+        self._root = read_description(setup.text).root
         for prefix in self._prefixes:
             spec.attach(self._loaded(setup), prefix=prefix, frame=spec.worldbody.add_frame())
             for joint in (*robot.stance, *robot.wheels):

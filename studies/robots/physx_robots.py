@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,20 +18,13 @@ from studies.robots.engine import FRICTION, SERVO, RobotEngine, RobotSetup, xyzw
 GAIN = 200.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class PhysxRobotOptions:
-    """``sleeps``: robots at rest fall asleep, by SAPIEN's own threshold."""
-
-    sleeps: bool = False
-
-
 class PhysxRobots(PhysxGround, RobotEngine):
-    """Articulations of the loader. Sleeping robots wake when the ground's mesh is exchanged."""
+    """Articulations of the loader. ``sleeps``: robots at rest fall asleep, by SAPIEN's own threshold, and wake when the
+    ground's mesh is exchanged."""
 
     has_prisms: ClassVar[bool] = True
 
-    def __init__(self, setup: RobotSetup, options: PhysxRobotOptions | None = None) -> None:
-        sleeps = options is not None and options.sleeps
+    def __init__(self, setup: RobotSetup, *, sleeps: bool = False) -> None:
         super().__init__(setup, FRICTION, 0.0, 0.005 if sleeps else 0.0)
         self._robots = [self._add(setup, start, sleeps=sleeps) for start in setup.starts]
         self.names = tuple(link.name for link in self._robots[0].links if link.collision_shapes)

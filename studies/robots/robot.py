@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 
 import pybullet_data
@@ -93,15 +92,11 @@ PHASES = {"FR": 0.0, "RL": 0.0, "FL": 0.5, "RR": 0.5}
 PERIOD, SWING, LIFT, TROT_RATE = 0.4, 0.12, 0.35, 60.0
 
 
-@cache
-def trot_table() -> list[Mapping[str, float]]:
-    """Return the joint positions [rad] of one period of the trot, a row for each instant. A leg swings forwards in the
-    first half of its period, its knee bent, and pushes the ground backwards in the second."""
+def trot_at(time: float) -> Mapping[str, float]:
+    """Return the joint positions [rad] of the row of a trot's table at a ``time`` [s]. A leg swings forwards in the
+    first half of the period, its knee bent, and pushes the ground backwards in the second."""
     rows = round(PERIOD * TROT_RATE)
-    return [_trot_at(row / rows) for row in range(rows)]
-
-
-def _trot_at(share: float) -> Mapping[str, float]:
+    share = int(time * TROT_RATE + 1e-6) % rows / rows
     found = {}
     for leg in LEGS:
         angle = 2.0 * math.pi * (share + PHASES[leg])

@@ -13,7 +13,7 @@ from smartmesh_ros.scenes.moving import FloatGrid, Scene, Wave
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.tools.evaluation.distance import Surface
 from studies.matrix.arena import square
-from studies.robots.robot import HUSKY, LAIKAGO, RACECAR, ROVER, TROT_RATE, Robot, trot_table
+from studies.robots.robot import HUSKY, LAIKAGO, RACECAR, ROVER, Robot, trot_at
 
 # A wave whose ground moves at up to 0.2 m/s and 0.8 m/s^2, upwards and downwards.
 HEAVING = Wave(amplitude=0.05, number=1.0, frequency=4.0)
@@ -113,17 +113,14 @@ class RobotScene:
 
     def joints(self, time: float) -> Mapping[str, float]:
         """Return the positions [rad] that the servos hold at ``time`` [s]."""
-        if not self.trot:
-            return self.robot.stance
-        table = trot_table()
-        return table[int(time * TROT_RATE + 1e-6) % len(table)]
+        return trot_at(time) if self.trot else self.robot.stance
 
 
-def scenes(*, quick: bool) -> list[RobotScene]:
-    """Return all scenes, or those of the quick run."""
+def scenes() -> list[RobotScene]:
+    """Return all scenes."""
     grids: dict[Motion, tuple[float, ...]] = {"rest": (0.04, 0.1, 0.25), "wave": (0.1,), "maps": (0.04, 0.1, 0.25)}
     quick_ones = {("husky", "rest", 0.1, False), ("laikago", "maps", 0.1, False), ("laikago", "maps", 0.1, True)}
-    found = [
+    return [
         RobotScene(
             robot=robot, motion=motion, resolution=resolution, trot=trot,
             quick=(robot.name, motion, resolution, trot) in quick_ones,
@@ -132,4 +129,3 @@ def scenes(*, quick: bool) -> list[RobotScene]:
         for motion, spacings in grids.items()
         for resolution in spacings
     ]  # fmt: skip
-    return [scene for scene in found if scene.quick or not quick]

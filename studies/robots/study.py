@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -17,13 +15,12 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.world import World, WorldConfig
 from studies.configurations import robot_configurations
-from studies.machine import describe, measured_on
+from studies.contest import run
 from studies.markdown import table
 from studies.matrix.arena import square
-from studies.pages import fill
 from studies.progress import Progress
 from studies.results_file import save_results
-from studies.robots.contest import run_scene
+from studies.robots.contest import RobotContest
 from studies.robots.robot import DATA
 from studies.robots.scene import HEAVING, STILL, RobotScene, RoughHills, scenes
 from studies.tables import Charts, Results
@@ -112,49 +109,28 @@ def _move_into_limits(world: World, name: str) -> None:
 
 
 CHARTS = Charts(
-    "robots", "make robots", "[robots in the charts](robot_charts.md)", "robot", data="robots.json",
-    tables="robot_tables.md",
+    "robots", "make robots", "robot_charts.md", "robots in the charts", "robot", tables="robot_tables.md",
+    part="out/robots",
 )  # fmt: skip
-PAGE = "robot_charts.md"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the scenes and the strangers; write JSON, pictures and tables."""
-    options = _parser().parse_args(arguments)
-    out = folder_of(options)
-    images, say = CHARTS.images(out), Progress()
-    found = describe()
-    save_results(out / CHARTS.data, {"machine": found, "quick": options.quick})
-    chosen_scenes = [scene for scene in scenes(quick=False) if scene.name in options.scenes]
-    todo = chosen_scenes or scenes(quick=options.quick)
+    every = scenes()
+    options = CHARTS.parser(__doc__, [scene.name for scene in every]).parse_args(arguments)
+    out, machine = CHARTS.begin(options)
+    say = Progress()
+    todo = CHARTS.chosen(options, every)
     chosen = robot_configurations(quick=options.quick)
     by_title = {scene.title: scene for scene in todo}
-    results = CHARTS.run(out, by_title, chosen, lambda scene: run_scene(scene, chosen, say))
+    results, blocks = CHARTS.run(out, by_title, chosen, lambda scene: run(RobotContest(scene), chosen, say), machine)
     strangers = [] if options.scenes else run_strangers(say, quick=options.quick)
-    save_results(out / CHARTS.data, {"strangers": [asdict(one) for one in strangers]})
-    print(file=sys.stderr)
-    machine = f"{measured_on(found)}."
-    blocks = {
-        "machine": machine,
-        **CHARTS.write(out, {scene.name: scene.title for scene in todo}, chosen, results, machine),
-        "depths": depths_table(todo, results),
-        "refused": refused(results),
-        "strangers": strangers_table(strangers),
-    }
-    if (out / PAGE).exists():
-        fill(out / PAGE, blocks)
-    else:
-        (out / PAGE).write_text("\n\n".join(blocks.values()) + "\n")
-    print(
-        f"{blocks['depths']}\n\nwrote {out}/{PAGE}, {CHARTS.tables}, {CHARTS.data} and {images} in {say.elapsed:.0f} s"
-    )
+    save_results(CHARTS.data(out), {"strangers": [asdict(one) for one in strangers]})
+    depths = depths_table(todo, results)
+    more = {"depths": depths, "refused": refused(results), "strangers": strangers_table(strangers)}
+    print("\n" + depths)
+    CHARTS.write(out, {"machine": machine, **blocks, **more})
     return 0
-
-
-def folder_of(options: argparse.Namespace) -> Path:
-    """Return the output folder of a run. Only whole runs write into docs/."""
-    folder: Path = options.out or Path("out/robots" if options.quick or options.scenes else "docs")
-    return folder
 
 
 def depths_table(chosen: Sequence[RobotScene], results: Results) -> str:
@@ -189,15 +165,6 @@ def strangers_table(strangers: Sequence[Stranger]) -> str:
         for one in strangers
     ]
     return table(["robot", "drift [mm]", "rescues", "limit", "kept"], rows)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="robots", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="a few scenes and engines, under two minutes")
-    parser.add_argument("--out", type=Path, help="folder to write to (docs; out/robots for a part of a run)")
-    names = [scene.name for scene in scenes(quick=False)]
-    parser.add_argument("--scenes", nargs="+", default=[], choices=names, metavar="SCENE", help="these scenes only")
-    return parser
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import rclpy
+from rclpy.task import Future
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Heightmap, Timing
 from smartmesh_msgs.srv import SpawnBody
@@ -74,9 +75,7 @@ def _place(node: Any, boxes: int, listeners: int) -> None:
 
 
 def _spin(node: Any, seconds: float) -> None:
-    end = monotonic() + seconds
-    while monotonic() < end:
-        rclpy.spin_once(node, timeout_sec=0.1)
+    rclpy.spin_until_future_complete(node, Future(), timeout_sec=seconds)
 
 
 def _wait(node: Any, condition: Any) -> None:

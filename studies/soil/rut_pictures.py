@@ -3,7 +3,6 @@ undercarriage drives, turns on the spot and climbs 20 degrees on soil. Pictures 
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from smartmesh_ros.world.world import World
 from studies.progress import Progress
 from studies.tiny_renderer import Camera, Stage
 
+OUT = Path("out")
 GROUND = (0.86, 0.84, 0.80)
 LIT = 175.0  # brightness of level ground in a picture
 SHALLOW, DEEP = 0.0005, 0.04  # depths [m] from which ground is coloured, and at which the colours end
@@ -66,39 +66,26 @@ class RutPictures:
         return picture
 
 
-def options_of(study: str, seconds: float) -> argparse.Namespace:
-    """Return the options of a study that drives for so long [s] by default."""
-    parser = argparse.ArgumentParser(prog=f"python -m studies {study}", description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures")
-    parser.add_argument("--seconds", type=float, default=seconds, help="time to drive")
-    options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
-    return options
-
-
 def film(
-    world: World, step: Callable[[int], None], every: int, shoot: Callable[[], Image.Image], options: argparse.Namespace
-) -> list[Image.Image]:
-    """Run ``step`` with the number of each step; return a picture of one of ``every`` steps."""
+    study: str, world: World, seconds: float, step: Callable[[int], None], every: int, shoot: Callable[[], Image.Image]
+) -> None:
+    """Run ``step`` with the number of each step; write a GIF with a picture of one of ``every`` steps, and the last
+    picture."""
     say, frames = Progress(), []
-    for number in range(round(options.seconds / world.dt)):
+    for number in range(round(seconds / world.dt)):
         step(number)
         if number % every == every - 1:
             frames.append(shoot())
-            say(f"{world.time:.0f} of {options.seconds:.0f} s")
-    return frames
-
-
-def save(frames: list[Image.Image], folder: Path, study: str) -> None:
-    """Write the last picture, and a GIF of all."""
-    frames[-1].save(folder / f"{study}.png")
-    frames[0].save(folder / f"{study}.gif", save_all=True, append_images=frames[1:], duration=120, loop=0)
-    print(f"wrote {folder / study}.png and {folder / study}.gif")
+            say(f"{world.time:.0f} of {seconds:.0f} s")
+    OUT.mkdir(exist_ok=True)
+    frames[-1].save(OUT / f"{study}.png")
+    frames[0].save(OUT / f"{study}.gif", save_all=True, append_images=frames[1:], duration=120, loop=0)
+    print(f"\nwrote {OUT / study}.png and {OUT / study}.gif")
 
 
 def drive_rover() -> None:
     """Drive the eight."""
-    options, name = options_of("rover", 110.0), "hit_lss1"
+    name = "hit_lss1"
     camera = Camera((6.3, -1.6, 4.6), (6.15, 5.6, 0.0), 35.0, 800, 420)
     with World(eight.ground()) as world:
         # The robot turns by the slip of its wheels. With slip sinkage the outer ones dig in, and it turns no more.
@@ -116,14 +103,13 @@ def drive_rover() -> None:
                     world.drive("rover", joint, speed, 60.0)
             world.step()
 
-        frames = film(world, step, 360, lambda: pictures.shoot(world, soil, f"{world.time:.0f} s on {name}"), options)
-        print(f"\ndeepest rut {1e3 * soil.sinkage().max():.0f} mm, rescues {world.rescues}, lost {world.lost}")
-    save(frames, options.out, "rover")
+        film("rover", world, 110.0, step, 360, lambda: pictures.shoot(world, soil, f"{world.time:.0f} s on {name}"))
+        print(f"deepest rut {1e3 * soil.sinkage().max():.0f} mm, rescues {world.rescues}, lost {world.lost}")
 
 
 def drive_tracks() -> None:
     """Drive the tracked machine by its plan."""
-    options, name = options_of("tracks", tracks.PLAN[-1][0]), "lete_sand"
+    name = "lete_sand"
     camera = Camera((1.6, -9.2, 4.2), (3.75, 0.0, 0.75), 35.0, 800, 420)
     with World(tracks.ground()) as world:
         soil = Soil(world.terrain, name, BulletBodies(world.client, world), SoilConfig())
@@ -141,7 +127,6 @@ def drive_tracks() -> None:
             title = f"{world.time:.0f} s on {name}, tracks {left:+.1f} and {right:+.1f} m/s"
             return pictures.shoot(world, soil, title)
 
-        frames = film(world, step, 72, shoot, options)
+        film("tracks", world, tracks.PLAN[-1][0], step, 72, shoot)
         x, _, z = world.state("machine").position
-        print(f"\nat x = {x:.2f} m, {z:.2f} m high; deepest rut {1e3 * soil.sinkage().max():.0f} mm")
-    save(frames, options.out, "tracks")
+        print(f"at x = {x:.2f} m, {z:.2f} m high; deepest rut {1e3 * soil.sinkage().max():.0f} mm")

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from time import thread_time
 
-import matplotlib
 import numpy as np
+from matplotlib.figure import Figure
 
 from smartmesh_ros.ground.shapes import Box, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
@@ -36,9 +36,6 @@ from studies.soil.trials import (
     wheel_sinkage,
     wheel_work,
 )
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 
 DOCS = ROOT / "docs"
 PICTURES = DOCS / "images" / "soil"
@@ -103,7 +100,8 @@ def measured() -> str:
 def draw(ours: Sequence[WheelForces], theirs: Sequence[WheelForces]) -> None:
     """Draw sinkage and pull against slip."""
     slips, loads = [run.slip for run in SMOOTH], np.array([run.load for run in SMOOTH])
-    figure, axes = plt.subplots(1, 2, figsize=(10, 4))
+    figure = Figure(figsize=(10, 4), layout="tight")
+    axes = figure.subplots(1, 2)
     curves = ((SMOOTH, "ko", "measured"), (ours, "C0o-", "this soil, 5 mm grid"), (theirs, "C1--", "Wong-Reece"))
     for axis, figure_of, name, unit in (
         (axes[0], "sinkage", "sinkage [mm]", np.full(len(loads), 1e3)), (axes[1], "pull", "pull / load", 1.0 / loads)
@@ -114,7 +112,6 @@ def draw(ours: Sequence[WheelForces], theirs: Sequence[WheelForces]) -> None:
         axis.set_ylabel(name)
         axis.grid(alpha=0.3)
     axes[0].legend()
-    figure.tight_layout()
     PICTURES.mkdir(parents=True, exist_ok=True)
     figure.savefig(PICTURES / "wheel.png", dpi=90)
 

@@ -101,8 +101,7 @@ class PlateTrial:
         self._bodies = GivenBodies()
         self.soil = Soil(self.map, soil, self._bodies, config, kinds=kinds)
         self._turn = (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
-        self._stress = 0.0
-        self.sinkage = 0.0  # of the plate [m]
+        self.sinkage, self.shear = 0.0, 0.0  # of the plate [m], and the stress under it [Pa]
 
     def press(self, pressure: float, seconds: float, *, pull: float = 0.0, aside: float = math.nan) -> None:
         """Press for some ``seconds`` with a ``pressure`` [Pa], while the plate shears the soil at the speed ``pull``
@@ -120,12 +119,7 @@ class PlateTrial:
             self.pulled += pull * DT
             found = self.soil.results().get("plate")
             if found is not None and found.load > 0.0:
-                self.sinkage, self._stress = 0.025 - found.seat, found.grip * pressure
-
-    @property
-    def shear(self) -> float:
-        """Shear stress under the plate [Pa]."""
-        return self._stress
+                self.sinkage, self.shear = 0.025 - found.seat, found.grip * pressure
 
     @property
     def rut(self) -> float:

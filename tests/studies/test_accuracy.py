@@ -31,12 +31,12 @@ def test_a_front_holds_what_nothing_beats() -> None:
     assert cheapest_as_accurate(results, 0.02) == "slow and true"
     ours = {"a": Result(cost=5.0, p99=0.01), "b": Result(cost=2.0, p99=0.05)}
     rivals = {"better": Result(cost=1.0, p99=0.005), "other": Result(cost=1.0, p99=0.02)}
-    assert beyond_all(ours, rivals, trajectory=False) == ["better"]
+    assert beyond_all(ours, rivals) == ["better"]
     true = {name: replace(result, deviation=0.01) for name, result in ours.items()}
     astray = {name: replace(result, deviation=0.5) for name, result in rivals.items()}
-    assert beyond_all(true, astray, trajectory=True) == []
+    assert beyond_all(true, astray) == []
     along = {name: replace(result, deviation=0.01) for name, result in rivals.items()}
-    assert beyond_all(true, along, trajectory=True) == ["better"]
+    assert beyond_all(true, along) == ["better"]
 
 
 def test_a_front_over_both_measures_says_who_is_there_by_one_only() -> None:
@@ -98,12 +98,14 @@ def test_the_study_writes_what_it_says(
     pictures = ("small", "all", "stability")
     for name in ("accuracy.json", "accuracy_tables.md", *(f"images/accuracy/{picture}.png" for picture in pictures)):
         assert (tmp_path / name).stat().st_size > 500, name
+    accuracy.CHARTS.write(tmp_path, {"machine": "another run"})
+    assert (tmp_path / "accuracy.md").read_text() == "another run\n"
 
 
 @pytest.mark.parametrize("part", ["--quick", "--matrix-only", "--charts-only", "--methods defaults", "--scenes flat"])
 def test_a_part_of_a_run_changes_no_document(part: str) -> None:
-    assert accuracy.folder_of(accuracy._parser().parse_args(part.split())) == Path("out/studies")
-    assert accuracy.folder_of(accuracy._parser().parse_args([])) == Path("docs")
+    assert accuracy.CHARTS.folder(accuracy._parser().parse_args(part.split())) == Path("out/studies")
+    assert accuracy.CHARTS.folder(accuracy._parser().parse_args([])) == Path("docs")
 
 
 def test_the_tables_of_patches_compare_costs_scene_by_scene() -> None:

@@ -11,7 +11,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
 from studies.body_contest import run_scene
 from studies.configurations import checkouts
-from studies.engines.checkout import HERE, Checkout, CheckoutOptions
+from studies.engines.checkout import HERE, Checkout
 from studies.engines.engine import EngineBody, Setup
 
 DT = 1.0 / 240.0
@@ -42,8 +42,7 @@ def test_another_checkout_of_the_same_code_moves_bodies_like_this_one() -> None:
             world.step()
             other.step()
         here = [world.client.getBasePositionAndOrientation(body.uid) for body in world.bodies.values()]
-        np.testing.assert_array_equal(other.positions(), [position for position, _ in here])
-        np.testing.assert_array_equal(other.orientations(), [orientation for _, orientation in here])
+        np.testing.assert_array_equal(other.poses(), [(*position, *orientation) for position, orientation in here])
         update, step_time = other.taken()
         assert update > 0.0 and step_time > 0.0
         assert other.taken() == (0.0, 0.0)
@@ -60,7 +59,7 @@ def test_the_same_code_is_equal_to_itself() -> None:
 
 def test_a_folder_without_the_package_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no smartmesh_ros"):
-        Checkout(Setup(heights=np.zeros((9, 9)), resolution=0.5, bodies=[], dt=DT), CheckoutOptions(folder=tmp_path))
+        Checkout(Setup(heights=np.zeros((9, 9)), resolution=0.5, bodies=[], dt=DT), folder=tmp_path)
 
 
 def test_code_that_cannot_run_a_scene_says_why(tmp_path: Path) -> None:

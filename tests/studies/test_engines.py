@@ -12,14 +12,13 @@ import pytest
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import Box, Sphere
 from smartmesh_ros.ground.state import BodyState
-from studies.engines.bullet import BulletOptions
 from studies.engines.engine import ENGINES, EngineBody, Setup, build, missing
 
 DT = 1.0 / 240.0
 G = 9.81
 ROWS, COLUMNS, RESOLUTION = 21, 31, 0.2
 # What an engine needs for boxes not to catch at inner edges.
-OPTIONS = dict.fromkeys(("bullet_trimesh", "bullet_heightfield"), BulletOptions(edge_filter=True))
+OPTIONS = {name: {"edge_filter": True} for name in ("bullet_trimesh", "bullet_heightfield")}
 
 
 # `checkout` is `smartmesh` in another process; see test_before_after.py. Robots are in test_robots.py.
@@ -87,13 +86,11 @@ def test_map_that_slides_takes_a_ball_in_a_pit_along(engine: str) -> None:
 def test_only_a_surface_velocity_takes_a_box_on_level_ground_along(engine: str) -> None:
     flat = np.zeros((ROWS, COLUMNS))
     box = EngineBody(shape=Box(0.4, 0.4, 0.2), state=BodyState(position=(2.03, 2.01, 0.101)))
-    cases: list[tuple[Any, bool]] = [(None, engine in ("smartmesh", "checkout"))]
+    cases: list[tuple[dict[str, Any], bool]] = [({}, engine in ("smartmesh", "checkout"))]
     if engine == "mujoco":
-        from studies.engines.mujoco_hfield import MujocoOptions
-
-        cases.append((MujocoOptions(surface_velocity=True), True))
+        cases.append(({"surface_velocity": True}, True))
     for options, dragged in cases:
-        with build(engine, replace(setup(flat, box), slide=(0.5, 0.0)), options) as scene:
+        with build(engine, replace(setup(flat, box), slide=(0.5, 0.0)), **options) as scene:
             for _ in range(240):
                 scene.set_ground(scene.ready(flat))
                 scene.step()
@@ -106,7 +103,7 @@ def test_friction_is_the_bodies_own(engine: str) -> None:
     for friction in (0.05, 0.6):
         rolling = EngineBody(shape=Sphere(0.25), friction=friction, state=BodyState(position=(1.0, 2.0, 0.25)))
         leaning = replace(setup(np.zeros((ROWS, COLUMNS)), rolling), gravity=(lean * G, 0.0, -G))
-        with build(engine, leaning, OPTIONS.get(engine)) as scene:
+        with build(engine, leaning, **OPTIONS.get(engine, {})) as scene:
             for _ in range(round(time / DT)):
                 scene.step()
             velocity, turning = scene.velocities()[0, [0, 4]]
@@ -120,7 +117,7 @@ def test_ball_stays_on_ground_that_rises(engine: str) -> None:
     if engine == "bullet_heightfield":
         pytest.skip("its ground has no velocity, and throws the ball up")
     flat = np.zeros((ROWS, COLUMNS))
-    with build(engine, setup(flat, ball((3.0, 2.0, 0.25))), OPTIONS.get(engine)) as scene:
+    with build(engine, setup(flat, ball((3.0, 2.0, 0.25))), **OPTIONS.get(engine, {})) as scene:
         for index in range(240):
             height = 0.5 * math.sin(2.0 * index * DT)
             scene.set_ground(scene.ready(flat + height))

@@ -13,8 +13,7 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
 
 from smartmesh_ros.node.parameters.specifications import NAMES
 from smartmesh_ros.tools.testing import domain
-from studies.load import cases
-from studies.load.cases import CODES, RESOLUTION, RISE, WAVE, Case
+from studies.load.cases import CODES, RESOLUTION, RISE, WAVE, Case, groups
 from studies.load.driver import TerrainMessages
 from studies.load.processes import run_case
 from studies.load.soak_report import slope_of
@@ -26,8 +25,7 @@ SMALL = Case(side=128, bodies=3, mode="regions", map_rate=30.0, physics_rate=120
 
 
 def test_every_case_has_a_name_of_its_own_and_parameters_that_the_node_knows() -> None:
-    for group in (cases.grid, cases.executors, cases.memory, cases.rest):
-        members = group(quick=False)
+    for members in groups(quick=False).values():
         assert len({case.name for case in members}) == len(members)
         assert all(set(case.parameters()) <= set(NAMES) for case in members)
         assert all(case.window <= case.side for case in members)
@@ -53,7 +51,7 @@ def test_maps_and_regions_are_the_wave_with_a_code_that_comes_round(k: int, time
 
 def test_a_case_runs_between_processes_and_says_what_happened(domain: int) -> None:
     result = run_case(SMALL)
-    summary = Summary.of(result)
+    summary = Summary(result)
     assert summary.lost == 0
     assert result["sent"] == pytest.approx(SMALL.map_rate * SMALL.seconds, rel=0.3)
     assert summary.latency is not None

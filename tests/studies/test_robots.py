@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import coal
 import numpy as np
 import pytest
 from hypothesis import example, given
@@ -18,7 +19,7 @@ from studies.matrix.arena import square
 from studies.robots import study
 from studies.robots.contest import shapes_of
 from studies.robots.engine import MASSLESS, SERVO, RobotEngine, RobotSetup, prepared
-from studies.robots.geometry import GroundPrisms, Part, cylinder, hull, placed, pose_of, read_links, sphere
+from studies.robots.geometry import GroundPrisms, Part, hull, placed, pose_of, read_links
 from studies.robots.robot import HUSKY, LAIKAGO, RACECAR, ROVER, Robot, laikago_joints
 from studies.robots.scene import RobotScene, scenes
 from studies.robots.study import Stranger, run_stranger
@@ -32,7 +33,7 @@ near = st.floats(-0.5, 0.5)
 
 
 def wheel() -> Part:
-    return cylinder(RADIUS, WIDTH, LYING)
+    return Part(coal.Cylinder(RADIUS, WIDTH), LYING)
 
 
 def gon() -> Part:
@@ -67,7 +68,7 @@ def test_balls_are_as_far_from_rough_ground_as_brute_force_says(
     centre[0, 2] = surface.below(centre)[0] + height
     expected = nearest(surface, centre, 0.3).distance[0] - radius
     upright = np.array([[0.0, 0.0, 0.0, 1.0]])
-    found = GroundPrisms(LEVEL, ROUGH).least_clearance([[sphere(radius, np.eye(4))]], centre, upright)
+    found = GroundPrisms(LEVEL, ROUGH).least_clearance([[Part(coal.Sphere(radius), np.eye(4))]], centre, upright)
     assert found == pytest.approx(min(expected, 0.1), abs=1e-6)
 
 
@@ -93,9 +94,8 @@ def test_the_shapes_of_links_fill_the_bounds_that_pybullet_gives_them(client: An
         if not np.allclose(pose_of(*mass)[:3, :3], np.eye(3), atol=1e-6):
             continue
         [parts] = read_links(client, uid, [link])
-        points = [(placed(part.points, frame), part.radius) for part in parts]
-        low = np.min([one.min(axis=0) - radius for one, radius in points], axis=0)
-        high = np.max([one.max(axis=0) + radius for one, radius in points], axis=0)
+        points = np.concatenate([placed(part.points, frame) for part in parts])
+        low, high = points.min(axis=0), points.max(axis=0)
         assert np.abs([low, high] - np.array(client.getAABB(uid, link))).max() < 0.005, link
         compared += 1
     assert compared >= 1
@@ -139,9 +139,9 @@ def test_a_stranger_with_braked_joints_stays_on_rough_ground() -> None:
 
 
 def test_scenes_have_names_of_their_own_and_all_robots_start_above_the_ground() -> None:
-    found = scenes(quick=False)
+    found = scenes()
     assert len({scene.name for scene in found}) == len(found)
-    assert {scene.name for scene in scenes(quick=True)} < {scene.name for scene in found}
+    assert {scene.name for scene in found if scene.quick} < {scene.name for scene in found}
     for scene in found:
         levels = scene.surface(0.0).below(scene.starts)
         assert (scene.starts[:, 2] - scene.robot.height >= levels).all(), scene.name
@@ -156,8 +156,8 @@ def test_what_needs_rescues_or_leaves_the_map_is_marked() -> None:
 
 
 def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    small = RobotScene(robot=ROVER, motion="maps", resolution=0.25)
-    monkeypatch.setattr(study, "scenes", lambda **_: [small])
+    small = RobotScene(robot=ROVER, motion="maps", resolution=0.25, quick=True)
+    monkeypatch.setattr(study, "scenes", lambda: [small])
     monkeypatch.setattr(study, "run_strangers", lambda *_, **__: [])
     assert study.main(["--quick", "--out", str(tmp_path)]) == 0
     for name in ("robots.json", "robot_tables.md", "robot_charts.md", f"images/robots/{small.name}.png"):
@@ -168,8 +168,9 @@ def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.Monke
 
 @pytest.mark.parametrize("part", ["--quick", "--scenes husky_rest_4cm"])
 def test_a_part_of_a_run_changes_no_document(part: str) -> None:
-    assert study.folder_of(study._parser().parse_args(part.split())) == Path("out/robots")
-    assert study.folder_of(study._parser().parse_args([])) == Path("docs")
+    parser = study.CHARTS.parser("", ["husky_rest_4cm"])
+    assert study.CHARTS.folder(parser.parse_args(part.split())) == Path("out/robots")
+    assert study.CHARTS.folder(parser.parse_args([])) == Path("docs")
 
 
 @pytest.mark.parametrize("engine", ["defaults", "MuJoCo tuned, 240 Hz", "PhysX, 240 Hz"])

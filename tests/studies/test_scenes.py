@@ -70,9 +70,9 @@ def test_unknown_grounds_and_settings_are_refused() -> None:
 def test_presets_are_points_of_the_chart() -> None:
     found = read_presets()
     assert set(found) == set(PRESETS)
-    assert found["fast"].physics.rate == 120.0
-    assert found["fast"].physics.solver_residual > found["rover"].physics.solver_residual
-    assert found["rover"].physics.rate == 240.0
+    assert found["fast"]["physics"].rate == 120.0
+    assert found["fast"]["physics"].solver_residual > found["rover"]["physics"].solver_residual
+    assert found["rover"]["physics"].rate == 240.0
 
 
 def test_ground_that_slides_is_at_rest_for_who_goes_along() -> None:
