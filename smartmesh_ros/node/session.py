@@ -21,7 +21,6 @@ from smartmesh_ros.node.endpoints import EndpointNames, OwnTopics
 from smartmesh_ros.node.inputs.cdr_reader import MOST_ITEMS, message_from
 from smartmesh_ros.node.inputs.conversions import BodyInput
 from smartmesh_ros.node.inputs.joint_commands import RobotNames
-from smartmesh_ros.node.inputs.maps import MapChecks
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings
 from smartmesh_ros.node.refusals import LOG_PERIOD, Refusals, shortened
@@ -51,7 +50,7 @@ class Session:
     terrain message [s], None before the first; ``maps``: number of accepted terrain messages. ``overtaken``: number of
     maps that arrived after a map with a newer stamp, by topic. ``lock``: guards the world, for executors with several
     threads. ``handled``: number of messages and calls so far. ``rival_maps``: publishers whose maps disagree.
-    ``map_checks``: warn of maps that are misused. ``terrain_subscriptions``: subscriptions to terrain.
+    ``map_warning``: how maps are misused, empty = they are not. ``terrain_subscriptions``: subscriptions to terrain.
     ``topics``: the node's inputs and outputs. ``jumps``: number of jumps of tracked bodies, by topic. ``unstamped``:
     number of transforms without stamp, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s],
     None = without stamps. ``names``: names of the peer nodes. ``turns``: answers under way. ``robots``: prepares
@@ -83,7 +82,7 @@ class Session:
         self.overtaken: Counter[str] = Counter()
         self.maps = 0
         self.rival_maps: list[str] = []
-        self.map_checks = MapChecks(node.get_logger())
+        self.map_warning = ""
         self.turns = Turns()
         self.robots = RobotPreparation()
 

@@ -11,11 +11,10 @@ from smartmesh_msgs.msg import TrackedBodyArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet.peer_states import NEWEST_QOS, PeerReader, PeerStates
-from smartmesh_ros.node.inputs.conversions import stamp_seconds
 from smartmesh_ros.node.parameters.entries import AUTO
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.node.timing.stamps import StampClock
+from smartmesh_ros.node.timing.stamps import StampClock, stamp_seconds
 
 TOPIC = "body_states"
 # Period of the search for new peers [s].

@@ -114,8 +114,8 @@ class Diagnostics:
         if session.rival_maps:
             names = ", ".join(session.rival_maps)
             return DiagnosticStatus.WARN, f"maps disagree; they come from {names}", values
-        if warning := session.map_checks.warning:
-            return DiagnosticStatus.WARN, warning, values
+        if session.map_warning:
+            return DiagnosticStatus.WARN, session.map_warning, values
         return DiagnosticStatus.OK, "maps arrive", values
 
     def _bodies(self) -> tuple[bytes, str, dict[str, Any]]:

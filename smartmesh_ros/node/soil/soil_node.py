@@ -21,7 +21,7 @@ from smartmesh_msgs.msg import BodyDescriptionArray, ContactArray, Heightmap, He
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs.conversions import map_from, region_from, stamp_seconds
+from smartmesh_ros.node.inputs.cdr_reader import map_from, region_from
 from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.parameters.declaring import declare, fixed
 from smartmesh_ros.node.parameters.helping import answer
@@ -36,6 +36,7 @@ from smartmesh_ros.node.soil.soil_messages import (
     soil_map_from,
     update_message,
 )
+from smartmesh_ros.node.timing.stamps import stamp_seconds
 from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.layer import Region
 from smartmesh_ros.soil.soil import Soil, loads_of
