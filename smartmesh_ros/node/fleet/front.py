@@ -23,7 +23,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet.calls import Calls, same_as, specification_of
 from smartmesh_ros.node.fleet.layout import FRONT, marker_namespace, node_names
-from smartmesh_ros.node.fleet.ledger import Duties, Ledger, LedgerConfig, Respawning
+from smartmesh_ros.node.fleet.ledger import Duties, Entry, Ledger, LedgerConfig
 from smartmesh_ros.node.fleet.peer_states import PeerReader, Polled
 from smartmesh_ros.node.outputs.diagnostics import task_status
 from smartmesh_ros.node.parameters.declaring import declare, fixed
@@ -90,12 +90,12 @@ class Front(ParameterNode):
         self._log_changes(duties)
         for node in duties.died:
             self._calls.give_up(node)
-        for target in {respawning.node for respawning in duties.spawn}:
-            await self._respawn(target, [again for again in duties.spawn if again.node == target])
+        for node in {entry.node for entry in duties.spawn}:
+            await self._respawn(node, [entry for entry in duties.spawn if entry.node == node])
         for node, name in duties.remove:
             await self._calls.remove(node, [name])
 
-    async def _respawn(self, node: str, lost: list[Respawning]) -> None:
+    async def _respawn(self, node: str, lost: list[Entry]) -> None:
         """Respawn lost bodies on a node. If the node refuses some, try once more with the others."""
         bodies = {one.name: specification_of(one) for one in lost}
         if refused := await self._calls.spawn(node, list(bodies.values())):
@@ -159,7 +159,7 @@ class Front(ParameterNode):
         for node, names in added if refused else ():
             await self._calls.remove(node, names)
             for name in names:
-                self.ledger.removed(name)
+                self.ledger.bodies.pop(name, None)
         return refused
 
     async def _remove(self, names: Sequence[str]) -> dict[str, str]:
@@ -174,13 +174,13 @@ class Front(ParameterNode):
         for node, group in {} if refused else chosen.items():
             found = await self._calls.remove(node, group)
             for name in () if found else group:
-                self.ledger.removed(name)
+                self.ledger.bodies.pop(name, None)
             refused |= found
         return refused
 
     def _report(self) -> None:
         self._publish_timing()
-        self.ledger.set_connected(f"{space.rstrip('/')}/{name}" for name, space in self.get_node_names_and_namespaces())
+        self.ledger.connected = {f"{space.rstrip('/')}/{name}" for name, space in self.get_node_names_and_namespaces()}
         living, waiting, starting = self.ledger.living, self.ledger.waiting, self.ledger.starting
         counts = Counter(entry.node for entry in self.ledger.bodies.values())
         dead = self.ledger.members.keys() - {*living, *starting}

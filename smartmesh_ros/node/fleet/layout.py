@@ -84,6 +84,11 @@ class FleetPlan:
         """Return the command of the front."""
         return _command("fleet_front", [_file(folder / "front.yaml", {"nodes": node_names(self.count), **self.front})])
 
+    def commands(self, folder: Path) -> dict[str, list[str]]:
+        """Return the commands of all processes by name."""
+        nodes = {f"node_{index}": self.node(index, folder) for index in range(self.count)}
+        return {"source": self.source_command(folder), "front": self.front_command(folder), **nodes}
+
     def source_command(self, folder: Path) -> list[str]:
         """Return the command of terrain_source."""
         return _command("terrain_source", [_file(folder / "source.yaml", self.source)], source_remappings())

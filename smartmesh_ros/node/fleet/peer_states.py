@@ -19,6 +19,7 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
+from smartmesh_ros.node.inputs.conversions import require_distinct
 from smartmesh_ros.world.state_table import StateTable
 
 # Fields of a TrackedBody after its name; they start at the next multiple of eight bytes.
@@ -99,13 +100,9 @@ def _names_in(content: bytes, count: int, max_name: int) -> list[str]:
         raise InputError("malformed", "a body's name is not UTF-8") from None
     if len(names) != count:  # C code would read a shorter name than this one
         raise InputError("empty_id", "a body's name has a zero byte in it")
-    if len(set(names)) < len(names):
-        raise InputError("duplicate_id", "a body is in the message twice; names must be distinct")
-    for name in names:
-        if not name or "/" in name:
-            raise InputError("empty_id", f"{name!r} cannot name a body; a name is not empty and has no '/'")
-        if len(name) > max_name:
-            raise InputError("size", f"a name of {len(name)} characters; at most {max_name} are possible")
+    require_distinct(names)
+    if (longest := max(map(len, names), default=0)) > max_name:
+        raise InputError("size", f"a name of {longest} characters; at most {max_name} are possible")
     return names
 
 

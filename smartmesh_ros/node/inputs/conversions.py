@@ -31,7 +31,7 @@ def bodies_from(message: Any) -> list[BodyInput]:
         if not (math.isfinite(body.radius) and body.radius >= 0.0):
             raise InputError("geometry", f"radius of {body.id!r} is {body.radius} m; it must be zero or more")
         bodies.append(BodyInput(body.id, state_from(body.pose, body.twist), float(body.radius)))
-    _require_distinct([body.name for body in bodies])
+    require_distinct([body.name for body in bodies])
     return bodies
 
 
@@ -77,7 +77,8 @@ def shape_from(primitive: Any) -> Shape:
     return made(*(dimensions[index] for index in order))
 
 
-def _require_distinct(names: list[str]) -> None:
+def require_distinct(names: list[str]) -> None:
+    """Raise `InputError` unless each body of a message has a name of its own."""
     seen: set[str] = set()
     for name in names:
         if not name or "/" in name:
