@@ -9,9 +9,9 @@ import argparse
 import subprocess
 import sys
 import tempfile
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -81,11 +81,10 @@ def grid(count: int) -> Iterator[tuple[str, float, float, float]]:
         yield f"ball_{index}", SPACING * (column - 0.5 * side), SPACING * (row - 0.5 * side), START_HEIGHT
 
 
-def line_about(front: Mapping[str, str], timings: Sequence[Timing]) -> str:
-    """Return the last real-time factor and the front's diagnostics in one line."""
-    factor = timings[-1].real_time_factor if timings else 0.0
+def line_about(front: Mapping[str, str], timing: Timing) -> str:
+    """Return the real-time factor and the front's diagnostics in one line."""
     counts = "  ".join(f"{key.removesuffix('/terrain_collider')}: {value}" for key, value in front.items() if key)
-    return f"real-time {factor:.2f}  {counts}"
+    return f"real-time {timing.real_time_factor:.2f}  {counts}"
 
 
 @contextmanager
@@ -110,8 +109,8 @@ def processes(commands: dict[str, list[str]]) -> Iterator[dict[str, subprocess.P
 def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
     """Run a fleet with ``bodies`` balls for ``seconds`` [s], printing a line a second."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    watcher, timings = FleetWatcher(), deque[Timing](maxlen=1)
-    watcher.create_subscription(Timing, f"{front_of()}/timing", timings.append, 10)
+    watcher, last = FleetWatcher(), {"timing": Timing()}
+    watcher.create_subscription(Timing, f"{front_of()}/timing", partial(last.__setitem__, "timing"), 10)
     Stop()  # the first signal raises KeyboardInterrupt; later ones leave the processes the time to end
     try:
         with tempfile.TemporaryDirectory() as name, processes(commands := plan.commands(Path(name))) as running:
@@ -127,7 +126,7 @@ def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
                         running[ended] = subprocess.Popen(commands[ended])
                 if monotonic() >= due:
                     due = monotonic() + 1.0
-                    print(line_about(watcher.front, timings), flush=True)
+                    print(line_about(watcher.front, last["timing"]), flush=True)
     except (TimeoutError, RuntimeError) as error:
         sys.exit(f"fleet failed: {error}")
     except KeyboardInterrupt:
