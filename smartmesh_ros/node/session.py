@@ -199,6 +199,13 @@ class Session:
         if count > most:
             raise InputError("size", f"{count} bodies are more than bodies.most = {most}")
 
+    def remove(self, name: str) -> None:
+        """Removes a simulated or tracked body from the world."""
+        if name in self.tracking.names:
+            self.tracking.forget(name)
+        else:
+            self.world.remove(name)
+
     def require_not_simulated(self, name: str) -> None:
         """Raises `InputError` if the body is simulated, because only the physics may move it."""
         known = self.world.bodies.get(name)

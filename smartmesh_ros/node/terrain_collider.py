@@ -129,7 +129,6 @@ class TerrainCollider(ParameterNode):
     def pause(self, paused: bool) -> None:
         """Pauses or resumes the physics."""
         self.pacer.pause(paused)
-        self._outputs.restart_measuring()
 
     def step(self, count: int) -> None:
         """Runs ``count`` steps while the physics is paused; raises `InputError` if it is running."""
@@ -159,10 +158,6 @@ class TerrainCollider(ParameterNode):
         if time and bodies and spawned:
             self._initial.restore()
 
-    def remove(self, name: str) -> None:
-        """Removes a body, simulated or tracked."""
-        self._body_services.remove(name)
-
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> None:
         self.reset()
         response.message = "bodies are back where they were spawned"
@@ -189,7 +184,6 @@ class TerrainCollider(ParameterNode):
     def restart(self) -> None:
         """Restarts the loop's deadlines and measurements."""
         self.pacer.restart()
-        self._outputs.restart_measuring()
 
     def _on_terrain(self) -> None:
         self._stand_on_soil()
@@ -226,7 +220,6 @@ class TerrainCollider(ParameterNode):
             session.tracking.max_velocity = self.settings.max_velocity
             if names & {"physics.rate", "physics.deadline", "use_sim_time"}:
                 session.configure_pacer()
-                self._outputs.restart_measuring()
         before, self._values = self._values, declaring.current_values(self, parameters.SPECS)
         announce_changes(self, before, self._values)
 

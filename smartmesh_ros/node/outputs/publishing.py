@@ -155,11 +155,6 @@ class Publishing:
             publisher.publish(self._markers.cleared(self._header()))
             publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
 
-    def restart_measuring(self) -> None:
-        """Restarts the measurement of the real-time factor."""
-        self._timing_window.restart()
-        self._diagnostics.window.restart()
-
     def publish_patches(self) -> None:
         """Publishes the patch outputs that are due; called before a step, so that they do not wait for the physics."""
         self._publish(PATCH_OUTPUTS, monotonic(), now=False)
