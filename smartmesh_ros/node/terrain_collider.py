@@ -16,7 +16,7 @@ from smartmesh_msgs.srv import StepPhysics
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
+from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.inputs.body_inputs import BodyInputs
 from smartmesh_ros.node.inputs.terrain_inputs import TerrainInputs
 from smartmesh_ros.node.inputs.transform_input import TransformInput
@@ -24,9 +24,8 @@ from smartmesh_ros.node.outputs.publishing import Publishing
 from smartmesh_ros.node.outputs.transform_outputs import require_transforms
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters import specifications as parameters
+from smartmesh_ros.node.parameters.declaring import ParameterNode
 from smartmesh_ros.node.parameters.helping import answer
-from smartmesh_ros.node.parameters.parameter_files import announce, announce_changes
-from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.services.body_services import BodyServices
@@ -74,7 +73,7 @@ class TerrainCollider(ParameterNode):
         self.add_post_set_parameters_callback(self._on_parameters_set)
         session.clock.on_set_back(self._forget_stamps)
         self._values = declaring.current_values(self, parameters.SPECS)
-        announce(self, self.settings)
+        parameters.announce(self, self.settings)
 
     @property
     def handled(self) -> int:
@@ -221,7 +220,7 @@ class TerrainCollider(ParameterNode):
             if names & {"physics.rate", "physics.deadline", "use_sim_time"}:
                 session.configure_pacer()
         before, self._values = self._values, declaring.current_values(self, parameters.SPECS)
-        announce_changes(self, before, self._values)
+        parameters.announce_changes(self, before, self._values)
 
 
 def require_soil(world: World, settings: Settings) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from smartmesh_msgs.msg import BodyFailure, BodySpecification, Timing, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
@@ -24,12 +25,11 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet.calls import Calls, same_as, specification_of
 from smartmesh_ros.node.fleet.layout import FRONT, marker_namespace, node_names
 from smartmesh_ros.node.fleet.ledger import Duties, Entry, Ledger, LedgerConfig
-from smartmesh_ros.node.fleet.peer_states import PeerReader, Polled
+from smartmesh_ros.node.fleet.peers import NEWEST_QOS, PeerReader
 from smartmesh_ros.node.outputs.diagnostics import task_status
-from smartmesh_ros.node.parameters.declaring import declare, fixed
-from smartmesh_ros.node.parameters.entries import full_names
+from smartmesh_ros.node.parameters.declaring import ParameterNode, declare, fixed
 from smartmesh_ros.node.parameters.helping import answer
-from smartmesh_ros.node.parameters.parameter_node import ParameterNode
+from smartmesh_ros.node.parameters.settings import full_names
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.session import SERVICES
 
@@ -49,6 +49,35 @@ CHECK_PERIOD, REPORT_PERIOD = 0.25, 1.0
 MAX_BODIES, MAX_NAME = 1_000_000, 65_535
 # Maximum number of body names in a log line.
 MOST_NAMED = 10
+
+
+class _Never(ReentrantCallbackGroup):
+    """Callback group that an executor never runs."""
+
+    def can_execute(self, entity: Any) -> bool:
+        return False
+
+
+class Polled:
+    """A subscription of message type ``kind`` for which DDS keeps only the newest message.
+
+    Nodes publish their states in every step. An executor that wakes for each message spends more time on that than on
+    reading the few that are needed. rclpy has no public way to take a message without an executor, so the subscription
+    is kept from the executors by a callback group, and its handle takes messages as rclpy's executors do.
+    """
+
+    def __init__(self, node: Node, kind: Any, topic: str) -> None:
+        self._kind, self._group = kind, _Never()
+        self._subscription = node.create_subscription(
+            kind, topic, lambda _: None, NEWEST_QOS, callback_group=self._group, raw=True
+        )
+
+    def take(self) -> bytes | None:
+        """Return the newest message as bytes; None if no message arrived since the last call."""
+        handle = self._subscription.handle
+        with handle:
+            taken = handle.take_message(self._kind, True)
+        return None if taken is None else taken[0]
 
 
 class Front(ParameterNode):

@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import QoSProfile
 
 from smartmesh_ros.node.endpoints import Namesakes, incompatible_peers, publishers_of
-from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
+from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing, ClockWatch
 from smartmesh_ros.node.session import Session
 
@@ -34,14 +34,15 @@ class Window:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._read, self._misses = monotonic(), 0
-        self._loop = -1  # number of the loop's restarts
+        self._start, self._time, self._factor = monotonic(), session.world.time, 1.0
+        self._restarts = session.pacer.restarts
 
     def read(self) -> tuple[float, float, int]:
         """Return time since the last reading [s], real-time factor, and deadlines missed since the last reading."""
         now, world, pacer = monotonic(), self._session.world, self._session.pacer
         length, misses = max(now - self._read, 1e-9), pacer.misses - self._misses
-        if self._loop != pacer.restarts:
-            self._loop, self._start, self._time, self._factor = pacer.restarts, now, world.time, 1.0
+        if self._restarts != pacer.restarts:
+            self._restarts, self._start, self._time, self._factor = pacer.restarts, now, world.time, 1.0
         elif now - self._start >= MIN_WINDOW:
             self._factor = max(world.time - self._time, 0.0) / (now - self._start)
             self._start, self._time = now, world.time

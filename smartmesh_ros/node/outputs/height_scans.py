@@ -8,7 +8,7 @@ from typing import Any
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension, MultiArrayLayout
 
 from smartmesh_ros.node.outputs.cdr import floats
-from smartmesh_ros.node.parameters.entries import ScanEntry
+from smartmesh_ros.node.parameters.settings import ScanEntry
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.terrain.height_scan import HeightScan
 from smartmesh_ros.world.height_scanner import HeightScanner

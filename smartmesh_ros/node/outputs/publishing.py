@@ -24,7 +24,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
+from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.node.outputs.body_outputs import BodyDescriptions

@@ -1,8 +1,9 @@
-"""The parameters of ``terrain_collider``, and the `Settings` that they give."""
+"""The parameters of ``terrain_collider``, the `Settings` that they give, and log lines about them."""
 
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial, reduce
@@ -16,8 +17,15 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import Spec
-from smartmesh_ros.node.parameters.entries import body_sources, peer_names, scan_entries
-from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings, TerrainChanges
+from smartmesh_ros.node.parameters.helping import files_of, mismatch
+from smartmesh_ros.node.parameters.settings import (
+    LONGEST_NAME,
+    Settings,
+    TerrainChanges,
+    body_sources,
+    peer_names,
+    scan_entries,
+)
 from smartmesh_ros.node.timing.pacing import require_one_clock
 
 ConfigT = TypeVar("ConfigT")
@@ -256,3 +264,33 @@ def check_change(node: Node, changes: list[Parameter], check: Callable[[Settings
     except InputError as error:
         return SetParametersResult(successful=False, reason=str(error))
     return SetParametersResult(successful=True)
+
+
+def announce(node: Node, settings: Settings) -> None:
+    """Logs the node's settings in one line; warns of parameter files for other nodes."""
+    name = node.get_fully_qualified_name()
+    files, strays = files_of(sys.argv), []
+    for file in files:
+        if (reason := mismatch(file, name)) is not None:
+            strays.append(file)
+            node.get_logger().warning(reason)
+    taken = [str(file) for file in files if file not in strays]
+    node.get_logger().info(f"{name}: {summary(settings)}; parameters: {', '.join(taken) or 'defaults'}")
+
+
+def summary(settings: Settings) -> str:
+    """Return the most important settings in one line."""
+    physics, patch = settings.world.physics, settings.world.patch
+    terrain = f"~/{settings.input}" + (f" and {settings.file}" if settings.file else "")
+    often = f"{patch.rate:g} Hz" if patch.rate else "every step"
+    return (
+        f"terrain from {terrain}; physics {physics.rate:g} Hz; patches {patch.kind}, "
+        f"{often}; executor {settings.executor}"
+    )
+
+
+def announce_changes(node: Node, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
+    """Logs a line for each parameter whose value changed."""
+    for name, value in after.items():
+        if value != before[name]:
+            node.get_logger().info(f"parameter {name} is now {value!r}; it was {before[name]!r}")

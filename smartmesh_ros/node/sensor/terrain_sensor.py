@@ -23,9 +23,8 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import product
 from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.outputs.cdr import doubles
-from smartmesh_ros.node.parameters.declaring import declare, fixed
+from smartmesh_ros.node.parameters.declaring import ParameterNode, declare, fixed
 from smartmesh_ros.node.parameters.helping import answer
-from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.sensor.range_sensors import DepthCamera, Lidar, RangeSensor
 from smartmesh_ros.terrain.grid import FloatArray

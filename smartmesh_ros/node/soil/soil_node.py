@@ -23,9 +23,8 @@ from std_msgs.msg import Header
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.cdr_reader import map_from, region_from
 from smartmesh_ros.node.inputs.optional_messages import find_message
-from smartmesh_ros.node.parameters.declaring import declare, fixed
+from smartmesh_ros.node.parameters.declaring import ParameterNode, declare, fixed
 from smartmesh_ros.node.parameters.helping import answer
-from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.soil.soil_messages import (

@@ -11,9 +11,8 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.cdr import floats
-from smartmesh_ros.node.parameters.declaring import Spec, declare
+from smartmesh_ros.node.parameters.declaring import ParameterNode, Spec, declare
 from smartmesh_ros.node.parameters.helping import answer
-from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.scenes import SCENES
 from smartmesh_ros.scenes.moving import (
