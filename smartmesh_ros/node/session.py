@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Coroutine, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from threading import RLock
 from typing import Any
 
@@ -29,6 +28,8 @@ from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, NodeClock, Pacer, stamp_of
 from smartmesh_ros.world.world import World
 
+# What is done with a request and its response, or with a response and its error.
+Act = Callable[[Any, Any], Any]
 # Queue depth of requests and responses. The default of ROS drops all but ten.
 SERVICES = QoSProfile(depth=2000)
 # Errors that end a message or call, and leave the world as it was.
@@ -41,6 +42,13 @@ def require_name(name: str) -> None:
     """Raises `InputError` if the name of a body, tile or frame is too long."""
     if len(name) > LONGEST_NAME:
         raise InputError("size", f"a name of {len(name)} characters; at most {LONGEST_NAME} are possible")
+
+
+def conclude(response: Any, error: Exception | None) -> None:
+    """Write the outcome of a call into a response that has ``success`` and ``message``."""
+    response.success = error is None
+    if error is not None:
+        response.message = shortened(str(error))
 
 
 class Session:
@@ -137,13 +145,13 @@ class Session:
         self.pacer.follows_clock = simulated
         self.pacer.restart()
 
-    def serve_eagerly(self, kind: Any, service: str, answer: Callable[[Any, Any], Coroutine[Any, Any, Any]]) -> None:
-        """Serves ``~/service`` by a coroutine that returns the response. It runs at once until it first awaits, and
-        then in turns; it holds the ``lock`` where it needs the world."""
+    def serve(self, kind: Any, service: str, handle: Act, conclude: Act = conclude) -> None:
+        """Serves ``~/service`` with the response that `answered` returns. The call runs at once until it first awaits,
+        and then in turns."""
 
         def start(request: Any, response: Any) -> Any:
             self.handled += 1
-            steps = answer(request, response)
+            steps = self.answered(service, handle, request, response, conclude)
             try:
                 steps.send(None)
             except StopIteration as end:
@@ -152,25 +160,23 @@ class Session:
 
         self.turns.answer_later(self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES))
 
-    def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], Any]) -> None:
-        """Serves ``~/service`` with a response that has ``success`` and ``message``, as `answered` returns it."""
-        self.serve_eagerly(kind, service, partial(self.answered, service, handle))
-
-    async def answered(self, service: str, handle: Callable[[Any, Any], Any], request: Any, response: Any) -> Any:
+    async def answered(self, service: str, handle: Act, request: Any, response: Any, conclude: Act = conclude) -> Any:
         """Return the response to a request; a refusal is counted and logged.
 
-        ``handle`` fills in the rest, or raises `InputError`. It may be a coroutine, which holds the ``lock`` where it
-        needs the world, and awaits `NextTurn` between parts of its work, so that steps are not late.
+        ``handle`` fills in the response, or raises `InputError`. It may be a coroutine, which holds the ``lock`` where
+        it needs the world, and awaits `NextTurn` between parts of its work, so that steps are not late. ``conclude``
+        writes the outcome into the response: the error, or None.
         """
+        outcome: Exception | None = None
         try:
             with self.lock:
                 rest = handle(request, response)
             if rest is not None:
                 await rest
-            response.success = True
         except REFUSED as error:
             self.refusals.add(service, error)
-            response.message = shortened(str(error))
+            outcome = error
+        conclude(response, outcome)
         return response
 
     def clock_now(self) -> float:

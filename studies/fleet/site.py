@@ -138,10 +138,9 @@ class Site:
 
     def start(self) -> None:
         """Starts everything and waits until the front hears all nodes."""
-        self._hub[0].start(self._plan.source_command(self._folder), self._folder / "source.txt")
-        self._hub[1].start(self._plan.front_command(self._folder), self._folder / "front.txt")
-        for index in range(self._plan.count):
-            self.machines[index].start(self._plan.node(index, self._folder), self._folder / f"node_{index}.txt")
+        commands = self._plan.commands(self._folder)
+        for machine, (name, command) in zip([*self._hub, *self.machines], commands.items(), strict=True):
+            machine.start(command, self._folder / f"{name}.txt")
         self.watcher.wait_for(self.watcher.complete, "fleet")
 
     def close(self) -> None:

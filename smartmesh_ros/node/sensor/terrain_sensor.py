@@ -74,16 +74,9 @@ def sensor_of(values: dict[str, Any]) -> RangeSensor:
         "farthest": values["range.farthest"], "rate": values["rate"],
         "noise_constant": values["noise.constant"], "noise_quadratic": values["noise.quadratic"],
     }  # fmt: skip
-    made: RangeSensor
-    if values["sensor"] == "lidar":
-        low, high = values["lidar.fan"]
-        made = Lidar(
-            **common, beams=values["lidar.beams"], fan=(low, high), steps=values["lidar.steps"],
-            sectors=values["lidar.sectors"],
-        )  # fmt: skip
-    else:
-        wide, high = values["camera.view"]
-        made = DepthCamera(**common, columns=values["camera.columns"], rows=values["camera.rows"], view=(wide, high))
+    kind, group = (Lidar, "lidar.") if values["sensor"] == "lidar" else (DepthCamera, "camera.")
+    own = {name.removeprefix(group): value for name, value in values.items() if name.startswith(group)}
+    made: RangeSensor = kind(**common, **own)
     if (count := len(made.directions_s(0))) > MOST_RAYS:
         raise InputError("parameter", f"{count} rays in one look; at most {MOST_RAYS} are possible")
     return made

@@ -101,23 +101,13 @@ class SimulationServices:
         ``name``. ``reasons``: result code by reason of an `InputError` of ``act``."""
         if (kind := getattr(self._services, name, None)) is None:
             return
-        session, results = self._session, self._results
 
-        async def handle(request: Any, response: Any) -> Any:
-            try:
-                with session.lock:
-                    rest = act(request, response)
-                if rest is not None:
-                    await rest
-                code, words = results.RESULT_OK, ""
-            except REFUSED as error:
-                session.refusals.add(service, error)
-                code, words = self._code(error, reasons, kind.Response), str(error)
+        def conclude(response: Any, error: Exception | None) -> None:
             if hasattr(response, "result"):
-                response.result.result, response.result.error_message = code, words
-            return response
+                code = self._results.RESULT_OK if error is None else self._code(error, reasons, kind.Response)
+                response.result.result, response.result.error_message = code, str(error or "")
 
-        session.serve_eagerly(kind, service, handle)
+        self._session.serve(kind, service, act, conclude)
 
     def _code(self, error: Exception, reasons: Mapping[str, str], codes: Any) -> int:
         """Return the result code of an error: one of ``codes`` by its reason, or else a general one."""
