@@ -50,15 +50,13 @@ def description(
 def fleet() -> LaunchDescription:
     """Return a launch description of a fleet: colliders on one terrain, their front, and a terrain source."""
     arguments = [
-        DeclareLaunchArgument(name, default_value=default, description=words)
-        for name, default, words in (
-            ("nodes", "4", "Number of colliders that share the terrain."),
-            ("spread", "fewest", "Node of a new body: fewest (bodies), or tiles (by start position)."),
-            ("respawn", "elsewhere", "Where bodies of a dead node are respawned: elsewhere, or on the same."),
-        )
+        *_arguments(preset=fleet_layout.PRESET),
+        argument("nodes", "4", "Number of colliders that share the terrain."),
+        argument("spread", "fewest", "Node of a new body: fewest (bodies), or tiles (by start position)."),
+        argument("respawn", "elsewhere", "Where bodies of a dead node are respawned: elsewhere, or on the same."),
+        scene_argument("empty = no terrain_source, publish your own terrain", ""),
     ]
-    arguments.append(scene_argument("empty = no terrain_source, publish your own terrain", ""))
-    return _description([*_arguments(preset=fleet_layout.PRESET), *arguments], _fleet_nodes, fleet_layout.FRONT)
+    return _description(arguments, _fleet_nodes, fleet_layout.FRONT)
 
 
 def _description(arguments: list[Any], nodes: Callable[[Values], list[Any]], shown: str = NODE) -> LaunchDescription:
@@ -101,13 +99,15 @@ def _fleet_nodes(value: Values) -> list[Any]:
     return nodes
 
 
+def argument(name: str, default: str, words: str, choices: Sequence[str] | None = None) -> Any:
+    """Return a launch argument with a default; ``words``: its meaning."""
+    return DeclareLaunchArgument(name, default_value=default, description=words, choices=choices)
+
+
 def scene_argument(words: str = "", *more: str) -> Any:
     """Return the launch argument ``scene`` of terrain_source, with ``more`` values and ``words`` about them."""
     names = f"Scene of terrain_source: {', '.join(SCENES)}"
-    return DeclareLaunchArgument(
-        "scene", default_value=SCENES[0], choices=[*SCENES, *more],
-        description=f"{names}; {words}." if words else f"{names}.",
-    )  # fmt: skip
+    return argument("scene", SCENES[0], f"{names}; {words}." if words else f"{names}.", [*SCENES, *more])
 
 
 def node(*, package: str = PACKAGE, executable: str, hint: str = "build and source the workspace", **more: Any) -> Any:
@@ -153,19 +153,13 @@ def share() -> Path:
 def _arguments(preset: str = "") -> list[Any]:
     profile = os.environ.get(VARIABLE, str(share() / "config" / "fastdds.xml"))
     return [
-        DeclareLaunchArgument(name, default_value=default, description=words)
-        for name, default, words in (
-            ("preset", preset, "Name of a parameter file in config/; empty = the node's own defaults."),
-            ("config", "", "Path of your own parameter file, read after the preset."),
-            ("namespace", "", "Namespace of the nodes."),
-            ("use_sim_time", "false", "true = take the time from /clock."),
-            ("rviz", "false", "true = start RViz with a view of the patches."),
-            ("dds", profile, "XML file of Fast DDS settings for large maps; empty = none."),
-        )
-    ] + [
-        DeclareLaunchArgument(
-            "log_level", default_value="info", choices=list(LOG_LEVELS), description=f"{', '.join(LOG_LEVELS)}."
-        )
+        argument("preset", preset, "Name of a parameter file in config/; empty = the node's own defaults."),
+        argument("config", "", "Path of your own parameter file, read after the preset."),
+        argument("namespace", "", "Namespace of the nodes."),
+        argument("use_sim_time", "false", "true = take the time from /clock."),
+        argument("rviz", "false", "true = start RViz with a view of the patches."),
+        argument("dds", profile, "XML file of Fast DDS settings for large maps; empty = none."),
+        argument("log_level", "info", f"{', '.join(LOG_LEVELS)}.", list(LOG_LEVELS)),
     ]
 
 

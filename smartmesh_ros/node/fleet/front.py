@@ -93,7 +93,9 @@ class Front(ParameterNode):
         self._readers = {node: PeerReader() for node in self.ledger.members}
         self._states = {node: Polled(self, TrackedBodyArray, f"{node}/body_states") for node in self.ledger.members}
         self._timings: dict[str, Timing] = {}
-        self._listening: list[Any] = []
+        for node in self.ledger.members:
+            take = partial(self._timings.__setitem__, marker_namespace(node).rpartition("/")[2])
+            self.create_subscription(Timing, f"{node}/timing", take, 10)
         self._serve(SpawnBody, "spawn_body", self._spawn, lambda request: [same_as(request)])
         self._serve(SpawnBodies, "spawn_bodies", self._spawn, lambda request: request.bodies)
         self._serve(RemoveBody, "remove_body", self._remove, lambda request: [request.id])
@@ -232,22 +234,12 @@ class Front(ParameterNode):
         self._diagnostics.publish(message)
 
     def _publish_timing(self) -> None:
-        """Publish the timing of all nodes. Subscribe to the nodes' timing only while ~/timing has subscribers."""
-        if not self._timing.get_subscription_count():
-            for subscription in self._listening:
-                self.destroy_subscription(subscription)
-            self._listening.clear()
-            self._timings.clear()
-            return
-        if not self._listening:
-            for node in self.ledger.members:
-                take = partial(self._timings.__setitem__, marker_namespace(node).rpartition("/")[2])
-                self._listening.append(self.create_subscription(Timing, f"{node}/timing", take, 10))
-        if self._timings:
+        """Publish the timing of all nodes since the last report, while ~/timing has subscribers."""
+        if self._timings and self._timing.get_subscription_count():
             message = merged_timing(self._timings)
             message.header.stamp = self.get_clock().now().to_msg()
             self._timing.publish(message)
-            self._timings.clear()
+        self._timings.clear()
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -27,10 +27,9 @@ from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
-from smartmesh_ros.node.outputs.body_outputs import BodyDescriptions
+from smartmesh_ros.node.outputs.body_outputs import BodyDescriptions, ScanOutput
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
-from smartmesh_ros.node.outputs.height_scans import ScanOutput
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.soil.soil_messages import update_message

@@ -125,14 +125,15 @@ def scan_entries(texts: Sequence[str]) -> tuple[ScanEntry, ...]:
     layout's. Without a ``seed`` each entry has its place in the list. Raises `InputError` if a text is no valid entry,
     or two have one topic.
     """
-    entries = tuple(_entry(text, place) for place, text in enumerate(texts))
-    topics = [entry.topic for entry in entries]
-    for entry, topic in zip(entries, topics, strict=True):
-        if topics.count(topic) > 1:
+    entries: dict[str, ScanEntry] = {}
+    for place, text in enumerate(texts):
+        entry = _entry(text, place)
+        if entries.setdefault(entry.topic, entry) is not entry:
             raise InputError(
-                "parameter", f"height_scans has two entries for {topic}, one of body {entry.body!r}; keep one of them"
+                "parameter",
+                f"height_scans has two entries for {entry.topic}, one of body {entry.body!r}; keep one of them",
             )
-    return entries
+    return tuple(entries.values())
 
 
 def _entry(text: str, place: int) -> ScanEntry:
