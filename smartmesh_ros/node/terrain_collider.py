@@ -48,7 +48,7 @@ class TerrainCollider(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, parameters.SPECS, removed=parameters.REMOVED, **node_options)
-        self.settings = parameters.declare(self)
+        self.settings = parameters.current_settings(self)
         self.session = session = Session(self, self.settings)
         self.pacer, self.refusals = session.pacer, session.refusals
         require_soil(session.world, self.settings)

@@ -27,7 +27,7 @@ from smartmesh_ros.node.fleet.layout import FRONT, marker_namespace, node_names
 from smartmesh_ros.node.fleet.ledger import Duties, Entry, Ledger, LedgerConfig
 from smartmesh_ros.node.fleet.peers import NEWEST_QOS, PeerReader
 from smartmesh_ros.node.outputs.diagnostics import task_status
-from smartmesh_ros.node.parameters.declaring import ParameterNode, declare, fixed
+from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.settings import full_names
 from smartmesh_ros.node.running import spin
@@ -85,7 +85,7 @@ class Front(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(FRONT, SPECS, **node_options)
-        values = declare(self, SPECS)
+        values = self.declared
         config = LedgerConfig(**{name: values[name] for name in ("spread", "tile_size", "timeout", "respawn")})
         self.ledger = Ledger(full_names("nodes", values["nodes"]), config)
         self._group = ReentrantCallbackGroup()

@@ -75,25 +75,6 @@ def given_parameters(node: Node) -> Mapping[str, Parameter]:
     return given
 
 
-def declare(node: Node, specs: Sequence[Spec], removed: Mapping[str, str] = NONE) -> dict[str, Any]:
-    """Declares every parameter on ``node``, warns about overrides of unknown ones, and returns the checked values.
-
-    ``removed``: parameters of earlier versions, and what replaces them. Raises `InputError` if one of these is set or a
-    value is invalid, because a node must not start with settings other than those requested.
-    """
-    for spec in specs:
-        try:
-            node.declare_parameter(spec.name, spec.default, _descriptor(spec))
-        except ParameterException as error:
-            raise InputError("parameter", f"{error}; {spec.rule}") from None
-    for name in sorted(given_parameters(node)):
-        if name in removed:
-            raise InputError("parameter", f"{name} is gone: {removed[name]}")
-        if not node.has_parameter(name) and not name.startswith(QOS):
-            node.get_logger().warning(f"parameter {name!r} is unknown and has no effect{nearest(name, specs)}")
-    return checked(current_values(node, specs), specs)
-
-
 def nearest(name: str, specs: Sequence[Spec]) -> str:
     """Return a hint that suggests the most similar known name; empty if no name is similar."""
     names = difflib.get_close_matches(name, [spec.name for spec in specs], n=1)
@@ -225,7 +206,10 @@ def warn_of_unused_overrides(node: Node) -> None:
 class ParameterNode(Node):
     """A node that refuses invalid arguments with `InputError`, and changes of parameters with what would be right.
 
-    Its topics take ``qos_overrides``. ``removed``: parameters of earlier versions, and what replaces them.
+    Its topics take ``qos_overrides``. It declares the parameters of ``specs``, and warns about unknown ones that are
+    set. ``declared``: their checked values at the start. ``removed``: parameters of earlier versions, and what replaces
+    them. Raises `InputError` if one of these is set or a value is invalid, because a node must not start with settings
+    other than those requested.
     """
 
     def __init__(self, name: str, specs: Sequence[Spec], removed: Mapping[str, str] = NONE, **options: Any) -> None:
@@ -233,6 +217,17 @@ class ParameterNode(Node):
         with refused_arguments():
             super().__init__(name, **options)
         require_overrides(self)
+        for spec in specs:
+            try:
+                self.declare_parameter(spec.name, spec.default, _descriptor(spec))
+            except ParameterException as error:
+                raise InputError("parameter", f"{error}; {spec.rule}") from None
+        for given in sorted(given_parameters(self)):
+            if given in removed:
+                raise InputError("parameter", f"{given} is gone: {removed[given]}")
+            if not self.has_parameter(given) and not given.startswith(QOS):
+                self.get_logger().warning(f"parameter {given!r} is unknown and has no effect{nearest(given, specs)}")
+        self.declared = checked(current_values(self, specs), specs)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters like rclpy, with refusals that say what would be right."""

@@ -215,12 +215,6 @@ def _with(config: ConfigT, tree: Mapping[str, Any]) -> ConfigT:
     return replace(config, **changes)  # type: ignore[type-var]
 
 
-def declare(node: Node) -> Settings:
-    """Declares the node's parameters and returns its settings; raises `InputError` if they are invalid."""
-    declaring.declare(node, SPECS, REMOVED)
-    return current_settings(node)
-
-
 def current_settings(node: Node, changes: Sequence[Parameter] = ()) -> Settings:
     """Return the settings for the current values of the parameters and for ``changes`` of some; raises `InputError` if
     these are invalid together."""

@@ -23,7 +23,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import product
 from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.outputs.cdr import doubles
-from smartmesh_ros.node.parameters.declaring import ParameterNode, declare, fixed
+from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.sensor.range_sensors import DepthCamera, Lidar, RangeSensor
@@ -87,7 +87,7 @@ class TerrainSensor(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
-        values = declare(self, SPECS)
+        values = self.declared
         self.sensor = sensor_of(values)
         self._frame, self._through = values["frame"], values["through"]
         self._rng = np.random.default_rng(values["noise.seed"])

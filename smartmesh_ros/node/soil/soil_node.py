@@ -23,7 +23,7 @@ from std_msgs.msg import Header
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.cdr_reader import map_from, region_from
 from smartmesh_ros.node.inputs.optional_messages import find_message
-from smartmesh_ros.node.parameters.declaring import ParameterNode, declare, fixed
+from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import spin
@@ -77,7 +77,7 @@ class SoilNode(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
-        values = declare(self, SPECS)
+        values = self.declared
         self.refusals = Refusals(self.get_logger())
         file = Path(values["soils_file"]) if values["soils_file"] else KNOWN
         self._soils = [soil_named(name, file) for name in (values["soil"], *values["soils"])]

@@ -15,7 +15,7 @@ from smartmesh_msgs.srv import SpawnBody
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.parameters.declaring import ParameterNode, declare, fixed
+from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.scenes import eight
@@ -36,7 +36,7 @@ class Rover(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
-        values = declare(self, SPECS)
+        values = self.declared
         self._frame_id, self._wanted = values["frame_id"], values["listeners"]
         try:
             self._ground = eight.ground()
