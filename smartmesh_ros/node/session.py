@@ -18,8 +18,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import FARTHEST_BODY
 from smartmesh_ros.node.endpoints import EndpointNames, OwnTopics
 from smartmesh_ros.node.inputs.cdr_reader import MOST_ITEMS, message_from
-from smartmesh_ros.node.inputs.conversions import BodyInput
-from smartmesh_ros.node.inputs.joint_commands import RobotNames
+from smartmesh_ros.node.inputs.conversions import BodyInput, RobotNames
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings
 from smartmesh_ros.node.refusals import LOG_PERIOD, Refusals, shortened

@@ -8,7 +8,7 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from smartmesh_ros import BodyState, World
-from smartmesh_ros.node.inputs.joint_commands import CommandedJoint, RobotNames, joint_commands_from
+from smartmesh_ros.node.inputs.conversions import CommandedJoint, RobotNames, joint_commands_from
 from smartmesh_ros.world.joints import JointCommand
 from tests.node.test_robot_outputs import ARM
 

@@ -17,9 +17,8 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import SIZES, require_between, require_possible
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs import conversions
-from smartmesh_ros.node.inputs.conversions import BodyInput
+from smartmesh_ros.node.inputs.conversions import BodyInput, joint_commands_from
 from smartmesh_ros.node.inputs.frames import Transform
-from smartmesh_ros.node.inputs.joint_commands import joint_commands_from
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.session import Session, require_name
 from smartmesh_ros.node.timing.stamps import Placed, StampClock, stamp_seconds

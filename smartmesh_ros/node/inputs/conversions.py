@@ -1,8 +1,12 @@
-"""Pure functions that convert messages about bodies to values of the core. Invalid messages raise `InputError`."""
+"""Conversion of messages about bodies and joints to values of the core, and the names of robots' joints and links.
+
+Invalid messages raise `InputError`.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -12,6 +16,8 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import rotate
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros.world.world import World
 
 
 class BodyInput(NamedTuple):
@@ -86,3 +92,86 @@ def require_distinct(names: list[str]) -> None:
         if name in seen:
             raise InputError("duplicate_id", f"body {name!r} is in the message twice; names must be distinct")
         seen.add(name)
+
+
+class RobotNames:
+    """Puts ``<robot>/`` before the names of a robot's joints and links, or nothing.
+
+    A robot's prefix stays while the robot is there, whatever robots come and go. ``always``: every robot has a prefix;
+    else a robot that is added while no other is without prefix has none, so that the names of a robot that is alone are
+    those of its URDF, as robot_state_publisher expects.
+    """
+
+    def __init__(self, world: World, *, always: bool) -> None:
+        self._world, self._always = world, always
+        self._prefixes: dict[str, str] = {}
+
+    def prefixes(self) -> dict[str, str]:
+        """Return the prefix of each robot, in order of spawning."""
+        robots = [body.name for body in self._world.bodies.values() if body.is_robot]
+        kept = {robot: self._prefixes[robot] for robot in robots if robot in self._prefixes}
+        for robot in robots:
+            if robot not in kept:
+                kept[robot] = f"{robot}/" if self._always or "" in kept.values() else ""
+        self._prefixes = {robot: kept[robot] for robot in robots}
+        return self._prefixes
+
+
+class CommandedJoint(NamedTuple):
+    """A command to one joint of a robot."""
+
+    robot: str
+    joint: str
+    command: JointCommand
+
+
+def joint_commands_from(message: Any, world: World, prefixes: Mapping[str, str]) -> list[CommandedJoint]:
+    """Return the commands of a JointState; one unknown joint or invalid number refuses the whole message.
+
+    A joint is named ``<robot>/<joint>``, or ``<joint>`` if its robot is the only one or, by ``prefixes``, has names
+    without prefix. ``position``, ``velocity`` and ``effort`` each have one number per name, or none; NaN is no number
+    for this joint, as ros2_control's topic bridges send for interfaces that they do not command. `JointCommand` defines
+    the combinations. A joint that has nothing but NaN keeps its command. A driven surface of a robot, such as a track,
+    is named as a joint and takes a velocity alone [m/s].
+    """
+    names, count = list(message.name), len(message.name)
+    if count == 0:
+        raise InputError("length", "a joint command names no joint")
+    fields = {field: list(getattr(message, field)) for field in ("position", "velocity", "effort")}
+    for field, values in fields.items():
+        if len(values) not in (0, count):
+            raise InputError("length", f"{len(values)} of {field} for {count} joints; there must be as many, or none")
+    commands = []
+    for index, (robot, joint) in enumerate(_joints(names, world, prefixes)):
+        sent = {field: values[index] for field, values in fields.items() if values}
+        given = {field: value for field, value in sent.items() if not math.isnan(value)}
+        if given or not sent:
+            command = JointCommand(**given)
+            world.require_command(robot, joint, command)
+            commands.append(CommandedJoint(robot, joint, command))
+    return commands
+
+
+def _joints(names: list[str], world: World, prefixes: Mapping[str, str]) -> list[tuple[str, str]]:
+    robots = {robot: (*world.bodies[robot].joints, *world.bodies[robot].surfaces) for robot in prefixes}
+    alone = next((robot for robot, prefix in prefixes.items() if not prefix or len(robots) == 1), "")
+    found, unknown = [], []
+    for name in names:
+        robot, _, joint = name.partition("/")
+        if joint in robots.get(robot, ()):
+            found.append((robot, joint))
+        elif name in robots.get(alone, ()):
+            found.append((alone, name))
+        else:
+            unknown.append(name)
+    if unknown:
+        there = [f"{robot}/{joint}" for robot, joints in robots.items() for joint in joints]
+        shown = ", ".join(there[:20]) + (f" and {len(there) - 20} more" if len(there) > 20 else "")
+        raise InputError(
+            "unknown_joint",
+            f"{len(unknown)} of {len(names)} joints are unknown: {', '.join(map(repr, unknown[:20]))}; "
+            f"there is {shown or 'no robot with joints'}",
+        )
+    if len(set(found)) < len(found):
+        raise InputError("duplicate_id", "a joint is commanded twice in one message; name each once")
+    return found
