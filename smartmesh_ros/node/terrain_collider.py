@@ -72,7 +72,6 @@ class TerrainCollider(ParameterNode):
         )
         self.add_post_set_parameters_callback(self._on_parameters_set)
         session.clock.on_set_back(self._forget_stamps)
-        self._values = declaring.current_values(self, parameters.SPECS)
         parameters.announce(self, self.settings)
 
     @property
@@ -219,8 +218,8 @@ class TerrainCollider(ParameterNode):
             session.tracking.max_velocity = self.settings.max_velocity
             if names & {"physics.rate", "physics.deadline", "use_sim_time"}:
                 session.configure_pacer()
-        before, self._values = self._values, declaring.current_values(self, parameters.SPECS)
-        parameters.announce_changes(self, before, self._values)
+        before, self.values = self.values, declaring.current_values(self, parameters.SPECS)
+        parameters.announce_changes(self, before, self.values)
 
 
 def require_soil(world: World, settings: Settings) -> None:

@@ -42,7 +42,10 @@ def description(
     """
 
     def nodes(value: Values) -> list[Any]:
-        return [_collider(value, always, remap), *(() if start is None else start(value))]
+        files = parameter_files([always, value("preset")], value("config"))
+        topics = [(topic, value(argument)) for topic, argument in remap]
+        collider = _collider(value, files, topics, namespace=value("namespace"))
+        return [collider, *(() if start is None else start(value))]
 
     return _description([*_arguments(), *more], nodes)
 
@@ -79,14 +82,9 @@ def _fleet_nodes(value: Values) -> list[Any]:
     files = parameter_files([value("preset")], value("config"))
     nodes = []
     for index in range(count):
-        own = fleet_layout.parameters_of(index, count, space)
-        nodes.append(
-            node(
-                **common, executable=NODE, namespace=fleet_layout.namespace_of(index, space),
-                parameters=[*files, own, time], remappings=fleet_layout.remappings(space), arguments=level,
-                respawn=True,
-            )
-        )  # fmt: skip
+        own, its_space = fleet_layout.parameters_of(index, count, space), fleet_layout.namespace_of(index, space)
+        topics = fleet_layout.remappings(space)
+        nodes.append(_collider(value, [*files, own], topics, namespace=its_space, respawn=True))
     front = {"nodes": fleet_layout.node_names(count, space), "spread": value("spread"), "respawn": value("respawn")}
     nodes.append(node(**common, executable="fleet_front", namespace=space, parameters=[front, time], arguments=level))
     if value("scene"):
@@ -171,18 +169,12 @@ def _settings_of_dds(value: Values) -> list[Any]:
     return [SetEnvironmentVariable(VARIABLE, value("dds")), SetEnvironmentVariable(POLICY_VARIABLE, "1")]
 
 
-def _collider(value: Values, always: str, remap: Sequence[tuple[str, str]]) -> Any:
+def _collider(value: Values, files: Sequence[Any], remappings: Sequence[tuple[str, str]], **more: Any) -> Any:
+    """Return the node terrain_collider, with parameters of ``files``."""
     return node(
-        executable=NODE,
-        namespace=value("namespace"),
-        output="screen",
-        parameters=[
-            *parameter_files([always, value("preset")], value("config")),
-            {"use_sim_time": is_true(value("use_sim_time"))},
-        ],
-        remappings=[(topic, value(argument)) for topic, argument in remap],
-        arguments=["--ros-args", "--log-level", value("log_level")],
-    )
+        executable=NODE, output="screen", parameters=[*files, {"use_sim_time": is_true(value("use_sim_time"))}],
+        remappings=remappings, arguments=["--ros-args", "--log-level", value("log_level")], **more,
+    )  # fmt: skip
 
 
 def _rviz(value: Values, shown: str) -> list[Any]:

@@ -85,7 +85,7 @@ class Front(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(FRONT, SPECS, **node_options)
-        values = self.declared
+        values = self.values
         config = LedgerConfig(**{name: values[name] for name in ("spread", "tile_size", "timeout", "respawn")})
         self.ledger = Ledger(full_names("nodes", values["nodes"]), config)
         self._group = ReentrantCallbackGroup()

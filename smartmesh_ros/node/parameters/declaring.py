@@ -207,7 +207,7 @@ class ParameterNode(Node):
     """A node that refuses invalid arguments with `InputError`, and changes of parameters with what would be right.
 
     Its topics take ``qos_overrides``. It declares the parameters of ``specs``, and warns about unknown ones that are
-    set. ``declared``: their checked values at the start. ``removed``: parameters of earlier versions, and what replaces
+    set. ``values``: their checked values at the start. ``removed``: parameters of earlier versions, and what replaces
     them. Raises `InputError` if one of these is set or a value is invalid, because a node must not start with settings
     other than those requested.
     """
@@ -227,7 +227,7 @@ class ParameterNode(Node):
                 raise InputError("parameter", f"{given} is gone: {removed[given]}")
             if not self.has_parameter(given) and not given.startswith(QOS):
                 self.get_logger().warning(f"parameter {given!r} is unknown and has no effect{nearest(given, specs)}")
-        self.declared = checked(current_values(self, specs), specs)
+        self.values = checked(current_values(self, specs), specs)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters like rclpy, with refusals that say what would be right."""

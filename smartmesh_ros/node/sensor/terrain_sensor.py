@@ -87,7 +87,7 @@ class TerrainSensor(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
-        values = self.declared
+        values = self.values
         self.sensor = sensor_of(values)
         self._frame, self._through = values["frame"], values["through"]
         self._rng = np.random.default_rng(values["noise.seed"])

@@ -77,15 +77,13 @@ class SoilNode(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
-        values = self.declared
+        values = self.values
         self.refusals = Refusals(self.get_logger())
         file = Path(values["soils_file"]) if values["soils_file"] else KNOWN
         self._soils = [soil_named(name, file) for name in (values["soil"], *values["soils"])]
         self._soil_map: SoilMap | None = None
-        self._config = SoilConfig(
-            flow=values["flow"], rim=values["rim"], repose=values["repose"], slides=values["slides"],
-            load_time=values["load_time"], lean_time=values["lean_time"], still=values["still"], grip=False,
-        )  # fmt: skip
+        same = ("flow", "rim", "repose", "slides", "load_time", "lean_time", "still")
+        self._config = SoilConfig(grip=False, **{name: values[name] for name in same})
         self._tile, self._most, self._durability = values["tile"], values["max_samples"], values["durability"]
         self._bodies = MessageBodies()
         self.soil: Soil | None = None

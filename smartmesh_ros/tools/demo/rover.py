@@ -36,7 +36,7 @@ class Rover(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
-        values = self.declared
+        values = self.values
         self._frame_id, self._wanted = values["frame_id"], values["listeners"]
         try:
             self._ground = eight.ground()

@@ -57,7 +57,7 @@ class TerrainSource(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
-        values = self.declared
+        values = self.values
         self._frame_id, self._tile, self._mode = values["frame_id"], values["tile"], values["mode"]
         self._scene = make_scene(values)
         qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
