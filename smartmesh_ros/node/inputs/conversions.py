@@ -117,16 +117,9 @@ class RobotNames:
         return self._prefixes
 
 
-class CommandedJoint(NamedTuple):
-    """A command to one joint of a robot."""
-
-    robot: str
-    joint: str
-    command: JointCommand
-
-
-def joint_commands_from(message: Any, world: World, prefixes: Mapping[str, str]) -> list[CommandedJoint]:
-    """Return the commands of a JointState; one unknown joint or invalid number refuses the whole message.
+def joint_commands_from(message: Any, world: World, prefixes: Mapping[str, str]) -> list[tuple[str, str, JointCommand]]:
+    """Return the commands (robot, joint, command) of a JointState; one unknown joint or invalid number refuses the whole
+    message.
 
     A joint is named ``<robot>/<joint>``, or ``<joint>`` if its robot is the only one or, by ``prefixes``, has names
     without prefix. ``position``, ``velocity`` and ``effort`` each have one number per name, or none; NaN is no number
@@ -148,7 +141,7 @@ def joint_commands_from(message: Any, world: World, prefixes: Mapping[str, str])
         if given or not sent:
             command = JointCommand(**given)
             world.require_command(robot, joint, command)
-            commands.append(CommandedJoint(robot, joint, command))
+            commands.append((robot, joint, command))
     return commands
 
 

@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import yaml
 from rclpy.exceptions import InvalidTopicNameException
@@ -35,11 +35,8 @@ _KEYS = ["body", "layout", "rate", *_SCAN_SETTINGS]
 RATES = (0.01, 1000.0)
 
 
-class BodySource(NamedTuple):
-    """A tracked body, and the topic or TF frame of its pose."""
-
-    name: str
-    source: str
+# A tracked body, and the topic or TF frame of its pose.
+BodySource = tuple[str, str]
 
 
 def body_sources(entries: Mapping[str, Sequence[str]]) -> dict[str, tuple[BodySource, ...]]:
@@ -75,7 +72,7 @@ def _source(parameter: str, text: str) -> BodySource:
             validate_topic_name(source)
         except InvalidTopicNameException as error:
             raise InputError("parameter", f"{parameter} has entry {text!r}: {error}") from None
-    return BodySource(name, source)
+    return name, source
 
 
 def peer_names(entries: Sequence[str]) -> tuple[str, ...]:
