@@ -118,8 +118,7 @@ class RobotNames:
 
 
 def joint_commands_from(message: Any, world: World, prefixes: Mapping[str, str]) -> list[tuple[str, str, JointCommand]]:
-    """Return the commands (robot, joint, command) of a JointState; one unknown joint or invalid number refuses the whole
-    message.
+    """Return the commands (robot, joint, command) of a JointState; one unknown joint or invalid number refuses all.
 
     A joint is named ``<robot>/<joint>``, or ``<joint>`` if its robot is the only one or, by ``prefixes``, has names
     without prefix. ``position``, ``velocity`` and ``effort`` each have one number per name, or none; NaN is no number
