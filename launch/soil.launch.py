@@ -2,10 +2,8 @@
 
 from typing import Any
 
-from launch.actions import DeclareLaunchArgument
-
 from launch import LaunchDescription
-from smartmesh_ros.startup.launching import Values, description, is_true, node
+from smartmesh_ros.startup.launching import Values, argument, description, is_true, node
 
 
 def soil(value: Values) -> list[Any]:
@@ -20,7 +18,7 @@ def soil(value: Values) -> list[Any]:
 
 def generate_launch_description() -> LaunchDescription:
     """Return the launch description."""
-    name = DeclareLaunchArgument("soil", default_value="dry_sand", description="Name of the soil, see docs/soil.md.")
+    name = argument("soil", "dry_sand", "Name of the soil, see docs/soil.md.")
     words = "true = a robot drives an eight on an elevation model; false = publish your own terrain and spawn bodies."
-    rover = DeclareLaunchArgument("rover", default_value="false", description=words)
+    rover = argument("rover", "false", words)
     return description(name, rover, always="soil", start=soil)

@@ -22,7 +22,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.parameters.parameter_node import warn_of_unused_overrides
+from smartmesh_ros.node.parameters.declaring import warn_of_unused_overrides
 
 # Longest wait for messages before signals are checked and ``idle()`` is called, because ``/clock`` may stand still [s].
 LONGEST_WAIT = 0.1

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Coroutine, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from threading import RLock
 from typing import Any
 
@@ -19,9 +18,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import FARTHEST_BODY
 from smartmesh_ros.node.endpoints import EndpointNames, OwnTopics
 from smartmesh_ros.node.inputs.cdr_reader import MOST_ITEMS, message_from
-from smartmesh_ros.node.inputs.conversions import BodyInput
-from smartmesh_ros.node.inputs.joint_commands import RobotNames
-from smartmesh_ros.node.inputs.maps import MapChecks
+from smartmesh_ros.node.inputs.conversions import BodyInput, RobotNames
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings
 from smartmesh_ros.node.refusals import LOG_PERIOD, Refusals, shortened
@@ -30,6 +27,8 @@ from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, NodeClock, Pacer, stamp_of
 from smartmesh_ros.world.world import World
 
+# What is done with a request and its response, or with a response and its error.
+Act = Callable[[Any, Any], Any]
 # Queue depth of requests and responses. The default of ROS drops all but ten.
 SERVICES = QoSProfile(depth=2000)
 # Errors that end a message or call, and leave the world as it was.
@@ -44,6 +43,13 @@ def require_name(name: str) -> None:
         raise InputError("size", f"a name of {len(name)} characters; at most {LONGEST_NAME} are possible")
 
 
+def conclude(response: Any, error: Exception | None) -> None:
+    """Write the outcome of a call into a response that has ``success`` and ``message``."""
+    response.success = error is None
+    if error is not None:
+        response.message = shortened(str(error))
+
+
 class Session:
     """One running node.
 
@@ -51,7 +57,7 @@ class Session:
     terrain message [s], None before the first; ``maps``: number of accepted terrain messages. ``overtaken``: number of
     maps that arrived after a map with a newer stamp, by topic. ``lock``: guards the world, for executors with several
     threads. ``handled``: number of messages and calls so far. ``rival_maps``: publishers whose maps disagree.
-    ``map_checks``: warn of maps that are misused. ``terrain_subscriptions``: subscriptions to terrain.
+    ``map_warning``: how maps are misused, empty = they are not. ``terrain_subscriptions``: subscriptions to terrain.
     ``topics``: the node's inputs and outputs. ``jumps``: number of jumps of tracked bodies, by topic. ``unstamped``:
     number of transforms without stamp, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s],
     None = without stamps. ``names``: names of the peer nodes. ``turns``: answers under way. ``robots``: prepares
@@ -83,7 +89,7 @@ class Session:
         self.overtaken: Counter[str] = Counter()
         self.maps = 0
         self.rival_maps: list[str] = []
-        self.map_checks = MapChecks(node.get_logger())
+        self.map_warning = ""
         self.turns = Turns()
         self.robots = RobotPreparation()
 
@@ -138,13 +144,13 @@ class Session:
         self.pacer.follows_clock = simulated
         self.pacer.restart()
 
-    def serve_eagerly(self, kind: Any, service: str, answer: Callable[[Any, Any], Coroutine[Any, Any, Any]]) -> None:
-        """Serves ``~/service`` by a coroutine that returns the response. It runs at once until it first awaits, and
-        then in turns; it holds the ``lock`` where it needs the world."""
+    def serve(self, kind: Any, service: str, handle: Act, conclude: Act = conclude) -> None:
+        """Serves ``~/service`` with the response that `answered` returns. The call runs at once until it first awaits,
+        and then in turns."""
 
         def start(request: Any, response: Any) -> Any:
             self.handled += 1
-            steps = answer(request, response)
+            steps = self.answered(service, handle, request, response, conclude)
             try:
                 steps.send(None)
             except StopIteration as end:
@@ -153,25 +159,23 @@ class Session:
 
         self.turns.answer_later(self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES))
 
-    def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], Any]) -> None:
-        """Serves ``~/service`` with a response that has ``success`` and ``message``, as `answered` returns it."""
-        self.serve_eagerly(kind, service, partial(self.answered, service, handle))
-
-    async def answered(self, service: str, handle: Callable[[Any, Any], Any], request: Any, response: Any) -> Any:
+    async def answered(self, service: str, handle: Act, request: Any, response: Any, conclude: Act = conclude) -> Any:
         """Return the response to a request; a refusal is counted and logged.
 
-        ``handle`` fills in the rest, or raises `InputError`. It may be a coroutine, which holds the ``lock`` where it
-        needs the world, and awaits `NextTurn` between parts of its work, so that steps are not late.
+        ``handle`` fills in the response, or raises `InputError`. It may be a coroutine, which holds the ``lock`` where
+        it needs the world, and awaits `NextTurn` between parts of its work, so that steps are not late. ``conclude``
+        writes the outcome into the response: the error, or None.
         """
+        outcome: Exception | None = None
         try:
             with self.lock:
                 rest = handle(request, response)
             if rest is not None:
                 await rest
-            response.success = True
         except REFUSED as error:
             self.refusals.add(service, error)
-            response.message = shortened(str(error))
+            outcome = error
+        conclude(response, outcome)
         return response
 
     def clock_now(self) -> float:
@@ -199,6 +203,13 @@ class Session:
         count, most = len({*self.world.bodies, *names}), self.settings.most_bodies
         if count > most:
             raise InputError("size", f"{count} bodies are more than bodies.most = {most}")
+
+    def remove(self, name: str) -> None:
+        """Removes a simulated or tracked body from the world."""
+        if name in self.tracking.names:
+            self.tracking.forget(name)
+        else:
+            self.world.remove(name)
 
     def require_not_simulated(self, name: str) -> None:
         """Raises `InputError` if the body is simulated, because only the physics may move it."""

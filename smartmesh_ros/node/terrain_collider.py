@@ -16,7 +16,7 @@ from smartmesh_msgs.srv import StepPhysics
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
+from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.inputs.body_inputs import BodyInputs
 from smartmesh_ros.node.inputs.terrain_inputs import TerrainInputs
 from smartmesh_ros.node.inputs.transform_input import TransformInput
@@ -24,9 +24,8 @@ from smartmesh_ros.node.outputs.publishing import Publishing
 from smartmesh_ros.node.outputs.transform_outputs import require_transforms
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters import specifications as parameters
+from smartmesh_ros.node.parameters.declaring import ParameterNode
 from smartmesh_ros.node.parameters.helping import answer
-from smartmesh_ros.node.parameters.parameter_files import announce, announce_changes
-from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.services.body_services import BodyServices
@@ -49,7 +48,7 @@ class TerrainCollider(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, parameters.SPECS, removed=parameters.REMOVED, **node_options)
-        self.settings = parameters.declare(self)
+        self.settings = parameters.current_settings(self)
         self.session = session = Session(self, self.settings)
         self.pacer, self.refusals = session.pacer, session.refusals
         require_soil(session.world, self.settings)
@@ -73,8 +72,7 @@ class TerrainCollider(ParameterNode):
         )
         self.add_post_set_parameters_callback(self._on_parameters_set)
         session.clock.on_set_back(self._forget_stamps)
-        self._values = declaring.current_values(self, parameters.SPECS)
-        announce(self, self.settings)
+        parameters.announce(self, self.settings)
 
     @property
     def handled(self) -> int:
@@ -129,7 +127,6 @@ class TerrainCollider(ParameterNode):
     def pause(self, paused: bool) -> None:
         """Pauses or resumes the physics."""
         self.pacer.pause(paused)
-        self._outputs.restart_measuring()
 
     def step(self, count: int) -> None:
         """Runs ``count`` steps while the physics is paused; raises `InputError` if it is running."""
@@ -159,10 +156,6 @@ class TerrainCollider(ParameterNode):
         if time and bodies and spawned:
             self._initial.restore()
 
-    def remove(self, name: str) -> None:
-        """Removes a body, simulated or tracked."""
-        self._body_services.remove(name)
-
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> None:
         self.reset()
         response.message = "bodies are back where they were spawned"
@@ -189,7 +182,6 @@ class TerrainCollider(ParameterNode):
     def restart(self) -> None:
         """Restarts the loop's deadlines and measurements."""
         self.pacer.restart()
-        self._outputs.restart_measuring()
 
     def _on_terrain(self) -> None:
         self._stand_on_soil()
@@ -226,9 +218,8 @@ class TerrainCollider(ParameterNode):
             session.tracking.max_velocity = self.settings.max_velocity
             if names & {"physics.rate", "physics.deadline", "use_sim_time"}:
                 session.configure_pacer()
-                self._outputs.restart_measuring()
-        before, self._values = self._values, declaring.current_values(self, parameters.SPECS)
-        announce_changes(self, before, self._values)
+        before, self.values = self.values, declaring.current_values(self, parameters.SPECS)
+        parameters.announce_changes(self, before, self.values)
 
 
 def require_soil(world: World, settings: Settings) -> None:

@@ -42,10 +42,9 @@ def description(
     """
 
     def nodes(value: Values) -> list[Any]:
-        collider = _collider(
-            value, parameter_files([always, value("preset")], value("config")), namespace=value("namespace"),
-            remappings=[(topic, value(argument)) for topic, argument in remap],
-        )  # fmt: skip
+        files = parameter_files([always, value("preset")], value("config"))
+        topics = [(topic, value(argument)) for topic, argument in remap]
+        collider = _collider(value, files, topics, namespace=value("namespace"))
         return [collider, *(() if start is None else start(value))]
 
     return _description([*_arguments(), *more], nodes)
@@ -53,13 +52,14 @@ def description(
 
 def fleet() -> LaunchDescription:
     """Return a launch description of a fleet: colliders on one terrain, their front, and a terrain source."""
-    arguments = _declared(
-        ("nodes", "4", "Number of colliders that share the terrain."),
-        ("spread", "fewest", "Node of a new body: fewest (bodies), or tiles (by start position)."),
-        ("respawn", "elsewhere", "Where bodies of a dead node are respawned: elsewhere, or on the same."),
-    )
-    arguments.append(scene_argument("empty = no terrain_source, publish your own terrain", ""))
-    return _description([*_arguments(preset=fleet_layout.PRESET), *arguments], _fleet_nodes, fleet_layout.FRONT)
+    arguments = [
+        *_arguments(preset=fleet_layout.PRESET),
+        argument("nodes", "4", "Number of colliders that share the terrain."),
+        argument("spread", "fewest", "Node of a new body: fewest (bodies), or tiles (by start position)."),
+        argument("respawn", "elsewhere", "Where bodies of a dead node are respawned: elsewhere, or on the same."),
+        scene_argument("empty = no terrain_source, publish your own terrain", ""),
+    ]
+    return _description(arguments, _fleet_nodes, fleet_layout.FRONT)
 
 
 def _description(arguments: list[Any], nodes: Callable[[Values], list[Any]], shown: str = NODE) -> LaunchDescription:
@@ -76,32 +76,36 @@ def _description(arguments: list[Any], nodes: Callable[[Values], list[Any]], sho
 
 def _fleet_nodes(value: Values) -> list[Any]:
     space, count = value("namespace"), int(value("nodes"))
+    common: dict[str, Any] = {"output": "screen"}
+    time = {"use_sim_time": is_true(value("use_sim_time"))}
+    level = ["--ros-args", "--log-level", value("log_level")]
     files = parameter_files([value("preset")], value("config"))
-    nodes = [
-        _collider(
-            value, [*files, fleet_layout.parameters_of(index, count, space)], respawn=True,
-            namespace=fleet_layout.namespace_of(index, space), remappings=fleet_layout.remappings(space),
-        )
-        for index in range(count)
-    ]  # fmt: skip
+    nodes = []
+    for index in range(count):
+        own, its_space = fleet_layout.parameters_of(index, count, space), fleet_layout.namespace_of(index, space)
+        topics = fleet_layout.remappings(space)
+        nodes.append(_collider(value, [*files, own], topics, namespace=its_space, respawn=True))
     front = {"nodes": fleet_layout.node_names(count, space), "spread": value("spread"), "respawn": value("respawn")}
-    common = {"output": "screen", "namespace": space}
-    time = _time(value)
-    nodes.append(node(**common, executable="fleet_front", parameters=[front, time], arguments=_log_level(value)))
+    nodes.append(node(**common, executable="fleet_front", namespace=space, parameters=[front, time], arguments=level))
     if value("scene"):
-        remapped = fleet_layout.source_remappings(space)
-        parameters = [{"scene": value("scene")}, time]
-        nodes.append(node(**common, executable="terrain_source", parameters=parameters, remappings=remapped))
+        nodes.append(
+            node(
+                **common, executable="terrain_source", namespace=space, parameters=[{"scene": value("scene")}, time],
+                remappings=fleet_layout.source_remappings(space),
+            )
+        )  # fmt: skip
     return nodes
+
+
+def argument(name: str, default: str, words: str, choices: Sequence[str] | None = None) -> Any:
+    """Return a launch argument with a default; ``words``: its meaning."""
+    return DeclareLaunchArgument(name, default_value=default, description=words, choices=choices)
 
 
 def scene_argument(words: str = "", *more: str) -> Any:
     """Return the launch argument ``scene`` of terrain_source, with ``more`` values and ``words`` about them."""
     names = f"Scene of terrain_source: {', '.join(SCENES)}"
-    return DeclareLaunchArgument(
-        "scene", default_value=SCENES[0], choices=[*SCENES, *more],
-        description=f"{names}; {words}." if words else f"{names}.",
-    )  # fmt: skip
+    return argument("scene", SCENES[0], f"{names}; {words}." if words else f"{names}.", [*SCENES, *more])
 
 
 def node(*, package: str = PACKAGE, executable: str, hint: str = "build and source the workspace", **more: Any) -> Any:
@@ -146,25 +150,15 @@ def share() -> Path:
 
 def _arguments(preset: str = "") -> list[Any]:
     profile = os.environ.get(VARIABLE, str(share() / "config" / "fastdds.xml"))
-    levels = DeclareLaunchArgument(
-        "log_level", default_value="info", choices=list(LOG_LEVELS), description=f"{', '.join(LOG_LEVELS)}."
-    )
     return [
-        *_declared(
-            ("preset", preset, "Name of a parameter file in config/; empty = the node's own defaults."),
-            ("config", "", "Path of your own parameter file, read after the preset."),
-            ("namespace", "", "Namespace of the nodes."),
-            ("use_sim_time", "false", "true = take the time from /clock."),
-            ("rviz", "false", "true = start RViz with a view of the patches."),
-            ("dds", profile, "XML file of Fast DDS settings for large maps; empty = none."),
-        ),
-        levels,
+        argument("preset", preset, "Name of a parameter file in config/; empty = the node's own defaults."),
+        argument("config", "", "Path of your own parameter file, read after the preset."),
+        argument("namespace", "", "Namespace of the nodes."),
+        argument("use_sim_time", "false", "true = take the time from /clock."),
+        argument("rviz", "false", "true = start RViz with a view of the patches."),
+        argument("dds", profile, "XML file of Fast DDS settings for large maps; empty = none."),
+        argument("log_level", "info", f"{', '.join(LOG_LEVELS)}.", list(LOG_LEVELS)),
     ]
-
-
-def _declared(*arguments: tuple[str, str, str]) -> list[Any]:
-    """Return launch arguments of these names, defaults and descriptions."""
-    return [DeclareLaunchArgument(name, default_value=default, description=words) for name, default, words in arguments]
 
 
 def _settings_of_dds(value: Values) -> list[Any]:
@@ -175,18 +169,12 @@ def _settings_of_dds(value: Values) -> list[Any]:
     return [SetEnvironmentVariable(VARIABLE, value("dds")), SetEnvironmentVariable(POLICY_VARIABLE, "1")]
 
 
-def _collider(value: Values, parameters: list[Any], **more: Any) -> Any:
+def _collider(value: Values, files: Sequence[Any], remappings: Sequence[tuple[str, str]], **more: Any) -> Any:
+    """Return the node terrain_collider, with parameters of ``files``."""
     return node(
-        executable=NODE, output="screen", parameters=[*parameters, _time(value)], arguments=_log_level(value), **more
-    )
-
-
-def _time(value: Values) -> dict[str, bool]:
-    return {"use_sim_time": is_true(value("use_sim_time"))}
-
-
-def _log_level(value: Values) -> list[str]:
-    return ["--ros-args", "--log-level", value("log_level")]
+        executable=NODE, output="screen", parameters=[*files, {"use_sim_time": is_true(value("use_sim_time"))}],
+        remappings=remappings, arguments=["--ros-args", "--log-level", value("log_level")], **more,
+    )  # fmt: skip
 
 
 def _rviz(value: Values, shown: str) -> list[Any]:
@@ -200,7 +188,7 @@ def _rviz(value: Values, shown: str) -> list[Any]:
             executable="rviz2",
             hint="apt install ros-jazzy-rviz2, or leave rviz:=true out",
             arguments=["-d", str(share() / "config" / "smartmesh.rviz")],
-            parameters=[_time(value)],
+            parameters=[{"use_sim_time": is_true(value("use_sim_time"))}],
             remappings=[(f"/{NODE}/patches", f"{there}/patches")],
         )
     ]

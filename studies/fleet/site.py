@@ -21,7 +21,7 @@ import rclpy
 from rclpy.task import Future
 from smartmesh_msgs.msg import Timing
 
-from smartmesh_ros.node.fleet.command import FleetWatcher, commands_of
+from smartmesh_ros.node.fleet.command import FleetWatcher
 from smartmesh_ros.node.fleet.layout import FleetPlan, node_names
 
 INSIDE = "SMARTMESH_FLEET_NETWORK"
@@ -135,7 +135,7 @@ def site(plan: FleetPlan) -> Iterator[Site]:
     watcher = Watcher(plan.count)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        commands = commands_of(plan, folder)
+        commands = plan.commands(folder)
         machines = [Machine(number) for number in range(len(commands))]
         try:
             for machine, (process, command) in zip(machines, commands.items(), strict=True):

@@ -9,7 +9,8 @@ from rclpy.serialization import serialize_message
 
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.node.fleet.calls import primitive_of
-from smartmesh_ros.node.inputs.conversions import map_from, shape_from
+from smartmesh_ros.node.inputs.cdr_reader import map_from
+from smartmesh_ros.node.inputs.conversions import shape_from
 from smartmesh_ros.tools.testing import heightmap_message
 
 ROOM = 10_000

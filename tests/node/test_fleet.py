@@ -17,7 +17,7 @@ from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.node.fleet import layout as layout
-from smartmesh_ros.node.fleet.peer_bodies import NEWEST_QOS
+from smartmesh_ros.node.fleet.peers import NEWEST_QOS
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
 from tests.node.shared import BALL, seconds
 

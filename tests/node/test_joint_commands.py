@@ -8,7 +8,7 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from smartmesh_ros import BodyState, World
-from smartmesh_ros.node.inputs.joint_commands import CommandedJoint, RobotNames, joint_commands_from
+from smartmesh_ros.node.inputs.conversions import RobotNames, joint_commands_from
 from smartmesh_ros.world.joints import JointCommand
 from tests.node.test_robot_outputs import ARM
 
@@ -22,7 +22,7 @@ def world() -> Iterator[World]:
         yield made
 
 
-def commands(world: World, **fields: Any) -> list[CommandedJoint]:
+def commands(world: World, **fields: Any) -> list[tuple[str, str, JointCommand]]:
     message = JointState(**{"name": ["hinge", "slide"], **fields})
     return joint_commands_from(message, world, RobotNames(world, always=False).prefixes())
 
@@ -42,4 +42,4 @@ def commands(world: World, **fields: Any) -> list[CommandedJoint]:
 )
 def test_nan_is_no_command_for_an_interface(world: World, fields: Any, wanted: dict[str, JointCommand]) -> None:
     """As ros2_control's topic bridge sends it for mixed robots. Nothing but NaN is no command, not one to be free."""
-    assert {found.joint: found.command for found in commands(world, **fields)} == wanted
+    assert {joint: command for _, joint, command in commands(world, **fields)} == wanted

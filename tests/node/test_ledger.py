@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet.calls import specification_of
-from smartmesh_ros.node.fleet.ledger import Duties, LastState, Ledger, LedgerConfig, Respawning
+from smartmesh_ros.node.fleet.ledger import Duties, Entry, LastState, Ledger, LedgerConfig
 from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.world.state_table import StateTable
 
@@ -80,7 +80,7 @@ def test_a_box_whose_middle_is_not_its_centre_of_mass_is_spawned_again_where_it_
     states.numbers[0, :7] = (1.0, 2.0, 3.0, *quarter_turn)
     states.kinds[0] = ShapeKind.BOX
     states.centres[0] = (0.5, 0.0, 0.25)
-    again = specification_of(Respawning("robot", "/a", None, LastState(states)))
+    again = specification_of(Entry("robot", "/a", lost=LastState(states)))
     position = again.pose.position
     assert (position.x, position.y, position.z) == pytest.approx((1.0, 2.5, 3.25))
 
@@ -169,7 +169,7 @@ def test_without_a_node_that_lives_nothing_is_spawned_but_nothing_is_forgotten()
 
 def test_nodes_that_are_connected_and_not_heard_yet_are_starting() -> None:
     ledger = Ledger(NODES)
-    ledger.set_connected(["a", "b", "/somebody/else"])
+    ledger.connected = {"a", "b", "/somebody/else"}
     assert sorted(ledger.starting) == ["a", "b"]
     with pytest.raises(InputError, match="a, b are starting"):
         ledger.choose("body", 0.0, 0.0)

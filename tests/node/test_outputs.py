@@ -24,7 +24,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.node.fleet.peer_states import PeerReader
+from smartmesh_ros.node.fleet.peers import PeerReader
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig

@@ -13,7 +13,7 @@ from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 
 from smartmesh_ros import InputError
-from smartmesh_ros.node.fleet.peer_states import PeerReader
+from smartmesh_ros.node.fleet.peers import PeerReader
 from smartmesh_ros.world.state_table import require_valid
 
 MOST, LONGEST = 1000, 64

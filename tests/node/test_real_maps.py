@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from smartmesh_msgs.msg import Heightmap
 from std_srvs.srv import Trigger
 
-from smartmesh_ros.node.inputs.maps import MapChecks, Rivals
+from smartmesh_ros.node.inputs.rivals import Rivals
+from smartmesh_ros.node.inputs.terrain_inputs import MapChecks
 from smartmesh_ros.node.parameters import specifications as parameters
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.scenes.moving import InwardWaves, Wave

@@ -20,8 +20,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import front
 from smartmesh_ros.node.outputs import diagnostics
 from smartmesh_ros.node.parameters.declaring import checked
-from smartmesh_ros.node.parameters.helping import own_arguments
-from smartmesh_ros.node.parameters.parameter_files import files_of, mismatch
+from smartmesh_ros.node.parameters.helping import files_of, mismatch, own_arguments
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.sensor import terrain_sensor
 from smartmesh_ros.node.soil import soil_node
@@ -250,16 +249,17 @@ def test_a_refused_change_says_what_would_be_right(shared: Probe, name: str, wor
 def test_the_real_time_factor_is_of_the_time_that_the_loop_ran(monkeypatch: pytest.MonkeyPatch) -> None:
     now = 100.0
     monkeypatch.setattr(diagnostics, "monotonic", lambda: now)
-    session: Any = SimpleNamespace(world=SimpleNamespace(time=0.0), pacer=SimpleNamespace(misses=0))
+    session: Any = SimpleNamespace(world=SimpleNamespace(time=0.0), pacer=SimpleNamespace(misses=0, restarts=0))
     window = diagnostics.Window(session)
     now += 0.1
     assert window.read()[:2] == pytest.approx((0.1, 1.0)), "too short to tell"
     now, session.world.time = now + 0.9, 0.5
     assert window.read()[:2] == pytest.approx((0.9, 0.5))
     now, session.world.time = now + 1.0, 0.0  # a reset
-    window.restart()
-    now, session.world.time = now + 1.0, 1.0
+    session.pacer.restarts += 1
     assert window.read()[1] == pytest.approx(1.0)
+    now, session.world.time = now + 1.0, 0.75
+    assert window.read()[1] == pytest.approx(0.75)
 
 
 def test_after_a_reset_and_a_pause_time_does_not_seem_to_stand_still(shared: Probe) -> None:

@@ -13,7 +13,7 @@ from smartmesh_msgs.srv import RemoveBodies, SpawnBodies
 
 from smartmesh_ros.ground.quaternions import rotate
 from smartmesh_ros.ground.shapes import Capsule, Shape
-from smartmesh_ros.node.fleet.ledger import Respawning
+from smartmesh_ros.node.fleet.ledger import Entry
 from smartmesh_ros.node.inputs.conversions import SOLIDS
 from smartmesh_ros.node.session import SERVICES
 
@@ -65,12 +65,13 @@ def same_as(request: Any) -> BodySpecification:
     )
 
 
-def specification_of(respawning: Respawning) -> BodySpecification:
-    """Return the specification that spawns a body in its last state. The joints of a robot start at zero."""
-    (states, row), known = respawning.last, respawning.request
+def specification_of(lost: Entry) -> BodySpecification:
+    """Return the specification that spawns a lost body in its last state. The joints of a robot start at zero."""
+    assert lost.lost is not None
+    (states, row), known = lost.lost, lost.request
     if states is None:
         return known
-    body = BodySpecification(id=respawning.name)
+    body = BodySpecification(id=lost.name)
     numbers = states.numbers[row].tolist()
     if known is not None and known.urdf:
         body.urdf = known.urdf

@@ -9,8 +9,9 @@ import argparse
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -30,6 +31,8 @@ from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_
 # Limit of every wait [s], generous for a busy machine.
 TIMEOUT = 120.0
 MASS = 5.0  # of a ball [kg]
+# Spacing of the balls' square grid, their start height and radius [m].
+SPACING, START_HEIGHT, RADIUS = 0.9, 0.8, 0.25
 
 
 class FleetWatcher(Node):
@@ -70,38 +73,18 @@ class FleetWatcher(Node):
                 self.front = {pair.key: pair.value for pair in status.values} | {"": status.message}
 
 
-# Spacing of the bodies' square grid and start height of the bodies [m].
-SPACING, START_HEIGHT = 0.9, 0.8
+def grid(count: int) -> Iterator[tuple[str, float, float, float]]:
+    """Yield ``count`` balls (name, x, y, z) [m] in a square grid."""
+    side = max(round(count**0.5), 1)
+    for index in range(count):
+        row, column = divmod(index, side)
+        yield f"ball_{index}", SPACING * (column - 0.5 * side), SPACING * (row - 0.5 * side), START_HEIGHT
 
 
-class Watcher(FleetWatcher):
-    """Spawns bodies and summarises the fleet's state."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.factor = 0.0
-        self.create_subscription(Timing, f"{front_of()}/timing", self._on_timing, 10)
-
-    def living(self) -> int:
-        """Return the number of nodes that the front hears."""
-        return sum(value.endswith("bodies") for key, value in self.front.items() if key)
-
-    def spawn(self, count: int) -> None:
-        """Spawn ``count`` balls in a square grid."""
-        side = max(round(count**0.5), 1)
-        cells = ((index % side - 0.5 * side, index // side - 0.5 * side) for index in range(count))
-        self.spawn_balls(
-            ((f"ball_{index}", SPACING * x, SPACING * y, START_HEIGHT) for index, (x, y) in enumerate(cells)), 0.25
-        )
-
-    def line(self) -> str:
-        """Return the real-time factor and the front's diagnostics in one line."""
-        values = {key.removesuffix("/terrain_collider"): value for key, value in self.front.items() if key}
-        counts = "  ".join(f"{name}: {value}" for name, value in values.items())
-        return f"real-time {self.factor:.2f}  {counts}"
-
-    def _on_timing(self, message: Timing) -> None:
-        self.factor = message.real_time_factor
+def line_about(front: Mapping[str, str], timing: Timing) -> str:
+    """Return the real-time factor and the front's diagnostics in one line."""
+    counts = "  ".join(f"{key.removesuffix('/terrain_collider')}: {value}" for key, value in front.items() if key)
+    return f"real-time {timing.real_time_factor:.2f}  {counts}"
 
 
 @contextmanager
@@ -123,37 +106,27 @@ def processes(commands: dict[str, list[str]]) -> Iterator[dict[str, subprocess.P
                 process.wait()
 
 
-def commands_of(plan: FleetPlan, folder: Path) -> dict[str, list[str]]:
-    """Return the commands of all processes by name."""
-    nodes = {f"node_{index}": plan.node(index, folder) for index in range(plan.count)}
-    return {"source": plan.source_command(folder), "front": plan.front_command(folder), **nodes}
-
-
-def restart_ended(running: dict[str, subprocess.Popen[bytes]], commands: dict[str, list[str]]) -> None:
-    """Restart the processes that ended."""
-    for name, process in list(running.items()):
-        if process.poll() is not None:
-            print(f"{name} ended with exit code {process.returncode}; restarting it", flush=True)
-            running[name] = subprocess.Popen(commands[name])
-
-
 def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
     """Run a fleet with ``bodies`` balls for ``seconds`` [s], printing a line a second."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    watcher = Watcher()
+    watcher, last = FleetWatcher(), {"timing": Timing()}
+    watcher.create_subscription(Timing, f"{front_of()}/timing", partial(last.__setitem__, "timing"), 10)
     Stop()  # the first signal raises KeyboardInterrupt; later ones leave the processes the time to end
     try:
-        with tempfile.TemporaryDirectory() as name, processes(commands := commands_of(plan, Path(name))) as running:
+        with tempfile.TemporaryDirectory() as name, processes(commands := plan.commands(Path(name))) as running:
             print(f"starting {plan.count} nodes ...", flush=True)
-            watcher.wait_for(lambda: watcher.living() == plan.count, "fleet")
-            watcher.spawn(bodies)
+            watcher.wait_for(lambda: watcher.front.get("") == f"{plan.count} nodes", "fleet")
+            watcher.spawn_balls(grid(bodies), RADIUS)
             end, due = monotonic() + seconds, 0.0
             while monotonic() < end:
                 rclpy.spin_once(watcher, timeout_sec=0.1)
-                restart_ended(running, commands)
+                for ended, process in running.items():
+                    if process.poll() is not None:
+                        print(f"{ended} ended with exit code {process.returncode}; restarting it", flush=True)
+                        running[ended] = subprocess.Popen(commands[ended])
                 if monotonic() >= due:
                     due = monotonic() + 1.0
-                    print(watcher.line(), flush=True)
+                    print(line_about(watcher.front, last["timing"]), flush=True)
     except (TimeoutError, RuntimeError) as error:
         sys.exit(f"fleet failed: {error}")
     except KeyboardInterrupt:

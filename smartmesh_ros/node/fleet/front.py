@@ -15,6 +15,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from smartmesh_msgs.msg import BodyFailure, BodySpecification, Timing, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
@@ -23,13 +24,12 @@ from visualization_msgs.msg import Marker, MarkerArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet.calls import Calls, same_as, specification_of
 from smartmesh_ros.node.fleet.layout import FRONT, marker_namespace, node_names
-from smartmesh_ros.node.fleet.ledger import Duties, Ledger, LedgerConfig, Respawning
-from smartmesh_ros.node.fleet.peer_states import PeerReader, Polled
+from smartmesh_ros.node.fleet.ledger import Duties, Entry, Ledger, LedgerConfig
+from smartmesh_ros.node.fleet.peers import NEWEST_QOS, PeerReader
 from smartmesh_ros.node.outputs.diagnostics import task_status
-from smartmesh_ros.node.parameters.declaring import declare, fixed
-from smartmesh_ros.node.parameters.entries import full_names
+from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
-from smartmesh_ros.node.parameters.parameter_node import ParameterNode
+from smartmesh_ros.node.parameters.settings import full_names
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.session import SERVICES
 
@@ -51,12 +51,41 @@ MAX_BODIES, MAX_NAME = 1_000_000, 65_535
 MOST_NAMED = 10
 
 
+class _Never(ReentrantCallbackGroup):
+    """Callback group that an executor never runs."""
+
+    def can_execute(self, entity: Any) -> bool:
+        return False
+
+
+class Polled:
+    """A subscription of message type ``kind`` for which DDS keeps only the newest message.
+
+    Nodes publish their states in every step. An executor that wakes for each message spends more time on that than on
+    reading the few that are needed. rclpy has no public way to take a message without an executor, so the subscription
+    is kept from the executors by a callback group, and its handle takes messages as rclpy's executors do.
+    """
+
+    def __init__(self, node: Node, kind: Any, topic: str) -> None:
+        self._kind, self._group = kind, _Never()
+        self._subscription = node.create_subscription(
+            kind, topic, lambda _: None, NEWEST_QOS, callback_group=self._group, raw=True
+        )
+
+    def take(self) -> bytes | None:
+        """Return the newest message as bytes; None if no message arrived since the last call."""
+        handle = self._subscription.handle
+        with handle:
+            taken = handle.take_message(self._kind, True)
+        return None if taken is None else taken[0]
+
+
 class Front(ParameterNode):
     """Assigns bodies to the nodes of a fleet and reports on all nodes."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(FRONT, SPECS, **node_options)
-        values = declare(self, SPECS)
+        values = self.values
         config = LedgerConfig(**{name: values[name] for name in ("spread", "tile_size", "timeout", "respawn")})
         self.ledger = Ledger(full_names("nodes", values["nodes"]), config)
         self._group = ReentrantCallbackGroup()
@@ -64,7 +93,9 @@ class Front(ParameterNode):
         self._readers = {node: PeerReader() for node in self.ledger.members}
         self._states = {node: Polled(self, TrackedBodyArray, f"{node}/body_states") for node in self.ledger.members}
         self._timings: dict[str, Timing] = {}
-        self._listening: list[Any] = []
+        for node in self.ledger.members:
+            take = partial(self._timings.__setitem__, marker_namespace(node).rpartition("/")[2])
+            self.create_subscription(Timing, f"{node}/timing", take, 10)
         self._serve(SpawnBody, "spawn_body", self._spawn, lambda request: [same_as(request)])
         self._serve(SpawnBodies, "spawn_bodies", self._spawn, lambda request: request.bodies)
         self._serve(RemoveBody, "remove_body", self._remove, lambda request: [request.id])
@@ -90,12 +121,12 @@ class Front(ParameterNode):
         self._log_changes(duties)
         for node in duties.died:
             self._calls.give_up(node)
-        for target in {respawning.node for respawning in duties.spawn}:
-            await self._respawn(target, [again for again in duties.spawn if again.node == target])
+        for node in {entry.node for entry in duties.spawn}:
+            await self._respawn(node, [entry for entry in duties.spawn if entry.node == node])
         for node, name in duties.remove:
             await self._calls.remove(node, [name])
 
-    async def _respawn(self, node: str, lost: list[Respawning]) -> None:
+    async def _respawn(self, node: str, lost: list[Entry]) -> None:
         """Respawn lost bodies on a node. If the node refuses some, try once more with the others."""
         bodies = {one.name: specification_of(one) for one in lost}
         if refused := await self._calls.spawn(node, list(bodies.values())):
@@ -159,7 +190,7 @@ class Front(ParameterNode):
         for node, names in added if refused else ():
             await self._calls.remove(node, names)
             for name in names:
-                self.ledger.removed(name)
+                self.ledger.bodies.pop(name, None)
         return refused
 
     async def _remove(self, names: Sequence[str]) -> dict[str, str]:
@@ -174,13 +205,13 @@ class Front(ParameterNode):
         for node, group in {} if refused else chosen.items():
             found = await self._calls.remove(node, group)
             for name in () if found else group:
-                self.ledger.removed(name)
+                self.ledger.bodies.pop(name, None)
             refused |= found
         return refused
 
     def _report(self) -> None:
         self._publish_timing()
-        self.ledger.set_connected(f"{space.rstrip('/')}/{name}" for name, space in self.get_node_names_and_namespaces())
+        self.ledger.connected = {f"{space.rstrip('/')}/{name}" for name, space in self.get_node_names_and_namespaces()}
         living, waiting, starting = self.ledger.living, self.ledger.waiting, self.ledger.starting
         counts = Counter(entry.node for entry in self.ledger.bodies.values())
         dead = self.ledger.members.keys() - {*living, *starting}
@@ -203,22 +234,12 @@ class Front(ParameterNode):
         self._diagnostics.publish(message)
 
     def _publish_timing(self) -> None:
-        """Publish the timing of all nodes. Subscribe to the nodes' timing only while ~/timing has subscribers."""
-        if not self._timing.get_subscription_count():
-            for subscription in self._listening:
-                self.destroy_subscription(subscription)
-            self._listening.clear()
-            self._timings.clear()
-            return
-        if not self._listening:
-            for node in self.ledger.members:
-                take = partial(self._timings.__setitem__, marker_namespace(node).rpartition("/")[2])
-                self._listening.append(self.create_subscription(Timing, f"{node}/timing", take, 10))
-        if self._timings:
+        """Publish the timing of all nodes since the last report, while ~/timing has subscribers."""
+        if self._timings and self._timing.get_subscription_count():
             message = merged_timing(self._timings)
             message.header.stamp = self.get_clock().now().to_msg()
             self._timing.publish(message)
-            self._timings.clear()
+        self._timings.clear()
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -67,26 +67,26 @@ def source_remappings(namespace: str = "") -> list[tuple[str, str]]:
 @dataclass(frozen=True, kw_only=True)
 class FleetPlan:
     """A fleet of ``count`` nodes. ``parameters`` are for all nodes, ``front`` and ``source`` for the front and for
-    terrain_source. Each command writes its parameter file into a ``folder``."""
+    terrain_source. The commands read parameter files that are written into a ``folder``."""
 
     count: int
     parameters: dict[str, Any] = field(default_factory=dict)
     front: dict[str, Any] = field(default_factory=dict)
     source: dict[str, Any] = field(default_factory=dict)
 
-    def node(self, index: int, folder: Path) -> list[str]:
-        """Return the command of node ``index``."""
+    def commands(self, folder: Path) -> dict[str, list[str]]:
+        """Return the commands of all processes by name: ``source``, ``front``, ``node_<index>``."""
+        front = {"nodes": node_names(self.count), **self.front}
+        found = {
+            "source": _command("terrain_source", [_file(folder / "source.yaml", self.source)], source_remappings()),
+            "front": _command("fleet_front", [_file(folder / "front.yaml", front)]),
+        }
         preset = Path(get_package_prefix(PACKAGE)) / "share" / PACKAGE / "config" / f"{PRESET}.yaml"
-        own = _file(folder / f"node_{index}.yaml", {**parameters_of(index, self.count), **self.parameters})
-        return _command(COLLIDER, [preset, own], [("__ns", namespace_of(index)), *remappings()])
-
-    def front_command(self, folder: Path) -> list[str]:
-        """Return the command of the front."""
-        return _command("fleet_front", [_file(folder / "front.yaml", {"nodes": node_names(self.count), **self.front})])
-
-    def source_command(self, folder: Path) -> list[str]:
-        """Return the command of terrain_source."""
-        return _command("terrain_source", [_file(folder / "source.yaml", self.source)], source_remappings())
+        for index in range(self.count):
+            own = _file(folder / f"node_{index}.yaml", {**parameters_of(index, self.count), **self.parameters})
+            names = [("__ns", namespace_of(index)), *remappings()]
+            found[f"node_{index}"] = _command(COLLIDER, [preset, own], names)
+        return found
 
 
 def _file(path: Path, parameters: dict[str, Any]) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
@@ -56,6 +56,7 @@ class Entry:
     [s]: infinite while a spawn call is open, minus infinity once its node has reported it. ``lost``: its last known
     state while it waits to be respawned, else None."""
 
+    name: str
     node: str
     request: Any = None
     spawn_time: float = -math.inf
@@ -66,42 +67,29 @@ class Entry:
         """True while a spawn call is open."""
         return self.spawn_time == math.inf
 
-    def lose(self, last: LastState) -> None:
-        """Let the body wait to be respawned in its ``last`` state."""
-        self.lost, self.spawn_time = last, -math.inf
-
-
-class Respawning(NamedTuple):
-    """A body that ``node`` must respawn in its ``last`` state. ``request``: its first spawn request; None = unknown."""
-
-    name: str
-    node: str
-    request: Any
-    last: LastState
-
 
 class Duties(NamedTuple):
-    """Result of a check. ``died``, ``joined``: nodes since the last check. ``spawn``: bodies to respawn. ``remove``:
-    (node, name) of bodies that another node has as well. ``lost``: bodies lost since the last check, by node; a node
-    that lost bodies without dying has restarted."""
+    """Result of a check. ``died``, ``joined``: nodes since the last check. ``spawn``: lost bodies to respawn, each on
+    its node. ``remove``: (node, name) of bodies that another node has as well. ``lost``: bodies lost since the last
+    check, by node; a node that lost bodies without dying has restarted."""
 
     died: list[str]
     joined: list[str]
-    spawn: list[Respawning]
+    spawn: list[Entry]
     remove: list[tuple[str, str]]
     lost: dict[str, list[str]]
 
 
 class Ledger:
-    """The bodies and nodes of a fleet. ``bodies``, ``members``: bodies and nodes by name. ``respawned``: number of
-    bodies respawned so far."""
+    """The bodies and nodes of a fleet. ``bodies``, ``members``: bodies and nodes by name. ``connected``: names of nodes
+    that are connected, of this fleet or not. ``respawned``: number of bodies respawned so far."""
 
     def __init__(self, nodes: Sequence[str], config: LedgerConfig | None = None) -> None:
         self.config = config or LedgerConfig()
         self.members = {node: Member() for node in nodes}
         self.bodies: dict[str, Entry] = {}
         self.respawned = 0
-        self._present: set[str] = set()
+        self.connected: set[str] = set()
         self._checked = math.inf  # time of the last check [s]
 
     @property
@@ -112,7 +100,7 @@ class Ledger:
     @property
     def starting(self) -> list[str]:
         """Names of the nodes that are connected but have sent nothing yet, because they still load."""
-        return [node for node in self._present if self.members[node].heard == -math.inf]
+        return [node for node, one in self.members.items() if node in self.connected and one.heard == -math.inf]
 
     @property
     def waiting(self) -> list[str]:
@@ -126,7 +114,7 @@ class Ledger:
             node = self.bodies[name].node
             raise InputError("duplicate_id", f"there is a body {name!r} already, on {node}; choose another name")
         node = self._choose(x, y)
-        self.bodies[name] = Entry(node, request, spawn_time=math.inf)
+        self.bodies[name] = Entry(name, node, request, spawn_time=math.inf)
         return node
 
     def answered(self, name: str, time: float, *, success: bool) -> None:
@@ -146,20 +134,12 @@ class Ledger:
             raise InputError("unknown_body", f"there is no body {name!r} in the fleet")
         return self.bodies[name].node
 
-    def removed(self, name: str) -> None:
-        """Record that a body was removed."""
-        self.bodies.pop(name, None)
-
     def hear(self, node: str, time: float) -> None:
         """Record a message from a node at ``time`` [s]."""
         member = self.members[node]
         if time - member.heard > self.config.restart:
             member.before_silence = member.last
         member.heard = time
-
-    def set_connected(self, nodes: Iterable[str]) -> None:
-        """Record which nodes are connected."""
-        self._present = self.members.keys() & nodes
 
     def update_states(self, node: str, states: StateTable) -> None:
         """Record the newest states of a node's bodies."""
@@ -176,61 +156,52 @@ class Ledger:
             if alive != member.alive:
                 (duties.joined if alive else duties.died).append(node)
             member.alive = alive
-        for node in duties.died:
-            duties.lost[node] = self._lose(node)
+        for entry in list(self.bodies.values()):
+            self._look_for(entry, time, duties)
         for node in self.living:
-            self._compare(node, time, duties)
-        duties.spawn.extend(self._respawnings())
+            self._compare(node, duties)
+        duties.spawn.extend(entry for entry in self.bodies.values() if self._can_respawn(entry))
         return duties
 
-    def _lose(self, node: str) -> list[str]:
-        """Mark the bodies of a dead node as lost, to be respawned; return their names. Forget those of which neither
-        the state nor the request is known."""
-        last, lost = self.members[node].last, []
-        for name, entry in list(self.bodies.items()):
-            if entry.node != node or entry.lost is not None or entry.spawning:
-                continue
-            if name in last or entry.request is not None:
-                entry.lose(last.get(name, LastState(None)))
-                lost.append(name)
-            else:
-                del self.bodies[name]
-        return lost
+    def _look_for(self, entry: Entry, time: float, duties: Duties) -> None:
+        """Mark a body as lost, to be respawned, if its node died or restarted. Forget it if its node removed it, or
+        died and neither the state nor the request is known."""
+        member, died = self.members[entry.node], entry.node in duties.died
+        if entry.lost is not None or entry.spawning:
+            return
+        if not died and (not member.alive or entry.name in member.last):
+            return
+        if not died and time - entry.spawn_time <= self.config.spawn_grace:
+            return
+        known = (member.last if died else member.before_silence).get(entry.name)
+        if known is None and not (died and entry.request is not None):
+            del self.bodies[entry.name]
+            return
+        entry.lost, entry.spawn_time = known or LastState(None), -math.inf
+        duties.lost.setdefault(entry.node, []).append(entry.name)
 
-    def _compare(self, node: str, time: float, duties: Duties) -> None:
-        """Compare the bodies that a node reports with its bodies in the ledger; add the differences to ``duties``."""
+    def _compare(self, node: str, duties: Duties) -> None:
+        """Enter the bodies that a node reports, unless they are another node's."""
         member = self.members[node]
         for name in member.last:
-            entry = self.bodies.setdefault(name, Entry(node))
+            entry = self.bodies.setdefault(name, Entry(name, node))
             if entry.node != node and (entry.lost is None or entry.spawning):
                 duties.remove.append((node, name))
             elif not entry.spawning:  # also a lost body that came back
                 entry.node, entry.lost, entry.spawn_time = node, None, -math.inf
-        for name, entry in list(self.bodies.items()):
-            if entry.node != node or name in member.last or entry.lost is not None:
-                continue
-            if time - entry.spawn_time <= self.config.spawn_grace:  # also an open call
-                continue
-            if name in member.before_silence:
-                entry.lose(member.before_silence[name])
-                duties.lost.setdefault(node, []).append(name)
-            else:
-                del self.bodies[name]  # removed by another service, or off the terrain
         member.before_silence = {}
 
-    def _respawnings(self) -> list[Respawning]:
-        found = []
-        for name, entry in self.bodies.items():
-            if entry.lost is None or entry.spawning:
-                continue
-            if not self.members[entry.node].alive:
-                if self.config.respawn == "same" or not self.living:
-                    continue
-                states, row = entry.lost
-                entry.node = self._choose(*((0.0, 0.0) if states is None else states.numbers[row, :2].tolist()))
-            entry.spawn_time = math.inf
-            found.append(Respawning(name, entry.node, entry.request, entry.lost))
-        return found
+    def _can_respawn(self, entry: Entry) -> bool:
+        """Return True if a body is lost and a node can respawn it, which it is then assigned to."""
+        if entry.lost is None or entry.spawning:
+            return False
+        if not self.members[entry.node].alive:
+            if self.config.respawn == "same" or not self.living:
+                return False
+            states, row = entry.lost
+            entry.node = self._choose(*((0.0, 0.0) if states is None else states.numbers[row, :2].tolist()))
+        entry.spawn_time = math.inf
+        return True
 
     def _choose(self, x: float, y: float) -> str:
         living, tile = self.living, self.config.tile_size

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -18,7 +19,7 @@ from smartmesh_ros.io.rasters import (
     from_points,
     occupancy_heights,
 )
-from smartmesh_ros.node.inputs.conversions import FloatGrid, require_cells, require_length, require_resolution, yaw_from
+from smartmesh_ros.node.inputs.cdr_reader import FloatGrid, require_cells, yaw_from
 
 # Largest difference of a grid map's length from a whole number of cells [cells].
 OFF_GRID = 0.01
@@ -26,6 +27,18 @@ OFF_GRID = 0.01
 ENCODINGS = {"32FC1": "f4", "16UC1": "u2", "mono16": "u2", "mono8": "u1", "8UC1": "u1"}
 # Types of the fields of a point cloud: FLOAT32 and FLOAT64 of sensor_msgs/PointField.
 TYPES = {7: "f4", 8: "f8"}
+
+
+def require_resolution(resolution: float) -> None:
+    """Raise `InputError` if a resolution [m] is not possible."""
+    if not (math.isfinite(resolution) and resolution > 0.0):
+        raise InputError("geometry", f"resolution is {resolution} m; it must be finite and greater than zero")
+
+
+def require_length(what: str, actual: int, wanted: int) -> None:
+    """Raise `InputError` if the length of the data does not match the sizes."""
+    if actual != wanted:
+        raise InputError("length", f"{what} has {actual} values; its sizes say {wanted}")
 
 
 def grid_map_raster(message: Any, config: RasterConfig, max_samples: int) -> Raster:

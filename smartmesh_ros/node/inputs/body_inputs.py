@@ -17,12 +17,11 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import SIZES, require_between, require_possible
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs import conversions
-from smartmesh_ros.node.inputs.conversions import BodyInput
+from smartmesh_ros.node.inputs.conversions import BodyInput, joint_commands_from
 from smartmesh_ros.node.inputs.frames import Transform
-from smartmesh_ros.node.inputs.joint_commands import joint_commands_from
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.session import Session, require_name
-from smartmesh_ros.node.timing.stamps import Placed, StampClock
+from smartmesh_ros.node.timing.stamps import Placed, StampClock, stamp_seconds
 
 SOURCE = "bodies.frames"
 # Longest time between two look-ups of the frames without a new transform [s], for static frames.
@@ -101,7 +100,7 @@ class BodyInputs:
 
     def _track(self, topic: str, header: Header, bodies: list[BodyInput]) -> None:
         session = self._session
-        stamp = conversions.stamp_seconds(header.stamp)
+        stamp = stamp_seconds(header.stamp)
         transform = self.transforms.to_terrain(header.frame_id, stamp)
         with self._placed(topic, topic, stamp) as placed:
             session.require_room(body.name for body in bodies)

@@ -1,4 +1,4 @@
-"""Reading of messages from untrusted CDR bytes, arrays of numbers without a copy.
+"""Reading of messages from untrusted CDR bytes: those with terrain, arrays without a copy, and any other after a check.
 
 The middleware drops malformed messages silently, and decodes oversized ones before a callback can refuse them. So the
 node subscribes to raw bytes, and checks them here before decoding.
@@ -6,6 +6,7 @@ node subscribes to raw bytes, and checks them here before decoding.
 
 from __future__ import annotations
 
+import math
 import struct
 from functools import cache
 from importlib import import_module
@@ -17,7 +18,11 @@ from rclpy.serialization import deserialize_message
 from rosidl_parser.definition import AbstractNestedType, AbstractString, Array, BasicType, NamespacedType
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.state import QUATERNION_SLACK
 from smartmesh_ros.node.outputs.cdr import DTYPES
+from smartmesh_ros.terrain.grid import GridGeometry
+
+FloatGrid = NDArray[np.float32]
 
 
 class Stamped(NamedTuple):
@@ -87,6 +92,137 @@ class CdrReader:
             raise InputError("malformed", f"the message ends after {len(self._data)} bytes; a field needs {end}")
         self.at = end
         return self._data[start:end]
+
+
+class MapInput(NamedTuple):
+    """A whole map: geometry (None = remove the tile), heights (rows, columns) [m], velocities [m/s] or None, and
+    coefficients of friction: one, those of the samples, or None."""
+
+    start: Stamped
+    geometry: GridGeometry | None
+    heights: FloatGrid
+    velocities: FloatGrid | None
+    friction: float | FloatGrid | None = None
+
+
+class RegionInput(NamedTuple):
+    """New heights (rows, columns) [m] of a rectangle, its first row and column, and velocities [m/s] or None."""
+
+    start: Stamped
+    row: int
+    column: int
+    heights: FloatGrid
+    velocities: FloatGrid | None
+
+
+class MeshInput(NamedTuple):
+    """A general mesh: vertices (V, 3) [m], triangles (T, 3), and velocities (V, 3) [m/s] or None."""
+
+    start: Stamped
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.uint32]
+    velocities: NDArray[np.float64] | None
+
+
+class MeshUpdateInput(NamedTuple):
+    """New positions (n, 3) [m] of the vertices ``indices`` (n,), None = all; and velocities (n, 3) [m/s] or None."""
+
+    start: Stamped
+    indices: NDArray[np.uint32] | None
+    vertices: NDArray[np.float64]
+    velocities: NDArray[np.float64] | None
+
+
+def map_from(data: bytes, max_samples: int) -> MapInput:
+    """Read a Heightmap message. Checks sizes before any allocation; the arrays are views of ``data``."""
+    reader = CdrReader(data)
+    start = reader.stamped()
+    reader.number("i"), reader.number("I")  # map_load_time
+    resolution, columns, rows = reader.number("f"), reader.number("I"), reader.number("I")
+    x, y, z, *orientation = reader.numbers("d", 7)
+    heights, velocities, friction = (reader.sequence("f4") for _ in range(3))
+    if not rows and not columns and not len(heights):
+        return MapInput(start, None, heights, None)
+    _require_count(columns, rows, len(heights), len(velocities), max_samples)
+    geometry = GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=(x, y, z),
+                            yaw=yaw_from(*orientation))  # fmt: skip
+    return MapInput(
+        start, geometry, *_grids(heights, velocities, (rows, columns)), _friction(friction, (rows, columns))
+    )
+
+
+def region_from(data: bytes, max_samples: int) -> RegionInput:
+    """Read a HeightmapUpdate message; the arrays are views of ``data``."""
+    reader = CdrReader(data)
+    start = reader.stamped()
+    column, row, columns, rows = (reader.number("I") for _ in range(4))
+    heights, velocities = reader.sequence("f4"), reader.sequence("f4")
+    _require_count(columns, rows, len(heights), len(velocities), max_samples)
+    return RegionInput(start, row, column, *_grids(heights, velocities, (rows, columns)))
+
+
+def mesh_from(data: bytes, max_samples: int) -> MeshInput:
+    """Read a TerrainMesh message; the arrays are views of ``data``."""
+    reader = CdrReader(data)
+    start = reader.stamped()
+    triangles = reader.sequence("u4", 3)
+    vertices, velocities = _vertices(reader, max_samples)
+    return MeshInput(start, vertices, triangles, velocities)
+
+
+def mesh_update_from(data: bytes, max_samples: int) -> MeshUpdateInput:
+    """Read a TerrainMeshUpdate message; the arrays are views of ``data``."""
+    reader = CdrReader(data)
+    start = reader.stamped()
+    indices = reader.sequence("u4")
+    return MeshUpdateInput(start, indices if len(indices) else None, *_vertices(reader, max_samples))
+
+
+def _vertices(reader: CdrReader, max_samples: int) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    vertices, velocities = reader.sequence("f8", 3), reader.sequence("f8", 3)
+    require_cells(len(vertices), max_samples)
+    return vertices, velocities if len(velocities) else None
+
+
+def _grids(heights: Any, velocities: Any, shape: tuple[int, int]) -> tuple[FloatGrid, FloatGrid | None]:
+    """Return flat arrays as views (rows, columns)."""
+    return heights.reshape(shape), velocities.reshape(shape) if len(velocities) else None
+
+
+def _friction(values: Any, shape: tuple[int, int]) -> float | FloatGrid | None:
+    """Return flat coefficients as one number, a view (rows, columns), or None if there are none."""
+    if len(values) == 1:
+        return 1.0 if math.isnan(values[0]) else float(values[0])
+    count = shape[0] * shape[1]
+    if len(values) not in (0, count):
+        what = f"{len(values)} coefficients of friction for {count} heights"
+        raise InputError("length", f"{what}; there must be as many, or one, or none")
+    return np.asarray(values.reshape(shape)) if len(values) else None
+
+
+def _require_count(width: int, height: int, heights: int, velocities: int, max_samples: int) -> None:
+    count = width * height
+    require_cells(count, max_samples)
+    if heights != count:
+        raise InputError("length", f"{heights} heights for {height} rows x {width} columns; there must be {count}")
+    if velocities not in (0, count):
+        raise InputError("length", f"{velocities} velocities for {count} heights; there must be as many, or none")
+
+
+def yaw_from(x: float, y: float, z: float, w: float) -> float:
+    """Return the rotation about z [rad] of a unit quaternion that rotates about no other axis."""
+    length = math.hypot(x, y, z, w)
+    if not math.isfinite(length) or abs(length - 1.0) > QUATERNION_SLACK:
+        raise InputError("quaternion", f"the map's orientation ({x}, {y}, {z}, {w}) is not a unit quaternion")
+    if math.hypot(x, y) > QUATERNION_SLACK:
+        raise InputError("quaternion", f"the map is tilted (x = {x}, y = {y}); it may be rotated about z only")
+    return 2.0 * math.atan2(z, w)
+
+
+def require_cells(count: int, max_samples: int) -> None:
+    """Raise `InputError` if there are more samples than allowed. Called before memory is allocated."""
+    if count > max_samples:
+        raise InputError("size", f"{count} samples are more than terrain.max_samples = {max_samples}")
 
 
 # Default of the most elements in a sequence of messages or strings.

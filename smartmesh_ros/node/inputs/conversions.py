@@ -1,62 +1,23 @@
-"""Pure functions that convert messages to values of the core. Invalid messages raise `InputError`."""
+"""Conversion of messages about bodies and joints to values of the core, and the names of robots' joints and links.
+
+Invalid messages raise `InputError`.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
 from shape_msgs.msg import SolidPrimitive
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import rotate
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
-from smartmesh_ros.ground.state import QUATERNION_SLACK, BodyState
-from smartmesh_ros.node.inputs.cdr_reader import CdrReader, Stamped
-from smartmesh_ros.terrain.grid import GridGeometry
-
-FloatGrid = NDArray[np.float32]
-
-
-class MapInput(NamedTuple):
-    """A whole map: geometry (None = remove the tile), heights (rows, columns) [m], velocities [m/s] or None, and
-    coefficients of friction: one, those of the samples, or None."""
-
-    start: Stamped
-    geometry: GridGeometry | None
-    heights: FloatGrid
-    velocities: FloatGrid | None
-    friction: float | FloatGrid | None = None
-
-
-class RegionInput(NamedTuple):
-    """New heights (rows, columns) [m] of a rectangle, its first row and column, and velocities [m/s] or None."""
-
-    start: Stamped
-    row: int
-    column: int
-    heights: FloatGrid
-    velocities: FloatGrid | None
-
-
-class MeshInput(NamedTuple):
-    """A general mesh: vertices (V, 3) [m], triangles (T, 3), and velocities (V, 3) [m/s] or None."""
-
-    start: Stamped
-    vertices: NDArray[np.float64]
-    triangles: NDArray[np.uint32]
-    velocities: NDArray[np.float64] | None
-
-
-class MeshUpdateInput(NamedTuple):
-    """New positions (n, 3) [m] of the vertices ``indices`` (n,), None = all; and velocities (n, 3) [m/s] or None."""
-
-    start: Stamped
-    indices: NDArray[np.uint32] | None
-    vertices: NDArray[np.float64]
-    velocities: NDArray[np.float64] | None
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros.world.world import World
 
 
 class BodyInput(NamedTuple):
@@ -69,65 +30,6 @@ class BodyInput(NamedTuple):
     stated: bool = False
 
 
-def stamp_seconds(stamp: Any) -> float | None:
-    """Return a stamp in seconds; None if it is not set (zero)."""
-    if stamp.sec < 0 or not 0 <= stamp.nanosec < 1_000_000_000:
-        raise InputError("stamp", f"stamp {stamp.sec} s {stamp.nanosec} ns is not a time; nanosec is 0 to 999999999")
-    if stamp.sec == 0 and stamp.nanosec == 0:
-        return None
-    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
-
-
-def map_from(data: bytes, max_samples: int) -> MapInput:
-    """Read a Heightmap message. Checks sizes before any allocation; the arrays are views of ``data``."""
-    reader = CdrReader(data)
-    start = reader.stamped()
-    reader.number("i"), reader.number("I")  # map_load_time
-    resolution, columns, rows = reader.number("f"), reader.number("I"), reader.number("I")
-    x, y, z, *orientation = reader.numbers("d", 7)
-    heights, velocities, friction = (reader.sequence("f4") for _ in range(3))
-    if not rows and not columns and not len(heights):
-        return MapInput(start, None, heights, None)
-    _require_count(columns, rows, len(heights), len(velocities), max_samples)
-    geometry = GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=(x, y, z),
-                            yaw=yaw_from(*orientation))  # fmt: skip
-    return MapInput(
-        start, geometry, *_grids(heights, velocities, (rows, columns)), _friction(friction, (rows, columns))
-    )
-
-
-def region_from(data: bytes, max_samples: int) -> RegionInput:
-    """Read a HeightmapUpdate message; the arrays are views of ``data``."""
-    reader = CdrReader(data)
-    start = reader.stamped()
-    column, row, columns, rows = (reader.number("I") for _ in range(4))
-    heights, velocities = reader.sequence("f4"), reader.sequence("f4")
-    _require_count(columns, rows, len(heights), len(velocities), max_samples)
-    return RegionInput(start, row, column, *_grids(heights, velocities, (rows, columns)))
-
-
-def mesh_from(data: bytes, max_samples: int) -> MeshInput:
-    """Read a TerrainMesh message; the arrays are views of ``data``."""
-    reader = CdrReader(data)
-    start = reader.stamped()
-    triangles = reader.sequence("u4", 3)
-    vertices = reader.sequence("f8", 3)
-    velocities = reader.sequence("f8", 3)
-    require_cells(len(vertices), max_samples)
-    return MeshInput(start, vertices, triangles, velocities if len(velocities) else None)
-
-
-def mesh_update_from(data: bytes, max_samples: int) -> MeshUpdateInput:
-    """Read a TerrainMeshUpdate message; the arrays are views of ``data``."""
-    reader = CdrReader(data)
-    start = reader.stamped()
-    indices = reader.sequence("u4")
-    vertices = reader.sequence("f8", 3)
-    velocities = reader.sequence("f8", 3)
-    require_cells(len(vertices), max_samples)
-    return MeshUpdateInput(start, indices if len(indices) else None, vertices, velocities if len(velocities) else None)
-
-
 def bodies_from(message: Any) -> list[BodyInput]:
     """Convert a TrackedBodyArray message; one invalid body refuses the whole message."""
     bodies = []
@@ -135,7 +37,7 @@ def bodies_from(message: Any) -> list[BodyInput]:
         if not (math.isfinite(body.radius) and body.radius >= 0.0):
             raise InputError("geometry", f"radius of {body.id!r} is {body.radius} m; it must be zero or more")
         bodies.append(BodyInput(body.id, state_from(body.pose, body.twist), float(body.radius)))
-    _require_distinct([body.name for body in bodies])
+    require_distinct([body.name for body in bodies])
     return bodies
 
 
@@ -161,16 +63,6 @@ def state_from(pose: Any, twist: Any = None) -> BodyState:
     return BodyState((p.x, p.y, p.z), (q.x, q.y, q.z, q.w), linear, angular)
 
 
-def yaw_from(x: float, y: float, z: float, w: float) -> float:
-    """Return the rotation about z [rad] of a unit quaternion that rotates about no other axis."""
-    length = math.hypot(x, y, z, w)
-    if not math.isfinite(length) or abs(length - 1.0) > QUATERNION_SLACK:
-        raise InputError("quaternion", f"the map's orientation ({x}, {y}, {z}, {w}) is not a unit quaternion")
-    if math.hypot(x, y) > QUATERNION_SLACK:
-        raise InputError("quaternion", f"the map is tilted (x = {x}, y = {y}); it may be rotated about z only")
-    return 2.0 * math.atan2(z, w)
-
-
 # Shapes by the types of SolidPrimitive, and which of its dimensions are theirs, in order.
 SOLIDS: dict[int, tuple[type[Shape], tuple[int, ...]]] = {
     SolidPrimitive.SPHERE: (Sphere, (SolidPrimitive.SPHERE_RADIUS,)),
@@ -191,50 +83,8 @@ def shape_from(primitive: Any) -> Shape:
     return made(*(dimensions[index] for index in order))
 
 
-def _grids(heights: Any, velocities: Any, shape: tuple[int, int]) -> tuple[FloatGrid, FloatGrid | None]:
-    """Return flat arrays as views (rows, columns)."""
-    return heights.reshape(shape), velocities.reshape(shape) if len(velocities) else None
-
-
-def _friction(values: Any, shape: tuple[int, int]) -> float | FloatGrid | None:
-    """Return flat coefficients as one number, a view (rows, columns), or None if there are none."""
-    if len(values) == 1:
-        return 1.0 if math.isnan(values[0]) else float(values[0])
-    count = shape[0] * shape[1]
-    if len(values) not in (0, count):
-        what = f"{len(values)} coefficients of friction for {count} heights"
-        raise InputError("length", f"{what}; there must be as many, or one, or none")
-    return np.asarray(values.reshape(shape)) if len(values) else None
-
-
-def _require_count(width: int, height: int, heights: int, velocities: int, max_samples: int) -> None:
-    count = width * height
-    require_cells(count, max_samples)
-    if heights != count:
-        raise InputError("length", f"{heights} heights for {height} rows x {width} columns; there must be {count}")
-    if velocities not in (0, count):
-        raise InputError("length", f"{velocities} velocities for {count} heights; there must be as many, or none")
-
-
-def require_cells(count: int, max_samples: int) -> None:
-    """Raise `InputError` if there are more samples than allowed. Called before memory is allocated."""
-    if count > max_samples:
-        raise InputError("size", f"{count} samples are more than terrain.max_samples = {max_samples}")
-
-
-def require_resolution(resolution: float) -> None:
-    """Raise `InputError` if a resolution [m] is not possible."""
-    if not (math.isfinite(resolution) and resolution > 0.0):
-        raise InputError("geometry", f"resolution is {resolution} m; it must be finite and greater than zero")
-
-
-def require_length(what: str, actual: int, wanted: int) -> None:
-    """Raise `InputError` if the length of the data does not match the sizes."""
-    if actual != wanted:
-        raise InputError("length", f"{what} has {actual} values; its sizes say {wanted}")
-
-
-def _require_distinct(names: list[str]) -> None:
+def require_distinct(names: list[str]) -> None:
+    """Raise `InputError` unless each body of a message has a name of its own."""
     seen: set[str] = set()
     for name in names:
         if not name or "/" in name:
@@ -242,3 +92,78 @@ def _require_distinct(names: list[str]) -> None:
         if name in seen:
             raise InputError("duplicate_id", f"body {name!r} is in the message twice; names must be distinct")
         seen.add(name)
+
+
+class RobotNames:
+    """Puts ``<robot>/`` before the names of a robot's joints and links, or nothing.
+
+    A robot's prefix stays while the robot is there, whatever robots come and go. ``always``: every robot has a prefix;
+    else a robot that is added while no other is without prefix has none, so that the names of a robot that is alone are
+    those of its URDF, as robot_state_publisher expects.
+    """
+
+    def __init__(self, world: World, *, always: bool) -> None:
+        self._world, self._always = world, always
+        self._prefixes: dict[str, str] = {}
+
+    def prefixes(self) -> dict[str, str]:
+        """Return the prefix of each robot, in order of spawning."""
+        robots = [body.name for body in self._world.bodies.values() if body.is_robot]
+        kept = {robot: self._prefixes[robot] for robot in robots if robot in self._prefixes}
+        for robot in robots:
+            if robot not in kept:
+                kept[robot] = f"{robot}/" if self._always or "" in kept.values() else ""
+        self._prefixes = {robot: kept[robot] for robot in robots}
+        return self._prefixes
+
+
+def joint_commands_from(message: Any, world: World, prefixes: Mapping[str, str]) -> list[tuple[str, str, JointCommand]]:
+    """Return the commands (robot, joint, command) of a JointState; one unknown joint or invalid number refuses all.
+
+    A joint is named ``<robot>/<joint>``, or ``<joint>`` if its robot is the only one or, by ``prefixes``, has names
+    without prefix. ``position``, ``velocity`` and ``effort`` each have one number per name, or none; NaN is no number
+    for this joint, as ros2_control's topic bridges send for interfaces that they do not command. `JointCommand` defines
+    the combinations. A joint that has nothing but NaN keeps its command. A driven surface of a robot, such as a track,
+    is named as a joint and takes a velocity alone [m/s].
+    """
+    names, count = list(message.name), len(message.name)
+    if count == 0:
+        raise InputError("length", "a joint command names no joint")
+    fields = {field: list(getattr(message, field)) for field in ("position", "velocity", "effort")}
+    for field, values in fields.items():
+        if len(values) not in (0, count):
+            raise InputError("length", f"{len(values)} of {field} for {count} joints; there must be as many, or none")
+    commands = []
+    for index, (robot, joint) in enumerate(_joints(names, world, prefixes)):
+        sent = {field: values[index] for field, values in fields.items() if values}
+        given = {field: value for field, value in sent.items() if not math.isnan(value)}
+        if given or not sent:
+            command = JointCommand(**given)
+            world.require_command(robot, joint, command)
+            commands.append((robot, joint, command))
+    return commands
+
+
+def _joints(names: list[str], world: World, prefixes: Mapping[str, str]) -> list[tuple[str, str]]:
+    robots = {robot: (*world.bodies[robot].joints, *world.bodies[robot].surfaces) for robot in prefixes}
+    alone = next((robot for robot, prefix in prefixes.items() if not prefix or len(robots) == 1), "")
+    found, unknown = [], []
+    for name in names:
+        robot, _, joint = name.partition("/")
+        if joint in robots.get(robot, ()):
+            found.append((robot, joint))
+        elif name in robots.get(alone, ()):
+            found.append((alone, name))
+        else:
+            unknown.append(name)
+    if unknown:
+        there = [f"{robot}/{joint}" for robot, joints in robots.items() for joint in joints]
+        shown = ", ".join(there[:20]) + (f" and {len(there) - 20} more" if len(there) > 20 else "")
+        raise InputError(
+            "unknown_joint",
+            f"{len(unknown)} of {len(names)} joints are unknown: {', '.join(map(repr, unknown[:20]))}; "
+            f"there is {shown or 'no robot with joints'}",
+        )
+    if len(set(found)) < len(found):
+        raise InputError("duplicate_id", "a joint is commanded twice in one message; name each once")
+    return found

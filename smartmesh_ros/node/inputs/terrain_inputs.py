@@ -14,17 +14,25 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TerrainMesh, TerrainM
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io import files
 from smartmesh_ros.io.rasters import Raster
-from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_region
-from smartmesh_ros.node.inputs.cdr_reader import Stamped
-from smartmesh_ros.node.inputs.conversions import FloatGrid, RegionInput
-from smartmesh_ros.node.inputs.maps import Rivals, require_tile_fits, take_map
+from smartmesh_ros.node.inputs.cdr_reader import (
+    FloatGrid,
+    RegionInput,
+    Stamped,
+    map_from,
+    mesh_from,
+    mesh_update_from,
+    region_from,
+)
 from smartmesh_ros.node.inputs.optional_messages import find_message, require_message
+from smartmesh_ros.node.inputs.rivals import RivalMaps
+from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.session import Session, require_name
-from smartmesh_ros.node.timing.stamps import Placed, StampClock
-from smartmesh_ros.patches.config import ANYWHERE, require_search_on
-from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.node.timing.stamps import Placed, StampClock, stamp_seconds
+from smartmesh_ros.patches.config import ANYWHERE, require_search_on, require_usable
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck
+from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 # Frame of the terrain if the first map names none.
@@ -41,8 +49,7 @@ class TerrainInputs:
         self._terrain = session.world.terrain
         self._on_terrain = on_terrain
         self._clocks: dict[str, StampClock] = {}
-        self._rivals: dict[str, Rivals] = {}  # by tile
-        self._rivals_logged = False
+        self._rivals, self._checks = RivalMaps(session), MapChecks(session.node.get_logger())
         settings = session.settings
         durability = DurabilityPolicy[settings.durability.upper()]
         reliability = ReliabilityPolicy[settings.reliability.upper()]
@@ -66,17 +73,18 @@ class TerrainInputs:
     def forget_stamps(self) -> None:
         """Accepts any stamps from now on, after a reset."""
         self._clocks.clear()
-        self._session.map_checks.forget()
+        self._checks.forget()
+        self._session.map_warning = ""
 
     def _on_map(self, data: bytes) -> None:
-        new = conversions.map_from(data, self._session.settings.max_samples)
+        new = map_from(data, self._session.settings.max_samples)
         tile = new.start.tile
         if self._overtaken("heightmap", new.start):
             return
         with self._ingesting(new.start) as placed:
             if new.geometry is None:
                 self._terrain.remove(tile)
-                self._session.map_checks.forget(tile)
+                self._checks.forget(tile)
             else:
                 raster = Raster(new.geometry, new.heights, friction=new.friction)
                 self._take_map(tile, raster, new.velocities, placed)
@@ -91,35 +99,17 @@ class TerrainInputs:
 
     def _take_map(self, tile: str, raster: Raster, velocities: FloatGrid | None, placed: Placed) -> None:
         """Checks a whole map and puts it into the terrain."""
-        self._look_for_rivals(tile, raster.geometry, raster.heights)
+        if any(topic.get_publisher_count() > 1 for topic in self._session.terrain_subscriptions):
+            self._rivals.take(tile, raster.geometry, raster.heights)
+        elif self._session.rival_maps:
+            self._rivals.clear()
         take_map(self._terrain, self._session.settings, tile, raster, velocities, placed.time)
         taken = self._terrain.tiles[tile]
         if isinstance(taken, HeightMap):
-            self._session.map_checks.take(tile, taken, placed.source_time, given=velocities is not None)
-
-    def _look_for_rivals(self, tile: str, geometry: GridGeometry, heights: FloatGrid) -> None:
-        """Records publishers whose maps disagree, and logs them once."""
-        session, topics = self._session, self._session.terrain_subscriptions
-        if all(topic.get_publisher_count() < 2 for topic in topics):
-            if self._rivals:
-                self._rivals.clear()
-                session.rival_maps = []
-            return
-        rivals = self._rivals.setdefault(tile, Rivals())
-        rivals.take(geometry, heights)
-        if not any(of_tile.found for of_tile in self._rivals.values()):
-            session.rival_maps = []
-        elif not session.rival_maps:
-            session.rival_maps = session.names.of_publishers(session.node, [topic.topic_name for topic in topics]) or []
-            if session.rival_maps and not self._rivals_logged:
-                self._rivals_logged = True
-                session.node.get_logger().warning(
-                    f"maps of tile {tile!r} disagree; they come from {', '.join(session.rival_maps)}: remap one of "
-                    "them, or give each a tile of its own"
-                )
+            self._checks.take(tile, taken, placed.source_time, given=velocities is not None)
 
     def _on_region(self, data: bytes) -> None:
-        self._take_region(conversions.region_from(data, self._session.settings.max_samples))
+        self._take_region(region_from(data, self._session.settings.max_samples))
 
     def _on_occupancy_update(self, message: Any) -> None:
         settings = self._session.settings
@@ -153,7 +143,7 @@ class TerrainInputs:
 
     def _on_mesh(self, data: bytes) -> None:
         settings = self._session.settings
-        new = conversions.mesh_from(data, settings.max_samples)
+        new = mesh_from(data, settings.max_samples)
         with self._ingesting(new.start) as placed:
             if not len(new.vertices) and not len(new.triangles):
                 self._terrain.remove(new.start.tile)
@@ -167,7 +157,7 @@ class TerrainInputs:
 
     def _on_mesh_update(self, data: bytes) -> None:
         settings = self._session.settings
-        new = conversions.mesh_update_from(data, settings.max_samples)
+        new = mesh_update_from(data, settings.max_samples)
         with self._ingesting(new.start, update=True) as placed:
             mesh = self._terrain.tile(new.start.tile)
             if not isinstance(mesh, TriangleMesh):
@@ -179,7 +169,7 @@ class TerrainInputs:
     def _overtaken(self, topic: str, start: Stamped) -> bool:
         """Return True, and count the map, if a newer map arrived just before it; such a map is skipped."""
         session, clock = self._session, self._clocks.get(start.tile)
-        stamp, longest = conversions.stamp_seconds(start), session.settings.motion.max_interval
+        stamp, longest = stamp_seconds(start), session.settings.motion.max_interval
         late = clock is not None and clock.is_overtaken(stamp, session.clock_now(), longest)
         session.overtaken[topic] += late
         return late
@@ -188,7 +178,7 @@ class TerrainInputs:
     def _ingesting(self, start: Stamped, *, update: bool = False) -> Iterator[Placed]:
         """Checks the fields common to all terrain messages and yields the stamp in simulated time; records the message
         as accepted unless the block raises `InputError`."""
-        session, tile, stamp = self._session, start.tile, conversions.stamp_seconds(start)
+        session, tile, stamp = self._session, start.tile, stamp_seconds(start)
         with session.world.stopwatch.stage("ingest"):
             if update and not self._terrain.tiles:
                 raise InputError("no_map", "an update came before any map; publish the whole map first")
@@ -213,9 +203,90 @@ class TerrainInputs:
             session.frame_id = session.frame_id or start.frame_id or DEFAULT_FRAME
             session.last_map_time = monotonic()
             session.maps += 1
+            session.map_warning = self._checks.warning
         self._on_terrain()
 
 
 def _start_of(header: Any) -> Stamped:
     """Return the first fields of a message that has no tile."""
     return Stamped(header.stamp.sec, header.stamp.nanosec, header.frame_id, "")
+
+
+def require_tile_fits(name: str, samples: int, terrain: Terrain, settings: Settings) -> None:
+    """Raises `InputError` if the terrain with this tile would have too many tiles, or too many samples in all tiles."""
+    others = [mesh for tile, mesh in terrain.tiles.items() if tile != name]
+    if len(others) >= settings.most_tiles:
+        raise InputError("size", f"{len(others) + 1} tiles are more than terrain.max_tiles = {settings.most_tiles}")
+    total = samples + sum(mesh.size for mesh in others)
+    if total > settings.max_samples:
+        raise InputError("size", f"{total} samples in all are more than terrain.max_samples = {settings.max_samples}")
+
+
+def take_map(
+    terrain: Terrain, settings: Settings, tile: str, raster: Raster, velocities: FloatGrid | None, time: float
+) -> None:
+    """Puts a map of ``time`` [s] into the terrain.
+
+    A map on the same grid replaces the heights of the last one. If the grid moved, samples that both grids share keep
+    their velocities. The ground keeps its friction, unless the raster has another. On `InputError` the terrain is
+    unchanged.
+    """
+    geometry, heights, variances, friction = raster
+    known = terrain.tiles.get(tile)
+    if isinstance(known, HeightMap) and known.geometry == geometry:
+        known.replace(heights, time=time, velocities=velocities, variance=variances, friction=friction)
+        return
+    require_tile_fits(tile, geometry.size, terrain, settings)
+    new = HeightMap(
+        heights, geometry=geometry, time=time, velocities=velocities, variance=variances, friction=friction,
+        motion=settings.motion,
+    )  # fmt: skip
+    require_usable(settings.world.patch, new, exact=False)
+    terrain.put(tile, new)
+
+
+# The log repeats a warning only after this long without one [s]; the diagnostics show it as long as it holds.
+LOG_PAUSE = 600.0
+ADVICE = "but are treated as moving ground: set terrain.changes: correction, or terrain.noise if the ground does move"
+
+
+class MapChecks:
+    """Finds maps of sensors and mappers that the node treats as moving ground, by a `NoiseCheck` for each tile.
+
+    ``warning``: the suspected problem and which parameter to set; empty = none."""
+
+    def __init__(self, logger: Any) -> None:
+        self._logger = logger
+        self._checks: dict[str, NoiseCheck] = {}
+        self._warned = -LOG_PAUSE  # steady time of the last warning [s]
+        self.warning = ""
+
+    def forget(self, tile: str | None = None) -> None:
+        """Restarts the check of a tile, or of all tiles."""
+        for name in [*self._checks] if tile is None else [tile]:
+            self._checks.pop(name, None)
+        self._update_warning()
+
+    def take(self, tile: str, heightmap: HeightMap, time: float, *, given: bool) -> None:
+        """Checks a whole map of a tile, of ``time`` [s]. Needs no check if changes are corrections, or if the map came
+        with velocities (``given``), because its ground moves."""
+        if given or heightmap.motion.corrects:
+            if tile in self._checks:
+                self.forget(tile)
+            return
+        check = self._checks.setdefault(tile, NoiseCheck())
+        before = check.findings
+        check.take(heightmap, time)
+        if check.findings != before:
+            self._update_warning()
+
+    def _update_warning(self) -> None:
+        """Updates ``warning``, and logs a new one."""
+        seen = {tile: str(check.findings) for tile, check in self._checks.items() if check.findings != NO_FINDINGS}
+        what = "; ".join(f"tile {tile!r}: {words}" if tile else words for tile, words in seen.items())
+        now, before = monotonic(), self.warning
+        self.warning = f"maps look like those of a sensor or mapper ({what}) {ADVICE}" if what else ""
+        if self.warning and not before and now - self._warned >= LOG_PAUSE:
+            self._logger.warning(self.warning)
+        if self.warning or before:
+            self._warned = now

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from smartmesh_ros.ground.limits import FASTEST, FASTEST_SPIN
 from smartmesh_ros.ground.quaternions import conjugate, product
-from smartmesh_ros.ground.state import BodyState, Quaternion, Vector
+from smartmesh_ros.ground.state import BodyState, Quaternion
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.world import World
 
@@ -18,24 +17,17 @@ from smartmesh_ros.world.world import World
 MAX_INTERVAL = 0.5
 
 
-class _Velocity(NamedTuple):
-    """Linear [m/s] and angular [rad/s] velocity."""
-
-    linear: FloatArray
-    angular: FloatArray
-
-
 @dataclass
 class _LastPose:
     """``tracked``: the state with its velocity, with which the body moves on. ``time`` [s]: of the pose. ``heard`` [s]:
-    of its arrival. ``stated``: the source states velocities. ``change``: mean velocity since the pose before, None =
-    unknown."""
+    of its arrival. ``stated``: the source states velocities. ``change``: mean velocity since the pose before (2, 3),
+    linear [m/s] and angular [rad/s], None = unknown."""
 
     tracked: BodyState
     time: float
     heard: float
     stated: bool
-    change: _Velocity | None
+    change: FloatArray | None
 
     @property
     def moving(self) -> bool:
@@ -84,8 +76,9 @@ class Tracking:
             tracked, change = replace(last.tracked, position=state.position, orientation=state.orientation), last.change
         elif last is not None and not stated and 0.0 < time - last.time <= MAX_INTERVAL:
             change = _velocity(last.tracked, state, time - last.time)
-            speed = max(_length(change.linear), radius * _length(change.angular))
-            if speed > self.max_velocity or _length(change.angular) > FASTEST_SPIN:
+            linear, angular = np.linalg.norm(change, axis=1).tolist()
+            speed = max(linear, radius * angular)
+            if speed > self.max_velocity or angular > FASTEST_SPIN:
                 jump, change = self._jump(name, last.tracked, state, speed), last.change
             else:
                 tracked = _with_velocity(state, change, last.change)
@@ -125,19 +118,18 @@ class Tracking:
         )
 
 
-def _velocity(before: BodyState, after: BodyState, interval: float) -> _Velocity:
-    """Return the mean velocity between two poses ``interval`` [s] apart."""
-    linear = (np.array(after.position) - np.array(before.position)) / interval
-    return _Velocity(linear, _rotation_between(before.orientation, after.orientation) / interval)
+def _velocity(before: BodyState, after: BodyState, interval: float) -> FloatArray:
+    """Return the mean velocity (2, 3), linear and angular, between two poses ``interval`` [s] apart."""
+    way = np.array(after.position) - np.array(before.position)
+    return np.stack([way, _rotation_between(before.orientation, after.orientation)]) / interval
 
 
-def _with_velocity(state: BodyState, change: _Velocity, before: _Velocity | None) -> BodyState:
+def _with_velocity(state: BodyState, change: FloatArray, before: FloatArray | None) -> BodyState:
     """Return a state with the velocity of the last change of pose, as far as the change ``before`` confirms it."""
     if before is not None:
-        change = _Velocity(_confirmed(change.linear, before.linear), _confirmed(change.angular, before.angular))
-    linear: Vector = tuple(change.linear.tolist())
-    angular: Vector = tuple(change.angular.tolist())
-    return replace(state, linear=linear, angular=angular)
+        change = np.stack([_confirmed(part, part_before) for part, part_before in zip(change, before, strict=True)])
+    linear, angular = change.tolist()
+    return replace(state, linear=tuple(linear), angular=tuple(angular))
 
 
 def _confirmed(velocity: FloatArray, before: FloatArray) -> FloatArray:
@@ -145,10 +137,6 @@ def _confirmed(velocity: FloatArray, before: FloatArray) -> FloatArray:
     square = float(velocity @ velocity)
     share = float(velocity @ before) / square if square > 0.0 else 0.0
     return velocity * min(max(share, 0.0), 1.0)
-
-
-def _length(vector: FloatArray) -> float:
-    return float(np.linalg.norm(vector))
 
 
 def _rotation_between(first: Quaternion, second: Quaternion) -> FloatArray:

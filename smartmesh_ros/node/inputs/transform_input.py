@@ -12,12 +12,12 @@ from typing import NamedTuple
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.node.inputs.frames import FrameBuffer, Transform
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.session import Session, require_name
+from smartmesh_ros.node.timing.stamps import stamp_seconds
 
 
 class Stamp(NamedTuple):
@@ -114,7 +114,7 @@ class TransformInput:
 
     def _time_of(self, stamp: Stamp, child: str) -> float:
         """Return a stamp [s]; that of a transform without one is now."""
-        seconds = conversions.stamp_seconds(stamp)
+        seconds = stamp_seconds(stamp)
         if seconds is not None:
             return seconds
         session = self._session

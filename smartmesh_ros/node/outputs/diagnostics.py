@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import QoSProfile
 
 from smartmesh_ros.node.endpoints import Namesakes, incompatible_peers, publishers_of
-from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
+from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing, ClockWatch
 from smartmesh_ros.node.session import Session
 
@@ -27,23 +27,23 @@ MIN_WINDOW = 0.5
 class Window:
     """Measures time, real-time factor and missed deadlines between readings.
 
-    The factor is 1 at first, and is updated at most every `MIN_WINDOW`, because a few steps give no reliable factor.
+    The factor is 1 at first and after a restart of the loop. It is updated at most every `MIN_WINDOW`, because a few
+    steps give no reliable factor.
     """
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self._read, self._misses = monotonic(), 0
-        self.restart()
-
-    def restart(self) -> None:
-        """Restarts the measurement of the factor, after a pause or a reset."""
-        self._start, self._time, self._factor = monotonic(), self._session.world.time, 1.0
+        self._start, self._time, self._factor = monotonic(), session.world.time, 1.0
+        self._restarts = session.pacer.restarts
 
     def read(self) -> tuple[float, float, int]:
         """Return time since the last reading [s], real-time factor, and deadlines missed since the last reading."""
         now, world, pacer = monotonic(), self._session.world, self._session.pacer
         length, misses = max(now - self._read, 1e-9), pacer.misses - self._misses
-        if now - self._start >= MIN_WINDOW:
+        if self._restarts != pacer.restarts:
+            self._restarts, self._start, self._time, self._factor = pacer.restarts, now, world.time, 1.0
+        elif now - self._start >= MIN_WINDOW:
             self._factor = max(world.time - self._time, 0.0) / (now - self._start)
             self._start, self._time = now, world.time
         self._read, self._misses = now, pacer.misses
@@ -53,8 +53,7 @@ class Window:
 class Diagnostics:
     """Publishes the state of the node's tasks: terrain, bodies, physics, inputs, connections.
 
-    ``clock``: the node's output on ``/clock``. ``publishers``: of all outputs. ``window``: of the
-    real-time factor.
+    ``clock``: the node's output on ``/clock``. ``publishers``: of all outputs.
     """
 
     def __init__(self, session: Session, peers: PeerBodies, clock: ClockPublishing, publishers: list[Any]) -> None:
@@ -62,7 +61,7 @@ class Diagnostics:
         self._world = session.world
         self._publisher = session.node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         self._clock_watch, self._namesakes = ClockWatch(session), Namesakes(session.node)
-        self.window = Window(session)
+        self._window = Window(session)
         self._due, self._connections_due = 0.0, 0.0
         self._connections: dict[str, int] = {}
         self._refused_before = 0
@@ -114,8 +113,8 @@ class Diagnostics:
         if session.rival_maps:
             names = ", ".join(session.rival_maps)
             return DiagnosticStatus.WARN, f"maps disagree; they come from {names}", values
-        if warning := session.map_checks.warning:
-            return DiagnosticStatus.WARN, warning, values
+        if session.map_warning:
+            return DiagnosticStatus.WARN, session.map_warning, values
         return DiagnosticStatus.OK, "maps arrive", values
 
     def _bodies(self) -> tuple[bytes, str, dict[str, Any]]:
@@ -150,7 +149,7 @@ class Diagnostics:
 
     def _physics(self) -> tuple[bytes, str, dict[str, Any]]:
         session = self._session
-        (_, factor, _), clock_wait = self.window.read(), self._clock_watch.check()
+        (_, factor, _), clock_wait = self._window.read(), self._clock_watch.check()
         values = {
             "real-time factor": f"{factor:.3f}",
             "deadline misses": session.pacer.misses,

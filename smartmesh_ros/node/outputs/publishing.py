@@ -24,13 +24,12 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
+from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
-from smartmesh_ros.node.outputs.body_outputs import BodyDescriptions
+from smartmesh_ros.node.outputs.body_outputs import BodyDescriptions, ScanOutput
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
-from smartmesh_ros.node.outputs.height_scans import ScanOutput
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.soil.soil_messages import update_message
@@ -154,11 +153,6 @@ class Publishing:
                 return
             publisher.publish(self._markers.cleared(self._header()))
             publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
-
-    def restart_measuring(self) -> None:
-        """Restarts the measurement of the real-time factor."""
-        self._timing_window.restart()
-        self._diagnostics.window.restart()
 
     def publish_patches(self) -> None:
         """Publishes the patch outputs that are due; called before a step, so that they do not wait for the physics."""

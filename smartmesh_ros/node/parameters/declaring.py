@@ -1,18 +1,30 @@
-"""Tables of parameters: declared with description and bounds, and checked by the same code at start and run time."""
+"""Nodes whose parameters are a table: declared with description and bounds, and checked by the same code at start and
+run time.
+
+They also have the parameters ``qos_overrides.<topic>.<publisher or subscription>.<policy>``, as of rclcpp's nodes.
+rclpy applies the overrides to a topic on request. It declares a parameter for each policy that it may apply, so it is
+asked for those alone that are given.
+"""
 
 from __future__ import annotations
 
+import copy
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import ParameterException
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSPolicyKind, QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from smartmesh_ros.errors import InputError
 
@@ -61,25 +73,6 @@ def given_parameters(node: Node) -> Mapping[str, Parameter]:
     """
     given: Mapping[str, Parameter] = node._parameter_overrides
     return given
-
-
-def declare(node: Node, specs: Sequence[Spec], removed: Mapping[str, str] = NONE) -> dict[str, Any]:
-    """Declares every parameter on ``node``, warns about overrides of unknown ones, and returns the checked values.
-
-    ``removed``: parameters of earlier versions, and what replaces them. Raises `InputError` if one of these is set or a
-    value is invalid, because a node must not start with settings other than those requested.
-    """
-    for spec in specs:
-        try:
-            node.declare_parameter(spec.name, spec.default, _descriptor(spec))
-        except ParameterException as error:
-            raise InputError("parameter", f"{error}; {spec.rule}") from None
-    for name in sorted(given_parameters(node)):
-        if name in removed:
-            raise InputError("parameter", f"{name} is gone: {removed[name]}")
-        if not node.has_parameter(name) and not name.startswith(QOS):
-            node.get_logger().warning(f"parameter {name!r} is unknown and has no effect{nearest(name, specs)}")
-    return checked(current_values(node, specs), specs)
 
 
 def nearest(name: str, specs: Sequence[Spec]) -> str:
@@ -139,3 +132,126 @@ def _descriptor(spec: Spec) -> ParameterDescriptor:
     elif spec.values:
         descriptor.integer_range = [IntegerRange(from_value=int(spec.low), to_value=int(spec.high), step=1)]
     return descriptor
+
+
+# Part of rcl's message -> what would be right; the first that occurs counts.
+_HINTS = {
+    "Sequence should be of same type": (
+        "every entry of a list must be of the same type, so write [0.0, 0.0, -9.81] and not [0, 0, -9.81]"
+    ),
+    "parameter override rule": (
+        "write -p name:=value, where the value is a number, a text, true, false, or a list of one of these"
+    ),
+    "params": "--params-file needs the path of a YAML file: node name, then ros__parameters, then name: value",
+    "": "try --help",
+}
+
+
+@contextmanager
+def refused_arguments() -> Iterator[None]:
+    """Raise `InputError` in place of rclpy's errors about arguments of ROS and about types of its own parameters."""
+    try:
+        yield
+    except rclpy_implementation.UnknownROSArgsError as error:
+        raise InputError("arguments", f"unknown arguments of ROS: {error}; try --help") from None
+    except rclpy_implementation.RCLInvalidROSArgsError as error:
+        # Without the places in rcl's sources.
+        text = re.sub(r"^Failed to parse ROS arguments: |(\. Error: error not set)?(, at \S+:\d+)+", "", str(error))
+        raise InputError("arguments", f"{text}; {next(_HINTS[words] for words in _HINTS if words in text)}") from None
+    except ParameterException as error:
+        raise InputError("parameter", str(error)) from None
+
+
+POLICIES = {
+    "history": Spec("", "", "", choices=("keep_last", "keep_all", "system_default")),
+    "depth": Spec("", 10, "", 1, 1_000_000),
+    "reliability": Spec("", "", "", choices=("reliable", "best_effort", "best_available", "system_default")),
+    "durability": Spec("", "", "", choices=("volatile", "transient_local", "best_available", "system_default")),
+}
+
+
+def require_overrides(node: Node) -> None:
+    """Raise `InputError` unless each given parameter of this kind names a policy, and a possible value of it."""
+    for name, given in given_parameters(node).items():
+        if not name.startswith(QOS):
+            continue
+        form = re.fullmatch(rf"{QOS}/[^.]*\.(?:publisher|subscription)\.({'|'.join(POLICIES)})", name)
+        if form is None:
+            right = f"{QOS}<topic>.<publisher or subscription>.<policy>, with the full name of the topic"
+            raise InputError("parameter", f"{name} must be {right} and one of the policies {', '.join(POLICIES)}")
+        checked_value(POLICIES[form[1]]._replace(name=name), given.value)
+
+
+def with_overrides(
+    node: Node, kind: Literal["publisher", "subscription"], topic: str, qos: QoSProfile | int
+) -> dict[str, Any]:
+    """Return the arguments of rclpy that give a topic the QoS ``qos``, changed by the node's parameters."""
+    given, prefix = given_parameters(node), f"{QOS}{node.resolve_topic_name(topic)}.{kind}."
+    policies = [QoSPolicyKind[policy.upper()] for policy in POLICIES if f"{prefix}{policy}" in given]
+    if not policies:
+        return {"qos_profile": qos}
+    # A copy, because rclpy changes the profile, which topics share.
+    profile = QoSProfile(depth=qos) if isinstance(qos, int) else copy.copy(qos)
+    return {"qos_profile": profile, "qos_overriding_options": QoSOverridingOptions(policies)}
+
+
+def warn_of_unused_overrides(node: Node) -> None:
+    """Log a warning for each override that no topic of the node has taken."""
+    for name in sorted(given_parameters(node)):
+        if name.startswith(QOS) and not node.has_parameter(name):
+            _, topic, kind, _ = name.split(".")
+            node.get_logger().warning(f"parameter {name!r} has no effect so far: the node has no {kind} of {topic}")
+
+
+class ParameterNode(Node):
+    """A node that refuses invalid arguments with `InputError`, and changes of parameters with what would be right.
+
+    Its topics take ``qos_overrides``. It declares the parameters of ``specs``, and warns about unknown ones that are
+    set. ``values``: their checked values at the start. ``removed``: parameters of earlier versions, and what replaces
+    them. Raises `InputError` if one of these is set or a value is invalid, because a node must not start with settings
+    other than those requested.
+    """
+
+    def __init__(self, name: str, specs: Sequence[Spec], removed: Mapping[str, str] = NONE, **options: Any) -> None:
+        self._specs, self._removed = specs, removed
+        with refused_arguments():
+            super().__init__(name, **options)
+        require_overrides(self)
+        for spec in specs:
+            try:
+                self.declare_parameter(spec.name, spec.default, _descriptor(spec))
+            except ParameterException as error:
+                raise InputError("parameter", f"{error}; {spec.rule}") from None
+        for given in sorted(given_parameters(self)):
+            if given in removed:
+                raise InputError("parameter", f"{given} is gone: {removed[given]}")
+            if not self.has_parameter(given) and not given.startswith(QOS):
+                self.get_logger().warning(f"parameter {given!r} is unknown and has no effect{nearest(given, specs)}")
+        self.values = checked(current_values(self, specs), specs)
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters like rclpy, with refusals that say what would be right."""
+        for name in (parameter.name for parameter in parameter_list):
+            if reason := self._objection(name):
+                return SetParametersResult(successful=False, reason=reason)
+        return super().set_parameters_atomically(parameter_list)
+
+    def _objection(self, name: str) -> str:
+        """Return why a parameter cannot change, empty = it can. The reasons of rclpy do not say what would be right."""
+        if name in self._removed:
+            return f"{name} is gone: {self._removed[name]}"
+        if not self.has_parameter(name):
+            return f"parameter {name!r} is unknown{nearest(name, self._specs)}"
+        if not any(spec.name == name and spec.read_only for spec in self._specs):
+            return ""
+        return f"{name} is fixed after the start; restart the node with -p {name}:=..., or with a file that sets it"
+
+    def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any, **options: Any) -> Any:
+        """Create a publisher like rclpy, with the QoS that parameters give it."""
+        chosen = with_overrides(self, "publisher", topic, qos_profile)
+        return super().create_publisher(msg_type, topic, **chosen, **options)
+
+    def create_subscription(self, msg_type: Any, topic: str, callback: Any, qos_profile: Any, **options: Any) -> Any:
+        """Create a subscription like rclpy, with the QoS that parameters give it."""
+        chosen = with_overrides(self, "subscription", topic, qos_profile)
+        return super().create_subscription(msg_type, topic, callback, **chosen, **options)

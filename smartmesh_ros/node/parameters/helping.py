@@ -1,4 +1,4 @@
-"""Command lines: the options ``--help`` and ``--print-parameters``, and what rclpy does not accept, as `InputError`."""
+"""Command lines: the options ``--help`` and ``--print-parameters``; parameter files."""
 
 from __future__ import annotations
 
@@ -7,42 +7,15 @@ import re
 import sys
 import textwrap
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
-from rclpy.exceptions import ParameterException
-from rclpy.impl.implementation_singleton import rclpy_implementation
+import yaml
 from rclpy.utilities import remove_ros_args
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.parameters.declaring import Spec
-
-# Part of rcl's message -> what would be right; the first that occurs counts.
-_HINTS = {
-    "Sequence should be of same type": (
-        "every entry of a list must be of the same type, so write [0.0, 0.0, -9.81] and not [0, 0, -9.81]"
-    ),
-    "parameter override rule": (
-        "write -p name:=value, where the value is a number, a text, true, false, or a list of one of these"
-    ),
-    "params": "--params-file needs the path of a YAML file: node name, then ros__parameters, then name: value",
-    "": "try --help",
-}
-
-
-@contextmanager
-def refused_arguments() -> Iterator[None]:
-    """Raise `InputError` in place of rclpy's errors about arguments of ROS and about types of its own parameters."""
-    try:
-        yield
-    except rclpy_implementation.UnknownROSArgsError as error:
-        raise InputError("arguments", f"unknown arguments of ROS: {error}; try --help") from None
-    except rclpy_implementation.RCLInvalidROSArgsError as error:
-        # Without the places in rcl's sources.
-        text = re.sub(r"^Failed to parse ROS arguments: |(\. Error: error not set)?(, at \S+:\d+)+", "", str(error))
-        raise InputError("arguments", f"{text}; {next(_HINTS[words] for words in _HINTS if words in text)}") from None
-    except ParameterException as error:
-        raise InputError("parameter", str(error)) from None
+from smartmesh_ros.node.parameters.declaring import Spec, refused_arguments
 
 
 def own_arguments(arguments: Sequence[str]) -> list[str]:
@@ -111,3 +84,41 @@ def typed(value: Any) -> str:
 def _limits(spec: Spec) -> str:
     parts = [part for part in (spec.values, "fixed after the start" if spec.read_only else "") if part]
     return f"  [{'; '.join(parts)}]" if parts else ""
+
+
+PARAMETERS = "ros__parameters"
+
+
+def files_of(arguments: Sequence[str]) -> list[Path]:
+    """Return the parameter files that a command line names, in order."""
+    return [Path(value) for option, value in pairwise(arguments) if option == "--params-file"]
+
+
+def mismatch(file: Path, node: str) -> str | None:
+    """Return a warning if a parameter file names only nodes other than ``node`` (fully qualified), else None.
+
+    rcl ignores such a file silently. Unreadable files give None, because rcl reports them itself.
+    """
+    try:
+        content = yaml.safe_load(file.read_text())
+    except (OSError, ValueError, yaml.YAMLError):
+        return None
+    names = list(_node_names(content))
+    if not names or any(re.fullmatch(_pattern(name), node) for name in names):
+        return None
+    return f"parameter file {file} has no effect: it is for {', '.join(names)}, and this node is {node}"
+
+
+def _node_names(content: Any, path: str = "") -> Iterator[str]:
+    """Yield the fully qualified names of the nodes that a file has parameters for; namespaces may be nested."""
+    for key, value in content.items() if isinstance(content, dict) else ():
+        if key == PARAMETERS:
+            yield path
+        else:
+            yield from _node_names(value, f"{path}/{str(key).strip('/')}")
+
+
+def _pattern(name: str) -> str:
+    """Return a regular expression for a node name: ``*`` matches one part of the name, ``**`` any number."""
+    parts = {"**": r"(/[^/]+)*", "*": r"/[^/]+"}
+    return "".join(parts.get(part, "/" + re.escape(part)) for part in name.split("/")[1:])

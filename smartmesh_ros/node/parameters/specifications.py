@@ -1,8 +1,9 @@
-"""The parameters of ``terrain_collider``, and the `Settings` that they give."""
+"""The parameters of ``terrain_collider``, the `Settings` that they give, and log lines about them."""
 
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial, reduce
@@ -16,8 +17,15 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import Spec
-from smartmesh_ros.node.parameters.entries import body_sources, peer_names, scan_entries
-from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings, TerrainChanges
+from smartmesh_ros.node.parameters.helping import files_of, mismatch
+from smartmesh_ros.node.parameters.settings import (
+    LONGEST_NAME,
+    Settings,
+    TerrainChanges,
+    body_sources,
+    peer_names,
+    scan_entries,
+)
 from smartmesh_ros.node.timing.pacing import require_one_clock
 
 ConfigT = TypeVar("ConfigT")
@@ -26,10 +34,17 @@ DEFAULTS = Settings()
 _types: Callable[[Any], dict[str, Any]] = cache(get_type_hints)  # of a config's fields
 
 
+# Places in the settings of groups of parameters with other names; that of the others is their name.
+PLACES = {"physics": "world.physics.", "patch": "world.patch.", "terrain": "motion.", "bodies": ""}
+
+
 def _param(
-    name: str, place: str, about: str, low: float = -math.inf, high: float = math.inf, *, fixed: bool = False
+    name: str, about: str, low: float = -math.inf, high: float = math.inf, *, place: str = "", fixed: bool = False
 ) -> Spec:
-    """Return the parameter for a field of the settings, from which it has its default and choices."""
+    """Return the parameter for a field of the settings, from which it has its default and choices. ``place``: of the
+    field, if its group and name do not tell."""
+    group, dot, field = name.rpartition(".")
+    place = place or PLACES.get(group, group + dot) + field
     *owners, field = place.split(".")
     owner: Any = reduce(getattr, owners, DEFAULTS)
     default, kind = getattr(owner, field), _types(type(owner))[field]
@@ -40,159 +55,128 @@ def _param(
 _fixed = partial(_param, fixed=True)
 
 
-# Of each parameter the name, the place in the settings, the meaning, and the bounds.
+# Of each parameter the name, the meaning, and the bounds.
 SPECS = (
-    _param("physics.rate", "world.physics.rate", "Physics steps per second [Hz].", 1.0, 10_000.0),
-    _param("physics.gravity", "world.physics.gravity",
-        "Gravity in the terrain's frame [m/s^2], three numbers.", -1000.0, 1000.0),
-    _param("physics.friction", "world.physics.friction",
-        "Coulomb friction coefficient of simulated bodies, and of links of robots without <contact>, spawned after the "
-        "change.", 0.0, 10.0),
-    _param("physics.restitution", "world.physics.restitution",
-        "Coefficient of restitution of simulated bodies, and of links of robots without <contact>, spawned after the "
-        "change.", 0.0, 1.0),
-    _param("physics.guard", "world.physics.guard", "Put bodies that are below the ground back onto it."),
-    _param("physics.sleep", "world.physics.sleep",
-        "Bodies at rest on ground at rest sleep, without a collider, until anything comes near or the ground changes."),
-    _param("physics.solver_residual", "world.physics.solver_residual",
-        "The solver stops iterating once the squared change of every contact's velocity is below this [m^2/s^2]; "
-        "higher is faster and less accurate.", 0.0, 1.0),
-    _param("physics.contact_erp", "world.physics.contact_erp",
-        "Fraction of a penetration that the solver corrects in one step.", 0.01, 1.0),
-    _param("physics.deadline", "deadline",
-        "What happens to late steps. skip: leave them out; catch_up: run them as soon as possible; slow_down: delay "
-        "all later steps, so that simulated time runs slower than real time."),
-    _param("search.method", "world.patch.search",
-        "Search for the vertex nearest to a body, of patches that are shown or are colliders."),
-    _param("collect.method", "world.patch.collect",
-        "Collection of the vertices of a patch that is shown or is a collider."),
-    _param("patch.kind", "world.patch.kind",
-        "What bodies collide with; auto: the map itself. The other kinds are colliders of PyBullet's own, for "
-        "comparisons."),
-    _param("patch.rings", "world.patch.rings",
-        "Samples of a patch on each side of the nearest vertex; 0 = as many as the body and its motion need.", 0, 4),
-    _param("patch.rate", "world.patch.rate",
-        "Refresh rate of the patches [Hz]; new maps raise it up to twofold. 0 = refresh in every "
+    _param("physics.rate", "Physics steps per second [Hz].", 1.0, 10_000.0),
+    _param("physics.gravity", "Gravity in the terrain's frame [m/s^2], three numbers.", -1000.0, 1000.0),
+    _param("physics.friction", "Coulomb friction coefficient of simulated bodies, and of links of robots without "
+        "<contact>, spawned after the change.", 0.0, 10.0),
+    _param("physics.restitution", "Coefficient of restitution of simulated bodies, and of links of robots without "
+        "<contact>, spawned after the change.", 0.0, 1.0),
+    _param("physics.guard", "Put bodies that are below the ground back onto it."),
+    _param("physics.sleep", "Bodies at rest on ground at rest sleep, without a collider, until anything comes near or "
+        "the ground changes."),
+    _param("physics.solver_residual", "The solver stops iterating once the squared change of every contact's velocity "
+        "is below this [m^2/s^2]; higher is faster and less accurate.", 0.0, 1.0),
+    _param("physics.contact_erp", "Fraction of a penetration that the solver corrects in one step.", 0.01, 1.0),
+    _param("physics.deadline", "What happens to late steps. skip: leave them out; catch_up: run them as soon as "
+        "possible; slow_down: delay all later steps, so that simulated time runs slower than real time.",
+        place="deadline"),
+    _param("search.method", "Search for the vertex nearest to a body, of patches that are shown or are colliders.",
+        place="world.patch.search"),
+    _param("collect.method", "Collection of the vertices of a patch that is shown or is a collider.",
+        place="world.patch.collect"),
+    _param("patch.kind", "What bodies collide with; auto: the map itself. The other kinds are colliders of PyBullet's "
+        "own, for comparisons."),
+    _param("patch.rings", "Samples of a patch on each side of the nearest vertex; 0 = as many as the body and its "
+        "motion need.", 0, 4),
+    _param("patch.rate", "Refresh rate of the patches [Hz]; new maps raise it up to twofold. 0 = refresh in every "
         "step.", 0.0, 100_000.0),
-    _param("patch.carry_velocity", "world.patch.carry_velocity",
-        "Pass the ground's velocity to the contacts, so that moving ground carries bodies along."),
-    _param("terrain.motion", "motion.mode",
-        "Motion of the ground between maps. hold: stay at the last map; extrapolate: continue with the estimated "
-        "velocity; interpolate: follow the maps one map late."),
-    _param("terrain.max_interval", "motion.max_interval",
-        "Longest time between two maps from which velocity is estimated, and longest delay of maps over which the "
-        "ground is extrapolated [s].", 0.001, 60.0),
-    _param("terrain.max_velocity", "motion.max_velocity",
-        "Highest estimated velocity [m/s]; a faster change of height counts as a jump, without "
-        "velocity.", 0.01, 1000.0),
-    _param("terrain.min_interval", "motion.min_interval",
-        "Maps that follow each other sooner are treated as parts of one map, without velocity of their "
-        "own [s].", 0.0, 1.0),
+    _param("patch.carry_velocity", "Pass the ground's velocity to the contacts, so that moving ground carries bodies "
+        "along."),
+    _param("terrain.motion", "Motion of the ground between maps. hold: stay at the last map; extrapolate: continue "
+        "with the estimated velocity; interpolate: follow the maps one map late.", place="motion.mode"),
+    _param("terrain.max_interval", "Longest time between two maps from which velocity is estimated, and longest delay "
+        "of maps over which the ground is extrapolated [s].", 0.001, 60.0),
+    _param("terrain.max_velocity", "Highest estimated velocity [m/s]; a faster change of height counts as a jump, "
+        "without velocity.", 0.01, 1000.0),
+    _param("terrain.min_interval", "Maps that follow each other sooner are treated as parts of one map, without "
+        "velocity of their own [s].", 0.0, 1.0),
     Spec("terrain.changes", "auto",
         "Meaning of a change of height between maps. motion: the ground moved; correction: the ground stood still and "
         "the new map is more accurate. auto: motion if "
         "terrain.input is heightmap, else correction.", choices=get_args(TerrainChanges), place="motion.changes"),
-    _param("terrain.settle", "motion.settle", "Time over which a correction is applied [s].", 0.001, 10.0),
-    _param("terrain.noise", "motion.noise",
-        "Standard deviation of a map's heights [m]; 0 = exact. Weights the fusion of corrected heights over time, and "
-        "reduces estimated velocities by the share that noise explains.", 0.0, 10.0),
-    _param("terrain.max_samples", "max_samples",
-        "Most samples in all maps together; maps that exceed them are refused.", 9, 2**31),
-    _param("terrain.max_tiles", "most_tiles", "Most tiles; more are refused.", 1, 1_000_000),
-    _fixed("terrain.durability", "durability",
-        "QoS durability of the map subscriptions; transient_local receives the last map of a latched publisher, but "
-        "nothing from a volatile publisher."),
-    _fixed("terrain.reliability", "reliability",
-        "QoS reliability of the map subscriptions; best_effort also receives maps of best-effort publishers, such as "
-        "cameras, but may lose messages."),
+    _param("terrain.settle", "Time over which a correction is applied [s].", 0.001, 10.0),
+    _param("terrain.noise", "Standard deviation of a map's heights [m]; 0 = exact. Weights the fusion of corrected "
+        "heights over time, and reduces estimated velocities by the share that noise explains.", 0.0, 10.0),
+    _param("terrain.max_samples", "Most samples in all maps together; maps that exceed them are refused.",
+        9, 2**31, place="max_samples"),
+    _param("terrain.max_tiles", "Most tiles; more are refused.", 1, 1_000_000, place="most_tiles"),
+    _fixed("terrain.durability", "QoS durability of the map subscriptions; transient_local receives the last map of a "
+        "latched publisher, but nothing from a volatile publisher.", place="durability"),
+    _fixed("terrain.reliability", "QoS reliability of the map subscriptions; best_effort also receives maps of "
+        "best-effort publishers, such as cameras, but may lose messages.", place="reliability"),
     Spec("terrain.input", DEFAULTS.input,
         "Additional terrain topic, ~/<input>; the node always subscribes to the heightmap and mesh topics.",
         choices=("heightmap", *ADAPTERS), read_only=True, place="input"),
-    _fixed("terrain.file", "file", "Terrain at start: a .npy, .png, .tif or .asc file; empty = none."),
-    _param("terrain.friction_layer", "raster.friction_layer",
-        "Layer of a grid map that holds the ground's coefficients of friction, by which those of bodies are multiplied "
-        "(NaN = 1); empty = none."),
-    _param("soil.type", "soil",
-        "Soil that bodies stand on where the first tile is a height map, by its name in docs/soil.md; empty = none."),
-    _param("raster.layer", "raster.layer", "Layer of a grid map that holds the heights."),
-    _param("raster.variance_layer", "raster.variance_layer",
-        "Layer of a grid map that holds the variances of the heights [m^2], which weight their fusion; empty = none, "
-        "use terrain.noise."),
-    _param("raster.scale", "raster.scale",
-        "Height = scale x value + offset [m per unit]. Values are pixel values, metres, "
-        "or occupancies from 0 to 1.", -1_000_000.0, 1_000_000.0),
-    _param("raster.offset", "raster.offset", "Height at value zero [m].", -1_000_000.0, 1_000_000.0),
-    _param("raster.resolution", "raster.resolution",
-        "Distance between the samples of images and plain files [m].", 0.0001, 10_000.0),
-    _param("raster.origin", "raster.origin",
-        "Position of the bottom left sample of images and plain files [m], three numbers.", -1e9, 1e9),
-    _param("raster.yaw", "raster.yaw", "Rotation of images and plain files about z [rad].", -math.pi, math.pi),
-    _param("raster.first_row", "raster.first_row",
-        "Side of the first row of images and plain files: the top, where y is largest, or the bottom."),
-    _param("raster.zero_is_hole", "raster.zero_is_hole", "Treat zero in images and plain files as a hole."),
-    _param("bodies.timeout", "body_timeout",
-        "Remove a tracked body after this long without a pose [s]; it stops after half a second "
-        "without one.", 0.01, 3600.0),
-    _param("bodies.max_velocity", "max_velocity",
-        "Highest velocity of a tracked body that is estimated from successive poses [m/s]; a faster change counts as a "
-        "jump, without velocity, and is reported.", 0.01, 1000.0),
-    _param("bodies.default_radius", "default_radius",
-        "Radius of tracked bodies whose messages give none [m].", 0.001, 100.0),
-    _fixed("bodies.spawn", "spawn", "Bodies spawned at start, each a YAML mapping; see config/."),
-    _param("bodies.most", "most_bodies", "Most bodies, tracked and simulated; more are refused.", 1, 1_000_000),
-    _param("bodies.longest_urdf", "longest_urdf", "Longest robot description [bytes].", 1, 2**31),
-    _fixed("bodies.urdf_folders", "urdf_folders",
-        "Folders from which services may load robot descriptions and their meshes; empty = pybullet_data and the share "
-        "folders of the installed packages."),
-    _fixed("bodies.poses", "poses",
-        "Topics of geometry_msgs/PoseStamped, each for one tracked body: 'name=topic', or a topic alone, which also "
-        "names the body."),
-    _fixed("bodies.odometry", "odometry",
+    _fixed("terrain.file", "Terrain at start: a .npy, .png, .tif or .asc file; empty = none.", place="file"),
+    _param("terrain.friction_layer", "Layer of a grid map that holds the ground's coefficients of friction, by which "
+        "those of bodies are multiplied (NaN = 1); empty = none.", place="raster.friction_layer"),
+    _param("soil.type", "Soil that bodies stand on where the first tile is a height map, by its name in docs/soil.md; "
+        "empty = none.", place="soil"),
+    _param("raster.layer", "Layer of a grid map that holds the heights."),
+    _param("raster.variance_layer", "Layer of a grid map that holds the variances of the heights [m^2], which weight "
+        "their fusion; empty = none, use terrain.noise."),
+    _param("raster.scale", "Height = scale x value + offset [m per unit]. Values are pixel values, metres, or "
+        "occupancies from 0 to 1.", -1_000_000.0, 1_000_000.0),
+    _param("raster.offset", "Height at value zero [m].", -1_000_000.0, 1_000_000.0),
+    _param("raster.resolution", "Distance between the samples of images and plain files [m].", 0.0001, 10_000.0),
+    _param("raster.origin", "Position of the bottom left sample of images and plain files [m], three numbers.",
+        -1e9, 1e9),
+    _param("raster.yaw", "Rotation of images and plain files about z [rad].", -math.pi, math.pi),
+    _param("raster.first_row", "Side of the first row of images and plain files: the top, where y is largest, or the "
+        "bottom."),
+    _param("raster.zero_is_hole", "Treat zero in images and plain files as a hole."),
+    _param("bodies.timeout", "Remove a tracked body after this long without a pose [s]; it stops after half a second "
+        "without one.", 0.01, 3600.0, place="body_timeout"),
+    _param("bodies.max_velocity", "Highest velocity of a tracked body that is estimated from successive poses [m/s]; a "
+        "faster change counts as a jump, without velocity, and is reported.", 0.01, 1000.0),
+    _param("bodies.default_radius", "Radius of tracked bodies whose messages give none [m].", 0.001, 100.0),
+    _fixed("bodies.spawn", "Bodies spawned at start, each a YAML mapping; see config/."),
+    _param("bodies.most", "Most bodies, tracked and simulated; more are refused.", 1, 1_000_000, place="most_bodies"),
+    _param("bodies.longest_urdf", "Longest robot description [bytes].", 1, 2**31),
+    _fixed("bodies.urdf_folders", "Folders from which services may load robot descriptions and their meshes; empty = "
+        "pybullet_data and the share folders of the installed packages."),
+    _fixed("bodies.poses", "Topics of geometry_msgs/PoseStamped, each for one tracked body: 'name=topic', or a topic "
+        "alone, which also names the body."),
+    _fixed("bodies.odometry",
         "Topics of nav_msgs/Odometry, each for one tracked body: 'name=topic', or a topic alone."),
-    _fixed("bodies.frames", "frames", "TF frames to follow as tracked bodies: 'name=frame', or a frame alone."),
-    _fixed("bodies.peers", "peers",
-        "Other terrain_collider nodes, by fully qualified name, whose bodies collide with those of this node; auto = "
-        "all discovered nodes with the same terrain frame."),
-    _param("bodies.peer_margin", "world.guests.margin",
-        "Distance between a peer's body and a body of this node below which this node also simulates the peer's body, "
-        "as a guest [m]; fast bodies earlier.", 0.01, 1000.0),
-    _fixed("robot.description", "robot.description",
-        "URDF of a robot, or the path of a URDF file; empty = the robot on ~/robot_description, if any."),
-    _fixed("robot.name", "robot.name", "Name of that robot."),
-    _fixed("robot.xy", "robot.xy", "Start position of the root link's centre of mass [m], two numbers.", -1e9, 1e9),
-    _fixed("robot.above", "robot.above",
-        "Start height of that centre of mass above the ground [m].", -10_000.0, 10_000.0),
-    _fixed("robot.yaw", "robot.yaw", "Start rotation about z [rad].", -math.pi, math.pi),
-    _param("publish.patches", "publish.patches",
-        "Rate of ~/patches and ~/pressed_ground [Hz]; 0 = never.", 0.0, 1000.0),
-    _param("publish.collider_patches", "publish.collider_patches", "Rate of ~/collider_patches [Hz].", 0.0, 1000.0),
-    _param("publish.body_states", "publish.body_states", "Rate of ~/body_states [Hz].", 0.0, 1000.0),
-    _param("publish.contacts", "publish.contacts", "Rate of ~/contacts [Hz].", 0.0, 1000.0),
-    _param("publish.timing", "publish.timing", "Rate of ~/timing [Hz].", 0.0, 1000.0),
-    _param("publish.incremental", "incremental",
-        "Publish only changed patches on ~/patches and ~/collider_patches, and all patches when a subscriber joins and "
-        "every 5 s."),
-    _fixed("publish.marker_namespace", "marker_namespace",
-        "Field ns of the markers on ~/patches, to distinguish several nodes on one topic."),
-    _param("publish.clock", "publish.clock",
-        "Rate of /clock, which carries simulated time [Hz]; 0 = never.", 0.0, 10_000.0),
-    _fixed("publish.durability", "output_durability",
-        "QoS durability of the outputs; transient_local sends the last messages to late subscribers."),
-    _param("publish.joint_states", "publish.joint_states", "Rate of ~/joint_states [Hz].", 0.0, 1000.0),
-    _fixed("publish.robot_prefix", "robot_prefix",
-        "Joints and frames of every robot are named <robot>/<name>. false: those of the first robot have the names of "
-        "its URDF, as robot_state_publisher expects. Names do not change while their robot is there."),
-    _param("publish.tf", "publish.tf",
-        "Rate of the frames of simulated bodies and robots on /tf [Hz]; 0 = never. Frames that other nodes publish are "
-        "left out.", 0.0, 1000.0),
-    _param("publish.odometry", "publish.odometry", "Rate of ~/odometry for each robot [Hz].", 0.0, 1000.0),
-    _param("publish.contact_wrenches", "publish.contact_wrenches", "Rate of ~/contact_wrenches [Hz].", 0.0, 1000.0),
-    _fixed("simulation_interfaces", "simulation_interfaces", "Serve the standard services of simulation_interfaces."),
-    _fixed("height_scans", "height_scans",
-        "Height scans on ~/height_scan/<body>, each a YAML mapping such as {body: robot, layout: isaac_lab, rate: 50, "
-        "noise: 0.01}; see docs/height_scan.md."),
-    _fixed("frame_id", "frame_id", "Frame of the terrain; empty = the frame of the first map."),
-    _fixed("executor", "executor", "The rclpy executor that waits for messages."),
+    _fixed("bodies.frames", "TF frames to follow as tracked bodies: 'name=frame', or a frame alone."),
+    _fixed("bodies.peers", "Other terrain_collider nodes, by fully qualified name, whose bodies collide with those of "
+        "this node; auto = all discovered nodes with the same terrain frame."),
+    _param("bodies.peer_margin", "Distance between a peer's body and a body of this node below which this node also "
+        "simulates the peer's body, as a guest [m]; fast bodies earlier.", 0.01, 1000.0, place="world.guests.margin"),
+    _fixed("robot.description", "URDF of a robot, or the path of a URDF file; empty = the robot on "
+        "~/robot_description, if any."),
+    _fixed("robot.name", "Name of that robot."),
+    _fixed("robot.xy", "Start position of the root link's centre of mass [m], two numbers.", -1e9, 1e9),
+    _fixed("robot.above", "Start height of that centre of mass above the ground [m].", -10_000.0, 10_000.0),
+    _fixed("robot.yaw", "Start rotation about z [rad].", -math.pi, math.pi),
+    _param("publish.patches", "Rate of ~/patches and ~/pressed_ground [Hz]; 0 = never.", 0.0, 1000.0),
+    _param("publish.collider_patches", "Rate of ~/collider_patches [Hz].", 0.0, 1000.0),
+    _param("publish.body_states", "Rate of ~/body_states [Hz].", 0.0, 1000.0),
+    _param("publish.contacts", "Rate of ~/contacts [Hz].", 0.0, 1000.0),
+    _param("publish.timing", "Rate of ~/timing [Hz].", 0.0, 1000.0),
+    _param("publish.incremental", "Publish only changed patches on ~/patches and ~/collider_patches, and all patches "
+        "when a subscriber joins and every 5 s.", place="incremental"),
+    _fixed("publish.marker_namespace", "Field ns of the markers on ~/patches, to distinguish several nodes on one "
+        "topic.", place="marker_namespace"),
+    _param("publish.clock", "Rate of /clock, which carries simulated time [Hz]; 0 = never.", 0.0, 10_000.0),
+    _fixed("publish.durability", "QoS durability of the outputs; transient_local sends the last messages to late "
+        "subscribers.", place="output_durability"),
+    _param("publish.joint_states", "Rate of ~/joint_states [Hz].", 0.0, 1000.0),
+    _fixed("publish.robot_prefix", "Joints and frames of every robot are named <robot>/<name>. false: those of the "
+        "first robot have the names of its URDF, as robot_state_publisher expects. Names do not change while their "
+        "robot is there.", place="robot_prefix"),
+    _param("publish.tf", "Rate of the frames of simulated bodies and robots on /tf [Hz]; 0 = never. Frames that other "
+        "nodes publish are left out.", 0.0, 1000.0),
+    _param("publish.odometry", "Rate of ~/odometry for each robot [Hz].", 0.0, 1000.0),
+    _param("publish.contact_wrenches", "Rate of ~/contact_wrenches [Hz].", 0.0, 1000.0),
+    _fixed("simulation_interfaces", "Serve the standard services of simulation_interfaces."),
+    _fixed("height_scans", "Height scans on ~/height_scan/<body>, each a YAML mapping such as {body: robot, layout: "
+        "isaac_lab, rate: 50, noise: 0.01}; see docs/height_scan.md."),
+    _fixed("frame_id", "Frame of the terrain; empty = the frame of the first map."),
+    _fixed("executor", "The rclpy executor that waits for messages."),
 )  # fmt: skip
 NAMES = frozenset(spec.name for spec in SPECS)
 # Parameters of earlier versions, and what replaces them.
@@ -231,12 +215,6 @@ def _with(config: ConfigT, tree: Mapping[str, Any]) -> ConfigT:
     return replace(config, **changes)  # type: ignore[type-var]
 
 
-def declare(node: Node) -> Settings:
-    """Declares the node's parameters and returns its settings; raises `InputError` if they are invalid."""
-    declaring.declare(node, SPECS, REMOVED)
-    return current_settings(node)
-
-
 def current_settings(node: Node, changes: Sequence[Parameter] = ()) -> Settings:
     """Return the settings for the current values of the parameters and for ``changes`` of some; raises `InputError` if
     these are invalid together."""
@@ -256,3 +234,33 @@ def check_change(node: Node, changes: list[Parameter], check: Callable[[Settings
     except InputError as error:
         return SetParametersResult(successful=False, reason=str(error))
     return SetParametersResult(successful=True)
+
+
+def announce(node: Node, settings: Settings) -> None:
+    """Logs the node's settings in one line; warns of parameter files for other nodes."""
+    name = node.get_fully_qualified_name()
+    files, strays = files_of(sys.argv), []
+    for file in files:
+        if (reason := mismatch(file, name)) is not None:
+            strays.append(file)
+            node.get_logger().warning(reason)
+    taken = [str(file) for file in files if file not in strays]
+    node.get_logger().info(f"{name}: {summary(settings)}; parameters: {', '.join(taken) or 'defaults'}")
+
+
+def summary(settings: Settings) -> str:
+    """Return the most important settings in one line."""
+    physics, patch = settings.world.physics, settings.world.patch
+    terrain = f"~/{settings.input}" + (f" and {settings.file}" if settings.file else "")
+    often = f"{patch.rate:g} Hz" if patch.rate else "every step"
+    return (
+        f"terrain from {terrain}; physics {physics.rate:g} Hz; patches {patch.kind}, "
+        f"{often}; executor {settings.executor}"
+    )
+
+
+def announce_changes(node: Node, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
+    """Logs a line for each parameter whose value changed."""
+    for name, value in after.items():
+        if value != before[name]:
+            node.get_logger().info(f"parameter {name} is now {value!r}; it was {before[name]!r}")

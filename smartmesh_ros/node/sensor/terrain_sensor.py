@@ -23,9 +23,8 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import product
 from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.outputs.cdr import doubles
-from smartmesh_ros.node.parameters.declaring import declare, fixed
+from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
-from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.sensor.range_sensors import DepthCamera, Lidar, RangeSensor
 from smartmesh_ros.terrain.grid import FloatArray
@@ -75,16 +74,9 @@ def sensor_of(values: dict[str, Any]) -> RangeSensor:
         "farthest": values["range.farthest"], "rate": values["rate"],
         "noise_constant": values["noise.constant"], "noise_quadratic": values["noise.quadratic"],
     }  # fmt: skip
-    made: RangeSensor
-    if values["sensor"] == "lidar":
-        low, high = values["lidar.fan"]
-        made = Lidar(
-            **common, beams=values["lidar.beams"], fan=(low, high), steps=values["lidar.steps"],
-            sectors=values["lidar.sectors"],
-        )  # fmt: skip
-    else:
-        wide, high = values["camera.view"]
-        made = DepthCamera(**common, columns=values["camera.columns"], rows=values["camera.rows"], view=(wide, high))
+    kind, group = (Lidar, "lidar.") if values["sensor"] == "lidar" else (DepthCamera, "camera.")
+    own = {name.removeprefix(group): value for name, value in values.items() if name.startswith(group)}
+    made: RangeSensor = kind(**common, **own)
     if (count := len(made.directions_s(0))) > MOST_RAYS:
         raise InputError("parameter", f"{count} rays in one look; at most {MOST_RAYS} are possible")
     return made
@@ -95,7 +87,7 @@ class TerrainSensor(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
-        values = declare(self, SPECS)
+        values = self.values
         self.sensor = sensor_of(values)
         self._frame, self._through = values["frame"], values["through"]
         self._rng = np.random.default_rng(values["noise.seed"])

@@ -28,16 +28,9 @@ class BodyServices:
     def __init__(self, session: Session) -> None:
         self._session = session
         session.serve(SpawnBody, "spawn_body", self._on_spawn)
-        session.serve(RemoveBody, "remove_body", lambda request, _: self.remove(request.id))
+        session.serve(RemoveBody, "remove_body", lambda request, _: session.remove(request.id))
         session.serve(SpawnBodies, "spawn_bodies", self._on_spawn_all)
         session.serve(RemoveBodies, "remove_bodies", self._on_remove_all)
-
-    def remove(self, name: str) -> None:
-        """Remove a simulated or tracked body from the world."""
-        if name in self._session.tracking.names:
-            self._session.tracking.forget(name)
-        else:
-            self._session.world.remove(name)
 
     async def _ready(self, body: Any) -> Callable[[], None]:
         """Return the action that adds a body, and that raises `InputError` and adds nothing if the world refuses the
@@ -68,7 +61,7 @@ class BodyServices:
 
     async def _on_spawn_all(self, request: SpawnBodies.Request, response: SpawnBodies.Response) -> None:
         world, added = self._session.world, []
-        tasks: list[tuple[str, Any, Callable[[Any], None]]] = []
+        tasks: list[tuple[str, Callable[[], Any]]] = []
 
         def add(name: str, action: Callable[[], None]) -> None:
             self._add(name, action)
@@ -76,28 +69,29 @@ class BodyServices:
 
         for body in request.bodies:
             try:
-                tasks.append((body.id, await self._ready(body), partial(add, body.id)))
+                tasks.append((body.id, partial(add, body.id, await self._ready(body))))
             except REFUSED as error:
-                tasks.append((body.id, error, _refuse))
+                tasks.append((body.id, partial(_refuse, error)))
         with self._session.lock:
             failures = _failures_of(tasks)
-            left = _failures_of((name, name, world.remove) for name in added) if failures else []
+            left = _failures_of((name, partial(world.remove, name)) for name in added) if failures else []
         stay = f"but some were added and stay, because PyBullet failed: {', '.join(body.id for body in left)}"
         response.failures = failures
         _require_all(failures, len(request.bodies), stay if left else NOTHING)
 
     def _on_remove_all(self, request: RemoveBodies.Request, response: RemoveBodies.Response) -> None:
-        world, counts = self._session.world, Counter(request.ids)
+        session, counts = self._session, Counter(request.ids)
 
         def check(name: str) -> None:
-            if name not in world.bodies:
+            if name not in session.world.bodies:
                 raise InputError("unknown_body", f"there is no body {name!r}")
             if counts[name] > 1:
                 raise InputError("duplicate_id", f"{name!r} is named {counts[name]} times; name each body once")
 
-        failures, outcome = _failures_of((name, name, check) for name in counts), NOTHING
+        failures, outcome = _failures_of((name, partial(check, name)) for name in counts), NOTHING
         if not failures:
-            failures, outcome = _failures_of((name, name, self.remove) for name in counts), "but the others are removed"
+            failures = _failures_of((name, partial(session.remove, name)) for name in counts)
+            outcome = "but the others are removed"
         response.failures = failures
         _require_all(failures, len(request.ids), outcome)
 
@@ -114,12 +108,12 @@ def _refuse(error: Exception) -> None:
     raise error
 
 
-def _failures_of(tasks: Iterable[tuple[str, Any, Callable[[Any], None]]]) -> list[BodyFailure]:
-    """Run tasks (body name, argument, action) in order; return the tasks whose action raised `InputError`."""
+def _failures_of(tasks: Iterable[tuple[str, Callable[[], Any]]]) -> list[BodyFailure]:
+    """Do tasks (body name, action) in order; return those whose action raised `InputError`."""
     failures = []
-    for name, argument, action in tasks:
+    for name, action in tasks:
         try:
-            action(argument)
+            action()
         except REFUSED as error:
             failures.append(BodyFailure(id=shortened(name), reason=shortened(str(error))))
     return failures

@@ -12,13 +12,13 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import rotate
-from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.frames import IDENTITY, Transform
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.services.turns import NextTurn, parts_of
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import stamp_of
+from smartmesh_ros.node.timing.stamps import stamp_seconds
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.surface_query import checked_points, checked_rays, ground_samples
 from smartmesh_ros.world.body_rays import RayHits, cast_rays, require_bodies
@@ -89,7 +89,7 @@ def asked_frame(session: Session, transforms: TransformInput, header: Any) -> As
         raise InputError("paused", "the physics is paused, and its time with it; call ~/pause with data: false first")
     if not session.world.terrain.tiles:
         raise InputError("no_map", NO_TERRAIN)
-    stamp = conversions.stamp_seconds(header.stamp)
+    stamp = stamp_seconds(header.stamp)
     if stamp is None:
         time, instant = session.world.time, stamp_of(_stamp_of_world(session))
     else:

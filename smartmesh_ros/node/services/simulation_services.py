@@ -10,7 +10,7 @@ import signal
 from collections.abc import Callable, Mapping
 from itertools import chain, count
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any
 
 from geometry_msgs.msg import Vector3
 
@@ -55,24 +55,9 @@ _TRANSITION_REASONS = {"in_state": "ALREADY_IN_TARGET_STATE", "state": "STATE_TR
 _STATE_REASONS = dict.fromkeys(("frame", "non_finite", "quaternion"), "INVALID_POSE")
 
 
-class Controls(Protocol):
-    """Operations of the node that the services call."""
-
-    def pause(self, paused: bool) -> None:
-        """Pause or resume the physics."""
-
-    def step(self, count: int) -> None:
-        """Run steps while the physics is paused."""
-
-    def reset(self, *, time: bool = True, bodies: bool = True, spawned: bool = False) -> None:
-        """Reset the time, the states of bodies, and the set of bodies (``spawned``)."""
-
-    def remove(self, name: str) -> None:
-        """Remove a body from the world."""
-
-
-def serve_simulation_interfaces(session: Session, node: Controls) -> None:
-    """Create the services. Logs an error if the package is not installed."""
+def serve_simulation_interfaces(session: Session, node: Any) -> None:
+    """Create the services; log an error if the package is not installed. ``node``: the `TerrainCollider`, whose methods
+    ``pause``, ``step`` and ``reset`` they call."""
     services = find_interfaces(PACKAGE, "srv")
     messages = find_interfaces(PACKAGE, "msg")
     if services is None or messages is None:
@@ -87,7 +72,7 @@ def serve_simulation_interfaces(session: Session, node: Controls) -> None:
 class SimulationServices:
     """Answers each service from the world. ``services``, ``messages``: the modules of simulation_interfaces."""
 
-    def __init__(self, session: Session, node: Controls, services: Any, messages: Any) -> None:
+    def __init__(self, session: Session, node: Any, services: Any, messages: Any) -> None:
         self._session, self._node = session, node
         self._results, self._states = messages.Result, messages.SimulationState
         self._features, self._bounds = messages.SimulatorFeatures, messages.Bounds
@@ -101,7 +86,7 @@ class SimulationServices:
         serve("ResetSimulation", "reset_simulation", self._reset)
         serve("SpawnEntity", "spawn_entity", self._spawn, _SPAWN_REASONS)
         serve("SpawnEntities", "spawn_entities", self._spawn_all, {"entities": "ENTITIES_SPAWN_FAILED"})
-        serve("DeleteEntity", "delete_entity", lambda request, _: node.remove(request.entity))
+        serve("DeleteEntity", "delete_entity", lambda request, _: session.remove(request.entity))
         serve("GetEntities", "get_entities", self._get_entities)
         serve("GetEntitiesStates", "get_entities_states", self._get_entities_states)
         serve("GetEntityBounds", "get_entity_bounds", self._get_bounds)
@@ -116,23 +101,13 @@ class SimulationServices:
         ``name``. ``reasons``: result code by reason of an `InputError` of ``act``."""
         if (kind := getattr(self._services, name, None)) is None:
             return
-        session, results = self._session, self._results
 
-        async def handle(request: Any, response: Any) -> Any:
-            try:
-                with session.lock:
-                    rest = act(request, response)
-                if rest is not None:
-                    await rest
-                code, words = results.RESULT_OK, ""
-            except REFUSED as error:
-                session.refusals.add(service, error)
-                code, words = self._code(error, reasons, kind.Response), str(error)
+        def conclude(response: Any, error: Exception | None) -> None:
             if hasattr(response, "result"):
-                response.result.result, response.result.error_message = code, words
-            return response
+                code = self._results.RESULT_OK if error is None else self._code(error, reasons, kind.Response)
+                response.result.result, response.result.error_message = code, str(error or "")
 
-        session.serve_eagerly(kind, service, handle)
+        self._session.serve(kind, service, act, conclude)
 
     def _code(self, error: Exception, reasons: Mapping[str, str], codes: Any) -> int:
         """Return the result code of an error: one of ``codes`` by its reason, or else a general one."""

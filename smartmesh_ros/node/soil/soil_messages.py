@@ -17,13 +17,9 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import SHAPES, shape_of
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.node.inputs.conversions import (
-    require_cells,
-    require_length,
-    require_resolution,
-    state_from,
-    yaw_from,
-)
+from smartmesh_ros.node.inputs.adapters import require_length, require_resolution
+from smartmesh_ros.node.inputs.cdr_reader import require_cells, yaw_from
+from smartmesh_ros.node.inputs.conversions import state_from
 from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.soil.bodies import BulletBodies, GivenBodies, ManyBodies

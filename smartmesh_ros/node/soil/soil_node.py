@@ -21,11 +21,10 @@ from smartmesh_msgs.msg import BodyDescriptionArray, ContactArray, Heightmap, He
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs.conversions import map_from, region_from, stamp_seconds
+from smartmesh_ros.node.inputs.cdr_reader import map_from, region_from
 from smartmesh_ros.node.inputs.optional_messages import find_message
-from smartmesh_ros.node.parameters.declaring import declare, fixed
+from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
-from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.soil.soil_messages import (
@@ -36,6 +35,7 @@ from smartmesh_ros.node.soil.soil_messages import (
     soil_map_from,
     update_message,
 )
+from smartmesh_ros.node.timing.stamps import stamp_seconds
 from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.layer import Region
 from smartmesh_ros.soil.soil import Soil, loads_of
@@ -77,15 +77,13 @@ class SoilNode(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
-        values = declare(self, SPECS)
+        values = self.values
         self.refusals = Refusals(self.get_logger())
         file = Path(values["soils_file"]) if values["soils_file"] else KNOWN
         self._soils = [soil_named(name, file) for name in (values["soil"], *values["soils"])]
         self._soil_map: SoilMap | None = None
-        self._config = SoilConfig(
-            flow=values["flow"], rim=values["rim"], repose=values["repose"], slides=values["slides"],
-            load_time=values["load_time"], lean_time=values["lean_time"], still=values["still"], grip=False,
-        )  # fmt: skip
+        same = ("flow", "rim", "repose", "slides", "load_time", "lean_time", "still")
+        self._config = SoilConfig(grip=False, **{name: values[name] for name in same})
         self._tile, self._most, self._durability = values["tile"], values["max_samples"], values["durability"]
         self._bodies = MessageBodies()
         self.soil: Soil | None = None

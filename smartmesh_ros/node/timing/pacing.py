@@ -120,9 +120,10 @@ class Timeline:
 class Pacer:
     """Deadlines of a loop of fixed period, on the steady clock unless ``now`` gives another [s].
 
-    ``lateness`` records the delay of each step. ``follows_clock``: the clock is another simulator's. Its messages
-    release steps in bursts, which miss no deadline unless they are dropped, and it reads zero until its first message.
-    ``deadline_missed``: the last step missed its deadline. ``paused``: the loop keeps its period without deadlines.
+    ``lateness`` records the delay of each step. ``misses``, ``restarts``: numbers of missed deadlines and of restarts.
+    ``follows_clock``: the clock is another simulator's. Its messages release steps in bursts, which miss no deadline
+    unless they are dropped, and it reads zero until its first message. ``deadline_missed``: the last step missed its
+    deadline. ``paused``: the loop keeps its period without deadlines.
 
     A step misses its deadline if it has not started by the next deadline. The ``policy`` decides what follows:
 
@@ -139,7 +140,7 @@ class Pacer:
     ) -> None:
         self.period = period
         self.policy = policy
-        self.misses = 0
+        self.misses = self.restarts = 0
         self.deadline_missed = False
         self.paused = False
         self.most_catch_up = MOST_CATCH_UP
@@ -158,6 +159,7 @@ class Pacer:
     def restart(self) -> None:
         """Restarts the deadlines, after a pause or when the clock was set."""
         now = self._now()
+        self.restarts += 1
         self._timeline.clear()
         self.deadline = now + self.period
         self._waits_for_clock = self.follows_clock and now == 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from smartmesh_ros.errors import InputError
 
@@ -22,6 +22,15 @@ DELAY_GAIN = 0.05
 DELAY_SLACK = 0.05
 # Number of messages whose longest delay is expected of the next one.
 DELAYS_KEPT = 30
+
+
+def stamp_seconds(stamp: Any) -> float | None:
+    """Return a stamp in seconds; None if it is not set (zero)."""
+    if stamp.sec < 0 or not 0 <= stamp.nanosec < 1_000_000_000:
+        raise InputError("stamp", f"stamp {stamp.sec} s {stamp.nanosec} ns is not a time; nanosec is 0 to 999999999")
+    if stamp.sec == 0 and stamp.nanosec == 0:
+        return None
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
 class Placed(NamedTuple):

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TerrainMesh, TerrainMeshUpdate
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs import conversions
-from smartmesh_ros.node.inputs.cdr_reader import CdrReader
+from smartmesh_ros.node.inputs import cdr_reader
 from smartmesh_ros.terrain.grid import MOST_SAMPLES, FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
@@ -23,11 +22,11 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 # The node's topics of terrain: their types, and what reads their messages.
 MAPS: dict[str, tuple[Any, Callable[[bytes, int], Any]]] = {
-    "heightmap": (Heightmap, conversions.map_from),
-    "heightmap_update": (HeightmapUpdate, conversions.region_from),
-    "pressed_ground": (HeightmapUpdate, conversions.region_from),
-    "terrain_mesh": (TerrainMesh, conversions.mesh_from),
-    "terrain_mesh_update": (TerrainMeshUpdate, conversions.mesh_update_from),
+    "heightmap": (Heightmap, cdr_reader.map_from),
+    "heightmap_update": (HeightmapUpdate, cdr_reader.region_from),
+    "pressed_ground": (HeightmapUpdate, cdr_reader.region_from),
+    "terrain_mesh": (TerrainMesh, cdr_reader.mesh_from),
+    "terrain_mesh_update": (TerrainMeshUpdate, cdr_reader.mesh_update_from),
 }
 # The ground is shown as the last map says.
 STILL = MotionConfig(mode="hold")
@@ -48,7 +47,7 @@ class Ground:
     def take(self, topic: str, data: bytes) -> None:
         """Queue a message of a topic of `MAPS`. A height map replaces what waits for its tile."""
         try:
-            tile = CdrReader(data).stamped().tile
+            tile = cdr_reader.CdrReader(data).stamped().tile
         except InputError:
             return
         if topic == "heightmap":
@@ -75,15 +74,15 @@ class Ground:
 
     def _apply(self, topic: str, tile: str, data: bytes) -> None:
         known, new = self.tiles.get(tile), MAPS[topic][1](data, MOST_SAMPLES)
-        if isinstance(new, conversions.RegionInput):
+        if isinstance(new, cdr_reader.RegionInput):
             if isinstance(known, HeightMap):
                 known.update_region(new.row, new.column, new.heights, time=0.0)
-        elif isinstance(new, conversions.MeshUpdateInput):
+        elif isinstance(new, cdr_reader.MeshUpdateInput):
             if isinstance(known, TriangleMesh):
                 known.move(new.vertices, indices=new.indices, time=0.0)
-        elif isinstance(new, conversions.MeshInput) and len(new.vertices):
+        elif isinstance(new, cdr_reader.MeshInput) and len(new.vertices):
             self.tiles[tile] = TriangleMesh(new.vertices, new.triangles, motion=STILL)
-        elif isinstance(new, conversions.MapInput) and new.geometry is not None:
+        elif isinstance(new, cdr_reader.MapInput) and new.geometry is not None:
             if not (isinstance(known, HeightMap) and known.geometry == new.geometry):
                 self.first[tile] = new.heights
             # A new map beside the old one, from which no motion is estimated.

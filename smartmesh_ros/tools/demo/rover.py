@@ -15,9 +15,8 @@ from smartmesh_msgs.srv import SpawnBody
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.parameters.declaring import declare, fixed
+from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
-from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.scenes import eight
 from smartmesh_ros.tools.demo.terrain_source import heightmap_message
@@ -37,7 +36,7 @@ class Rover(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
-        values = declare(self, SPECS)
+        values = self.values
         self._frame_id, self._wanted = values["frame_id"], values["listeners"]
         try:
             self._ground = eight.ground()

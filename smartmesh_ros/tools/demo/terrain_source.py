@@ -11,9 +11,8 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.cdr import floats
-from smartmesh_ros.node.parameters.declaring import declare, fixed
+from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
-from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.scenes import SCENES
 from smartmesh_ros.scenes.moving import InwardWaves, Scene, Wave, jacksboro_fault
@@ -47,7 +46,7 @@ class TerrainSource(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
-        values = declare(self, SPECS)
+        values = self.values
         self._frame_id, self._tile, self._mode = values["frame_id"], values["tile"], values["mode"]
         self._scene = make_scene(values)
         qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -22,13 +22,13 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
-from smartmesh_ros.node.inputs.cdr_reader import Stamped, message_from
+from smartmesh_ros.node.inputs.cdr_reader import Stamped, map_from, message_from, region_from
 from smartmesh_ros.node.inputs.conversions import BodyInput
 from smartmesh_ros.node.inputs.frames import FrameBuffer
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import transforms_from
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.node.timing.stamps import StampClock
+from smartmesh_ros.node.timing.stamps import StampClock, stamp_seconds
 from smartmesh_ros.tools.testing.bags import Record, read
 from smartmesh_ros.tools.tune.replay import BodiesCame, Change, Event, JointsCame, MapCame, RegionCame
 
@@ -152,13 +152,13 @@ class Recording:
 
     def _take_map(self, record: Record, now: float) -> Iterator[Event]:
         """Convert a Heightmap."""
-        new = conversions.map_from(record.data, self._settings.max_samples)
+        new = map_from(record.data, self._settings.max_samples)
         raster = None if new.geometry is None else Raster(new.geometry, new.heights, friction=new.friction)
         yield MapCame(**self._placed(new.start, record, now), raster=raster, velocities=new.velocities)
 
     def _take_region(self, record: Record, now: float) -> Iterator[Event]:
         """Convert a HeightmapUpdate."""
-        new = conversions.region_from(record.data, self._settings.max_samples)
+        new = region_from(record.data, self._settings.max_samples)
         late = self._settings.motion.max_interval
         placed = self._placed(new.start, record, now, late)
         yield RegionCame(**placed, row=new.row, column=new.column, heights=new.heights, velocities=new.velocities)
@@ -179,7 +179,7 @@ class Recording:
         if kind is PoseArray:
             names = {body.name for body in bodies}
             gone, self._of_poses = self._of_poses - names, names
-        stamp, frame = conversions.stamp_seconds(message.header.stamp), message.header.frame_id
+        stamp, frame = stamp_seconds(message.header.stamp), message.header.frame_id
         self.frames[f"bodies on {record.topic} in frame {frame!r}"] += 1
         if self.frame and frame and frame != self.frame:
             transform = self._frames.lookup(self.frame, frame, stamp)[0]
@@ -196,7 +196,7 @@ class Recording:
     def _take_transforms(self, static: bool, record: Record, now: float) -> Iterator[Event]:
         """Store a TFMessage, and yield the poses of bodies that are frames."""
         for stamp, parent, child, transform in transforms_from(record.data):
-            time = None if static else conversions.stamp_seconds(stamp) or record.time
+            time = None if static else stamp_seconds(stamp) or record.time
             self._frames.add(parent.strip("/"), child.strip("/"), transform, time)
         for name, frame in self._settings.frames if self.frame else ():
             try:
@@ -211,7 +211,7 @@ class Recording:
         """Return the tile of a map and when it arrives and is valid; raise `InputError` if it is in another frame than
         those before."""
         tile, frame, known = start.tile, start.frame_id, self.frame
-        stamp, horizon = conversions.stamp_seconds(start), self._settings.motion.max_interval
+        stamp, horizon = stamp_seconds(start), self._settings.motion.max_interval
         at = self._place(tile, stamp, now, record.time, late, horizon)
         self.frames[f"maps in frame {frame!r}"] += 1
         if known and frame and frame != known:

@@ -11,9 +11,8 @@ from typing import Any
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import SIZES, require_between
 from smartmesh_ros.io.rasters import FloatGrid, Raster
-from smartmesh_ros.node.inputs.conversions import BodyInput
-from smartmesh_ros.node.inputs.joint_commands import RobotNames, joint_commands_from
-from smartmesh_ros.node.inputs.maps import take_map
+from smartmesh_ros.node.inputs.conversions import BodyInput, RobotNames, joint_commands_from
+from smartmesh_ros.node.inputs.terrain_inputs import take_map
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.terrain.heightmap import HeightMap

@@ -11,7 +11,7 @@ import yaml
 import smartmesh_ros
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.declaring import nearest
-from smartmesh_ros.node.parameters.parameter_files import PARAMETERS, mismatch
+from smartmesh_ros.node.parameters.helping import PARAMETERS, mismatch
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.parameters.specifications import NAMES, SPECS, settings_from
 
