@@ -16,11 +16,14 @@ import numpy as np
 import psutil
 import rclpy
 import yaml
+from geometry_msgs.msg import TransformStamped
+from numpy.typing import ArrayLike, NDArray
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.context import Context
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import Heightmap
 from smartmesh_msgs.srv import QueryGround, RemoveBodies, SpawnBody
 from std_srvs.srv import SetBool, Trigger
 
@@ -28,7 +31,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.terrain_collider import TerrainCollider
-from smartmesh_ros.tools.testing import TIMEOUT, Probe, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, pose_message
 
 LISTS = {spec.name for spec in SPECS if isinstance(spec.default, list)}
 # What is still there is taken away again after so long [s], longer than bodies are tracked by default.
@@ -49,11 +52,11 @@ def clear(probe: Probe) -> None:
     def take_away(tiles: set[str]) -> None:
         probe.publish_bodies({})
         probe.publish_poses([])
-        if names := [body.id for body in probe.latest("body_states").bodies]:
+        if names := body_names(probe):
             probe.call("remove_bodies", RemoveBodies, ids=names)
         for name in tiles - asked:  # one that is gone already would be refused, and counted
             asked.add(name)
-            probe.publishers["heightmap"].publish(heightmap_message(np.zeros((0, 0)), tile=name, stamp=probe.now()))
+            probe.publish_map(np.zeros((0, 0)), tile=name)
         assert probe.call("reset", Trigger).success  # stamps too: the last test may have set them ahead
 
     def empty() -> bool:
@@ -86,6 +89,37 @@ def show_level_ground(probe: Probe, size: int = 60) -> None:
         return bool(answer.success and answer.z[0] == 0.0)
 
     probe.wait_for(has_ground)
+
+
+def show_map(probe: Probe, heights: ArrayLike, **options: Any) -> Heightmap:
+    """Publishes the first map, as of `Probe.publish_map`, and waits until the node has it."""
+    message = probe.publish_map(heights, **options)
+    probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] != "0")
+    return message
+
+
+def patch_vertices(probe: Probe) -> dict[str, NDArray[np.float64]]:
+    """Vertices (n, 3) [m] of the next collider patches by body."""
+    return {
+        patch.body_id: np.array([(v.x, v.y, v.z) for v in patch.mesh.vertices])
+        for patch in probe.latest("collider_patches").patches
+    }
+
+
+def transform_message(
+    probe: Probe, parent: str, child: str, position: Sequence[float] = (0.0, 0.0, 0.0), yaw: float = 0.0
+) -> TransformStamped:
+    """A transform with now as its stamp: ``child`` is at a position [m] of ``parent``, turned about z [rad]."""
+    made, pose = stamped(probe, TransformStamped(child_frame_id=child), parent), pose_message(position, yaw)
+    for axis in "xyz":
+        setattr(made.transform.translation, axis, getattr(pose.position, axis))
+    made.transform.rotation = pose.orientation
+    return made
+
+
+def body_names(probe: Probe) -> list[str]:
+    """Names of the simulated bodies in the next states."""
+    return [body.id for body in probe.latest("body_states").bodies]
 
 
 def box(*edges: float) -> SolidPrimitive:
