@@ -12,7 +12,7 @@ from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, pose_message
-from tests.node.shared import BALL, made_with
+from tests.node.shared import BALL, made_with, show_map
 
 # Answers that may wait while the caller does not run: by default ROS keeps ten.
 CALLS = QoSProfile(depth=1000)
@@ -27,13 +27,8 @@ def simulated(probe: Probe) -> int:
     return int(probe.diagnostics("bodies")["simulated"])
 
 
-def ground(probe: Probe) -> None:
-    probe.publish_map(np.zeros((101, 101)), resolution=0.5)
-    probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] != "0")
-
-
 def test_one_bad_body_keeps_all_out_and_every_bad_one_is_named(shared: Probe) -> None:
-    ground(shared)
+    show_map(shared, np.zeros((101, 101)), resolution=0.5)
     assert shared.call("spawn_bodies", SpawnBodies, bodies=[specification(0)]).success
     bad = [
         specification(0),
@@ -53,7 +48,7 @@ def test_one_bad_body_keeps_all_out_and_every_bad_one_is_named(shared: Probe) ->
 
 
 def test_removal_of_one_that_is_not_there_removes_none(shared: Probe) -> None:
-    ground(shared)
+    show_map(shared, np.zeros((101, 101)), resolution=0.5)
     shared.call("spawn_bodies", SpawnBodies, bodies=[specification(0), specification(1)])
     shared.publish_poses([(2.0, 2.0, 1.0)])
     shared.wait_for(lambda: shared.diagnostics("bodies")["tracked"] == "0")
@@ -82,7 +77,7 @@ def answers(service: str, kind: Any, requests: list[Any]) -> list[Any]:
 
 def test_of_two_hundred_calls_in_flight_each_is_answered(shared: Probe) -> None:
     specifications = [specification(index) for index in range(200)]
-    ground(shared)
+    show_map(shared, np.zeros((101, 101)), resolution=0.5)
     spawns = [
         SpawnBody.Request(id=body.id, mass=body.mass, shape=body.shape, pose=body.pose) for body in specifications
     ]
@@ -94,7 +89,7 @@ def test_of_two_hundred_calls_in_flight_each_is_answered(shared: Probe) -> None:
 
 
 def test_two_thousand_bodies_come_and_go_by_one_call_each(shared: Probe) -> None:
-    ground(shared)
+    show_map(shared, np.zeros((101, 101)), resolution=0.5)
     bodies = [specification(index) for index in range(2000)]
     answer = shared.call("spawn_bodies", SpawnBodies, bodies=bodies)
     assert (answer.success, answer.message, answer.failures) == (True, "", [])

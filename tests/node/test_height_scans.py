@@ -13,17 +13,15 @@ from smartmesh_msgs.srv import StepPhysics
 from std_msgs.msg import Float32MultiArray
 from std_srvs.srv import SetBool
 
-from smartmesh_ros import BodyState, HeightMap, HeightScan, Sphere, Terrain
+from smartmesh_ros import BodyState, HeightScan, Sphere, Terrain
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.terrain.height_scan import yaws_of
 from smartmesh_ros.tools.testing import Probe
 from smartmesh_ros.world.height_scanner import HeightScanner
 from tests import robot_urdfs
 from tests.node.shared import box, made_with, refusal_at_start, spawn, wait_until
+from tests.node.test_ground_services import hills, publish_hills
 
-SIDE, RESOLUTION, LOW = 81, 0.25, -10.0
-x = LOW + RESOLUTION * np.arange(SIDE)
-HILLS = (0.4 * np.sin(0.6 * x[None]) * np.cos(0.5 * x[:, None])).astype(np.float32)
 SIZE = (0.5, 0.3, 0.2)
 ROBOT = f'<robot name="r">{robot_urdfs.link("base", 5.0, SIZE, robot_urdfs.box(SIZE), (0.1, 0.05, 0.0))}</robot>'
 SHARED = {
@@ -42,9 +40,8 @@ def listen(probe: Probe, name: str) -> list[Any]:
 
 
 def wanted(scan: HeightScan, position: Any, orientation: Any) -> np.ndarray:
-    ground = Terrain(HeightMap(HILLS, resolution=RESOLUTION, origin=(LOW, LOW)))
     yaw = float(yaws_of([orientation])[0])
-    return scan.read(ground, np.array([[*position, yaw]]), 0.0)[0]
+    return scan.read(Terrain(hills()), np.array([[*position, yaw]]), 0.0)[0]
 
 
 def values(message: Float32MultiArray) -> np.ndarray:
@@ -60,8 +57,7 @@ def vector(message: Any) -> tuple[float, ...]:
 
 
 def test_scans_of_all_kinds_of_bodies_are_the_ground_around_them(shared: Probe) -> None:
-    shared.publish_map(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
-    shared.wait_for(lambda: shared.diagnostics("terrain")["samples"] != "0")
+    publish_hills(shared)
     spawn(shared, "robot", (2.0, 1.0, 1.0), urdf=ROBOT)
     spawn(shared, "2 boxes-1", (-1.0, 2.0, 1.2), shape=box(0.4, 0.2, 0.2))
     shared.publish_bodies({"seen": (-3.0, -2.0, 0.7)})
@@ -70,9 +66,8 @@ def test_scans_of_all_kinds_of_bodies_are_the_ground_around_them(shared: Probe) 
     shared.wait_for(lambda: scans["seen"] and scans["robot"] and scans["_2_boxes_1"])
     seen = scans["seen"][-1]
     assert layout(seen) == [("x", 17, 17 * 9), ("y", 9, 9)]
-    there = HeightScan.of(
-        "unitree_rl_mjlab", size=(0.8, 0.4), spacing=0.05, order="yx", values="height", scale=1.0
-    )  # fmt: skip
+    fields: dict[str, Any] = {"size": (0.8, 0.4), "spacing": 0.05, "order": "yx", "values": "height", "scale": 1.0}
+    there = HeightScan.of("unitree_rl_mjlab", **fields)
     np.testing.assert_allclose(values(seen), wanted(there, (-3.0, -2.0, 0.7), (0, 0, 0, 1)), atol=1e-6)
     assert shared.call("pause", SetBool, data=True).success
     states = shared.received[shared.topic("body_states")]
@@ -106,7 +101,7 @@ def test_scans_come_at_their_rate_in_simulated_time_and_only_to_subscribers(monk
     monkeypatch.setattr(HeightScanner, "measure", note)
     with made_with(TerrainCollider, {"height_scans": ["{body: ball, rate: 50, delay: 0.03, values: height}"]}) as node:
         world = node.session.world
-        world.terrain.put("", HeightMap(HILLS, resolution=RESOLUTION, origin=(LOW, LOW)))
+        world.terrain.put("", hills())
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 5.0), linear=(1.0, 0.5, 0.0)))
         for _ in range(20):
             node.tick()
