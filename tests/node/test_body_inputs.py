@@ -4,19 +4,18 @@ import math
 from collections.abc import Callable
 from itertools import count
 from time import monotonic
-from typing import Any
 
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped, TransformStamped
+from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from smartmesh_msgs.srv import QueryGround
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from smartmesh_ros.tools.testing import Probe, Process, assert_cannot_start, pose_message
-from tests.node.shared import LATCHED, changed, spawn, stamped
+from smartmesh_ros.tools.testing import Probe, Process, pose_message
+from tests.node.shared import LATCHED, changed, patch_vertices, stamped, transform_message
 
 SHARED = {
     "bodies.poses": ["arm=/arm/tip_pose", "/second/pose"],
@@ -27,10 +26,7 @@ YAW = 0.5 * math.pi
 
 
 def transform(probe: Probe, parent: str, child: str, x: float, y: float, yaw: float = 0.0) -> TFMessage:
-    item = stamped(probe, TransformStamped(child_frame_id=child), parent)
-    item.transform.translation.x, item.transform.translation.y = x, y
-    item.transform.rotation.z, item.transform.rotation.w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
-    return TFMessage(transforms=[item])
+    return TFMessage(transforms=[transform_message(probe, parent, child, (x, y, 0.0), yaw)])
 
 
 def flat_map(probe: Probe) -> None:
@@ -42,17 +38,14 @@ def patch_near(probe: Probe, name: str, x: float, y: float, act: Callable[[], No
 
     def there() -> bool:
         act()
-        for patch in probe.latest("collider_patches").patches:
-            if patch.body_id == name:
-                middle = np.mean([(p.x, p.y) for p in patch.mesh.vertices], axis=0)
-                return bool(np.abs(middle - (x, y)).max() <= 0.06)
-        return False
+        found = patch_vertices(probe).get(name)
+        return found is not None and bool(np.abs(found[:, :2].mean(axis=0) - (x, y)).max() <= 0.06)
 
     probe.wait_for(there)
 
 
 def bodies(probe: Probe) -> set[str]:
-    return {patch.body_id for patch in probe.latest("collider_patches").patches}
+    return set(patch_vertices(probe))
 
 
 def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(shared: Probe) -> None:
@@ -80,38 +73,12 @@ def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(shared: P
         for topic in ("~/tracked_odometry", "/arm/tip_pose"):
             assert 0.0 <= float(shared.diagnostics("connections")[f"age of stamps on arrival, {topic} [s]"]) < 2.0
         shared.wait_for(lambda: not bodies(shared))
-        rover.publish(stamped(shared, Odometry(pose=nan_pose()), "map"))
+        lost = Odometry()
+        lost.pose.pose = pose_message((math.nan, 0.0, 0.0))
+        rover.publish(stamped(shared, lost, "map"))
         second.publish(stamped(shared, PoseStamped(pose=pose_message((4.0, 5.0, math.inf))), "map"))
         for key in ("refused, ~/tracked_odometry: non_finite", "refused, /second/pose: non_finite"):
             shared.wait_for(lambda key=key: shared.diagnostics("inputs").get(key) == "1")
-
-
-def nan_pose() -> Any:
-    message = Odometry().pose
-    message.pose = pose_message((math.nan, 0.0, 0.0))
-    return message
-
-
-def test_a_driven_body_pushes_by_the_velocity_of_its_odometry(shared: Probe) -> None:
-    """The twist is in the body's own frame: a rover that faces +y and drives ahead throws a ball that it touches along
-    +y, although its pose stands still."""
-    with changed(shared, {"bodies.default_radius": 0.5}):
-        flat_map(shared)
-        odom = shared.publisher(Odometry, "/odom")
-        spawn(shared, "ball", (0.0, 0.69, 0.3))
-        shared.wait_for(lambda: "ball" in [body.id for body in shared.latest("body_states").bodies])
-
-        def thrown() -> bool:
-            odometry = Odometry(child_frame_id="base_link")
-            odometry.pose.pose = pose_message((0.0, 0.0, 0.3))
-            odometry.pose.pose.orientation.z, odometry.pose.pose.orientation.w = math.sin(YAW / 2), math.cos(YAW / 2)
-            odometry.twist.twist.linear.x = 2.0
-            odom.publish(stamped(shared, odometry, "map"))
-            [state] = [body for body in shared.latest("body_states").bodies if body.id == "ball"]
-            assert abs(state.pose.position.x) < 0.1
-            return bool(state.pose.position.y > 1.0)
-
-        shared.wait_for(thrown)
 
 
 def test_jumps_of_a_pose_are_counted_and_logged(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
@@ -173,14 +140,8 @@ def test_frames_of_tf_are_bodies(probe: Probe) -> None:
     with probe.running(parameters=parameters) as process:
         flat_map(probe)
         moving, static = probe.publisher(TFMessage, "/tf"), probe.publisher(TFMessage, "/tf_static", LATCHED)
-        static.publish(
-            TFMessage(
-                transforms=[
-                    *transform(probe, "robot1/base_link", "robot1/foot", 1.0, 0.0).transforms,
-                    *transform(probe, "map", "post", -5.0, -5.0).transforms,
-                ]
-            )
-        )
+        foot = transform_message(probe, "robot1/base_link", "robot1/foot", (1.0, 0.0, 0.0))
+        static.publish(TFMessage(transforms=[foot, transform_message(probe, "map", "post", (-5.0, -5.0, 0.0))]))
 
         def publish() -> None:
             moving.publish(transform(probe, "map", "odom", 1.0, 1.0))
@@ -192,8 +153,8 @@ def test_frames_of_tf_are_bodies(probe: Probe) -> None:
         probe.wait_for(lambda: bodies(probe) == {"post"})
         patch_near(probe, "post", -5.0, -5.0, lambda: None)
         # One that is impossible is refused by itself.
-        bad = transform(probe, "odom", "robot1/base_link", math.nan, 0.0)
-        moving.publish(TFMessage(transforms=[*bad.transforms, *transform(probe, "map", "odom", 1.0, 1.0).transforms]))
+        bad = transform_message(probe, "odom", "robot1/base_link", (math.nan, 0.0, 0.0))
+        moving.publish(TFMessage(transforms=[bad, transform_message(probe, "map", "odom", (1.0, 1.0, 0.0))]))
         probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, /tf: non_finite") == "1")
 
         def publish_good() -> None:  # stamped anew each time: the diagnostics may have taken longer than the time-out
@@ -238,11 +199,6 @@ def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(probe: Probe,
         if looped:
             return
         probe.wait_for(lambda: probe.diagnostics("bodies")["tracked"] == "0")
-
-
-def test_the_missing_package_of_tf_is_named_at_the_start(domain: int, bare_environment: dict[str, str]) -> None:
-    words = "apt install ros-jazzy-tf2-msgs"
-    assert_cannot_start({"bodies.frames": ["base_link"]}, words, environment=bare_environment)
 
 
 def test_without_tf_foreign_frames_are_refused_and_what_is_missing_is_named(

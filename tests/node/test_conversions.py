@@ -1,16 +1,20 @@
 """Maps read from bytes are what rclpy serialised."""
 
+import math
+
 import numpy as np
 import pytest
+from geometry_msgs.msg import Twist, Vector3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
+from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.node.fleet.calls import primitive_of
-from smartmesh_ros.node.inputs.conversions import map_from, shape_from
-from smartmesh_ros.tools.testing import heightmap_message
+from smartmesh_ros.node.inputs.conversions import map_from, odometry_from, shape_from
+from smartmesh_ros.tools.testing import heightmap_message, pose_message
 
 ROOM = 10_000
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=12)
@@ -55,3 +59,12 @@ def test_the_arrays_lie_over_the_message() -> None:
 @pytest.mark.parametrize("shape", [Sphere(0.2), Box(0.1, 0.2, 0.3), Cylinder(0.1, 0.5), Capsule(0.1, 0.5)])
 def test_a_shape_that_is_asked_for_again_is_the_same_but_a_capsule_the_cylinder_around_it(shape: Shape) -> None:
     assert shape_from(primitive_of(shape)) == (Cylinder(0.1, 0.7) if isinstance(shape, Capsule) else shape)
+
+
+def test_the_twist_of_odometry_is_turned_from_its_bodys_frame_into_that_of_its_pose() -> None:
+    odometry = Odometry()
+    odometry.pose.pose = pose_message((1.0, 2.0, 3.0), 0.5 * math.pi)
+    odometry.twist.twist = Twist(linear=Vector3(x=2.0), angular=Vector3(y=0.5))
+    state = odometry_from(odometry)
+    assert state.position == (1.0, 2.0, 3.0)
+    assert (state.linear, state.angular) == (pytest.approx((0.0, 2.0, 0.0)), pytest.approx((-0.5, 0.0, 0.0)))

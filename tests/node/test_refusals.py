@@ -208,3 +208,19 @@ def spawner(domain: int) -> Any:
 )  # fmt: skip
 def test_what_cannot_be_is_refused_at_the_start(domain: int, parameters: dict[str, Any], words: str) -> None:
     assert words in refusal_at_start(parameters)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"publish.tf": 10.0}, "publish.tf needs tf2_msgs/TFMessage"),
+        ({"bodies.frames": ["base_link"]}, "needs tf2_msgs/TFMessage"),
+        ({"terrain.input": "grid_map"}, "needs grid_map_msgs/GridMap"),
+    ],
+)
+def test_a_missing_package_is_named(
+    domain: int, monkeypatch: pytest.MonkeyPatch, parameters: dict[str, Any], words: str
+) -> None:
+    monkeypatch.setattr("smartmesh_ros.node.inputs.optional_messages.find_interfaces", lambda *_: None)
+    said, package = refusal_at_start(parameters), words.split()[-1].partition("/")[0].replace("_", "-")
+    assert words in said and f"apt install ros-jazzy-{package}" in said

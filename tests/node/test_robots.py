@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import Pose, Quaternion, Twist, Vector3
+from geometry_msgs.msg import Twist, Vector3
 from sensor_msgs.msg import JointState
-from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
+from smartmesh_msgs.srv import SpawnBody, StepPhysics
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -40,9 +40,7 @@ def settle(probe: Probe) -> None:
 
 def settle_spawned(probe: Probe) -> None:
     """The same in the shared node, by a call."""
-    pose = Pose(position=pose_message((4.0, 4.0, 0.3)).position)
-    pose.orientation = Quaternion(z=math.sin(0.5 * YAW), w=math.cos(0.5 * YAW))
-    assert probe.call("spawn_body", SpawnBody, id="rover", urdf=str(ROVER), pose=pose).success
+    spawn(probe, "rover", urdf=str(ROVER), pose=pose_message((4.0, 4.0, 0.3), YAW))
     settle(probe)
 
 
@@ -136,10 +134,9 @@ def test_the_twist_of_odometry_is_in_the_frame_of_the_turned_base(shared: Probe)
     """Its linear part is that of the base's frame, which is not where the centre of mass is."""
     with changed(shared, {"physics.gravity": [0.0, 0.0, 0.0]}):
         assert shared.call("pause", SetBool, data=True).success
-        pose = Pose(position=pose_message((1.0, 2.0, 3.0)).position)
-        pose.orientation = Quaternion(z=math.sin(math.pi / 4), w=math.cos(math.pi / 4))  # faces +y
         twist = Twist(linear=Vector3(x=1.0), angular=Vector3(z=0.5))
-        assert shared.call("spawn_body", SpawnBody, id="rover", urdf=str(ROVER), pose=pose, twist=twist).success
+        pose = pose_message((1.0, 2.0, 3.0), 0.5 * math.pi)  # faces +y
+        spawn(shared, "rover", urdf=str(ROVER), pose=pose, twist=twist)
         found = shared.latest("odometry")
         assert (found.header.frame_id, found.child_frame_id) == ("map", "base_link")
         linear, angular = found.twist.twist.linear, found.twist.twist.angular
@@ -148,16 +145,6 @@ def test_the_twist_of_odometry_is_in_the_frame_of_the_turned_base(shared: Probe)
         assert (angular.x, angular.y, angular.z) == pytest.approx((0.0, 0.0, 0.5), abs=1e-6)
         p = found.pose.pose.position
         assert (p.x, p.y, p.z) == pytest.approx((1.0, 2.0 - 0.1, 3.0 + 0.05), abs=1e-6)
-        # The names of a second robot carry its name, and those of the first stay. Each has its odometry.
-        spawn(shared, "other", (9, 9, 9), urdf=str(ROVER))
-        shared.wait_for(lambda: len(shared.latest("joint_states").name) == 8)
-        assert shared.latest("joint_states").name == [*WHEELS, *(f"other/{joint}" for joint in WHEELS)]
-        # The probe handles messages that arrive together at once, so that the latest may always be the rover's.
-        received = shared.received[shared.topic("odometry")]
-        received.clear()
-        shared.wait_for(lambda: "other/base_link" in {message.child_frame_id for message in received})
-        assert shared.call("remove_body", RemoveBody, id="other").success
-        shared.wait_for(lambda: shared.latest("joint_states").name == WHEELS)
 
 
 def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(

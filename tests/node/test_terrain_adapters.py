@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image, PointCloud2, PointField
 
-from smartmesh_ros.tools.testing import Probe, assert_cannot_start, pose_message
+from smartmesh_ros.tools.testing import Probe, pose_message
 from tests.grid_maps import grid_map_message
 from tests.node.shared import require_refused, stamped
 
@@ -270,8 +270,3 @@ def test_a_file_is_there_from_the_start_and_can_be_updated(probe: Probe, tmp_pat
         patch_of(probe, BODY, on_surface)
         probe.publish_map(surface(x, y) + 3.0, resolution=RESOLUTION, origin=(1.0, -2.0, 0.0))
         patch_of(probe, BODY, lambda points: points[:, 2].min() > 2.0)
-
-
-def test_a_missing_message_package_is_named_at_the_start(domain: int, bare_environment: dict[str, str]) -> None:
-    words = "apt install ros-jazzy-grid-map-msgs"
-    assert_cannot_start({"terrain.input": "grid_map"}, words, environment=bare_environment)
