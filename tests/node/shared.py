@@ -22,6 +22,7 @@ from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.context import Context
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import serialize_message
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Heightmap
 from smartmesh_msgs.srv import QueryGround, RemoveBodies, SpawnBody
@@ -31,7 +32,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.terrain_collider import TerrainCollider
-from smartmesh_ros.tools.testing import TIMEOUT, Probe, pose_message
+from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, pose_message
 
 LISTS = {spec.name for spec in SPECS if isinstance(spec.default, list)}
 # What is still there is taken away again after so long [s], longer than bodies are tracked by default.
@@ -145,7 +146,7 @@ def seconds(stamp: Any) -> float:
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
-def stamped(probe: Probe, message: Any, frame_id: str = "map") -> Any:
+def stamped(probe: Probe | Fed, message: Any, frame_id: str = "map") -> Any:
     """The message with a frame, and now as its stamp."""
     message.header.stamp, message.header.frame_id = probe.now(), frame_id
     return message
@@ -227,6 +228,48 @@ def made_with(kind: Any, parameters: Mapping[str, Any], arguments: Sequence[str]
         finally:
             gc.collect()  # what was made of the node, which peers would hear else
             rclpy.shutdown(context=context)
+
+
+class Fed:
+    """A collider in this process that is given messages as its subscriptions take them, without a middleware between.
+
+    ``world``: what it simulates.
+    """
+
+    def __init__(self, node: TerrainCollider) -> None:
+        self.node, self.world = node, node.session.world
+
+    def now(self) -> Any:
+        """The time of the node's clock, as a stamp."""
+        return self.node.get_clock().now().to_msg()
+
+    def give(self, topic: str, message: Any, steps: int = 10) -> None:
+        """Gives it a message or its bytes on a topic (below its name, or a full name), and runs some steps."""
+        name = topic if topic.startswith("/") else f"{COLLIDER}/{topic}"
+        [take] = [found.callback for found in self.node.session.subscriptions if found.topic_name == name]
+        take(message if isinstance(message, bytes) else serialize_message(message))
+        for _ in range(steps):
+            self.node.tick()
+
+    def require_refused(self, topic: str, cases: Iterable[tuple[str, Any]]) -> None:
+        """Gives it messages, each of which must be refused for its reason, and nothing besides."""
+        counts = self.node.refusals.counts
+        for reason, message in cases:
+            expected = counts + Counter([f"{topic}: {reason}"])
+            self.give(topic, message)
+            assert counts == expected
+
+    def heights(self, x: Any, y: Any) -> NDArray[np.float64]:
+        """Heights of the ground now at places [m], in the shape of these."""
+        points = np.column_stack([np.ravel(x), np.ravel(y)])
+        return np.asarray(self.world.terrain.at(points, self.world.time).heights.reshape(np.shape(x)))
+
+
+@contextmanager
+def fed(parameters: Mapping[str, Any], arguments: Sequence[str] = ()) -> Iterator[Fed]:
+    """A collider in this process, with these parameters and ROS arguments."""
+    with made_with(TerrainCollider, parameters, arguments) as node:
+        yield Fed(node)
 
 
 def wait_until(condition: Callable[[], object]) -> None:
