@@ -108,7 +108,7 @@ def patch_vertices(probe: Probe) -> dict[str, NDArray[np.float64]]:
 
 
 def transform_message(
-    probe: Probe, parent: str, child: str, position: Sequence[float] = (0.0, 0.0, 0.0), yaw: float = 0.0
+    probe: Probe | Fed, parent: str, child: str, position: Sequence[float] = (0.0, 0.0, 0.0), yaw: float = 0.0
 ) -> TransformStamped:
     """A transform with now as its stamp: ``child`` is at a position [m] of ``parent``, turned about z [rad]."""
     made, pose = stamped(probe, TransformStamped(child_frame_id=child), parent), pose_message(position, yaw)

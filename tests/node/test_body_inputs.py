@@ -3,19 +3,19 @@
 import math
 from collections.abc import Callable
 from itertools import count
-from time import monotonic
 
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseArray, PoseStamped
 from nav_msgs.msg import Odometry
+from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import QueryGround
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.tools.testing import Probe, Process, pose_message
-from tests.node.shared import LATCHED, changed, patch_vertices, stamped, transform_message
+from tests.node.shared import Fed, changed, fed, patch_vertices, stamped, transform_message, wait_until
 
 SHARED = {
     "bodies.poses": ["arm=/arm/tip_pose", "/second/pose"],
@@ -25,7 +25,7 @@ SHARED = {
 YAW = 0.5 * math.pi
 
 
-def transform(probe: Probe, parent: str, child: str, x: float, y: float, yaw: float = 0.0) -> TFMessage:
+def transform(probe: Probe | Fed, parent: str, child: str, x: float, y: float, yaw: float = 0.0) -> TFMessage:
     return TFMessage(transforms=[transform_message(probe, parent, child, (x, y, 0.0), yaw)])
 
 
@@ -96,109 +96,73 @@ def test_jumps_of_a_pose_are_counted_and_logged(shared: Probe, shared_node: tupl
     assert "the pose of 'second.pose' jumped by 100 m" in shared_node[1].output
 
 
-def test_poses_in_another_frame_are_transformed(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
-    with changed(shared, {"bodies.timeout": 60.0}):
-        flat_map(shared)
-        arm = shared.publisher(PoseStamped, "/arm/tip_pose")
-        pose = PoseStamped(pose=pose_message((1.0, 0.0, 0.2)))
+def place(node: Fed, name: str) -> tuple[float, float]:
+    return node.world.state(name).position[:2]
 
-        def refused() -> bool:
-            arm.publish(stamped(shared, pose, "odom"))
-            shared.spin()
-            return "no transform from 'odom' to 'map'" in shared_node[1].output
 
-        shared.wait_for(refused)
-        assert bodies(shared) == set()
-        moving = shared.publisher(TFMessage, "/tf")
-
-        def publish() -> None:
-            moving.publish(transform(shared, "map", "odom", 2.0, 3.0, YAW))
-            arm.publish(stamped(shared, pose, "odom"))
-
-        patch_near(shared, "arm", 2.0, 4.0, publish)
+def test_poses_in_another_frame_are_transformed(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
+    with fed(SHARED) as node:
+        tip = PoseStamped(pose=pose_message((1.0, 0.0, 0.2)))
+        node.give("/arm/tip_pose", stamped(node, tip, "odom"))
+        assert "no transform from 'odom' to 'map'" in capfd.readouterr().err
+        assert not node.world.bodies
+        node.give("/tf", transform(node, "map", "odom", 2.0, 3.0, YAW))
+        node.give("/arm/tip_pose", stamped(node, tip, "odom"))
+        assert place(node, "arm") == pytest.approx((2.0, 4.0))
         # The same for the other topics, and the frames of a robot that is turned the other way round.
-        static = shared.publisher(TFMessage, "/tf_static", LATCHED)
-        static.publish(transform(shared, "odom", "camera", 0.0, -1.0, -YAW))
-
-        def publish_all() -> None:
-            moving.publish(transform(shared, "map", "odom", 2.0, 3.0, YAW))
-            shared.publish_bodies({"stone": (1.0, 0.0, 0.2)}, frame_id="camera")
-            shared.publish_poses([(0.0, 1.0, 0.2)], frame_id="camera")
-
-        patch_near(shared, "stone", 4.0, 3.0, publish_all)
-        patch_near(shared, "body_0", 3.0, 4.0, publish_all)
-        shared.publish_bodies({"stone": (1.0, 0.0, 0.2)}, frame_id="elsewhere")
-        shared.wait_for(lambda: shared.diagnostics("inputs").get("refused, tracked_bodies: frame") is not None)
+        node.give("/tf_static", transform(node, "odom", "camera", 0.0, -1.0, -YAW))
+        stones = TrackedBodyArray(bodies=[TrackedBody(id="stone", pose=tip.pose)])
+        node.give("tracked_bodies", stamped(node, stones, "camera"))
+        assert place(node, "stone") == pytest.approx((4.0, 3.0))
+        node.give("body_poses", stamped(node, PoseArray(poses=[pose_message((0.0, 1.0, 0.2))]), "camera"))
+        assert place(node, "body_0") == pytest.approx((3.0, 4.0))
+        node.require_refused("tracked_bodies", [("frame", stamped(node, stones, "elsewhere"))])
 
 
-def test_frames_of_tf_are_bodies(probe: Probe) -> None:
-    parameters = {
-        "bodies.frames": ["robot1/base_link", "foot=robot1/foot", "post"],
-        "bodies.timeout": 0.5,
-        "frame_id": "map",
-    }
-    with probe.running(parameters=parameters) as process:
-        flat_map(probe)
-        moving, static = probe.publisher(TFMessage, "/tf"), probe.publisher(TFMessage, "/tf_static", LATCHED)
-        foot = transform_message(probe, "robot1/base_link", "robot1/foot", (1.0, 0.0, 0.0))
-        static.publish(TFMessage(transforms=[foot, transform_message(probe, "map", "post", (-5.0, -5.0, 0.0))]))
+def test_frames_of_tf_are_bodies(domain: int) -> None:
+    frames = ["robot1/base_link", "foot=robot1/foot", "post"]
+    with fed({"bodies.frames": frames, "bodies.timeout": 0.5, "frame_id": "map"}) as node:
+        foot = transform_message(node, "robot1/base_link", "robot1/foot", (1.0, 0.0, 0.0))
+        post = transform_message(node, "map", "post", (-5.0, -5.0, 0.0))
+        node.give("/tf_static", TFMessage(transforms=[foot, post]))
 
-        def publish() -> None:
-            moving.publish(transform(probe, "map", "odom", 1.0, 1.0))
-            moving.publish(transform(probe, "odom", "robot1/base_link", 0.5, 0.0, YAW))
+        def drive(x: float, yaw: float = 0.0) -> None:
+            for _ in range(2):  # a frame is known at times that all transforms above it reach
+                node.give("/tf", transform(node, "map", "odom", 1.0, 1.0))
+                node.give("/tf", transform(node, "odom", "robot1/base_link", x, 0.0, yaw))
 
-        patch_near(probe, "robot1.base_link", 1.5, 1.0, publish)
-        patch_near(probe, "foot", 1.5, 2.0, publish)
+        drive(0.5, YAW)
+        assert place(node, "robot1.base_link") == pytest.approx((1.5, 1.0))
+        assert place(node, "foot") == pytest.approx((1.5, 2.0))
         # What stands still by definition stays; what moved and is heard of no more is gone.
-        probe.wait_for(lambda: bodies(probe) == {"post"})
-        patch_near(probe, "post", -5.0, -5.0, lambda: None)
+        wait_until(lambda: node.node.tick() or node.world.bodies.keys() == {"post"})
+        assert place(node, "post") == (-5.0, -5.0)
         # One that is impossible is refused by itself.
-        bad = transform_message(probe, "odom", "robot1/base_link", (math.nan, 0.0, 0.0))
-        moving.publish(TFMessage(transforms=[bad, transform_message(probe, "map", "odom", (1.0, 1.0, 0.0))]))
-        probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, /tf: non_finite") == "1")
-
-        def publish_good() -> None:  # stamped anew each time: the diagnostics may have taken longer than the time-out
-            moving.publish(transform(probe, "map", "odom", 1.0, 1.0))
-            moving.publish(transform(probe, "odom", "robot1/base_link", 3.0, 0.0))
-
-        patch_near(probe, "robot1.base_link", 4.0, 1.0, publish_good)
-        assert "Traceback" not in process.output
+        bad = transform_message(node, "odom", "robot1/base_link", (math.nan, 0.0, 0.0))
+        good = transform_message(node, "map", "odom", (1.0, 1.0, 0.0))
+        node.require_refused("/tf", [("non_finite", TFMessage(transforms=[bad, good]))])
+        drive(3.0)
+        assert place(node, "robot1.base_link") == pytest.approx((4.0, 1.0))
 
 
 @pytest.mark.parametrize("looped", [True, False])
-def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(probe: Probe, looped: bool) -> None:
+def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(
+    domain: int, capfd: pytest.CaptureFixture[str], looped: bool
+) -> None:
     """A recording of three seconds in a loop without a clock, and transforms typed by hand."""
-    with probe.running(parameters={"bodies.frames": ["rover=base_link"], "frame_id": "map"}) as process:
-        flat_map(probe)
-        moving, start, key = probe.publisher(TFMessage, "/tf"), monotonic(), "refused, /tf: stamp_backwards"
-        tracked: list[str] = []
-        sent, stalled = [start], [start]
-
-        def told_twice() -> bool:
-            sent.append(monotonic())
-            if sent[-1] - sent[-2] > 0.5:  # this test stalled, on a busy machine: the body may time out, and come back
-                stalled.append(sent[-1])
-                tracked.clear()
-            message = transform(probe, "map", "base_link", 0.5 * ((monotonic() - start) % 3.0), 0.0)
-            at = 1_000_000.0 + (monotonic() - start) % 3.0
-            message.transforms[0].header.stamp = Time(sec=int(at), nanosec=int(at % 1 * 1e9)) if looped else Time()
-            moving.publish(message)
-            probe.spin(0.05)
-            found = probe.newest_diagnostics()
-            if sent[-1] - stalled[-1] < 3.0:  # diagnostics come once a second
-                return False
-            tracked.append(found["bodies"]["tracked"])
-            if looped:
-                return int(found["inputs"].get(key, 0)) >= 2 and len(tracked) > 60
-            return int(found["connections"].get("without stamp on /tf", 0)) >= 20 and tracked[-1] == "1"
-
-        probe.wait_for(told_twice)
-        assert set(tracked[tracked.index("1") :]) == {"1"}
+    with fed({"bodies.frames": ["rover=base_link"], "frame_id": "map"}) as node:
+        for number in range(90):
+            message, tenths = transform(node, "map", "base_link", 0.05 * (number % 30), 0.0), number % 30
+            at = Time(sec=1_000_000 + tenths // 10, nanosec=tenths % 10 * 100_000_000)
+            message.transforms[0].header.stamp = at if looped else Time()
+            node.give("/tf", message, steps=1)
+            assert node.world.bodies.keys() == {"rover"}
         words = "s older, as if the clock of its source was set back" if looped else "on /tf have no stamp"
-        assert words in process.output
-        if looped:
-            return
-        probe.wait_for(lambda: probe.diagnostics("bodies")["tracked"] == "0")
+        assert words in capfd.readouterr().err
+        assert node.node.refusals.counts["/tf: stamp_backwards"] == 2 * looped
+        said = node.node._outputs._diagnostics._ends()[2]
+        assert said.get("without stamp on /tf", 0) == 90 * (not looped)
+        wait_until(lambda: node.node.tick() or not node.world.bodies)
 
 
 def test_without_tf_foreign_frames_are_refused_and_what_is_missing_is_named(
