@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
-import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from time import monotonic
@@ -15,8 +14,7 @@ import numpy as np
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
-from rclpy.serialization import serialize_message
-from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
+from smartmesh_msgs.msg import Heightmap
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.node.timing.stamps import STALL_RATIO
@@ -145,21 +143,6 @@ def log_folder(tmp_path: Path, kind: str) -> Iterator[Path]:
         yield Path("/proc/self")  # where nobody, not even root, can make a file
     else:
         yield tmp_path / "not" / "there"
-
-
-def test_bytes_that_are_no_message_are_refused_and_the_node_lives(shared: Probe) -> None:
-    """Sent by a peer whose encoder is broken: see test_cyclone.py for requests."""
-    good = shared.publish_map(rough(1))
-    shared.wait_for(on_map(shared, good))
-    whole = serialize_message(good)
-    bodies = serialize_message(TrackedBodyArray())
-    for count, data in enumerate((whole[:50], whole[:7], whole[:4] + b"\xff" * 60, b"\x00"), 1):
-        shared.publishers["heightmap"].publish(data)
-        shared.wait_for(lambda: shared.diagnostics("inputs").get("refused, heightmap: malformed") == str(count))  # noqa: B023
-    # A count of bodies far beyond what follows.
-    shared.publishers["tracked_bodies"].publish(bodies[:-4] + struct.pack("<I", 2**31))
-    shared.wait_for(lambda: "refused, tracked_bodies: malformed" in shared.diagnostics("inputs"))
-    shared.wait_for(on_map(shared, good))
 
 
 def test_a_parameter_of_no_type_is_refused_and_the_node_lives(
