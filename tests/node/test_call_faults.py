@@ -23,6 +23,7 @@ from smartmesh_ros.node.terrain_collider import TerrainCollider
 from tests.faults import Faults, bullet_faults
 from tests.node.shared import made_with
 from tests.node.test_robot_outputs import ARM
+from tests.urdfs import robot
 
 PARAMETERS = {"frame_id": "map", "publish.incremental": True, "publish.tf": 50.0}
 # Calls to DDS.
@@ -71,7 +72,7 @@ def node(domain: int) -> Iterator[TerrainCollider]:
     with made_with(TerrainCollider, PARAMETERS) as made:
         world = made.session.world
         world.terrain.put("", HeightMap(np.zeros((61, 61)), resolution=0.1, origin=(-3.0, -3.0)))
-        world.spawn_robot("arm", f'<robot name="r">{ARM}</robot>', BodyState((0.0, 0.0, 0.1)))
+        world.spawn_robot("arm", robot(ARM), BodyState((0.0, 0.0, 0.1)))
         world.track("ball", 0.2, BodyState((1.0, 0.0, 0.1)))
         yield made
 

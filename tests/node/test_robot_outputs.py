@@ -20,31 +20,23 @@ from smartmesh_ros.tools.testing import Probe, Process
 from smartmesh_ros.world.joints import JointCommand
 from tests.node.shared import LATCHED, body_names, made_with, show_level_ground
 from tests.node.shared import spawn as spawn_body
+from tests.urdfs import joint, link, robot
 
 SHARED = {"simulation_interfaces": True, "frame_id": "map"}
-BOX = '<collision><geometry><box size="0.4 0.4 0.2"/></geometry></collision>'
-LIDAR = '<link name="lidar"/><joint name="j" type="fixed"><parent link="base"/><child link="lidar"/></joint>'
-
-
-def inertial(mass: float) -> str:
-    return (
-        f'<inertial><mass value="{mass}"/>'
-        f'<inertia ixx="{mass}" iyy="{mass}" izz="{mass}" ixy="0" ixz="0" iyz="0"/></inertial>'
-    )
-
-
+LIMIT = '<limit lower="-1" upper="1" effort="5" velocity="50"/>'
+BOX = '<box size="0.4 0.4 0.2"/>'
+BASE = link("base", BOX, 2.0, 2.0)
 STIFF = {
-    "one_link": f'<link name="base">{inertial(2.0)}{BOX}</link>',
-    "fixed_links": f'<link name="base">{inertial(2.0)}{BOX}</link>{LIDAR}',
-    "without_inertial": f'<link name="base">{BOX}</link>',
-    "without_mass": f'<link name="base">{inertial(0.0)}{BOX}</link>',
-    "held": f'<link name="world"/><link name="base">{inertial(2.0)}{BOX}</link>'
-    '<joint name="j" type="fixed"><parent link="world"/><child link="base"/><origin xyz="0 0 1"/></joint>',
+    "one_link": BASE,
+    "fixed_links": BASE + link("lidar", "", None) + joint("j", "fixed", "base", "lidar", xyz="0 0 0"),
+    "without_inertial": link("base", BOX, None),
+    "without_mass": link("base", BOX, 0.0, 0.0),
+    "held": link("world", "", None) + BASE + joint("j", "fixed", "world", "base", xyz="0 0 1"),
 }
 
 
 def spawn(probe: Probe, name: str, links: str, x: float = 2.0, **more: Any) -> None:
-    spawn_body(probe, name, (x, 2.0, 0.1), urdf=f'<robot name="r">{links}</robot>', **more)
+    spawn_body(probe, name, (x, 2.0, 0.1), urdf=robot(links), **more)
 
 
 @pytest.mark.parametrize("kinds", [["one_link"], list(STIFF)])
@@ -76,12 +68,11 @@ def test_robots_that_cannot_move_their_links_are_published(
 
 
 ARM = (
-    f'<link name="base">{inertial(2.0)}{BOX}</link><link name="arm">{inertial(0.1)}</link>'
-    '<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/><origin xyz="0.1 0.2 0.3"/>'
-    '<axis xyz="0 0 1"/><limit effort="5" velocity="50"/></joint>'
-    f'<link name="slider">{inertial(0.1)}</link>'
-    '<joint name="slide" type="prismatic"><parent link="arm"/><child link="slider"/><axis xyz="1 0 0"/>'
-    '<limit lower="-1" upper="1" effort="5" velocity="50"/></joint>'
+    BASE
+    + link("arm", "", 0.1, 0.1)
+    + joint("hinge", "continuous", "base", "arm", '<limit effort="5" velocity="50"/>', "0.1 0.2 0.3", "0 0 1")
+    + link("slider", "", 0.1, 0.1)
+    + joint("slide", "prismatic", "arm", "slider", LIMIT, "0 0 0", "1 0 0")
 )
 JOINTS = ["hinge", "slide"]
 
@@ -130,7 +121,7 @@ NAN = math.nan
 @pytest.fixture
 def world() -> Iterator[World]:
     with World() as made:
-        made.spawn_robot("one", f'<robot name="r">{ARM}</robot>', BodyState((0.0, 0.0, 1.0)))
+        made.spawn_robot("one", robot(ARM), BodyState((0.0, 0.0, 1.0)))
         yield made
 
 
@@ -161,7 +152,7 @@ def test_every_robot_has_a_prefix_by_a_parameter(domain: int) -> None:
     """One that is alone takes both names in commands."""
     with made_with(TerrainCollider, {"publish.robot_prefix": True}) as node:
         world = node.session.world
-        world.spawn_robot("one", f'<robot name="r">{ARM}</robot>', BodyState((0.0, 0.0, 1.0)))
+        world.spawn_robot("one", robot(ARM), BodyState((0.0, 0.0, 1.0)))
         prefixes = node.session.robot_names.prefixes()
         assert prefixes == {"one": "one/"}
         message = JointState(name=["hinge", "one/slide"], position=[0.4, 0.1])

@@ -16,18 +16,16 @@ from smartmesh_ros.tools.testing import Probe, Process
 from tests.node.shared import LATCHED
 from tests.node.test_real_maps import LEVEL
 from tests.node.test_tutorial import blocks
+from tests.urdfs import joint, link, robot
 
-INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
-BASE = '<collision><geometry><box size="0.6 0.6 0.2"/></geometry></collision>'
-LINKS = (
-    f'<link name="base">{INERTIAL}{BASE}</link><link name="arm">{INERTIAL}</link><link name="reel">{INERTIAL}</link>'
-)
-JOINTS = (
-    '<joint name="shoulder" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>'
-    '<limit lower="-2" upper="2" effort="50" velocity="5"/></joint>'
-    '<joint name="wheel" type="continuous"><parent link="base"/><child link="reel"/><axis xyz="0 0 1"/>'
-    '<limit effort="50" velocity="50"/></joint>'
-)
+LIMIT = '<limit lower="{}" upper="{}" effort="50" velocity="50"/>'
+PARTS = [
+    link("base", '<box size="0.6 0.6 0.2"/>', moment=0.1),
+    link("arm", "", moment=0.1),
+    link("reel", "", moment=0.1),
+    joint("shoulder", "revolute", "base", "arm", LIMIT.format("-2", "2"), "0 0 0", "0 0 1"),
+    joint("wheel", "continuous", "base", "reel", LIMIT.format("0", "0"), "0 0 0", "0 0 1"),
+]
 FIELDS = ("position", "velocity", "effort")
 
 
@@ -55,16 +53,16 @@ class Hardware:
         )
 
     def _read(self, message: JointState) -> None:
-        for index, joint in enumerate(message.name):
+        for index, name in enumerate(message.name):
             for field in FIELDS:
-                self.states[joint, field] = getattr(message, field)[index]
+                self.states[name, field] = getattr(message, field)[index]
 
     def write(self) -> None:
         """Sends all commands, whether or not a controller has set them."""
-        message = JointState(name=list(dict.fromkeys(joint for joint, _ in self._commands)))
+        message = JointState(name=list(dict.fromkeys(name for name, _ in self._commands)))
         message.header.stamp = self._probe.now()
-        for joint, interface in self._commands:
-            getattr(message, interface).append(self.commands[joint, interface])
+        for name, interface in self._commands:
+            getattr(message, interface).append(self.commands[name, interface])
         self._publisher.publish(message)
 
 
@@ -74,14 +72,14 @@ def test_two_blocks_drive_a_robot_on_the_topics_of_the_page(probe: Probe) -> Non
     wheels = arm.replace("shoulder", "wheel").replace(
         'command_interface name="position"', 'command_interface name="velocity"'
     )
-    robot = f'<robot name="r">{LINKS}{JOINTS}{arm}{wheels}</robot>'
+    described = robot(*PARTS, arm, wheels)
     words = shlex.split(command.replace("\\\n", " "))
     arguments = [*words[4:], "-p", "robot.above:=0.11", "-p", "robot.xy:=[5.0, 5.0]"]
     with Process("terrain_collider", arguments=arguments) as process:
         hardware = [Hardware(probe, arm), Hardware(probe, wheels)]
         probe.wait_for(probe.connected, watch=process)
         probe.publish_map(LEVEL, resolution=0.5)
-        probe.publisher(String, "/robot_description", LATCHED).publish(String(data=robot))
+        probe.publisher(String, "/robot_description", LATCHED).publish(String(data=described))
 
         def holds(**wanted: float) -> Any:
             """Whether positions of the shoulder and velocities of the wheel are so, while both blocks send."""
