@@ -1,11 +1,13 @@
-"""Bad input: refused whole, counted by reason, and the last good state stays."""
+"""Bad input: refused whole, counted by reason, and the last good state stays. What peers may make the node hold."""
 
 import math
 import struct
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pybullet_data
 import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseArray
@@ -15,8 +17,20 @@ from smartmesh_msgs.msg import HeightmapUpdate, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
 from smartmesh_ros import BodyState, Sphere
-from smartmesh_ros.tools.testing import Probe, floats, heightmap_message, pose_message
-from tests.node.shared import BALL, Fed, body_names, fed, refusal_at_start, spawn, stamped
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, floats, heightmap_message, pose_message
+from tests.node.shared import (
+    BALL,
+    Fed,
+    body_names,
+    fed,
+    refusal_at_start,
+    require_refused,
+    show_map,
+    spawn,
+    stamped,
+    wait_until,
+)
+from tests.urdfs import link, robot
 
 GOOD = np.random.default_rng(1).normal(size=(40, 30)) * 0.2
 
@@ -44,10 +58,6 @@ def bad_update(**changes: Any) -> Callable[[Fed], Any]:
 def bad_bodies(*bodies: TrackedBody, **changes: Any) -> Callable[[Fed], Any]:
     rover = TrackedBody(id="rover", pose=pose_message((1, 1, 1)))
     return lambda node: changed(stamped(node, TrackedBodyArray(bodies=[rover, *bodies])), **changes)
-
-
-def bad_poses(node: Fed) -> PoseArray:
-    return stamped(node, PoseArray(poses=[pose_message((1, 1, math.inf))]))
 
 
 # Messages of a peer whose encoder is broken; requests: test_cyclone.py.
@@ -107,7 +117,7 @@ CASES = [
     ("tracked_bodies", "geometry", bad_bodies(body(radius=NAN))),
     ("tracked_bodies", "frame", bad_bodies(header__frame_id="odom")),
     ("tracked_bodies", "duplicate_id", bad_bodies(body(id="ball"))),
-    ("body_poses", "non_finite", bad_poses),
+    ("body_poses", "non_finite", lambda node: stamped(node, PoseArray(poses=[pose_message((1, 1, math.inf))]))),
 ]
 
 
@@ -210,3 +220,77 @@ def test_a_missing_package_is_named(
     monkeypatch.setattr("smartmesh_ros.node.inputs.optional_messages.find_interfaces", lambda *_: None)
     said, package = refusal_at_start(parameters), words.split()[-1].partition("/")[0].replace("_", "-")
     assert words in said and f"apt install ros-jazzy-{package}" in said
+
+
+ROBOT = robot(link("a", '<box size="0.3 0.3 0.2"/>'))
+
+
+def test_services_open_no_file_outside_the_folders(probe: Probe, tmp_path: Path) -> None:
+    allowed = tmp_path / "robots"
+    allowed.mkdir()
+    for folder in (allowed, tmp_path):
+        (folder / "robot.urdf").write_text(ROBOT)
+    (allowed / "link.urdf").symlink_to(tmp_path / "robot.urdf")
+    reader = ROBOT.replace('<box size="0.3 0.3 0.2"/>', '<mesh filename="/etc/passwd"/>')
+    with probe.running(parameters={"bodies.urdf_folders": [str(allowed)]}):
+        for number, urdf in enumerate(
+            (str(tmp_path / "robot.urdf"), str(allowed / "link.urdf"), str(allowed / "../robot.urdf"),
+             f"{pybullet_data.getDataPath()}/r2d2.urdf", "/etc/passwd", "/no/such/file", reader)
+        ):  # fmt: skip
+            response = probe.call("spawn_body", SpawnBody, id=f"robot_{number}", urdf=urdf)
+            assert not response.success, urdf
+            assert "outside the allowed folders" in response.message
+        spawn(probe, "good", urdf=str(allowed / "robot.urdf"))
+        spawn(probe, "text", urdf=ROBOT)
+
+
+def test_sizes_are_capped_by_parameters(probe: Probe) -> None:
+    caps = {
+        "bodies.most": 3, "bodies.longest_urdf": 1000,
+        "terrain.max_samples": 2000, "terrain.max_tiles": 2,
+    }  # fmt: skip
+    with probe.running(parameters=caps):
+        show_map(probe, np.zeros((30, 30)))
+
+        def refused(side: int, tile: str) -> None:
+            message = heightmap_message(np.zeros((side, 30)), tile=tile, origin=(50.0, 0.0, 0.0))
+            require_refused(probe, [(probe.publishers["heightmap"], "size", lambda: stamped(probe, message))])
+
+        # More samples in all tiles together, or more tiles, than allowed.
+        refused(40, "large")
+        probe.publish_map(np.zeros((10, 10)), tile="b", origin=(50.0, 0.0, 0.0))
+        refused(10, "c")
+        refused(10, "x" * 257)
+
+        # Names and descriptions.
+        def answer(name: str, **fields: Any) -> str:
+            """What is wrong with a body; empty if it was spawned."""
+            given = {"shape": BALL, "mass": 1.0, "pose": pose_message((1, 1, 1)), **fields}
+            return str(probe.call("spawn_body", SpawnBody, id=name, **given).message)
+
+        assert "at most 256" in answer("x" * 257)
+        assert "bytes" in answer("long", urdf=ROBOT.replace("<link", " " * 1000 + "<link", 1))
+        # Bodies, by service and by topic.
+        assert [answer(name) for name in "abc"] == [""] * 3
+        assert "bodies.most" in answer("d")
+        poses = probe.publishers["body_poses"]
+        for count in (1, 4):
+            many = PoseArray(poses=[pose_message((1.0, 1.0, 0.3))] * count)
+            require_refused(probe, [(poses, "size", lambda many=many: stamped(probe, many))])
+        assert probe.call("remove_body", RemoveBody, id="a").success
+        assert answer("d") == ""
+
+
+@pytest.mark.parametrize("strategy", ["Enforce", "Permissive"])
+def test_security_that_is_not_to_be_had_stops_the_start(domain: int, tmp_path: Path, strategy: str) -> None:
+    """No node runs in the clear where security was asked for. The wheels' Fast DDS is built without it."""
+    (tmp_path / "enclaves").mkdir()
+    asked = {"ENABLE": "true", "STRATEGY": strategy, "KEYSTORE": str(tmp_path)}
+    environment = {f"ROS_SECURITY_{name}": value for name, value in asked.items()}
+    with Process("terrain_collider", environment=environment) as process:
+        wait_until(lambda: process.process.poll() is not None or "terrain from" in process.output)
+        if strategy == "Permissive" and process.process.poll() is None:
+            pytest.skip("this middleware has DDS security, and permits what has no keys")
+        assert process.process.wait(TIMEOUT) == 2
+        assert "ROS_SECURITY_ENABLE" in process.output
+        assert "Traceback" not in process.output
