@@ -259,6 +259,10 @@ class Fed:
             self.give(topic, message)
             assert counts == expected
 
+    def set(self, name: str, value: Any) -> str:
+        """Sets a parameter; why it was refused, empty if it was not."""
+        return str(self.node.set_parameters([Parameter(name, value=value)])[0].reason)
+
     def heights(self, x: Any, y: Any) -> NDArray[np.float64]:
         """Heights of the ground now at places [m], in the shape of these."""
         points = np.column_stack([np.ravel(x), np.ravel(y)])

@@ -12,7 +12,6 @@ import pytest
 from geometry_msgs.msg import Twist, Vector3
 from grid_map_msgs.msg import GridMap
 from numpy.typing import ArrayLike, NDArray
-from rclpy.parameter import Parameter
 from smartmesh_msgs.msg import HeightmapUpdate
 from smartmesh_msgs.srv import StepPhysics
 from std_srvs.srv import SetBool
@@ -68,17 +67,14 @@ def test_a_layer_of_a_grid_map_holds_the_friction(domain: int) -> None:
             """Level ground with a layer of coefficients, whose circular buffer begins at ``start``."""
             return grid_map_message({"elevation": FLAT, "slip": friction}, RESOLUTION, start=start, stamp=node.now())
 
-        def set_layer(name: str) -> None:
-            assert node.node.set_parameters([Parameter("terrain.friction_layer", value=name)])[0].successful
-
         node.give("grid_map", grid_map(halves()))
         assert (coefficients(node) == 1.0).all()
-        set_layer("slip")
+        assert not node.set("terrain.friction_layer", "slip")
         for start in ((0, 0), (3, 17)):
             node.give("grid_map", grid_map(halves(), start))
             np.testing.assert_array_equal(coefficients(node), halves())
         node.require_refused("grid_map", [("friction", grid_map(-halves()))])
-        set_layer("grip")
+        assert not node.set("terrain.friction_layer", "grip")
         node.require_refused("grid_map", [("layer", grid_map(halves()))])
         np.testing.assert_array_equal(coefficients(node), halves())
 

@@ -2,6 +2,7 @@
 else a robot's odometry becomes a tracked body inside that robot."""
 
 import subprocess
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,6 @@ import pytest
 import yaml
 from grid_map_msgs.msg import GridMap
 from rcl_interfaces.msg import ParameterType
-from rcl_interfaces.srv import DescribeParameters, ListParameters
 
 from smartmesh_ros.node.parameters.declaring import plain_value
 from smartmesh_ros.node.parameters.specifications import SPECS
@@ -19,7 +19,7 @@ from smartmesh_ros.tools.demo import terrain_source
 from smartmesh_ros.tools.testing import COLLIDER, Probe, executable
 from tests.grid_maps import grid_map_message
 from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
-from tests.node.shared import made_with, refusal_at_start, seconds, spawn, values
+from tests.node.shared import made_with, refusal_at_start, seconds, spawn
 
 __all__ = ["stand_ins"]
 
@@ -45,7 +45,7 @@ def test_a_preset_is_taken_whole_and_without_a_warning_and_the_node_hears_itself
 ) -> None:
     with made_with(TerrainCollider, {}, ["--params-file", str(preset)]) as node:
         wanted = parameters_of(preset)
-        assert {name: plain_value(node.get_parameter(name)) for name in wanted} == wanted
+        assert values(node, wanted) == wanted
         node.tick()
         assert own_topics(node) == set()
     assert warnings(capfd.readouterr().err) == []
@@ -59,10 +59,9 @@ def own_topics(node: TerrainCollider) -> set[str]:
     return published & taken
 
 
-def check_descriptions(probe: Probe) -> None:
+def check_descriptions(node: TerrainCollider) -> None:
     """Every parameter is described, and every number is bounded."""
-    names = [spec.name for spec in SPECS]
-    described = probe.call("describe_parameters", DescribeParameters, names=names).descriptors
+    described = node.describe_parameters([spec.name for spec in SPECS])
     numbers = (ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_DOUBLE)
     for spec, item in zip(SPECS, described, strict=True):
         assert item.description.endswith(".")
@@ -73,7 +72,15 @@ def check_descriptions(probe: Probe) -> None:
             assert item.additional_constraints.startswith("each "), item.name
 
 
-def test_all_is_described_and_a_dump_of_a_node_starts_the_same_node_again(probe: Probe, tmp_path: Path) -> None:
+def values(node: TerrainCollider, names: Iterable[str]) -> dict[str, Any]:
+    """Values of parameters; an empty list arrives as nothing."""
+    found = {name: plain_value(node.get_parameter(name)) for name in names}
+    return {name: [] if value is None else value for name, value in found.items()}
+
+
+def test_all_is_described_and_a_dump_of_a_node_starts_the_same_node_again(
+    domain: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     """As `ros2 param dump` writes it: every parameter that is set."""
     changed = {
         "physics.rate": 60.0,
@@ -82,29 +89,31 @@ def test_all_is_described_and_a_dump_of_a_node_starts_the_same_node_again(probe:
         "terrain.changes": "correction",
         "terrain.noise": 0.01,
     }
-    with probe.running(parameters=changed):
-        assert values(probe, changed) == changed
-        names = probe.call("list_parameters", ListParameters).result.names
+    with made_with(TerrainCollider, changed) as node:
+        assert values(node, changed) == changed
+        names = node.list_parameters([], 0).names
         assert {spec.name for spec in SPECS} <= set(names)
-        check_descriptions(probe)
-        before = values(probe, names)
+        check_descriptions(node)
+        before = values(node, names)
     dump = tmp_path / "dump.yaml"
     dump.write_text(yaml.safe_dump({"/terrain_collider": {"ros__parameters": before}}))
-    with probe.running(arguments=["--ros-args", "--params-file", str(dump)]) as process:
-        assert values(probe, names) == before
-        assert warnings(process.output) == []
+    with made_with(TerrainCollider, {}, ["--params-file", str(dump)]) as node:
+        assert values(node, names) == before
+    assert warnings(capfd.readouterr().err) == []
 
 
-def test_a_printed_parameter_file_says_all_the_defaults(probe: Probe, tmp_path: Path) -> None:
+def test_a_printed_parameter_file_says_all_the_defaults(
+    domain: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     command = [executable("terrain_collider"), "--print-parameters"]
     file = tmp_path / "all.yaml"
     file.write_text(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
     set_there = {spec.name: spec.default for spec in SPECS if spec.default != []}
     assert parameters_of(file) == set_there
     assert all(spec.name in file.read_text() for spec in SPECS)
-    with probe.running(arguments=["--ros-args", "--params-file", str(file)]) as process:
-        assert values(probe, list(set_there)) == set_there
-        assert warnings(process.output) == []
+    with made_with(TerrainCollider, {}, ["--params-file", str(file)]) as node:
+        assert values(node, set_there) == set_there
+    assert warnings(capfd.readouterr().err) == []
 
 
 @pytest.mark.parametrize(

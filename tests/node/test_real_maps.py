@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from itertools import count
 from types import SimpleNamespace
 
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from smartmesh_msgs.msg import Heightmap
 from std_srvs.srv import Trigger
 
+from smartmesh_ros import BodyState, Box
 from smartmesh_ros.node.inputs.maps import MapChecks, Rivals
 from smartmesh_ros.node.parameters import specifications as parameters
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
@@ -23,7 +23,7 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
-from tests.node.shared import box, changed, position_of, set_parameters, spawn
+from tests.node.shared import changed, fed, set_parameters
 
 DEFAULTS = {spec.name: spec.default for spec in SPECS}
 GRID = GridGeometry(rows=21, columns=21, resolution=0.5)
@@ -154,35 +154,37 @@ def test_a_doubt_goes_with_its_tile_and_there_is_none_of_given_velocities_and_co
     assert checks.warning == ""
 
 
-def test_a_map_that_was_overtaken_is_neither_taken_nor_refused(shared: Probe) -> None:
-    refused = shared.diagnostics("inputs")
-    overtaken = int(shared.diagnostics("terrain")["overtaken by a newer one"])
-    now = shared.now()
-    shared.publish_map(LEVEL, stamp=now)
-    shared.wait_for(lambda: shared.diagnostics("terrain").get("updates of ''") == "1")
-    total = now.sec * 10**9 + now.nanosec - 100_000_000
-    shared.publish_map(LEVEL + 1.0, stamp=Time(sec=total // 10**9, nanosec=total % 10**9))
-    shared.publish_map(LEVEL, stamp=shared.now())
-    shared.wait_for(lambda: shared.diagnostics("terrain").get("updates of ''") == "2")
-    assert shared.diagnostics("inputs") == refused
-    assert int(shared.diagnostics("terrain")["overtaken by a newer one"]) == overtaken + 1
+def before(stamp: Time, seconds: int, tenths: int = 0) -> Time:
+    total = stamp.sec * 10**9 + stamp.nanosec - seconds * 10**9 - tenths * 10**8
+    return Time(sec=total // 10**9, nanosec=total % 10**9)
 
 
-def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are(shared: Probe) -> None:
+def test_a_map_that_was_overtaken_is_neither_taken_nor_refused(domain: int) -> None:
+    with fed({}) as node:
+        now = node.now()
+        for height, stamp in ((0.0, now), (1.0, before(now, 0, 1)), (0.0, node.now())):
+            node.give("heightmap", heightmap_message(LEVEL + height, stamp=stamp))
+        assert node.world.terrain.tiles[""].version == 2
+        assert not node.node.refusals.counts
+        assert node.node.session.overtaken.total() == 1
+
+
+def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are(domain: int) -> None:
     """The clock of the source was set back by an hour."""
-    shared.publish_map(LEVEL, resolution=0.5)
-    shared.wait_for(lambda: shared.diagnostics("terrain").get("updates of ''") == "1")
-    spawn(shared, "box", (5.0, 5.0, 0.3), shape=box(0.4, 0.4, 0.3))
-
-    place = partial(position_of, shared, "box")
-    shared.wait_for(lambda: place()[2] < 0.152)
-    back = Time(sec=shared.now().sec - 3600)
-    shared.publish_map(LEVEL, resolution=0.5, stamp=back)
-    shared.wait_for(lambda: "stamp_backwards" in str(shared.diagnostics("inputs")))
-    assert shared.call("reset_terrain_clock", Trigger).success
-    before = place()
-    for number in range(1, 4):
-        back = Time(sec=back.sec, nanosec=50_000_000 * number)
-        shared.publish_map(LEVEL, resolution=0.5, stamp=back)
-        shared.wait_for(lambda n=number: shared.diagnostics("terrain").get("updates of ''") == str(1 + n))
-    assert place() == pytest.approx(before, abs=0.002)
+    with fed({}) as node:
+        node.give("heightmap", heightmap_message(LEVEL, resolution=0.5, stamp=node.now()))
+        node.world.spawn("box", Box(0.4, 0.4, 0.3), 1.0, BodyState((5.0, 5.0, 0.3)))
+        for _ in range(240):
+            node.node.tick()
+        place = node.world.state("box").position
+        assert place[2] < 0.152
+        back = before(node.now(), 3600)
+        message = heightmap_message(LEVEL, resolution=0.5, stamp=back)
+        node.require_refused("heightmap", [("stamp_backwards", message)])
+        [clock] = [found for found in node.node.services if found.srv_name.endswith("/reset_terrain_clock")]
+        assert clock.callback(Trigger.Request(), Trigger.Response()).success
+        for number in range(1, 4):
+            message.header.stamp = before(back, 0, -number)
+            node.give("heightmap", message)
+            assert node.world.terrain.tiles[""].version == 1 + number
+        assert node.world.state("box").position == pytest.approx(place, abs=0.002)

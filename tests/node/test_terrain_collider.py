@@ -1,7 +1,6 @@
 """The node over real DDS, in a process of its own: height maps, general meshes, tiles."""
 
 import math
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -15,14 +14,15 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker
 
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from smartmesh_ros.tools.testing import Probe, Process, assert_on_map, floats, mesh_message, point_message
+from smartmesh_ros.tools.testing import Probe, assert_on_map, floats, mesh_message, point_message
 from tests.node.shared import (
+    Fed,
     box,
     changed,
+    fed,
     one_round,
     patch_vertices,
     position_of,
-    require_refused,
     set_parameters,
     show_level_ground,
     spawn,
@@ -195,7 +195,7 @@ def sheet(height: float = 0.0) -> np.ndarray:
     return np.stack([0.2 * c, 0.2 * r, height + 0.1 * np.sin(0.5 * c)], axis=1)
 
 
-def update_message(probe: Probe, vertices: np.ndarray, indices: list[int] | None = None) -> TerrainMeshUpdate:
+def update_message(probe: Probe | Fed, vertices: np.ndarray, indices: list[int] | None = None) -> TerrainMeshUpdate:
     message = TerrainMeshUpdate(vertices=[point_message(v) for v in vertices.tolist()], indices=indices or [])
     return stamped(probe, message)
 
@@ -224,53 +224,51 @@ def test_patches_follow_a_general_mesh_whose_vertices_move(shared: Probe) -> Non
 
 
 def test_methods_that_a_mesh_does_not_allow_are_refused_and_named(
-    shared: Probe, shared_node: tuple[Probe, Process]
+    domain: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    sheared = sheet()
+    sheared, folded = sheet(), sheet()
     sheared[:, 0] += 4.0 * sheared[:, 1]
-    with changed(shared, {"search.method": "best_first"}):
-        shared.publishers["terrain_mesh"].publish(mesh_message(sheared, TRIANGLES, stamp=shared.now()))
-        key = "refused, terrain_mesh: search_method"
-        shared.wait_for(lambda: shared.diagnostics("inputs").get(key) == "1")
-        assert "use brute_force, ray_cast" in shared_node[1].output
-        assert shared.diagnostics("terrain")["tiles"] == "0"
-        assert set_parameters(shared, {"search.method": "brute_force"}).successful
-        shared.publishers["terrain_mesh"].publish(mesh_message(sheared, TRIANGLES, stamp=shared.now()))
-        shared.wait_for(lambda: shared.diagnostics("terrain")["tiles"] == "1")
-        refused = set_parameters(shared, {"search.method": "best_first"})
-        assert not refused.successful
-        assert "brute_force" in refused.reason
-        assert not set_parameters(shared, {"patch.kind": "whole_heightfield"}).successful
-        shared.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=shared.now()))
-        shared.wait_for(lambda: set_parameters(shared, {"search.method": "best_first"}).successful)
-        folded = sheet()
-        folded[100:110, 0] -= 3.0
-        shared.publishers["terrain_mesh_update"].publish(update_message(shared, folded))
-        shared.wait_for(lambda: shared.diagnostics("inputs").get("refused, terrain_mesh_update: search_method") == "1")
+    folded[100:110, 0] -= 3.0
+    with fed({"search.method": "best_first"}) as node:
+        sent = stamped(node, mesh_message(sheared, TRIANGLES))
+        node.require_refused("terrain_mesh", [("search_method", sent)])
+        assert "use brute_force, ray_cast" in capfd.readouterr().err
+        assert not node.world.terrain.tiles
+        assert not node.set("search.method", "brute_force")
+        node.give("terrain_mesh", sent)
+        assert node.world.terrain.tiles
+        assert "brute_force" in node.set("search.method", "best_first")
+        assert node.set("patch.kind", "whole_heightfield")
+        node.give("terrain_mesh", stamped(node, mesh_message(sheet(), TRIANGLES)))
+        assert not node.set("search.method", "best_first")
+        node.require_refused("terrain_mesh_update", [("search_method", update_message(node, folded))])
 
 
-def test_bad_meshes_are_refused_and_the_last_one_stays(shared: Probe) -> None:
-    def mesh(vertices: Any = None, triangles: Any = TRIANGLES, velocities: int = 0, **more: Any) -> Any:
-        made = mesh_message(sheet() if vertices is None else vertices, triangles, stamp=shared.now(), **more)
-        made.velocities = [Vector3()] * velocities
-        return made
+def test_bad_meshes_are_refused_and_the_last_one_stays(domain: int) -> None:
+    with fed({}) as node:
 
-    meshes, updates = shared.publishers["terrain_mesh"], shared.publishers["terrain_mesh_update"]
-    meshes.publish(mesh())
-    shared.wait_for(lambda: shared.diagnostics("terrain")["tiles"] == "1")
-    cases: list[tuple[Any, str, Callable[[], Any]]] = [
-        (meshes, "index", lambda: mesh(triangles=[[0, 1, 600]])),
-        (meshes, "non_finite", lambda: mesh(sheet() * np.inf)),
-        (meshes, "length", lambda: mesh(triangles=np.zeros((0, 3)))),
-        (meshes, "length", lambda: mesh(velocities=5)),
-        (meshes, "frame", lambda: mesh(frame_id="odom")),
-        (updates, "length", lambda: update_message(shared, sheet()[:5])),
-        (updates, "index", lambda: update_message(shared, sheet()[:2], [3, 3])),
-        (updates, "index", lambda: update_message(shared, sheet()[:1], [600])),
-        (updates, "non_finite", lambda: update_message(shared, sheet()[:1] * np.nan, [1])),
-    ]
-    require_refused(shared, cases)
-    assert shared.diagnostics("terrain")["updates of ''"] == "0"
+        def mesh(vertices: Any = None, triangles: Any = TRIANGLES, velocities: int = 0, **more: Any) -> Any:
+            made = mesh_message(sheet() if vertices is None else vertices, triangles, stamp=node.now(), **more)
+            made.velocities = [Vector3()] * velocities
+            return made
+
+        node.give("terrain_mesh", mesh())
+        meshes = [
+            ("index", mesh(triangles=[[0, 1, 600]])),
+            ("non_finite", mesh(np.full((600, 3), np.inf))),
+            ("length", mesh(triangles=np.zeros((0, 3)))),
+            ("length", mesh(velocities=5)),
+            ("frame", mesh(frame_id="odom")),
+        ]
+        updates = [
+            ("length", update_message(node, sheet()[:5])),
+            ("index", update_message(node, sheet()[:2], [3, 3])),
+            ("index", update_message(node, sheet()[:1], [600])),
+            ("non_finite", update_message(node, sheet()[:1] * np.nan, [1])),
+        ]
+        node.require_refused("terrain_mesh", meshes)
+        node.require_refused("terrain_mesh_update", updates)
+        assert node.world.terrain.tiles[""].version == 0
 
 
 def test_tiles_with_a_gap_come_are_crossed_and_go(shared: Probe) -> None:
