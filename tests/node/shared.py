@@ -248,6 +248,10 @@ class Fed:
         name = topic if topic.startswith("/") else f"{COLLIDER}/{topic}"
         [take] = [found.callback for found in self.node.session.subscriptions if found.topic_name == name]
         take(message if isinstance(message, bytes) else serialize_message(message))
+        self.run(steps)
+
+    def run(self, steps: int) -> None:
+        """Runs steps of the physics, with what the node does at each."""
         for _ in range(steps):
             self.node.tick()
 

@@ -1,28 +1,32 @@
 """The tutorials do what they say: their files and commands are taken from the pages and run."""
 
+import math
 import re
 import shlex
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 import yaml
 from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import Odometry
-from rclpy.serialization import serialize_message
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import JointState
 from smartmesh_msgs.srv import QueryGround
+from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.inputs.adapters import grid_map_raster as raster_from
-from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.testing import Probe, Process, pose_message
 from tests.grid_maps import grid_map_message
-from tests.node.shared import made_with, patch_vertices, transform_message
+from tests.node.shared import LATCHED, fed, patch_vertices, stamped, transform_message
+from tests.urdfs import joint, link, robot
 
 ROOT = Path(__file__).parents[2]
 CELLS, RESOLUTION = 60, 0.1
@@ -192,15 +196,102 @@ def test_heights_of_elevation_mapping_cupy_are_where_it_says(layers: Any, place:
 
 def test_the_node_takes_maps_of_elevation_mapping_cupy_with_the_file_of_the_page(domain: int) -> None:
     arguments = ["--params-file", str(ROOT / "config" / "elevation_mapping.yaml")]
-    with made_with(TerrainCollider, {}, arguments) as node:
-        [take] = [found.callback for found in node.session.subscriptions if found.topic_name.endswith("/grid_map")]
-        world, y = node.session.world, 0.2
+    with fed({}, arguments) as node:
         for x, seen in ((0.0, False), (0.0, True), (0.033, True), (0.31, True), (1.248, True)):
-            sent = cupy_map(RAW, x, y, seen=seen)
-            sent.header.stamp = node.get_clock().now().to_msg()
-            take(serialize_message(sent))
-            for _ in range(240):
-                node.tick()
-            height = world.terrain.at([[x, y]], world.time).heights[0]
-            assert abs(height - ground(x, y)) < HALF_CELL if seen else np.isnan(height)
-        assert not node.refusals.counts
+            node.give("grid_map", stamped(node, cupy_map(RAW, x, 0.2, seen=seen), "odom"), steps=240)
+            height = node.heights(x, 0.2)
+            assert abs(height - ground(x, 0.2)) < HALF_CELL if seen else np.isnan(height)
+        assert not node.node.refusals.counts
+
+
+LIMIT = '<limit lower="{}" upper="{}" effort="50" velocity="50"/>'
+PARTS = [
+    link("base", '<box size="0.6 0.6 0.2"/>', moment=0.1),
+    link("arm", "", moment=0.1),
+    link("reel", "", moment=0.1),
+    joint("shoulder", "revolute", "base", "arm", LIMIT.format("-2", "2"), "0 0 0", "0 0 1"),
+    joint("wheel", "continuous", "base", "reel", LIMIT.format("0", "0"), "0 0 0", "0 0 1"),
+]
+FIELDS = ("position", "velocity", "effort")
+
+
+class Hardware:
+    """A block of topic_based_ros2_control: sends the commands of its joints, and takes their states by name.
+
+    An array has the numbers of those joints alone that have the interface, in the order of the block.
+    """
+
+    def __init__(self, probe: Probe, block: str) -> None:
+        self._probe, system = probe, ElementTree.fromstring(block)
+        self._commands = [
+            (joint.attrib["name"], interface.attrib["name"])
+            for joint in system.iterfind("joint")
+            for interface in joint.iterfind("command_interface")
+        ]
+        self.commands = dict.fromkeys(self._commands, math.nan)
+        self.states: dict[tuple[str, str], float] = {}
+        parameters = {item.attrib["name"]: item.text or "" for item in system.iterfind("hardware/param")}
+        probe.node.create_subscription(
+            JointState, parameters["joint_states_topic"], self._read, qos_profile_sensor_data
+        )
+        self._publisher = probe.node.create_publisher(
+            JointState, parameters["joint_commands_topic"], QoSProfile(depth=1)
+        )
+
+    def _read(self, message: JointState) -> None:
+        for index, name in enumerate(message.name):
+            for field in FIELDS:
+                self.states[name, field] = getattr(message, field)[index]
+
+    def write(self) -> None:
+        """Sends all commands, whether or not a controller has set them."""
+        message = JointState(name=list(dict.fromkeys(name for name, _ in self._commands)))
+        message.header.stamp = self._probe.now()
+        for name, interface in self._commands:
+            getattr(message, interface).append(self.commands[name, interface])
+        self._publisher.publish(message)
+
+
+def test_two_blocks_drive_a_robot_on_the_topics_of_the_page(probe: Probe) -> None:
+    [arm] = [block for block in blocks("docs/robots.md", "xml") if "TopicBasedSystem" in block]
+    [command] = [block for block in blocks("docs/robots.md", "console") if "topic_based" in block]
+    wheels = arm.replace("shoulder", "wheel").replace(
+        'command_interface name="position"', 'command_interface name="velocity"'
+    )
+    described = robot(*PARTS, arm, wheels)
+    words = shlex.split(command.replace("\\\n", " "))
+    arguments = [*words[4:], "-p", "robot.above:=0.11", "-p", "robot.xy:=[5.0, 5.0]"]
+    with Process("terrain_collider", arguments=arguments) as process:
+        hardware = [Hardware(probe, arm), Hardware(probe, wheels)]
+        probe.wait_for(probe.connected, watch=process)
+        probe.publish_map(np.zeros((21, 21)), resolution=0.5)
+        probe.publisher(String, "/robot_description", LATCHED).publish(String(data=described))
+
+        def holds(**wanted: float) -> Any:
+            """Whether positions of the shoulder and velocities of the wheel are so, while both blocks send."""
+
+            def found() -> bool:
+                for block in hardware:
+                    block.write()
+                states = hardware[0].states | hardware[1].states
+                near = (
+                    abs(states.get(tuple(key.split("_")), math.inf) - value) < 0.02 for key, value in wanted.items()
+                )
+                return all(near)
+
+            return found
+
+        probe.wait_for(lambda: all(block.states for block in hardware), watch=process)
+        probe.wait_for(holds(shoulder_position=0.0, wheel_velocity=0.0), watch=process)  # nothing but NaN
+        hardware[0].commands["shoulder", "position"] = 0.7
+        probe.wait_for(holds(shoulder_position=0.7, wheel_velocity=0.0), watch=process)
+        hardware[1].commands["wheel", "velocity"] = 3.0
+        probe.wait_for(holds(shoulder_position=0.7, wheel_velocity=3.0), watch=process)
+        assert probe.diagnostics("inputs")["message"] == "0 refused so far"
+        one = Hardware(probe, re.sub(r"</ros2_control>$", "", arm.strip()) + wheels[wheels.index("<joint") :])
+
+        def refused() -> bool:
+            one.write()  # the first commands of a new publisher may be lost
+            return "refused, joint_commands: length" in probe.diagnostics("inputs")
+
+        probe.wait_for(refused, watch=process)
