@@ -245,7 +245,7 @@ class Fed:
 
     def give(self, topic: str, message: Any, steps: int = 10) -> None:
         """Gives it a message or its bytes on a topic (below its name, or a full name), and runs some steps."""
-        name = topic if topic.startswith("/") else f"{COLLIDER}/{topic}"
+        name = topic.replace("~", COLLIDER) if topic[0] in "~/" else f"{COLLIDER}/{topic}"
         [take] = [found.callback for found in self.node.session.subscriptions if found.topic_name == name]
         take(message if isinstance(message, bytes) else serialize_message(message))
         self.run(steps)

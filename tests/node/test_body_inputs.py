@@ -1,8 +1,7 @@
 """Tracked bodies as stacks publish them; their velocities, estimated from poses; and time-outs by arrival."""
 
 import math
-from collections.abc import Callable, Iterator
-from itertools import count
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -21,9 +20,9 @@ from smartmesh_ros.ground.shapes import Box
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.tools.testing import Probe, Process, pose_message
-from tests.node.shared import Fed, changed, fed, patch_vertices, stamped, transform_message, wait_until
+from tests.node.shared import Fed, fed, stamped, transform_message, wait_until
 
-SHARED = {
+INPUTS = {
     "bodies.poses": ["arm=/arm/tip_pose", "/second/pose"],
     "bodies.odometry": ["rover=~/tracked_odometry", "pusher=/odom"],
     "frame_id": "map",
@@ -31,75 +30,36 @@ SHARED = {
 YAW = 0.5 * math.pi
 
 
-def transform(probe: Probe | Fed, parent: str, child: str, x: float, y: float, yaw: float = 0.0) -> TFMessage:
-    return TFMessage(transforms=[transform_message(probe, parent, child, (x, y, 0.0), yaw)])
+def transform(node: Fed, parent: str, child: str, x: float, y: float, yaw: float = 0.0) -> TFMessage:
+    return TFMessage(transforms=[transform_message(node, parent, child, (x, y, 0.0), yaw)])
 
 
-def flat_map(probe: Probe) -> None:
-    probe.publish_map(np.zeros((200, 200)), resolution=0.1, origin=(-10.0, -10.0, 0.0))
-
-
-def patch_near(probe: Probe, name: str, x: float, y: float, act: Callable[[], None]) -> None:
-    """Waits until the patch of the body is around (x, y), doing ``act`` again and again."""
-
-    def there() -> bool:
-        act()
-        found = patch_vertices(probe).get(name)
-        return found is not None and bool(np.abs(found[:, :2].mean(axis=0) - (x, y)).max() <= 0.06)
-
-    probe.wait_for(there)
-
-
-def bodies(probe: Probe) -> set[str]:
-    return set(patch_vertices(probe))
-
-
-def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(shared: Probe) -> None:
-    with changed(shared, {"bodies.timeout": 0.5}):
-        flat_map(shared)
-        arm, second = shared.publisher(PoseStamped, "/arm/tip_pose"), shared.publisher(PoseStamped, "/second/pose")
-        rover = shared.publisher(Odometry, "tracked_odometry")
-
-        def publish() -> None:
-            arm.publish(stamped(shared, PoseStamped(pose=pose_message((1.0, 2.0, 0.2))), "map"))
-            second.publish(stamped(shared, PoseStamped(pose=pose_message((4.0, 5.0, 0.2))), "map"))
-            odometry = Odometry(child_frame_id="base_link")
-            odometry.pose.pose = pose_message((-3.0, 4.0, 0.2))
-            rover.publish(stamped(shared, odometry, "map"))
-
-        patch_near(shared, "arm", 1.0, 2.0, publish)
-        patch_near(shared, "second.pose", 4.0, 5.0, publish)
-        patch_near(shared, "rover", -3.0, 4.0, publish)
-
-        def all_and_no_other() -> bool:  # told again: on a slow machine the first may have timed out meanwhile
-            publish()
-            return bodies(shared) == {"arm", "second.pose", "rover"}
-
-        shared.wait_for(all_and_no_other)
+def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(domain: int) -> None:
+    with fed({**INPUTS, "bodies.timeout": 0.5}) as node:
+        odometry = Odometry(child_frame_id="base_link")
+        odometry.pose.pose = pose_message((-3.0, 4.0, 0.2))
+        node.give("~/tracked_odometry", stamped(node, odometry))
+        for topic, x, y in (("/arm/tip_pose", 1.0, 2.0), ("/second/pose", 4.0, 5.0)):
+            node.give(topic, stamped(node, PoseStamped(pose=pose_message((x, y, 0.2)))))
+        found = {name: place(node, name) for name in node.world.bodies}
+        assert found == {"rover": (-3.0, 4.0), "arm": (1.0, 2.0), "second.pose": (4.0, 5.0)}
+        ages = node.node._outputs._diagnostics._ends()[2]
         for topic in ("~/tracked_odometry", "/arm/tip_pose"):
-            assert 0.0 <= float(shared.diagnostics("connections")[f"age of stamps on arrival, {topic} [s]"]) < 2.0
-        shared.wait_for(lambda: not bodies(shared))
-        lost = Odometry()
-        lost.pose.pose = pose_message((math.nan, 0.0, 0.0))
-        rover.publish(stamped(shared, lost, "map"))
-        second.publish(stamped(shared, PoseStamped(pose=pose_message((4.0, 5.0, math.inf))), "map"))
-        for key in ("refused, ~/tracked_odometry: non_finite", "refused, /second/pose: non_finite"):
-            shared.wait_for(lambda key=key: shared.diagnostics("inputs").get(key) == "1")
+            assert 0.0 <= float(ages[f"age of stamps on arrival, {topic} [s]"]) < 2.0
+        wait_until(lambda: node.node.tick() or not node.world.bodies)
+        odometry.pose.pose.position.x = math.nan
+        node.require_refused("~/tracked_odometry", [("non_finite", stamped(node, odometry))])
+        lost = PoseStamped(pose=pose_message((4.0, 5.0, math.inf)))
+        node.require_refused("/second/pose", [("non_finite", stamped(node, lost))])
 
 
-def test_jumps_of_a_pose_are_counted_and_logged(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
-    flat_map(shared)
-    second, places = shared.publisher(PoseStamped, "/second/pose"), count()
-
-    def told() -> bool:  # many between two diagnostics
-        for _ in range(5):
-            pose = pose_message((100.0 * (next(places) % 2), 5.0, 0.2))
-            second.publish(stamped(shared, PoseStamped(pose=pose), "map"))
-            shared.spin(0.02)
-        return int(shared.diagnostics("bodies").get("jumps on /second/pose", 0)) > 0
-
-    shared.wait_for(told)
-    assert "the pose of 'second.pose' jumped by 100 m" in shared_node[1].output
+def test_jumps_of_a_pose_are_counted_and_logged(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
+    with fed(INPUTS) as node:
+        for number in range(6):
+            pose = pose_message((100.0 * (number % 2), 5.0, 0.2))
+            node.give("/second/pose", stamped(node, PoseStamped(pose=pose)))
+        assert node.node._outputs._diagnostics._bodies()[2]["jumps on /second/pose"] > 0
+    assert "the pose of 'second.pose' jumped by 100 m" in capfd.readouterr().err
 
 
 def place(node: Fed, name: str) -> tuple[float, float]:
@@ -107,7 +67,7 @@ def place(node: Fed, name: str) -> tuple[float, float]:
 
 
 def test_poses_in_another_frame_are_transformed(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
-    with fed(SHARED) as node:
+    with fed(INPUTS) as node:
         tip = PoseStamped(pose=pose_message((1.0, 0.0, 0.2)))
         node.give("/arm/tip_pose", stamped(node, tip, "odom"))
         assert "no transform from 'odom' to 'map'" in capfd.readouterr().err
@@ -176,7 +136,7 @@ def test_without_tf_foreign_frames_are_refused_and_what_is_missing_is_named(
 ) -> None:
     with Process("terrain_collider", {"frame_id": "map"}, environment=bare_environment) as process:
         probe.wait_for(probe.connected, watch=process)
-        flat_map(probe)
+        probe.publish_map(np.zeros((200, 200)), origin=(-10.0, -10.0, 0.0))
 
         def named() -> bool:
             probe.publish_poses([(0.0, 0.0, 0.2)], frame_id="odom")
