@@ -2,10 +2,8 @@
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
-from itertools import count
 from time import monotonic
 from types import SimpleNamespace
 from typing import Any, get_args
@@ -30,9 +28,8 @@ from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import Changes, MotionConfig, MotionMode
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from smartmesh_ros.tools.testing import Probe, Process, heightmap_message
-from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
-from tests.node.shared import changed, fed, set_parameters
+from smartmesh_ros.tools.testing import Probe, heightmap_message
+from tests.node.shared import fed
 
 DEFAULTS = {spec.name: spec.default for spec in SPECS}
 GRID = GridGeometry(rows=21, columns=21, resolution=0.5)
@@ -95,32 +92,24 @@ def of_mapper(number: int) -> NDArray[np.float32]:
     return np.asarray(LEVEL + noise + 0.001 * number + 0.08 * (number // 20 % 2), np.float32)
 
 
-@contextmanager
-def maps_of(probe: Probe, heights: Callable[[int], NDArray[np.float32]]) -> Iterator[None]:
-    """Publishes maps at 10 Hz while the block lasts."""
-    numbers = count()
-    timer = probe.node.create_timer(0.1, lambda: probe.publish_map(heights(next(numbers)), resolution=0.5))
-    try:
-        yield
-    finally:
-        probe.node.destroy_timer(timer)
-
-
 def test_maps_of_a_mapper_that_are_taken_for_motion_are_a_warning(
-    shared: Probe, shared_node: tuple[Probe, Process]
+    domain: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    with maps_of(shared, of_mapper), changed(shared, {"terrain.changes": "motion"}):
-        maps = "updates of ''"
-        shared.wait_for(lambda: ADVICE in shared.diagnostics("terrain")["message"])
-        assert int(shared.diagnostics("terrain")[maps]) <= 60  # 5 s, and a second until the diagnostics say so
-        shared.wait_for(lambda: "jumps of still ground" in shared.diagnostics("terrain")["message"])
-        found = shared.latest(DIAGNOSTICS).status
-        [status] = [status for status in found if status.name.endswith("terrain_collider: terrain")]
-        assert status.level == DiagnosticStatus.WARN
-        assert "noise of 5." in status.message
-        assert shared_node[1].output.count(ADVICE) == 1
-        assert set_parameters(shared, {"terrain.changes": "correction"}).successful
-        shared.wait_for(lambda: shared.diagnostics("terrain")["message"] == "maps arrive")
+    with fed({"terrain.changes": "motion"}) as node:
+
+        def give(number: int) -> tuple[bytes, str]:
+            """Gives a map that holds from now on; level and words of the diagnostics a tenth of a second later."""
+            node.give("heightmap", heightmap_message(of_mapper(number), resolution=0.5), steps=24)
+            level, words, _ = node.node._outputs._diagnostics._terrain()
+            return level, words
+
+        warned = [ADVICE in give(number)[1] for number in range(60)]
+        assert warned[50:] == [True] * 10
+        level, words = give(60)
+        assert level == DiagnosticStatus.WARN and "jumps of still ground" in words and "noise of 5." in words
+        assert capfd.readouterr().err.count(ADVICE) == 1
+        assert not node.set("terrain.changes", "correction")
+        assert give(61)[1] == "maps arrive"
 
 
 def test_two_mappers_on_one_topic_are_named_in_the_diagnostics(shared: Probe) -> None:
