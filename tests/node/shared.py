@@ -16,11 +16,15 @@ import numpy as np
 import psutil
 import rclpy
 import yaml
+from geometry_msgs.msg import TransformStamped
+from numpy.typing import ArrayLike, NDArray
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.context import Context
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import serialize_message
 from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import Heightmap
 from smartmesh_msgs.srv import QueryGround, RemoveBodies, SpawnBody
 from std_srvs.srv import SetBool, Trigger
 
@@ -28,7 +32,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.terrain_collider import TerrainCollider
-from smartmesh_ros.tools.testing import TIMEOUT, Probe, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, pose_message
 
 LISTS = {spec.name for spec in SPECS if isinstance(spec.default, list)}
 # What is still there is taken away again after so long [s], longer than bodies are tracked by default.
@@ -49,11 +53,11 @@ def clear(probe: Probe) -> None:
     def take_away(tiles: set[str]) -> None:
         probe.publish_bodies({})
         probe.publish_poses([])
-        if names := [body.id for body in probe.latest("body_states").bodies]:
+        if names := body_names(probe):
             probe.call("remove_bodies", RemoveBodies, ids=names)
         for name in tiles - asked:  # one that is gone already would be refused, and counted
             asked.add(name)
-            probe.publishers["heightmap"].publish(heightmap_message(np.zeros((0, 0)), tile=name, stamp=probe.now()))
+            probe.publish_map(np.zeros((0, 0)), tile=name)
         assert probe.call("reset", Trigger).success  # stamps too: the last test may have set them ahead
 
     def empty() -> bool:
@@ -88,6 +92,37 @@ def show_level_ground(probe: Probe, size: int = 60) -> None:
     probe.wait_for(has_ground)
 
 
+def show_map(probe: Probe, heights: ArrayLike, **options: Any) -> Heightmap:
+    """Publishes the first map, as of `Probe.publish_map`, and waits until the node has it."""
+    message = probe.publish_map(heights, **options)
+    probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] != "0")
+    return message
+
+
+def patch_vertices(probe: Probe) -> dict[str, NDArray[np.float64]]:
+    """Vertices (n, 3) [m] of the next collider patches by body."""
+    return {
+        patch.body_id: np.array([(v.x, v.y, v.z) for v in patch.mesh.vertices])
+        for patch in probe.latest("collider_patches").patches
+    }
+
+
+def transform_message(
+    probe: Probe | Fed, parent: str, child: str, position: Sequence[float] = (0.0, 0.0, 0.0), yaw: float = 0.0
+) -> TransformStamped:
+    """A transform with now as its stamp: ``child`` is at a position [m] of ``parent``, turned about z [rad]."""
+    made, pose = stamped(probe, TransformStamped(child_frame_id=child), parent), pose_message(position, yaw)
+    for axis in "xyz":
+        setattr(made.transform.translation, axis, getattr(pose.position, axis))
+    made.transform.rotation = pose.orientation
+    return made
+
+
+def body_names(probe: Probe) -> list[str]:
+    """Names of the simulated bodies in the next states."""
+    return [body.id for body in probe.latest("body_states").bodies]
+
+
 def box(*edges: float) -> SolidPrimitive:
     """A box of these edges [m]."""
     return SolidPrimitive(type=SolidPrimitive.BOX, dimensions=edges)
@@ -111,7 +146,7 @@ def seconds(stamp: Any) -> float:
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
-def stamped(probe: Probe, message: Any, frame_id: str = "map") -> Any:
+def stamped(probe: Probe | Fed, message: Any, frame_id: str = "map") -> Any:
     """The message with a frame, and now as its stamp."""
     message.header.stamp, message.header.frame_id = probe.now(), frame_id
     return message
@@ -193,6 +228,56 @@ def made_with(kind: Any, parameters: Mapping[str, Any], arguments: Sequence[str]
         finally:
             gc.collect()  # what was made of the node, which peers would hear else
             rclpy.shutdown(context=context)
+
+
+class Fed:
+    """A collider in this process that is given messages as its subscriptions take them, without a middleware between.
+
+    ``world``: what it simulates.
+    """
+
+    def __init__(self, node: TerrainCollider) -> None:
+        self.node, self.world = node, node.session.world
+
+    def now(self) -> Any:
+        """The time of the node's clock, as a stamp."""
+        return self.node.get_clock().now().to_msg()
+
+    def give(self, topic: str, message: Any, steps: int = 10) -> None:
+        """Gives it a message or its bytes on a topic (below its name, or a full name), and runs some steps."""
+        name = topic.replace("~", COLLIDER) if topic[0] in "~/" else f"{COLLIDER}/{topic}"
+        [take] = [found.callback for found in self.node.session.subscriptions if found.topic_name == name]
+        take(message if isinstance(message, bytes) else serialize_message(message))
+        self.run(steps)
+
+    def run(self, steps: int) -> None:
+        """Runs steps of the physics, with what the node does at each."""
+        for _ in range(steps):
+            self.node.tick()
+
+    def require_refused(self, topic: str, cases: Iterable[tuple[str, Any]]) -> None:
+        """Gives it messages, each of which must be refused for its reason, and nothing besides."""
+        counts = self.node.refusals.counts
+        for reason, message in cases:
+            expected = counts + Counter([f"{topic}: {reason}"])
+            self.give(topic, message)
+            assert counts == expected
+
+    def set(self, name: str, value: Any) -> str:
+        """Sets a parameter; why it was refused, empty if it was not."""
+        return str(self.node.set_parameters([Parameter(name, value=value)])[0].reason)
+
+    def heights(self, x: Any, y: Any) -> NDArray[np.float64]:
+        """Heights of the ground now at places [m], in the shape of these."""
+        points = np.column_stack([np.ravel(x), np.ravel(y)])
+        return np.asarray(self.world.terrain.at(points, self.world.time).heights.reshape(np.shape(x)))
+
+
+@contextmanager
+def fed(parameters: Mapping[str, Any], arguments: Sequence[str] = ()) -> Iterator[Fed]:
+    """A collider in this process, with these parameters and ROS arguments."""
+    with made_with(TerrainCollider, parameters, arguments) as node:
+        yield Fed(node)
 
 
 def wait_until(condition: Callable[[], object]) -> None:

@@ -1,18 +1,22 @@
-"""Many bodies: by one call, all or none, and by many calls at once, each of which is answered."""
+"""Many bodies: by one call, all or none, and by many calls at once, each of which is answered, in turns."""
 
+from collections.abc import Coroutine
 from functools import partial
 from time import monotonic
 from typing import Any
 
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
+from smartmesh_ros.node.services.turns import NextTurn, Turns, Work
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, pose_message
-from tests.node.shared import BALL, made_with
+from tests.node.shared import BALL, made_with, show_map
 
 # Answers that may wait while the caller does not run: by default ROS keeps ten.
 CALLS = QoSProfile(depth=1000)
@@ -27,13 +31,8 @@ def simulated(probe: Probe) -> int:
     return int(probe.diagnostics("bodies")["simulated"])
 
 
-def ground(probe: Probe) -> None:
-    probe.publish_map(np.zeros((101, 101)), resolution=0.5)
-    probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] != "0")
-
-
 def test_one_bad_body_keeps_all_out_and_every_bad_one_is_named(shared: Probe) -> None:
-    ground(shared)
+    show_map(shared, np.zeros((101, 101)), resolution=0.5)
     assert shared.call("spawn_bodies", SpawnBodies, bodies=[specification(0)]).success
     bad = [
         specification(0),
@@ -53,7 +52,7 @@ def test_one_bad_body_keeps_all_out_and_every_bad_one_is_named(shared: Probe) ->
 
 
 def test_removal_of_one_that_is_not_there_removes_none(shared: Probe) -> None:
-    ground(shared)
+    show_map(shared, np.zeros((101, 101)), resolution=0.5)
     shared.call("spawn_bodies", SpawnBodies, bodies=[specification(0), specification(1)])
     shared.publish_poses([(2.0, 2.0, 1.0)])
     shared.wait_for(lambda: shared.diagnostics("bodies")["tracked"] == "0")
@@ -82,7 +81,7 @@ def answers(service: str, kind: Any, requests: list[Any]) -> list[Any]:
 
 def test_of_two_hundred_calls_in_flight_each_is_answered(shared: Probe) -> None:
     specifications = [specification(index) for index in range(200)]
-    ground(shared)
+    show_map(shared, np.zeros((101, 101)), resolution=0.5)
     spawns = [
         SpawnBody.Request(id=body.id, mass=body.mass, shape=body.shape, pose=body.pose) for body in specifications
     ]
@@ -94,7 +93,7 @@ def test_of_two_hundred_calls_in_flight_each_is_answered(shared: Probe) -> None:
 
 
 def test_two_thousand_bodies_come_and_go_by_one_call_each(shared: Probe) -> None:
-    ground(shared)
+    show_map(shared, np.zeros((101, 101)), resolution=0.5)
     bodies = [specification(index) for index in range(2000)]
     answer = shared.call("spawn_bodies", SpawnBodies, bodies=bodies)
     assert (answer.success, answer.message, answer.failures) == (True, "", [])
@@ -104,3 +103,44 @@ def test_two_thousand_bodies_come_and_go_by_one_call_each(shared: Probe) -> None
     assert shared.call("remove_bodies", RemoveBodies, ids=[body.id for body in bodies[:1990]]).success
     shared.wait_for(lambda: simulated(shared) == 10)
     shared.wait_for(lambda: len(shared.patches()) == 10)
+
+
+async def work(name: str, turns: int, log: list[str]) -> str:
+    for _ in range(turns):
+        log.append(name)
+        await NextTurn()
+    return name
+
+
+@given(st.lists(st.integers(0, 9), max_size=5))
+def test_answers_take_turns_and_each_is_sent_once(lengths: list[int]) -> None:
+    turns, log, sent = Turns(), [], []
+    for index, length in enumerate(lengths):
+        turns.add(Work(work(str(index), length, log)), sent.append)
+    between = 0
+    while turns.advance():
+        between += 1
+    assert between == sum(length + 1 for length in lengths), "one part of one answer in each turn"
+    assert sorted(sent) == [str(index) for index in range(len(lengths))]
+    for round_ in range(max(lengths, default=0)):
+        wanted = [str(index) for index, length in enumerate(lengths) if length > round_]
+        assert log[: len(wanted)] == wanted, "nobody gets two turns while another waits"
+        del log[: len(wanted)]
+
+
+def test_work_that_is_given_up_ends() -> None:
+    ended: list[str] = []
+
+    async def endless() -> None:
+        try:
+            while True:
+                await NextTurn()
+        finally:
+            ended.append("closed")
+
+    turns, sent = Turns(), list[Any]()
+    made: Coroutine[Any, Any, None] = endless()
+    turns.add(Work(made), sent.append)
+    assert turns.advance()
+    turns.close()
+    assert ended == ["closed"] and not turns.advance() and not sent

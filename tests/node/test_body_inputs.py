@@ -1,24 +1,28 @@
-"""Tracked bodies as stacks publish them, over real topics."""
+"""Tracked bodies as stacks publish them; their velocities, estimated from poses; and time-outs by arrival."""
 
 import math
-from collections.abc import Callable
-from itertools import count
-from time import monotonic
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped, TransformStamped
+from geometry_msgs.msg import PoseArray, PoseStamped
+from hypothesis import given
+from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
+from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import QueryGround
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from smartmesh_ros.tools.testing import Probe, Process, assert_cannot_start, pose_message
-from tests.node.shared import LATCHED, changed, spawn, stamped
+from smartmesh_ros import HeightMap, World
+from smartmesh_ros.ground.shapes import Box
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.node.inputs.tracking import Tracking
+from smartmesh_ros.tools.testing import Probe, Process, pose_message
+from tests.node.shared import Fed, fed, stamped, transform_message, wait_until
 
-SHARED = {
+INPUTS = {
     "bodies.poses": ["arm=/arm/tip_pose", "/second/pose"],
     "bodies.odometry": ["rover=~/tracked_odometry", "pusher=/odom"],
     "frame_id": "map",
@@ -26,223 +30,105 @@ SHARED = {
 YAW = 0.5 * math.pi
 
 
-def transform(probe: Probe, parent: str, child: str, x: float, y: float, yaw: float = 0.0) -> TFMessage:
-    item = stamped(probe, TransformStamped(child_frame_id=child), parent)
-    item.transform.translation.x, item.transform.translation.y = x, y
-    item.transform.rotation.z, item.transform.rotation.w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
-    return TFMessage(transforms=[item])
+def transform(node: Fed, parent: str, child: str, x: float, y: float, yaw: float = 0.0) -> TFMessage:
+    return TFMessage(transforms=[transform_message(node, parent, child, (x, y, 0.0), yaw)])
 
 
-def flat_map(probe: Probe) -> None:
-    probe.publish_map(np.zeros((200, 200)), resolution=0.1, origin=(-10.0, -10.0, 0.0))
-
-
-def patch_near(probe: Probe, name: str, x: float, y: float, act: Callable[[], None]) -> None:
-    """Waits until the patch of the body is around (x, y), doing ``act`` again and again."""
-
-    def there() -> bool:
-        act()
-        for patch in probe.latest("collider_patches").patches:
-            if patch.body_id == name:
-                middle = np.mean([(p.x, p.y) for p in patch.mesh.vertices], axis=0)
-                return bool(np.abs(middle - (x, y)).max() <= 0.06)
-        return False
-
-    probe.wait_for(there)
-
-
-def bodies(probe: Probe) -> set[str]:
-    return {patch.body_id for patch in probe.latest("collider_patches").patches}
-
-
-def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(shared: Probe) -> None:
-    with changed(shared, {"bodies.timeout": 0.5}):
-        flat_map(shared)
-        arm, second = shared.publisher(PoseStamped, "/arm/tip_pose"), shared.publisher(PoseStamped, "/second/pose")
-        rover = shared.publisher(Odometry, "tracked_odometry")
-
-        def publish() -> None:
-            arm.publish(stamped(shared, PoseStamped(pose=pose_message((1.0, 2.0, 0.2))), "map"))
-            second.publish(stamped(shared, PoseStamped(pose=pose_message((4.0, 5.0, 0.2))), "map"))
-            odometry = Odometry(child_frame_id="base_link")
-            odometry.pose.pose = pose_message((-3.0, 4.0, 0.2))
-            rover.publish(stamped(shared, odometry, "map"))
-
-        patch_near(shared, "arm", 1.0, 2.0, publish)
-        patch_near(shared, "second.pose", 4.0, 5.0, publish)
-        patch_near(shared, "rover", -3.0, 4.0, publish)
-
-        def all_and_no_other() -> bool:  # told again: on a slow machine the first may have timed out meanwhile
-            publish()
-            return bodies(shared) == {"arm", "second.pose", "rover"}
-
-        shared.wait_for(all_and_no_other)
+def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(domain: int) -> None:
+    with fed({**INPUTS, "bodies.timeout": 0.5}) as node:
+        odometry = Odometry(child_frame_id="base_link")
+        odometry.pose.pose = pose_message((-3.0, 4.0, 0.2))
+        node.give("~/tracked_odometry", stamped(node, odometry))
+        for topic, x, y in (("/arm/tip_pose", 1.0, 2.0), ("/second/pose", 4.0, 5.0)):
+            node.give(topic, stamped(node, PoseStamped(pose=pose_message((x, y, 0.2)))))
+        found = {name: place(node, name) for name in node.world.bodies}
+        assert found == {"rover": (-3.0, 4.0), "arm": (1.0, 2.0), "second.pose": (4.0, 5.0)}
+        ages = node.node._outputs._diagnostics._ends()[2]
         for topic in ("~/tracked_odometry", "/arm/tip_pose"):
-            assert 0.0 <= float(shared.diagnostics("connections")[f"age of stamps on arrival, {topic} [s]"]) < 2.0
-        shared.wait_for(lambda: not bodies(shared))
-        rover.publish(stamped(shared, Odometry(pose=nan_pose()), "map"))
-        second.publish(stamped(shared, PoseStamped(pose=pose_message((4.0, 5.0, math.inf))), "map"))
-        for key in ("refused, ~/tracked_odometry: non_finite", "refused, /second/pose: non_finite"):
-            shared.wait_for(lambda key=key: shared.diagnostics("inputs").get(key) == "1")
+            assert 0.0 <= float(ages[f"age of stamps on arrival, {topic} [s]"]) < 2.0
+        wait_until(lambda: node.node.tick() or not node.world.bodies)
+        odometry.pose.pose.position.x = math.nan
+        node.require_refused("~/tracked_odometry", [("non_finite", stamped(node, odometry))])
+        lost = PoseStamped(pose=pose_message((4.0, 5.0, math.inf)))
+        node.require_refused("/second/pose", [("non_finite", stamped(node, lost))])
 
 
-def nan_pose() -> Any:
-    message = Odometry().pose
-    message.pose = pose_message((math.nan, 0.0, 0.0))
-    return message
+def test_jumps_of_a_pose_are_counted_and_logged(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
+    with fed(INPUTS) as node:
+        for number in range(6):
+            pose = pose_message((100.0 * (number % 2), 5.0, 0.2))
+            node.give("/second/pose", stamped(node, PoseStamped(pose=pose)))
+        assert node.node._outputs._diagnostics._bodies()[2]["jumps on /second/pose"] > 0
+    assert "the pose of 'second.pose' jumped by 100 m" in capfd.readouterr().err
 
 
-def test_a_driven_body_pushes_by_the_velocity_of_its_odometry(shared: Probe) -> None:
-    """The twist is in the body's own frame: a rover that faces +y and drives ahead throws a ball that it touches along
-    +y, although its pose stands still."""
-    with changed(shared, {"bodies.default_radius": 0.5}):
-        flat_map(shared)
-        odom = shared.publisher(Odometry, "/odom")
-        spawn(shared, "ball", (0.0, 0.69, 0.3))
-        shared.wait_for(lambda: "ball" in [body.id for body in shared.latest("body_states").bodies])
-
-        def thrown() -> bool:
-            odometry = Odometry(child_frame_id="base_link")
-            odometry.pose.pose = pose_message((0.0, 0.0, 0.3))
-            odometry.pose.pose.orientation.z, odometry.pose.pose.orientation.w = math.sin(YAW / 2), math.cos(YAW / 2)
-            odometry.twist.twist.linear.x = 2.0
-            odom.publish(stamped(shared, odometry, "map"))
-            [state] = [body for body in shared.latest("body_states").bodies if body.id == "ball"]
-            assert abs(state.pose.position.x) < 0.1
-            return bool(state.pose.position.y > 1.0)
-
-        shared.wait_for(thrown)
+def place(node: Fed, name: str) -> tuple[float, float]:
+    return node.world.state(name).position[:2]
 
 
-def test_jumps_of_a_pose_are_counted_and_logged(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
-    flat_map(shared)
-    second, places = shared.publisher(PoseStamped, "/second/pose"), count()
-
-    def told() -> bool:  # many between two diagnostics
-        for _ in range(5):
-            pose = pose_message((100.0 * (next(places) % 2), 5.0, 0.2))
-            second.publish(stamped(shared, PoseStamped(pose=pose), "map"))
-            shared.spin(0.02)
-        return int(shared.diagnostics("bodies").get("jumps on /second/pose", 0)) > 0
-
-    shared.wait_for(told)
-    assert "the pose of 'second.pose' jumped by 100 m" in shared_node[1].output
-
-
-def test_poses_in_another_frame_are_transformed(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
-    with changed(shared, {"bodies.timeout": 60.0}):
-        flat_map(shared)
-        arm = shared.publisher(PoseStamped, "/arm/tip_pose")
-        pose = PoseStamped(pose=pose_message((1.0, 0.0, 0.2)))
-
-        def refused() -> bool:
-            arm.publish(stamped(shared, pose, "odom"))
-            shared.spin()
-            return "no transform from 'odom' to 'map'" in shared_node[1].output
-
-        shared.wait_for(refused)
-        assert bodies(shared) == set()
-        moving = shared.publisher(TFMessage, "/tf")
-
-        def publish() -> None:
-            moving.publish(transform(shared, "map", "odom", 2.0, 3.0, YAW))
-            arm.publish(stamped(shared, pose, "odom"))
-
-        patch_near(shared, "arm", 2.0, 4.0, publish)
+def test_poses_in_another_frame_are_transformed(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
+    with fed(INPUTS) as node:
+        tip = PoseStamped(pose=pose_message((1.0, 0.0, 0.2)))
+        node.give("/arm/tip_pose", stamped(node, tip, "odom"))
+        assert "no transform from 'odom' to 'map'" in capfd.readouterr().err
+        assert not node.world.bodies
+        node.give("/tf", transform(node, "map", "odom", 2.0, 3.0, YAW))
+        node.give("/arm/tip_pose", stamped(node, tip, "odom"))
+        assert place(node, "arm") == pytest.approx((2.0, 4.0))
         # The same for the other topics, and the frames of a robot that is turned the other way round.
-        static = shared.publisher(TFMessage, "/tf_static", LATCHED)
-        static.publish(transform(shared, "odom", "camera", 0.0, -1.0, -YAW))
-
-        def publish_all() -> None:
-            moving.publish(transform(shared, "map", "odom", 2.0, 3.0, YAW))
-            shared.publish_bodies({"stone": (1.0, 0.0, 0.2)}, frame_id="camera")
-            shared.publish_poses([(0.0, 1.0, 0.2)], frame_id="camera")
-
-        patch_near(shared, "stone", 4.0, 3.0, publish_all)
-        patch_near(shared, "body_0", 3.0, 4.0, publish_all)
-        shared.publish_bodies({"stone": (1.0, 0.0, 0.2)}, frame_id="elsewhere")
-        shared.wait_for(lambda: shared.diagnostics("inputs").get("refused, tracked_bodies: frame") is not None)
+        node.give("/tf_static", transform(node, "odom", "camera", 0.0, -1.0, -YAW))
+        stones = TrackedBodyArray(bodies=[TrackedBody(id="stone", pose=tip.pose)])
+        node.give("tracked_bodies", stamped(node, stones, "camera"))
+        assert place(node, "stone") == pytest.approx((4.0, 3.0))
+        node.give("body_poses", stamped(node, PoseArray(poses=[pose_message((0.0, 1.0, 0.2))]), "camera"))
+        assert place(node, "body_0") == pytest.approx((3.0, 4.0))
+        node.require_refused("tracked_bodies", [("frame", stamped(node, stones, "elsewhere"))])
 
 
-def test_frames_of_tf_are_bodies(probe: Probe) -> None:
-    parameters = {
-        "bodies.frames": ["robot1/base_link", "foot=robot1/foot", "post"],
-        "bodies.timeout": 0.5,
-        "frame_id": "map",
-    }
-    with probe.running(parameters=parameters) as process:
-        flat_map(probe)
-        moving, static = probe.publisher(TFMessage, "/tf"), probe.publisher(TFMessage, "/tf_static", LATCHED)
-        static.publish(
-            TFMessage(
-                transforms=[
-                    *transform(probe, "robot1/base_link", "robot1/foot", 1.0, 0.0).transforms,
-                    *transform(probe, "map", "post", -5.0, -5.0).transforms,
-                ]
-            )
-        )
+def test_frames_of_tf_are_bodies(domain: int) -> None:
+    frames = ["robot1/base_link", "foot=robot1/foot", "post"]
+    with fed({"bodies.frames": frames, "bodies.timeout": 0.5, "frame_id": "map"}) as node:
+        foot = transform_message(node, "robot1/base_link", "robot1/foot", (1.0, 0.0, 0.0))
+        post = transform_message(node, "map", "post", (-5.0, -5.0, 0.0))
+        node.give("/tf_static", TFMessage(transforms=[foot, post]))
 
-        def publish() -> None:
-            moving.publish(transform(probe, "map", "odom", 1.0, 1.0))
-            moving.publish(transform(probe, "odom", "robot1/base_link", 0.5, 0.0, YAW))
+        def drive(x: float, yaw: float = 0.0) -> None:
+            for _ in range(2):  # a frame is known at times that all transforms above it reach
+                node.give("/tf", transform(node, "map", "odom", 1.0, 1.0))
+                node.give("/tf", transform(node, "odom", "robot1/base_link", x, 0.0, yaw))
 
-        patch_near(probe, "robot1.base_link", 1.5, 1.0, publish)
-        patch_near(probe, "foot", 1.5, 2.0, publish)
+        drive(0.5, YAW)
+        assert place(node, "robot1.base_link") == pytest.approx((1.5, 1.0))
+        assert place(node, "foot") == pytest.approx((1.5, 2.0))
         # What stands still by definition stays; what moved and is heard of no more is gone.
-        probe.wait_for(lambda: bodies(probe) == {"post"})
-        patch_near(probe, "post", -5.0, -5.0, lambda: None)
+        wait_until(lambda: node.node.tick() or node.world.bodies.keys() == {"post"})
+        assert place(node, "post") == (-5.0, -5.0)
         # One that is impossible is refused by itself.
-        bad = transform(probe, "odom", "robot1/base_link", math.nan, 0.0)
-        moving.publish(TFMessage(transforms=[*bad.transforms, *transform(probe, "map", "odom", 1.0, 1.0).transforms]))
-        probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, /tf: non_finite") == "1")
-
-        def publish_good() -> None:  # stamped anew each time: the diagnostics may have taken longer than the time-out
-            moving.publish(transform(probe, "map", "odom", 1.0, 1.0))
-            moving.publish(transform(probe, "odom", "robot1/base_link", 3.0, 0.0))
-
-        patch_near(probe, "robot1.base_link", 4.0, 1.0, publish_good)
-        assert "Traceback" not in process.output
+        bad = transform_message(node, "odom", "robot1/base_link", (math.nan, 0.0, 0.0))
+        good = transform_message(node, "map", "odom", (1.0, 1.0, 0.0))
+        node.require_refused("/tf", [("non_finite", TFMessage(transforms=[bad, good]))])
+        drive(3.0)
+        assert place(node, "robot1.base_link") == pytest.approx((4.0, 1.0))
 
 
 @pytest.mark.parametrize("looped", [True, False])
-def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(probe: Probe, looped: bool) -> None:
+def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(
+    domain: int, capfd: pytest.CaptureFixture[str], looped: bool
+) -> None:
     """A recording of three seconds in a loop without a clock, and transforms typed by hand."""
-    with probe.running(parameters={"bodies.frames": ["rover=base_link"], "frame_id": "map"}) as process:
-        flat_map(probe)
-        moving, start, key = probe.publisher(TFMessage, "/tf"), monotonic(), "refused, /tf: stamp_backwards"
-        tracked: list[str] = []
-        sent, stalled = [start], [start]
-
-        def told_twice() -> bool:
-            sent.append(monotonic())
-            if sent[-1] - sent[-2] > 0.5:  # this test stalled, on a busy machine: the body may time out, and come back
-                stalled.append(sent[-1])
-                tracked.clear()
-            message = transform(probe, "map", "base_link", 0.5 * ((monotonic() - start) % 3.0), 0.0)
-            at = 1_000_000.0 + (monotonic() - start) % 3.0
-            message.transforms[0].header.stamp = Time(sec=int(at), nanosec=int(at % 1 * 1e9)) if looped else Time()
-            moving.publish(message)
-            probe.spin(0.05)
-            found = probe.newest_diagnostics()
-            if sent[-1] - stalled[-1] < 3.0:  # diagnostics come once a second
-                return False
-            tracked.append(found["bodies"]["tracked"])
-            if looped:
-                return int(found["inputs"].get(key, 0)) >= 2 and len(tracked) > 60
-            return int(found["connections"].get("without stamp on /tf", 0)) >= 20 and tracked[-1] == "1"
-
-        probe.wait_for(told_twice)
-        assert set(tracked[tracked.index("1") :]) == {"1"}
+    with fed({"bodies.frames": ["rover=base_link"], "frame_id": "map"}) as node:
+        for number in range(90):
+            message, tenths = transform(node, "map", "base_link", 0.05 * (number % 30), 0.0), number % 30
+            at = Time(sec=1_000_000 + tenths // 10, nanosec=tenths % 10 * 100_000_000)
+            message.transforms[0].header.stamp = at if looped else Time()
+            node.give("/tf", message, steps=1)
+            assert node.world.bodies.keys() == {"rover"}
         words = "s older, as if the clock of its source was set back" if looped else "on /tf have no stamp"
-        assert words in process.output
-        if looped:
-            return
-        probe.wait_for(lambda: probe.diagnostics("bodies")["tracked"] == "0")
-
-
-def test_the_missing_package_of_tf_is_named_at_the_start(domain: int, bare_environment: dict[str, str]) -> None:
-    words = "apt install ros-jazzy-tf2-msgs"
-    assert_cannot_start({"bodies.frames": ["base_link"]}, words, environment=bare_environment)
+        assert words in capfd.readouterr().err
+        assert node.node.refusals.counts["/tf: stamp_backwards"] == 2 * looped
+        said = node.node._outputs._diagnostics._ends()[2]
+        assert said.get("without stamp on /tf", 0) == 90 * (not looped)
+        wait_until(lambda: node.node.tick() or not node.world.bodies)
 
 
 def test_without_tf_foreign_frames_are_refused_and_what_is_missing_is_named(
@@ -250,7 +136,7 @@ def test_without_tf_foreign_frames_are_refused_and_what_is_missing_is_named(
 ) -> None:
     with Process("terrain_collider", {"frame_id": "map"}, environment=bare_environment) as process:
         probe.wait_for(probe.connected, watch=process)
-        flat_map(probe)
+        probe.publish_map(np.zeros((200, 200)), origin=(-10.0, -10.0, 0.0))
 
         def named() -> bool:
             probe.publish_poses([(0.0, 0.0, 0.2)], frame_id="odom")
@@ -262,3 +148,106 @@ def test_without_tf_foreign_frames_are_refused_and_what_is_missing_is_named(
         asked = probe.call("query_ground", QueryGround, header=Header(frame_id="rover"))
         assert asked.message.startswith("no body is called 'rover'"), "who gave the name of a body needs no tf2_msgs"
         assert "apt install ros-jazzy-tf2-msgs" in asked.message
+
+
+FACE = 0.85  # of the box, along x [m]
+RADIUS = 0.4
+
+
+@pytest.fixture
+def world() -> Iterator[World]:
+    with World(HeightMap(np.zeros((41, 41)), resolution=0.5, origin=(-10.0, -10.0))) as made:
+        yield made
+
+
+def pose(x: float, y: float = 0.0, yaw: float = 0.0) -> BodyState:
+    return BodyState((x, y, RADIUS), (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)))
+
+
+def run(world: World, tracking: Tracking, states: list[BodyState], rate: float) -> float:
+    """Tracks a rover through the states at a rate [Hz]; the fastest that the box was [m/s]."""
+    world.spawn("box", Box(0.3, 0.6, 0.6), 5.0, BodyState((FACE + 0.15, 0.0, 0.3)))
+    world.step(60)
+    fastest = 0.0
+    for number, state in enumerate(states):
+        tracking.update("rover", RADIUS, state, number / rate)
+        for _ in range(round(240 / rate)):
+            world.step()
+            fastest = max(fastest, math.hypot(*world.state("box").linear))
+    return fastest
+
+
+@pytest.mark.parametrize("rate", [5.0, 10.0, 50.0, 100.0])
+@pytest.mark.parametrize("jump", [0.05, 0.2, 0.3])
+def test_a_jump_of_a_pose_pushes_nothing_that_the_body_does_not_touch(world: World, rate: float, jump: float) -> None:
+    """As by a loop closure, there and back: velocities of up to 30 m/s."""
+    n = round(rate)
+    states = [*[pose(0.0)] * n, *[pose(jump)] * n, *[pose(0.0)] * n, *[pose(jump, yaw=3.0)] * n]
+    assert run(world, Tracking(world, 60.0), states, rate) < 0.01
+
+
+def test_a_body_that_drives_pushes_with_its_velocity(world: World) -> None:
+    states = [pose(0.01 * k) for k in range(100)]
+    run(world, Tracking(world, 60.0), states, 48.0)
+    assert world.state("box").linear[0] == pytest.approx(0.48, abs=0.05)
+    assert world.state("rover").linear == pytest.approx((0.48, 0.0, 0.0))
+
+
+@given(st.floats(0.1, 5.0), st.floats(-1.0, 1.0), st.floats(-math.pi, math.pi), st.floats(5.0, 60.0))
+def test_steady_motion_keeps_its_velocity(speed: float, spin: float, course: float, rate: float) -> None:
+    """On a circle, from whichever direction."""
+    with World(HeightMap(np.zeros((3, 3)), resolution=50.0, origin=(-50.0, -50.0))) as world:
+        tracking = Tracking(world, 60.0)
+        x = y = 0.0
+        for number in range(6):
+            yaw = course + spin * number / rate
+            tracking.update("rover", 0.2, pose(x, y, yaw), number / rate)
+            x += speed * math.cos(yaw) / rate
+            y += speed * math.sin(yaw) / rate
+        state = world.state("rover")
+        assert math.hypot(*state.linear) == pytest.approx(speed, rel=0.03)
+        assert state.angular[2] == pytest.approx(spin, abs=1e-6)
+
+
+def test_a_jump_while_driving_leaves_the_velocity(world: World) -> None:
+    tracking = Tracking(world, 60.0, max_velocity=10.0)
+    for number in range(10):
+        jump = tracking.update("rover", RADIUS, pose(0.05 * number + 0.3 * (number > 5)), 0.1 * number)
+        assert jump == ""
+        assert number == 0 or world.state("rover").linear == pytest.approx((0.5, 0.0, 0.0))
+
+
+def test_changes_that_are_too_fast_give_no_velocity_and_are_said(world: World) -> None:
+    tracking = Tracking(world, 60.0, max_velocity=2.0)
+    tracking.update("rover", RADIUS, pose(0.0), 0.0)
+    for number in range(1, 5):
+        said = tracking.update("rover", RADIUS, pose(0.3 * number), 0.1 * number)
+        assert "'rover' jumped by 0.3 m" in said and "bodies.max_velocity = 2" in said
+        assert world.state("rover").linear == (0.0, 0.0, 0.0)
+    tracking.max_velocity = 5.0
+    assert tracking.update("rover", RADIUS, pose(1.5), 0.5) == ""
+    # A body that spins in place moves at its surface.
+    assert "jumped by 0 m" in tracking.update("rover", RADIUS, pose(1.5, yaw=3.0), 0.6)
+
+
+def test_a_source_that_states_velocities_is_believed_when_it_states_none(world: World) -> None:
+    tracking = Tracking(world, 60.0)
+    for number in range(4):
+        tracking.update("stands", 0.2, pose(0.5 * number), 0.5 * number, stated=True)
+        assert world.state("stands").linear == (0.0, 0.0, 0.0)
+    tracking.update("stops", 0.2, BodyState((3.0, 3.0, 0.2), linear=(1.0, 0.0, 0.0)), 0.0)
+    tracking.update("stops", 0.2, BodyState((3.1, 3.0, 0.2)), 0.1)
+    assert world.state("stops").linear == (0.0, 0.0, 0.0)
+
+
+@given(late=st.floats(0.0, 1e9), rate=st.floats(2.5, 60.0))
+def test_a_body_that_is_heard_of_neither_stops_nor_goes_however_old_its_poses_are(late: float, rate: float) -> None:
+    with World() as world:
+        tracking = Tracking(world, timeout=0.5)
+        for number in range(20):
+            heard = 1e9 + number / rate
+            state = BodyState((number / rate, 0.0, 0.2), linear=(1.0, 0.0, 0.0))
+            tracking.update("rover", 0.2, state, heard - late, heard)
+            assert tracking.expire(heard + 0.99 / rate) == []
+            assert world.state("rover").linear == (1.0, 0.0, 0.0)
+        assert tracking.expire(heard + 0.51) == ["rover"]

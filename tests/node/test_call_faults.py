@@ -20,9 +20,11 @@ from smartmesh_msgs.srv import RemoveBodies, SpawnBodies, SpawnBody
 from smartmesh_ros import BodyState, Box, HeightMap
 from smartmesh_ros.node.outputs import publishing, transform_outputs
 from smartmesh_ros.node.terrain_collider import TerrainCollider
+from smartmesh_ros.tools.testing import pose_message
 from tests.faults import Faults, bullet_faults
-from tests.node.shared import made_with
+from tests.node.shared import BALL, made_with
 from tests.node.test_robot_outputs import ARM
+from tests.urdfs import robot
 
 PARAMETERS = {"frame_id": "map", "publish.incremental": True, "publish.tf": 50.0}
 # Calls to DDS.
@@ -71,7 +73,7 @@ def node(domain: int) -> Iterator[TerrainCollider]:
     with made_with(TerrainCollider, PARAMETERS) as made:
         world = made.session.world
         world.terrain.put("", HeightMap(np.zeros((61, 61)), resolution=0.1, origin=(-3.0, -3.0)))
-        world.spawn_robot("arm", f'<robot name="r">{ARM}</robot>', BodyState((0.0, 0.0, 0.1)))
+        world.spawn_robot("arm", robot(ARM), BodyState((0.0, 0.0, 0.1)))
         world.track("ball", 0.2, BodyState((1.0, 0.0, 0.1)))
         yield made
 
@@ -155,9 +157,7 @@ def test_a_tick_in_which_pybullet_fails_is_counted(node: TerrainCollider, monkey
 def test_a_call_in_which_pybullet_fails_is_answered(node: TerrainCollider, monkeypatch: pytest.MonkeyPatch) -> None:
     faults, world = bullet_faults(monkeypatch), node.session.world
     for number in faults.runs():
-        request = SpawnBody.Request(id="new", mass=1.0, on_ground=True)
-        request.shape.type, request.shape.dimensions = request.shape.SPHERE, [0.1]
-        request.pose.orientation.w, request.pose.position.x = 1.0, -1.0
+        request = SpawnBody.Request(id="new", mass=1.0, on_ground=True, shape=BALL, pose=pose_message((-1.0, 0.0, 0.0)))
         with faults.failing(number):
             answer = answered(node, node._body_services._on_spawn, request, SpawnBody.Response())
         assert answer.success == ("new" in world.bodies) == (not faults.fired)
@@ -194,10 +194,7 @@ def test_bodies_that_are_not_spawned_are_taken_back_or_named(
 ) -> None:
     """One of them is taken, so that the other must be removed again."""
     faults, world = bullet_faults(monkeypatch), node.session.world
-    bodies = []
-    for name in ("new", "arm"):
-        bodies.append(body := BodySpecification(id=name, mass=1.0))
-        body.shape.type, body.shape.dimensions, body.pose.orientation.w = body.shape.SPHERE, [0.1], 1.0
+    bodies = [BodySpecification(id=name, mass=1.0, shape=BALL) for name in ("new", "arm")]
     for number in faults.runs():
         with faults.failing(number):
             request, answer = SpawnBodies.Request(bodies=bodies), SpawnBodies.Response()

@@ -1,28 +1,39 @@
-"""Peers in other processes whose quality of service does not fit are named, with the policy."""
+"""QoS: as the parameters ``qos_overrides.*`` give it, and peers whose QoS does not fit are named, with the policy, also
+where discovery brings their names later than their endpoints."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import rclpy
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from smartmesh_msgs.msg import ContactArray, Heightmap, Timing
 
+from smartmesh_ros.node.endpoints import NAME_TIMEOUT, NAMELESS, UNKNOWN, EndpointNames, incompatible_peers
+from smartmesh_ros.node.fleet.front import Front
+from smartmesh_ros.node.sensor.terrain_sensor import TerrainSensor
+from smartmesh_ros.node.soil.soil_node import SoilNode
+from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE, use_large_message_profile
+from smartmesh_ros.tools.demo.rover import Rover
+from smartmesh_ros.tools.demo.terrain_source import TerrainSource
 from smartmesh_ros.tools.testing import COLLIDER, Probe, Process
-from tests.node.shared import LATCHED, seconds
+from tests.node.shared import LATCHED, made_with, refusal_at_start, seconds
 
 # Size of the shared memory that the profile asks for [bytes].
 SEGMENT = 128 * 1024**2
+RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def test_a_peer_with_incompatible_qos_is_named_with_the_policy(probe: Probe) -> None:
-    best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     with probe.running():
         assert probe.diagnostics("connections")["message"] == "no incompatible QoS"
         stubborn = rclpy.create_node("stubborn", context=probe.context)
-        stubborn.create_publisher(Heightmap, f"{COLLIDER}/heightmap", best_effort)
+        stubborn.create_publisher(Heightmap, f"{COLLIDER}/heightmap", BEST_EFFORT)
         stubborn.create_subscription(ContactArray, f"{COLLIDER}/contacts", print, LATCHED)
 
         def named() -> Any:
@@ -73,3 +84,129 @@ def test_large_maps_go_through_with_the_installed_profile(probe: Probe, monkeypa
         # Its own and the source's.
         assert sum(int(end, 16) - int(start, 16) >= SEGMENT for start, end in segments) >= 2
         assert "XMLPARSER" not in collider.output
+
+
+UNNAMED = (UNKNOWN, UNKNOWN)
+
+
+def endpoint(gid: int, name: tuple[str, str], qos: QoSProfile = BEST_EFFORT) -> Any:
+    """What the graph tells of a publisher or subscription; ``name``: of its node, and its namespace."""
+    return SimpleNamespace(endpoint_gid=[gid] * 16, node_name=name[0], node_namespace=name[1], qos_profile=qos)
+
+
+def graph_of_two_publishers() -> Any:
+    """A node that hears maps of two publishers, as the graph tells it. The second one's name is yet to come."""
+    publishers = [endpoint(1, ("mapper", "/robot")), endpoint(2, UNNAMED)]
+    return SimpleNamespace(
+        publishers=publishers,
+        subscription=SimpleNamespace(topic_name="/maps", get_publisher_count=lambda: 0),
+        get_name=lambda: "terrain_collider",
+        get_namespace=lambda: "/",
+        count_publishers=lambda _: len(publishers),
+        get_publishers_info_by_topic=lambda _: publishers,
+        get_subscriptions_info_by_topic=lambda _: [endpoint(0, ("terrain_collider", "/"), RELIABLE)],
+    )
+
+
+def test_rivals_are_named_once_the_names_of_all_have_arrived() -> None:
+    graph, names = graph_of_two_publishers(), EndpointNames()
+    assert names.of_publishers(graph, ["/maps"]) is None
+    graph.publishers[1] = endpoint(2, ("other", "/"))
+    assert names.of_publishers(graph, ["/maps"]) == ["/other", "/robot/mapper"]
+
+
+def test_a_peer_that_does_not_fit_is_told_of_once_its_name_has_arrived() -> None:
+    graph, names = graph_of_two_publishers(), EndpointNames()
+    [said] = incompatible_peers(graph, [graph.subscription], [], names).values()
+    assert "/robot/mapper" in said
+    assert UNKNOWN not in said
+    graph.publishers[1] = endpoint(2, ("other", "/"))
+    [said] = incompatible_peers(graph, [graph.subscription], [], names).values()
+    assert "/other" in said
+
+
+def test_a_program_that_never_sends_a_name_is_told_of_after_a_while() -> None:
+    """As bridges do that speak DDS without ROS."""
+    now = [100.0]
+    names = EndpointNames(lambda: now[0])
+    nameless = endpoint(2, UNNAMED)
+    assert names.of(nameless) is None
+    now[0] += 0.9 * NAME_TIMEOUT
+    assert names.of(nameless) is None
+    assert names.of(endpoint(3, UNNAMED)) is None
+    now[0] += 0.2 * NAME_TIMEOUT
+    assert names.of(nameless) == NAMELESS
+    assert names.of(endpoint(3, UNNAMED)) is None, "each has its own time"
+    assert names.of(endpoint(2, ("late", "/"))) == "/late"
+
+
+POLICIES = {"history": "keep_all", "depth": 7, "reliability": "best_effort", "durability": "transient_local"}
+# Of each node a topic that it publishes and one that it subscribes to.
+TOPICS = [
+    (TerrainCollider, "/terrain_collider/body_states", "/terrain_collider/heightmap"),
+    (TerrainSource, "/terrain_collider/heightmap", ""),
+    (TerrainSensor, "/terrain_sensor/points", ""),
+    (SoilNode, "/terrain_collider/heightmap_update", "/soil/soils"),
+    (Front, "/fleet/timing", "/fleet/node_0/terrain_collider/body_states"),
+    (Rover, "/terrain_collider/joint_commands", "/terrain_collider/body_states"),
+]
+
+
+def profiles(kind: Any, parameters: Mapping[str, Any]) -> dict[str, QoSProfile]:
+    """QoS of a node's publishers by topic, and of its subscriptions by ``to`` and topic."""
+    with made_with(kind, parameters) as node:
+        ends = [("", end) for end in node.publishers] + [("to ", end) for end in node.subscriptions]
+        return {way + end.topic_name: end.qos_profile for way, end in ends}
+
+
+@pytest.mark.parametrize(("kind", "published", "subscribed"), TOPICS)
+def test_overrides_reach_the_topic_that_they_name_and_no_other(
+    domain: int, kind: Any, published: str, subscribed: str
+) -> None:
+    before = profiles(kind, {})
+    parameters = nested(published, "publisher", POLICIES)
+    if subscribed:
+        parameters |= nested(subscribed, "subscription", POLICIES)
+    after = profiles(kind, parameters)
+    changed = {topic for topic in before if after[topic] != before[topic]}
+    assert changed == {published, *([f"to {subscribed}"] if subscribed else [])}
+    for topic in changed:
+        qos = after[topic]
+        assert (qos.history, qos.depth) == (HistoryPolicy.KEEP_ALL, 7)
+        assert qos.reliability == ReliabilityPolicy.BEST_EFFORT
+        assert qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
+
+
+def nested(topic: str, kind: str, policies: Mapping[str, Any]) -> dict[str, Any]:
+    return {f"qos_overrides.{topic}.{kind}.{policy}": value for policy, value in policies.items()}
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("/terrain_collider/heightmap.subscription.reliability", "often", "reliable, best_effort"),
+        ("/terrain_collider/heightmap.subscription.reliability", 1, "reliable, best_effort"),
+        ("/terrain_collider/heightmap.subscription.durability", "", "transient_local"),
+        ("/terrain_collider/heightmap.subscription.history", True, "keep_last, keep_all"),
+        ("/terrain_collider/heightmap.subscription.depth", 0, "1 to"),
+        ("/terrain_collider/heightmap.subscription.depth", -3, "1 to"),
+        ("/terrain_collider/heightmap.subscription.depth", 2**40, "1 to"),
+        ("/terrain_collider/heightmap.subscription.depth", "ten", "1 to"),
+        ("/terrain_collider/heightmap.subscription.depth", 5.0, "1 to"),
+        ("/terrain_collider/heightmap.subscription.speed", 5, "history, depth, reliability, durability"),
+        ("/terrain_collider/heightmap.subscriber.depth", 5, "publisher or subscription"),
+        ("terrain_collider/heightmap.subscription.depth", 5, "full name"),
+        ("depth", 5, "qos_overrides.<topic>"),
+    ],
+)
+def test_overrides_that_are_not_possible_are_refused(domain: int, name: str, value: Any, words: str) -> None:
+    said = refusal_at_start({f"qos_overrides.{name}": value})
+    assert f"qos_overrides.{name}" in said
+    assert words in said
+
+
+def test_an_override_of_a_topic_that_the_node_does_not_have_is_warned_about(probe: Probe) -> None:
+    """Not refused: a parameter file for all nodes names topics of other nodes as well."""
+    with probe.running(parameters=nested("/other", "publisher", {"depth": 3})) as process:
+        words = "'qos_overrides./other.publisher.depth' has no effect so far"
+        probe.wait_for(lambda: words in process.output)

@@ -1,17 +1,29 @@
-"""Maps read from bytes are what rclpy serialised."""
+"""Messages read from bytes are what rclpy serialised, and nothing else is taken for states of peers.
+
+That these are read as ROS reads them: test_outputs.py.
+"""
+
+import math
+from typing import Any
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import Twist, Vector3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
+from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
+from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 
+from smartmesh_ros import InputError
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.node.fleet.calls import primitive_of
+from smartmesh_ros.node.fleet.peers import PeerReader
 from smartmesh_ros.node.inputs.cdr_reader import map_from
-from smartmesh_ros.node.inputs.conversions import shape_from
-from smartmesh_ros.tools.testing import heightmap_message
+from smartmesh_ros.node.inputs.conversions import odometry_from, shape_from
+from smartmesh_ros.tools.testing import heightmap_message, pose_message
+from smartmesh_ros.world.state_table import require_valid
 
 ROOM = 10_000
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=12)
@@ -56,3 +68,55 @@ def test_the_arrays_lie_over_the_message() -> None:
 @pytest.mark.parametrize("shape", [Sphere(0.2), Box(0.1, 0.2, 0.3), Cylinder(0.1, 0.5), Capsule(0.1, 0.5)])
 def test_a_shape_that_is_asked_for_again_is_the_same_but_a_capsule_the_cylinder_around_it(shape: Shape) -> None:
     assert shape_from(primitive_of(shape)) == (Cylinder(0.1, 0.7) if isinstance(shape, Capsule) else shape)
+
+
+def test_the_twist_of_odometry_is_turned_from_its_bodys_frame_into_that_of_its_pose() -> None:
+    odometry = Odometry()
+    odometry.pose.pose = pose_message((1.0, 2.0, 3.0), 0.5 * math.pi)
+    odometry.twist.twist = Twist(linear=Vector3(x=2.0), angular=Vector3(y=0.5))
+    state = odometry_from(odometry)
+    assert state.position == (1.0, 2.0, 3.0)
+    assert (state.linear, state.angular) == (pytest.approx((0.0, 2.0, 0.0)), pytest.approx((-0.5, 0.0, 0.0)))
+
+
+MOST, LONGEST = 1000, 64
+
+
+@given(names=st.lists(st.text("abcdefg_äß", min_size=1, max_size=9), unique=True, max_size=6), data=st.data())
+def test_spoilt_messages_are_refused_or_read_and_nothing_else(names: list[str], data: Any) -> None:
+    bodies = [TrackedBody(id=name, shape=TrackedBody.SHAPE_SPHERE, radius=0.5, mass=2.0) for name in names]
+    whole = bytearray(serialize_message(TrackedBodyArray(bodies=bodies, rate=240.0)))
+    reader = PeerReader()
+    reader.read(bytes(whole), MOST, LONGEST)
+    spoilt = whole[: data.draw(st.integers(0, len(whole)))]
+    for _ in range(data.draw(st.integers(0, 4))):
+        if spoilt:
+            spoilt[data.draw(st.integers(0, len(spoilt) - 1))] = data.draw(st.integers(0, 255))
+    try:
+        read = reader.read(bytes(spoilt), MOST, LONGEST)
+        require_valid(read.bodies)
+    except InputError as error:
+        assert str(error)
+    assert reader.read(bytes(whole), MOST, LONGEST).bodies.names == names
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"bodies": [TrackedBody(id="a"), TrackedBody(id="a")]}, "duplicate_id"),
+        ({"bodies": [TrackedBody(id="")]}, "empty_id"),
+        ({"bodies": [TrackedBody(id="a/b")]}, "empty_id"),
+        ({"bodies": [TrackedBody(id="x" * 65)]}, "size"),
+        ({"bodies": [TrackedBody(id=f"{k}") for k in range(1001)]}, "size"),
+        ({"ahead": math.nan}, "non_finite"),
+        ({"ahead": 1e9}, "stamp"),
+        ({"gravity": np.array([0, 0, math.inf], np.float32)}, "non_finite"),
+    ],
+)
+def test_hostile_messages_are_refused_by_reason(change: dict[str, Any], reason: str) -> None:
+    message = TrackedBodyArray(rate=240.0)
+    for name, value in change.items():
+        setattr(message, name, value)
+    with pytest.raises(InputError) as refused:
+        PeerReader().read(bytes(serialize_message(message)), MOST, LONGEST)
+    assert refused.value.reason == reason

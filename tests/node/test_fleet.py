@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,9 +16,8 @@ from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.node.fleet import layout as layout
-from smartmesh_ros.node.fleet.peers import NEWEST_QOS
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
-from tests.node.shared import BALL, seconds
+from tests.node.shared import BALL, fed, seconds, stamped
 
 NODES = layout.node_names(2)
 # Period of the states that nodes tell each other of [s].
@@ -186,18 +184,8 @@ def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
         probe.wait_for(lambda: fleet.speeds(1).keys() == {"late"})
 
 
-def test_peers_that_simulate_otherwise_are_refused_by_reason(fleet: Fleet) -> None:
-    probe = fleet.probe
-    publisher = probe.node.create_publisher(TrackedBodyArray, "/other/body_states", NEWEST_QOS)
-
-    def refused(one: Process, said: TrackedBodyArray, words: str) -> bool:
-        said.header.stamp = probe.node.get_clock().now().to_msg()
-        publisher.publish(said)
-        probe.spin(0.05)
-        return any("/other/body_states refused" in line and words in line for line in one.output.splitlines())
-
-    with node(0, **{"bodies.peers": ["/other"]}) as one:
-        fleet.show_ground(nodes=1)
+def test_peers_that_simulate_otherwise_are_refused_by_reason(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
+    with fed({**PHYSICS, "bodies.peers": ["/other"], "frame_id": "map"}) as node:
         for rate, gravity, frame, bodies, words in (
             (60.0, -9.81, "map", [], "/other steps at 60 Hz, this node at 120 Hz; set one rate"),
             (120.0, -1.62, "map", [], "has gravity (0, 0, -1.62) m/s^2, this node (0, 0, -9.81) m/s^2"),
@@ -205,5 +193,6 @@ def test_peers_that_simulate_otherwise_are_refused_by_reason(fleet: Fleet) -> No
             (120.0, -9.81, "map", [TrackedBody(id="b")], "body 'b' has a shape of no known kind"),
         ):
             said = TrackedBodyArray(rate=rate, gravity=np.array([0.0, 0.0, gravity], np.float32), bodies=bodies)
-            said.header.frame_id = frame
-            probe.wait_for(partial(refused, one, said, words))
+            node.give("/other/body_states", stamped(node, said, frame))
+            heard = capfd.readouterr().err
+            assert "/other/body_states refused" in heard and words in heard

@@ -15,6 +15,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.frames import HISTORY, MAX_HOLD, FrameBuffer, Transform
 from smartmesh_ros.node.inputs.transform_input import transforms_from
+from tests.bodies import rotation
 
 NUMBERS = st.floats(-10.0, 10.0)
 FAR = st.floats(-1e6, 1e6)  # as in UTM coordinates
@@ -29,14 +30,8 @@ def transforms(draw: st.DrawFn) -> Transform:
 
 def matrix(transform: Transform) -> NDArray[np.float64]:
     """The 4 x 4 matrix of a pose, by the textbook."""
-    x, y, z, w = transform.rotation
-    rotation = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
     whole = np.eye(4)
-    whole[:3, :3], whole[:3, 3] = rotation, transform.translation
+    whole[:3, :3], whole[:3, 3] = rotation(np.array(transform.rotation)), transform.translation
     return whole
 
 

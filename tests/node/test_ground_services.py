@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import Quaternion
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import CastRays, QueryGround, SpawnBodies, SpawnBody
@@ -18,8 +18,8 @@ from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
-from tests.node.shared import LATCHED, box
+from smartmesh_ros.tools.testing import Probe, pose_message
+from tests.node.shared import LATCHED, box, seconds, show_map, transform_message
 from tests.terrain.surfaces import first_hit, triangles_of
 
 SIDE, RESOLUTION, LOW = 81, 0.25, -10.0
@@ -34,8 +34,7 @@ def hills() -> HeightMap:
 
 
 def publish_hills(probe: Probe) -> None:
-    probe.publish_map(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
-    probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] != "0")
+    show_map(probe, HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
 
 
 def query(probe: Probe, points: np.ndarray, frame_id: str = "", **fields: Any) -> Any:
@@ -52,17 +51,6 @@ def cast(probe: Probe, origins: Any, directions: Any, reach: float = 20.0, frame
 
 def array(values: Any, *shape: int) -> np.ndarray:
     return np.frombuffer(values, np.float64).reshape(-1, *shape)
-
-
-def publish_frame(probe: Probe, name: str, position: tuple[float, ...], turn: tuple[float, ...]) -> None:
-    transform = TransformStamped(header=Header(frame_id="map"), child_frame_id=name)
-    pose = pose_message(position)
-    transform.transform.translation.x, transform.transform.translation.y = pose.position.x, pose.position.y
-    transform.transform.translation.z = pose.position.z
-    rotation = transform.transform.rotation
-    rotation.x, rotation.y, rotation.z, rotation.w = turn
-    publisher = probe.node.create_publisher(TFMessage, "/tf_static", LATCHED)
-    publisher.publish(TFMessage(transforms=[transform]))
 
 
 def test_heights_are_those_of_the_map(shared: Probe) -> None:
@@ -82,17 +70,13 @@ def test_heights_are_those_of_the_map(shared: Probe) -> None:
 
 def test_waves_are_answered_for_the_instant_of_the_stamp(shared: Probe) -> None:
     """Whole maps that rise at a constant speed, each with its stamp: heights are linear in the answer's stamp."""
-    start = shared.node.get_clock().now().nanoseconds
-    speed, publisher = 0.7, shared.publishers["heightmap"]
+    start, speed = seconds(shared.now()), 0.7
 
     def publish() -> None:
         now = shared.now()
-        heights = np.full((5, 5), speed * seconds(now), np.float32)
-        publisher.publish(heightmap_message(heights, resolution=2.0, origin=(-4.0, -4.0, 0.0), stamp=now))
+        heights = np.full((5, 5), speed * (seconds(now) - start))
+        shared.publish_map(heights, resolution=2.0, origin=(-4.0, -4.0, 0.0), stamp=now)
         shared.spin(0.02)
-
-    def seconds(stamp: Time) -> float:
-        return (stamp.sec * 10**9 + stamp.nanosec - start) * 1e-9
 
     def moves() -> bool:
         publish()
@@ -108,7 +92,8 @@ def test_waves_are_answered_for_the_instant_of_the_stamp(shared: Probe) -> None:
             answer = shared.call("query_ground", QueryGround, header=Header(stamp=stamp), x=[0.3], y=[-0.2])
             assert not asked or answer.header.stamp == stamp
             # Maps are placed in simulated time to within a step, unless the node runs behind real time.
-            return answer.z[0] == pytest.approx(speed * seconds(answer.header.stamp), abs=2.0 * speed / 240.0)
+            height = speed * (seconds(answer.header.stamp) - start)
+            return answer.z[0] == pytest.approx(height, abs=2.0 * speed / 240.0)
 
         shared.wait_for(is_there)
 
@@ -135,10 +120,11 @@ def test_rays_meet_hills_and_bodies(shared: Probe) -> None:
 
 def test_questions_in_other_frames(shared: Probe) -> None:
     publish_hills(shared)
-    turn, place = (0.0, 0.0, math.sin(0.4), math.cos(0.4)), (2.0, -1.0, 0.5)
+    place = (2.0, -1.0, 0.5)
     assert "the node has just subscribed to /tf, so ask again" in query(shared, np.zeros((1, 2)), "level").message
-    publish_frame(shared, "level", place, turn)
-    publish_frame(shared, "tilted", place, (math.sin(0.2), 0.0, 0.0, math.cos(0.2)))
+    frames = [transform_message(shared, "map", name, place, 0.8) for name in ("level", "tilted")]
+    frames[1].transform.rotation = Quaternion(x=math.sin(0.2), w=math.cos(0.2))
+    shared.node.create_publisher(TFMessage, "/tf_static", LATCHED).publish(TFMessage(transforms=frames))
     points = np.random.default_rng(2).uniform(-4.0, 4.0, (50, 2))
     shared.wait_for(lambda: query(shared, points, "level").success)
     answer = query(shared, points, "level")
@@ -187,8 +173,7 @@ def test_what_cannot_be_answered_is_refused_by_reason(shared: Probe) -> None:
 def test_bodies_are_spawned_on_the_ground_or_refused(shared: Probe) -> None:
     holes = HILLS.copy()
     holes[:10, :10] = np.nan
-    shared.publish_map(holes, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
-    shared.wait_for(lambda: shared.diagnostics("terrain")["samples"] != "0")
+    show_map(shared, holes, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
     assert shared.call("pause", SetBool, data=True).success
 
     def spawn(name: str, x: float, y: float, **fields: Any) -> Any:

@@ -1,32 +1,28 @@
-"""Height scans over real DDS: of robots, simulated and tracked bodies, at their rate in simulated time."""
+"""Height scans: of robots, simulated and tracked bodies, at their rate in simulated time."""
 
 from __future__ import annotations
 
+import math
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from smartmesh_msgs.srv import StepPhysics
 from std_msgs.msg import Float32MultiArray
-from std_srvs.srv import SetBool
 
-from smartmesh_ros import BodyState, HeightMap, HeightScan, Sphere, Terrain
+from smartmesh_ros import BodyState, Box, HeightScan, Sphere, Terrain
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.terrain.height_scan import yaws_of
-from smartmesh_ros.tools.testing import Probe
 from smartmesh_ros.world.height_scanner import HeightScanner
 from tests import urdfs
-from tests.node.shared import box, made_with, refusal_at_start, spawn, wait_until
+from tests.node.shared import fed, made_with, refusal_at_start, wait_until
+from tests.node.test_ground_services import hills
 
-SIDE, RESOLUTION, LOW = 81, 0.25, -10.0
-x = LOW + RESOLUTION * np.arange(SIDE)
-HILLS = (0.4 * np.sin(0.6 * x[None]) * np.cos(0.5 * x[:, None])).astype(np.float32)
 SIZE = (0.5, 0.3, 0.2)
 ROBOT = urdfs.robot(urdfs.link("base", urdfs.box(SIZE), 5.0, SIZE, at="0.1 0.05 0"))
-SHARED = {
+SCANS = {
     "frame_id": "map",
     "height_scans": [
         "{body: robot, layout: isaac_lab, rate: 100}",
@@ -37,62 +33,33 @@ SHARED = {
 }
 
 
-def listen(probe: Probe, name: str) -> list[Any]:
-    return probe.listen(f"height_scan/{name}", Float32MultiArray)
-
-
-def wanted(scan: HeightScan, position: Any, orientation: Any) -> np.ndarray:
-    ground = Terrain(HeightMap(HILLS, resolution=RESOLUTION, origin=(LOW, LOW)))
-    yaw = float(yaws_of([orientation])[0])
-    return scan.read(ground, np.array([[*position, yaw]]), 0.0)[0]
-
-
 def values(message: Float32MultiArray) -> np.ndarray:
     return np.array(message.data, np.float32)
 
 
-def layout(message: Float32MultiArray) -> list[tuple[str, int, int]]:
-    return [(axis.label, axis.size, axis.stride) for axis in message.layout.dim]
-
-
-def vector(message: Any) -> tuple[float, ...]:
-    return tuple(getattr(message, axis) for axis in ("x", "y", "z", "w") if hasattr(message, axis))
-
-
-def test_scans_of_all_kinds_of_bodies_are_the_ground_around_them(shared: Probe) -> None:
-    shared.publish_map(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
-    shared.wait_for(lambda: shared.diagnostics("terrain")["samples"] != "0")
-    spawn(shared, "robot", (2.0, 1.0, 1.0), urdf=ROBOT)
-    spawn(shared, "2 boxes-1", (-1.0, 2.0, 1.2), shape=box(0.4, 0.2, 0.2))
-    shared.publish_bodies({"seen": (-3.0, -2.0, 0.7)})
-    scans = {name: listen(shared, name) for name in ("robot", "_2_boxes_1", "seen", "nobody")}
-    odometry = shared.listen("odometry", Odometry)
-    shared.wait_for(lambda: scans["seen"] and scans["robot"] and scans["_2_boxes_1"])
-    seen = scans["seen"][-1]
-    assert layout(seen) == [("x", 17, 17 * 9), ("y", 9, 9)]
-    there = HeightScan.of(
-        "unitree_rl_mjlab", size=(0.8, 0.4), spacing=0.05, order="yx", values="height", scale=1.0
-    )  # fmt: skip
-    np.testing.assert_allclose(values(seen), wanted(there, (-3.0, -2.0, 0.7), (0, 0, 0, 1)), atol=1e-6)
-    assert shared.call("pause", SetBool, data=True).success
-    states = shared.received[shared.topic("body_states")]
-    for _ in range(3):  # what was published before the pause is on its way
-        for received in (states, odometry, scans["robot"], scans["_2_boxes_1"]):
-            shared.spin()
-            received.clear()
-        assert shared.call("step", StepPhysics, steps=1).success
-        shared.wait_for(lambda: states and odometry and scans["robot"] and scans["_2_boxes_1"])
-    pose = odometry[-1].pose.pose
-    message = scans["robot"][-1]
-    assert layout(message) == [("y", 11, 187), ("x", 17, 17)]
-    robot = wanted(HeightScan.of("isaac_lab"), vector(pose.position), vector(pose.orientation))
-    np.testing.assert_allclose(values(message), robot, atol=1e-5)
-    [pose] = [body.pose for body in states[-1].bodies if body.id == "2 boxes-1"]
-    message = scans["_2_boxes_1"][-1]
-    assert layout(message) == [("x", 17, 187), ("y", 11, 11)]
-    box_values = wanted(HeightScan.of("legged_gym"), vector(pose.position), vector(pose.orientation))
-    np.testing.assert_allclose(values(message), box_values, atol=1e-5)
-    assert not scans["nobody"]
+def test_scans_of_all_kinds_of_bodies_are_the_ground_around_them(domain: int) -> None:
+    with fed({**SCANS, "physics.gravity": [0.0, 0.0, 0.0]}) as node:
+        newest: dict[str, Any] = {}
+        for output in node.node._outputs._scans:
+            keep = partial(newest.__setitem__, output.publisher.topic_name.rpartition("/")[2])
+            output.publisher = SimpleNamespace(publish=keep, get_subscription_count=lambda: 1)
+        world, turned = node.world, (0.0, 0.0, math.sin(0.3), math.cos(0.3))
+        world.terrain.put("", hills())
+        world.spawn_robot("robot", ROBOT, BodyState((2.0, 1.0, 1.0), turned))
+        world.spawn("2 boxes-1", Box(0.4, 0.2, 0.2), 1.0, BodyState((-1.0, 2.0, 1.2), turned))
+        world.track("seen", 0.2, BodyState((-3.0, -2.0, 0.7)))
+        node.run(30)
+        assert newest.keys() == {"robot", "_2_boxes_1", "seen"}
+        fields: dict[str, Any] = {"size": (0.8, 0.4), "spacing": 0.05, "order": "yx", "values": "height", "scale": 1.0}
+        for topic, body, axes, scan in (
+            ("robot", "robot", [("y", 11, 187), ("x", 17, 17)], HeightScan.of("isaac_lab")),
+            ("_2_boxes_1", "2 boxes-1", [("x", 17, 187), ("y", 11, 11)], HeightScan.of("legged_gym")),
+            ("seen", "seen", [("x", 17, 17 * 9), ("y", 9, 9)], HeightScan.of("unitree_rl_mjlab", **fields)),
+        ):
+            message, state = newest[topic], world.base_state(body)
+            assert [(axis.label, axis.size, axis.stride) for axis in message.layout.dim] == axes
+            place = np.array([[*state.position, float(yaws_of([state.orientation])[0])]])
+            np.testing.assert_allclose(values(message), scan.read(Terrain(hills()), place, 0.0)[0], atol=1e-5)
 
 
 def test_scans_come_at_their_rate_in_simulated_time_and_only_to_subscribers(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -106,7 +73,7 @@ def test_scans_come_at_their_rate_in_simulated_time_and_only_to_subscribers(monk
     monkeypatch.setattr(HeightScanner, "measure", note)
     with made_with(TerrainCollider, {"height_scans": ["{body: ball, rate: 50, delay: 0.03, values: height}"]}) as node:
         world = node.session.world
-        world.terrain.put("", HeightMap(HILLS, resolution=RESOLUTION, origin=(LOW, LOW)))
+        world.terrain.put("", hills())
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 5.0), linear=(1.0, 0.5, 0.0)))
         for _ in range(20):
             node.tick()

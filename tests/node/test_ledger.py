@@ -1,17 +1,23 @@
-"""Bodies of a fleet are on one node each, and none is lost with a node."""
+"""Bodies of a fleet are on one node each, none is lost with a node, and every call to a node ends, with a reason for
+each body that was not spawned or removed."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
+from rclpy.task import Future
+from smartmesh_msgs.msg import BodyFailure, BodySpecification
+from smartmesh_msgs.srv import RemoveBodies, SpawnBodies
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.fleet.calls import specification_of
+from smartmesh_ros.node.fleet.calls import Calls, specification_of
 from smartmesh_ros.node.fleet.ledger import Duties, Entry, LastState, Ledger, LedgerConfig
 from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.world.state_table import StateTable
@@ -99,21 +105,6 @@ def test_bodies_of_one_tile_share_a_node() -> None:
     assert nodes[0] == nodes[1] != nodes[2] == nodes[3]
 
 
-def test_bodies_wait_for_their_node_where_that_is_asked_for() -> None:
-    world = World(LedgerConfig(respawn="same"))
-    for k in range(6):
-        world.spawn(f"body_{k}")
-    world.go_on(1.0)
-    world.die("b")
-    world.go_on(4.0)
-    assert len(world.ledger.waiting) == 2
-    assert len(world.all_living()) == 4
-    world.alive.add("b")
-    world.go_on(1.0)
-    assert len(world.bodies["b"]) == 2
-    assert len(world.all_living()) == 6
-
-
 def test_bodies_of_a_node_that_starts_anew_before_it_is_missed_are_spawned_again() -> None:
     world = World()
     for k in range(3):
@@ -153,20 +144,6 @@ def test_bodies_that_nodes_add_and_remove_by_themselves_are_known() -> None:
     assert world.ledger.living == ["b", "c"]
 
 
-def test_without_a_node_that_lives_nothing_is_spawned_but_nothing_is_forgotten() -> None:
-    world = World()
-    world.spawn("body")
-    world.go_on(0.5)
-    for node in NODES:
-        world.die(node)
-    world.go_on(3.0)
-    with pytest.raises(InputError, match="none of a, b, c is heard"):
-        world.ledger.choose("other", 0.0, 0.0)
-    world.alive.add("c")
-    world.go_on(1.0)
-    assert world.bodies["c"] == ["body"]
-
-
 def test_nodes_that_are_connected_and_not_heard_yet_are_starting() -> None:
     ledger = Ledger(NODES)
     ledger.connected = {"a", "b", "/somebody/else"}
@@ -185,11 +162,14 @@ def test_nodes_that_are_connected_and_not_heard_yet_are_starting() -> None:
     events=st.lists(st.tuples(st.sampled_from(EVENTS), st.sampled_from(NODES)), max_size=14),
     respawn=st.sampled_from(["elsewhere", "same"]),
 )  # fmt: skip
+@example([("spawn", "a")] * 6 + [("wait", "a"), ("die", "b"), ("wait", "a"), ("come", "b")], "same")
+@example([("spawn", "a"), ("die", "a"), ("die", "b"), ("die", "c"), ("spawn", "a"), ("come", "c")], "elsewhere")
 def test_whatever_dies_and_comes_back_every_body_is_there_once_in_the_end(
     events: list[tuple[str, str]], respawn: str
 ) -> None:
+    """Those of a node that is waited for, on that node. Nothing is spawned while no node lives."""
     world = World(LedgerConfig(respawn=respawn))  # type: ignore[arg-type]
-    spawned = 0
+    first: dict[str, str] = {}
     for event, node in events:
         if event == "die":
             world.die(node)
@@ -198,9 +178,60 @@ def test_whatever_dies_and_comes_back_every_body_is_there_once_in_the_end(
         elif event == "come":
             world.alive.add(node)
         elif event == "spawn" and world.ledger.living and set(world.ledger.living) <= world.alive:
-            world.spawn(f"body_{spawned}")
-            spawned += 1
+            name = f"body_{len(first)}"
+            first[name] = world.spawn(name)
+        elif event == "spawn" and not world.ledger.living:
+            with pytest.raises(InputError, match="none of a, b, c is heard"):
+                world.ledger.choose("other", 0.0, 0.0)
         world.go_on(0.5 if event == "wait" else 2.75)
     world.alive.update(NODES)
     world.go_on(8.0)
-    assert world.all_living() == Counter({f"body_{k}": 1 for k in range(spawned)})
+    assert world.all_living() == Counter(dict.fromkeys(first, 1))
+    if respawn == "same":
+        assert all(name in world.bodies[node] for name, node in first.items())
+
+
+def front_of(*, ready: bool = True) -> Any:
+    """A node whose clients answer what the test says."""
+    future = Future()
+    client = SimpleNamespace(service_is_ready=lambda: ready, call_async=lambda _: future)
+    return SimpleNamespace(future=future, create_client=lambda *_, **__: client)
+
+
+def result_of(coroutine: Any) -> dict[str, str]:
+    with pytest.raises(StopIteration) as end:
+        coroutine.send(None)
+    found: dict[str, str] = end.value.value
+    return found
+
+
+def test_a_node_that_dies_has_refused_all_bodies_of_the_call() -> None:
+    front = front_of()
+    calls = Calls(front, ["/a"], None)
+    call = calls.remove("/a", ["one", "two"])
+    call.send(None)
+    calls.give_up("/b")
+    assert not front.future.done()
+    calls.give_up("/a")
+    assert result_of(call) == dict.fromkeys(("one", "two"), "/a died before it answered")
+
+
+@pytest.mark.parametrize(
+    ("response", "refused"),
+    [
+        (SpawnBodies.Response(success=True), {}),
+        (SpawnBodies.Response(message="busy"), {"one": "busy", "two": "busy"}),
+        (SpawnBodies.Response(failures=[BodyFailure(id="two", reason="no room")]), {"two": "no room"}),
+        (RemoveBodies.Response(success=True), {}),
+    ],
+)
+def test_refusals_are_told_by_body(response: Any, refused: dict[str, str]) -> None:
+    front = front_of()
+    front.future.set_result(response)
+    bodies = [BodySpecification(id=name) for name in ("one", "two")]
+    assert result_of(Calls(front, ["/a"], None).spawn("/a", bodies)) == refused
+
+
+def test_a_node_without_services_refuses_at_once() -> None:
+    calls = Calls(front_of(ready=False), ["/a"], None)
+    assert result_of(calls.remove("/a", ["one"])) == {"one": "/a serves no calls yet"}

@@ -1,18 +1,27 @@
-"""Deployment by parameters: presets, help, and files that say everything."""
+"""Deployment by parameters: presets, help, files that say everything; and the node takes nothing from its own outputs:
+else a robot's odometry becomes a tracked body inside that robot."""
 
 import subprocess
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
+from grid_map_msgs.msg import GridMap
 from rcl_interfaces.msg import ParameterType
-from rcl_interfaces.srv import DescribeParameters, ListParameters
 
+from smartmesh_ros.node.parameters.declaring import plain_value
 from smartmesh_ros.node.parameters.specifications import SPECS
+from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.demo import terrain_source
 from smartmesh_ros.tools.testing import COLLIDER, Probe, executable
-from tests.node.shared import values
+from tests.grid_maps import grid_map_message
+from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
+from tests.node.shared import made_with, refusal_at_start, seconds, spawn
+
+__all__ = ["stand_ins"]
 
 CONFIG = Path(__file__).parents[2] / "config"
 PRESETS = sorted(path for path in CONFIG.glob("*.yaml") if path.name != "diagnostic_aggregator.yaml")
@@ -32,34 +41,27 @@ def test_the_presets_of_the_readme_are_there() -> None:
 
 @pytest.mark.parametrize("preset", PRESETS, ids=lambda path: path.stem)
 def test_a_preset_is_taken_whole_and_without_a_warning_and_the_node_hears_itself_nowhere(
-    probe: Probe, preset: Path
+    domain: int, preset: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ["--ros-args", "--params-file", str(preset)]
-    with probe.running(arguments=arguments) as process:
+    with made_with(TerrainCollider, {}, ["--params-file", str(preset)]) as node:
         wanted = parameters_of(preset)
-        assert values(probe, wanted) == wanted
-        probe.latest("timing")
-        assert own_topics(probe) == set()
-        assert warnings(process.output) == []
+        assert values(node, wanted) == wanted
+        node.tick()
+        assert own_topics(node) == set()
+    assert warnings(capfd.readouterr().err) == []
 
 
-def own_topics(probe: Probe) -> set[str]:
+def own_topics(node: TerrainCollider) -> set[str]:
     """Topics that the collider both publishes and subscribes to."""
-    node, name = probe.node, COLLIDER.strip("/")
-    topics = {f"{COLLIDER}/body_states", f"{COLLIDER}/heightmap"}
-    # The node's endpoints may be known before its name is.
-    probe.wait_for(lambda: name in node.get_node_names() and topics <= dict(node.get_topic_names_and_types()).keys())
-    published = dict(node.get_publisher_names_and_types_by_node(name, "/"))
-    taken = dict(node.get_subscriber_names_and_types_by_node(name, "/"))
+    published, taken = ({found.topic_name for found in ends} for ends in (node.publishers, node.subscriptions))
     assert f"{COLLIDER}/body_states" in published
     assert f"{COLLIDER}/heightmap" in taken
-    return published.keys() & taken.keys()
+    return published & taken
 
 
-def check_descriptions(probe: Probe) -> None:
+def check_descriptions(node: TerrainCollider) -> None:
     """Every parameter is described, and every number is bounded."""
-    names = [spec.name for spec in SPECS]
-    described = probe.call("describe_parameters", DescribeParameters, names=names).descriptors
+    described = node.describe_parameters([spec.name for spec in SPECS])
     numbers = (ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_DOUBLE)
     for spec, item in zip(SPECS, described, strict=True):
         assert item.description.endswith(".")
@@ -70,7 +72,15 @@ def check_descriptions(probe: Probe) -> None:
             assert item.additional_constraints.startswith("each "), item.name
 
 
-def test_all_is_described_and_a_dump_of_a_node_starts_the_same_node_again(probe: Probe, tmp_path: Path) -> None:
+def values(node: TerrainCollider, names: Iterable[str]) -> dict[str, Any]:
+    """Values of parameters; an empty list arrives as nothing."""
+    found = {name: plain_value(node.get_parameter(name)) for name in names}
+    return {name: [] if value is None else value for name, value in found.items()}
+
+
+def test_all_is_described_and_a_dump_of_a_node_starts_the_same_node_again(
+    domain: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     """As `ros2 param dump` writes it: every parameter that is set."""
     changed = {
         "physics.rate": 60.0,
@@ -79,29 +89,31 @@ def test_all_is_described_and_a_dump_of_a_node_starts_the_same_node_again(probe:
         "terrain.changes": "correction",
         "terrain.noise": 0.01,
     }
-    with probe.running(parameters=changed):
-        assert values(probe, changed) == changed
-        names = probe.call("list_parameters", ListParameters).result.names
+    with made_with(TerrainCollider, changed) as node:
+        assert values(node, changed) == changed
+        names = node.list_parameters([], 0).names
         assert {spec.name for spec in SPECS} <= set(names)
-        check_descriptions(probe)
-        before = values(probe, names)
+        check_descriptions(node)
+        before = values(node, names)
     dump = tmp_path / "dump.yaml"
     dump.write_text(yaml.safe_dump({"/terrain_collider": {"ros__parameters": before}}))
-    with probe.running(arguments=["--ros-args", "--params-file", str(dump)]) as process:
-        assert values(probe, names) == before
-        assert warnings(process.output) == []
+    with made_with(TerrainCollider, {}, ["--params-file", str(dump)]) as node:
+        assert values(node, names) == before
+    assert warnings(capfd.readouterr().err) == []
 
 
-def test_a_printed_parameter_file_says_all_the_defaults(probe: Probe, tmp_path: Path) -> None:
+def test_a_printed_parameter_file_says_all_the_defaults(
+    domain: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     command = [executable("terrain_collider"), "--print-parameters"]
     file = tmp_path / "all.yaml"
     file.write_text(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
     set_there = {spec.name: spec.default for spec in SPECS if spec.default != []}
     assert parameters_of(file) == set_there
     assert all(spec.name in file.read_text() for spec in SPECS)
-    with probe.running(arguments=["--ros-args", "--params-file", str(file)]) as process:
-        assert values(probe, list(set_there)) == set_there
-        assert warnings(process.output) == []
+    with made_with(TerrainCollider, {}, ["--params-file", str(file)]) as node:
+        assert values(node, set_there) == set_there
+    assert warnings(capfd.readouterr().err) == []
 
 
 @pytest.mark.parametrize(
@@ -119,3 +131,74 @@ def test_each_executable_explains_itself(domain: int, name: str, words: list[str
     result = subprocess.run([executable(name), "--hepl"], capture_output=True, text=True, check=False)
     assert result.returncode == 2
     assert "--hepl" in result.stderr
+
+
+ROVER = Path(__file__).parents[1] / "data" / "rover.urdf"
+# Where the centre of mass of the rover's root link rests on flat ground, and how much higher a test may find it [m].
+RESTING, HIGHEST = 0.10, 0.005
+# How long the rover is watched, in simulated time [s].
+WATCHED = 3.0
+
+
+def launched(stand_ins: dict[str, type[Recorded]]) -> list[str]:
+    """Arguments that elevation_mapping.launch.py starts the collider with."""
+    [node] = Launch(LAUNCH / "elevation_mapping.launch.py", stand_ins).of("Node")
+    *files, _ = node.kwargs["parameters"]
+    remappings = [part for old, new in node.kwargs["remappings"] for part in ("-r", f"{old}:={new}")]
+    return ["--ros-args", *(part for file in files for part in ("--params-file", file)), *remappings, "--"]
+
+
+def flat_map(probe: Probe) -> GridMap:
+    """A grid map of flat ground, 6 m a side."""
+    return grid_map_message({"elevation": np.zeros((60, 60))}, 0.1, stamp=probe.now())
+
+
+def test_a_spawned_robot_rests_beside_the_elevation_mapping_set_up(
+    probe: Probe, stand_ins: dict[str, type[Recorded]]
+) -> None:
+    """Under another name than the preset's tracked body. Nobody publishes the odometry of a real robot."""
+    folders = {"bodies.urdf_folders": [str(ROVER.parent)]}
+    arguments = launched(stand_ins)
+    with made_with(TerrainCollider, folders, arguments) as node:
+        assert own_topics(node) == set()
+    with probe.running(parameters=folders, arguments=arguments) as process:
+        maps = probe.publisher(GridMap, "/elevation_mapping/elevation_map")
+        states = probe.received[f"{COLLIDER}/body_states"]
+        probe.wait_for(lambda: maps.publish(flat_map(probe)) or probe.latest("body_states").header.frame_id)
+        spawn(probe, "mine", (0.0, 0.0, RESTING + 0.001), urdf=str(ROVER))
+        seen: list[tuple[float, float]] = []  # stamps [s] and heights [m]
+
+        def watched() -> bool:
+            maps.publish(flat_map(probe))
+            probe.latest("body_states")
+            for message in states:
+                stamp = seconds(message.header.stamp)
+                seen.extend((stamp, body.pose.position.z) for body in message.bodies if body.id == "mine")
+            states.clear()
+            return bool(seen) and seen[-1][0] - seen[0][0] > WATCHED
+
+        probe.wait_for(watched, watch=process)
+        heights = [height for _, height in seen]
+        assert max(heights) < RESTING + HIGHEST
+        assert min(heights) > RESTING - HIGHEST
+
+
+@pytest.mark.parametrize(
+    ("parameters", "remap", "words"),
+    [
+        ({"bodies.odometry": ["husky=~/odometry"]}, [], ("body 'husky'", "'~/odometry'", f"{COLLIDER}/odometry")),
+        (
+            {"bodies.odometry": ["husky=~/tracked_odometry"]},
+            ["~/tracked_odometry:=/odom", "~/odometry:=/odom"],
+            ("body 'husky'", "'~/tracked_odometry'", "/odom", "publishes as ~/odometry"),
+        ),
+        ({"bodies.poses": [f"x={COLLIDER}/body_states"]}, [], ("body 'x'", "publishes as ~/body_states")),
+        ({}, ["~/tracked_bodies:=/bodies", "~/body_states:=/bodies"], ("~/tracked_bodies", "/bodies", "~/body_states")),
+        ({}, ["~/joint_commands:=~/joint_states"], ("~/joint_commands", "publishes as ~/joint_states")),
+    ],
+)
+def test_an_input_on_a_topic_that_the_node_publishes_is_refused_with_both_named(
+    domain: int, parameters: dict[str, Any], remap: list[str], words: tuple[str, ...]
+) -> None:
+    reason = refusal_at_start(parameters, [part for rule in remap for part in ("-r", rule)])
+    assert all(word in reason for word in words), reason

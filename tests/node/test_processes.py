@@ -14,8 +14,9 @@ import pytest
 from smartmesh_msgs.msg import Heightmap
 from smartmesh_msgs.srv import QueryGround
 
-from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_cannot_start, assert_on_map, executable
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_cannot_start, executable
 from tests.node.shared import has_ended, wait_until
+from tests.node.test_faults import on_map
 
 pytestmark = pytest.mark.usefixtures("executables")
 # A node whose clock goes on by 1000 s while it is made, as if it read a large file, and whose first step says how many
@@ -147,18 +148,7 @@ def test_a_source_may_be_killed_and_started_again(udp_only: None, probe: Probe) 
             updates = int(probe.diagnostics("terrain")["updates of ''"])
             probe.wait_for(lambda: int(probe.diagnostics("terrain")["updates of ''"]) > updates + 10)
             probe.wait_for(lambda: maps)
-        last = maps[-1]
-
-        def on_last_map() -> bool:
-            probe.publish_poses([(1.0, 1.0, 0.3)])
-            try:
-                for points in probe.patches().values():
-                    assert_on_map(points, last)
-            except AssertionError:
-                return False
-            return True
-
-        probe.wait_for(on_last_map)
+        probe.wait_for(on_map(probe, maps[-1]))
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,12 @@
-"""Maps as mappers publish them, over real topics: corrections, messages that overtake each other, rival publishers."""
+"""Maps as mappers publish them: corrections, messages that are late or overtake each other, rival publishers."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import math
+from collections import deque
+from collections.abc import Callable
 from functools import partial
-from itertools import count
+from time import monotonic
 from types import SimpleNamespace
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -13,19 +15,22 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from numpy.typing import NDArray
 from smartmesh_msgs.msg import Heightmap
+from smartmesh_msgs.srv import QueryGround
 from std_srvs.srv import Trigger
 
+from smartmesh_ros import BodyState, Box
 from smartmesh_ros.node.inputs.rivals import Rivals
 from smartmesh_ros.node.inputs.terrain_inputs import MapChecks
 from smartmesh_ros.node.parameters import specifications as parameters
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
-from smartmesh_ros.scenes.moving import InwardWaves, Wave
+from smartmesh_ros.node.timing.pacing import Pacer
+from smartmesh_ros.node.timing.stamps import StampClock
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import Changes, MotionConfig
-from smartmesh_ros.tools.testing import Probe, Process, heightmap_message
-from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
-from tests.node.shared import box, changed, position_of, set_parameters, spawn
+from smartmesh_ros.terrain.motion import Changes, MotionConfig, MotionMode
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from smartmesh_ros.tools.testing import Probe, heightmap_message
+from tests.node.shared import fed
 
 DEFAULTS = {spec.name: spec.default for spec in SPECS}
 GRID = GridGeometry(rows=21, columns=21, resolution=0.5)
@@ -88,40 +93,24 @@ def of_mapper(number: int) -> NDArray[np.float32]:
     return np.asarray(LEVEL + noise + 0.001 * number + 0.08 * (number // 20 % 2), np.float32)
 
 
-@contextmanager
-def maps_of(probe: Probe, heights: Callable[[int], NDArray[np.float32]]) -> Iterator[None]:
-    """Publishes maps at 10 Hz while the block lasts."""
-    numbers = count()
-    timer = probe.node.create_timer(0.1, lambda: probe.publish_map(heights(next(numbers)), resolution=0.5))
-    try:
-        yield
-    finally:
-        probe.node.destroy_timer(timer)
-
-
-def test_maps_of_waves_are_no_warning(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
-    """Runs before other tests have the shared node doubt maps, because a node logs its doubt once."""
-    waves = InwardWaves(GRID, Wave(amplitude=0.3, number=1.0, frequency=4.0))
-    with maps_of(shared, lambda number: waves.heights(0.1 * number)):
-        shared.wait_for(lambda: int(shared.diagnostics("terrain").get("updates of ''", 0)) >= 40)
-        assert shared.diagnostics("terrain")["message"] == "maps arrive"
-        assert ADVICE not in shared_node[1].output
-
-
 def test_maps_of_a_mapper_that_are_taken_for_motion_are_a_warning(
-    shared: Probe, shared_node: tuple[Probe, Process]
+    domain: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    with maps_of(shared, of_mapper), changed(shared, {"terrain.changes": "motion"}):
-        maps = "updates of ''"
-        shared.wait_for(lambda: ADVICE in shared.diagnostics("terrain")["message"])
-        assert int(shared.diagnostics("terrain")[maps]) <= 60  # 5 s, and a second until the diagnostics say so
-        shared.wait_for(lambda: "jumps of still ground" in shared.diagnostics("terrain")["message"])
-        status = terrain_status(shared)
-        assert status.level == DiagnosticStatus.WARN
-        assert "noise of 5." in status.message
-        assert shared_node[1].output.count(ADVICE) == 1
-        assert set_parameters(shared, {"terrain.changes": "correction"}).successful
-        shared.wait_for(lambda: shared.diagnostics("terrain")["message"] == "maps arrive")
+    with fed({"terrain.changes": "motion"}) as node:
+
+        def give(number: int) -> tuple[bytes, str]:
+            """Gives a map that holds from now on; level and words of the diagnostics a tenth of a second later."""
+            node.give("heightmap", heightmap_message(of_mapper(number), resolution=0.5), steps=24)
+            level, words, _ = node.node._outputs._diagnostics._terrain()
+            return level, words
+
+        warned = [ADVICE in give(number)[1] for number in range(60)]
+        assert warned[50:] == [True] * 10
+        level, words = give(60)
+        assert level == DiagnosticStatus.WARN and "jumps of still ground" in words and "noise of 5." in words
+        assert capfd.readouterr().err.count(ADVICE) == 1
+        assert not node.set("terrain.changes", "correction")
+        assert give(61)[1] == "maps arrive"
 
 
 def test_two_mappers_on_one_topic_are_named_in_the_diagnostics(shared: Probe) -> None:
@@ -141,13 +130,6 @@ def test_two_mappers_on_one_topic_are_named_in_the_diagnostics(shared: Probe) ->
         other.destroy_node()
 
 
-def terrain_status(probe: Probe) -> DiagnosticStatus:
-    [status] = [
-        status for status in probe.latest(DIAGNOSTICS).status if status.name.endswith("terrain_collider: terrain")
-    ]
-    return status
-
-
 @pytest.mark.parametrize(
     ("given", "changes", "doubted"),
     [(False, "motion", True), (True, "motion", False), (False, "correction", False)],
@@ -165,36 +147,141 @@ def test_a_doubt_goes_with_its_tile_and_there_is_none_of_given_velocities_and_co
     assert checks.warning == ""
 
 
-def test_a_map_that_was_overtaken_is_neither_taken_nor_refused(shared: Probe) -> None:
-    refused = shared.diagnostics("inputs")
-    overtaken = int(shared.diagnostics("terrain")["overtaken by a newer one"])
-    now = shared.now()
-    newest = shared.publish_map(LEVEL, stamp=now)
-    shared.wait_for(lambda: shared.diagnostics("terrain").get("updates of ''") == "1")
-    total = now.sec * 10**9 + now.nanosec - 100_000_000
-    shared.publish_map(LEVEL + 1.0, stamp=Time(sec=total // 10**9, nanosec=total % 10**9))
-    shared.publish_map(LEVEL, stamp=shared.now())
-    shared.wait_for(lambda: shared.diagnostics("terrain").get("updates of ''") == "2")
-    assert shared.diagnostics("inputs") == refused
-    assert int(shared.diagnostics("terrain")["overtaken by a newer one"]) == overtaken + 1
-    assert newest.header.stamp == now
+def before(stamp: Time, seconds: int, tenths: int = 0) -> Time:
+    total = stamp.sec * 10**9 + stamp.nanosec - seconds * 10**9 - tenths * 10**8
+    return Time(sec=total // 10**9, nanosec=total % 10**9)
 
 
-def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are(shared: Probe) -> None:
+def test_a_map_that_was_overtaken_is_neither_taken_nor_refused(domain: int) -> None:
+    with fed({}) as node:
+        now = node.now()
+        for height, stamp in ((0.0, now), (1.0, before(now, 0, 1)), (0.0, node.now())):
+            node.give("heightmap", heightmap_message(LEVEL + height, stamp=stamp))
+        assert node.world.terrain.tiles[""].version == 2
+        assert not node.node.refusals.counts
+        assert node.node.session.overtaken.total() == 1
+
+
+def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are(domain: int) -> None:
     """The clock of the source was set back by an hour."""
-    shared.publish_map(LEVEL, resolution=0.5)
-    shared.wait_for(lambda: shared.diagnostics("terrain").get("updates of ''") == "1")
-    spawn(shared, "box", (5.0, 5.0, 0.3), shape=box(0.4, 0.4, 0.3))
+    with fed({}) as node:
+        node.give("heightmap", heightmap_message(LEVEL, resolution=0.5, stamp=node.now()))
+        node.world.spawn("box", Box(0.4, 0.4, 0.3), 1.0, BodyState((5.0, 5.0, 0.3)))
+        node.run(240)
+        place = node.world.state("box").position
+        assert place[2] < 0.152
+        back = before(node.now(), 3600)
+        message = heightmap_message(LEVEL, resolution=0.5, stamp=back)
+        node.require_refused("heightmap", [("stamp_backwards", message)])
+        [clock] = [found for found in node.node.services if found.srv_name.endswith("/reset_terrain_clock")]
+        assert clock.callback(Trigger.Request(), Trigger.Response()).success
+        for number in range(1, 4):
+            message.header.stamp = before(back, 0, -number)
+            node.give("heightmap", message)
+            assert node.world.terrain.tiles[""].version == 1 + number
+        assert node.world.state("box").position == pytest.approx(place, abs=0.002)
 
-    place = partial(position_of, shared, "box")
-    shared.wait_for(lambda: place()[2] < 0.152)
-    back = Time(sec=shared.now().sec - 3600)
-    shared.publish_map(LEVEL, resolution=0.5, stamp=back)
-    shared.wait_for(lambda: "stamp_backwards" in str(shared.diagnostics("inputs")))
-    assert shared.call("reset_terrain_clock", Trigger).success
-    before = place()
-    for number in range(1, 4):
-        back = Time(sec=back.sec, nanosec=50_000_000 * number)
-        shared.publish_map(LEVEL, resolution=0.5, stamp=back)
-        shared.wait_for(lambda n=number: shared.diagnostics("terrain").get("updates of ''") == str(1 + n))
-    assert place() == pytest.approx(before, abs=0.002)
+
+# Maps whose stamps are old on arrival: by a slow link or pipeline, or because two clocks differ.
+PERIOD = 1 / 240
+SPEED = 0.1
+CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+SQUARE = np.array([[0, 1, 2], [0, 2, 3]])
+POINT = np.zeros((1, 2))
+
+
+class Source:
+    """Maps of ground that rises, stamped when they are sent, which arrive in order ``late(k)`` [s] after that."""
+
+    def __init__(self, rate: float, late: NDArray[np.float64], behind: float = 0.0) -> None:
+        sent = np.arange(len(late)) / rate
+        self.arrivals = np.maximum.accumulate(sent + late)
+        self.stamps = sent + 100.0 - behind
+        self.heights = SPEED * sent
+
+
+def velocities(source: Source, ground: HeightMap | TriangleMesh, seconds: float) -> NDArray[np.float64]:
+    """Velocities [m/s] of ground that takes the source's maps, at each step from two seconds on."""
+    now = [100.0]
+    pacer, clock = Pacer(PERIOD, "catch_up", lambda: now[0]), StampClock()
+    simulated, taken, found = 0.0, 0, []
+    horizon = ground.motion.max_interval
+    while now[0] < 100.0 + seconds:
+        while taken < len(source.arrivals) and source.arrivals[taken] + 100.0 <= now[0] + pacer.remaining():
+            now[0] = max(now[0], source.arrivals[taken] + 100.0)
+            placed = clock.place(
+                source.stamps[taken], now[0], lambda age, step=simulated: pacer.simulated_at(age, step), 0.0, horizon
+            )
+            take(ground, source.heights[taken], placed.time)
+            clock.accept(placed)
+            ground.delay = clock.delay
+            taken += 1
+        now[0] += max(pacer.remaining(), 0.0)
+        pacer.advance()
+        if now[0] > 102.0:
+            found.append(velocity(ground, simulated))
+        simulated += PERIOD
+    return np.array(found)
+
+
+def take(ground: HeightMap | TriangleMesh, height: float, time: float) -> None:
+    if isinstance(ground, HeightMap):
+        ground.replace(np.full((3, 3), height), time=time)
+    else:
+        ground.move(np.column_stack([CORNERS, np.full(4, height)]), time=time)
+
+
+def velocity(ground: HeightMap | TriangleMesh, time: float) -> float:
+    if isinstance(ground, HeightMap):
+        return float(ground.at(POINT, time).velocities[0])
+    return float(ground.sample(np.array([0]), time).velocities[0, 2])
+
+
+def heightmap(mode: MotionMode = "extrapolate") -> HeightMap:
+    return HeightMap(np.zeros((3, 3)), resolution=1.0, origin=(-1.0, -1.0), time=-100.0, motion=MotionConfig(mode=mode))
+
+
+LATE = [0.0, 0.02, 0.1, 0.15, 0.3, 0.5, 0.7, 0.95, 1.0, 1.05, 3.0]
+
+
+def mesh() -> TriangleMesh:
+    return TriangleMesh(np.column_stack([CORNERS, np.zeros(4)]), SQUARE, time=-100.0)
+
+
+@pytest.mark.parametrize("ground", [*(partial(heightmap, mode) for mode in get_args(MotionMode)), mesh])
+@pytest.mark.parametrize("rate", [5.3, 19.7, 57.0])
+@pytest.mark.parametrize("late", LATE)
+def test_ground_has_its_velocity_however_late_its_maps_are(late: float, rate: float, ground: Any) -> None:
+    found = velocities(Source(rate, np.full(int(8 * rate), late)), ground(), 7.5)
+    assert np.abs(found[found.size // 3 :] - SPEED).max() < 0.02 * SPEED
+
+
+@pytest.mark.parametrize("behind", [0.0, 1e6, -5.0])
+@pytest.mark.parametrize("rate", [10.0, 20.0])
+@pytest.mark.parametrize(("late", "jitter"), [(0.1, 0.1), (0.25, 0.1), (0.3, 0.1), (0.7, 0.2), (1.0, 0.2), (2.0, 0.2)])
+def test_jitter_around_a_steady_delay_does_not_end_the_motion(
+    late: float, jitter: float, rate: float, behind: float
+) -> None:
+    """On this node's clock as on another one."""
+    delays = late + jitter * np.random.default_rng(1).uniform(-1.0, 1.0, int(30 * rate))
+    found = velocities(Source(rate, delays, behind), heightmap(), 29.0)
+    found = found[int(4.0 / PERIOD) :]
+    assert np.mean(np.abs(found - SPEED) < 0.2 * SPEED) > 0.98
+    assert found.min() > 0.0 and found.max() < 2.0 * SPEED
+
+
+def test_a_node_shows_the_velocity_of_ground_whose_maps_are_late(shared: Probe) -> None:
+    start, sent, last = monotonic(), 0, deque([math.nan], maxlen=20)
+
+    def steady() -> bool:
+        nonlocal sent
+        while (now := monotonic() - start) >= sent / 20.0:
+            sent += 1
+            shared.publish_map(LEVEL + SPEED * now, resolution=0.5, stamp=before(shared.now(), 0, 7))
+        answer = shared.call("query_ground", QueryGround, x=[5.0], y=[5.0])
+        last.append(answer.velocities[2] if answer.success else math.nan)
+        return len(last) == last.maxlen and np.abs(np.array(last) - SPEED).max() < 0.2 * SPEED
+
+    shared.wait_for(steady)
+    ages = shared.diagnostics("connections")
+    assert float(ages["age of stamps on arrival, terrain [s]"]) == pytest.approx(0.7, abs=0.1)

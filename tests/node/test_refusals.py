@@ -1,20 +1,36 @@
-"""Bad input over real topics: refused whole, counted by reason, and the last good state stays."""
+"""Bad input: refused whole, counted by reason, and the last good state stays. What peers may make the node hold."""
 
 import math
+import struct
 from collections.abc import Callable
-from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pybullet_data
 import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseArray
+from rclpy.serialization import serialize_message
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.msg import HeightmapUpdate, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
-from smartmesh_ros.tools.testing import Probe, assert_on_map, floats, heightmap_message, pose_message
-from tests.node.shared import BALL, refusal_at_start, require_refused, spawn
+from smartmesh_ros import BodyState, Sphere
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, floats, heightmap_message, pose_message
+from tests.node.shared import (
+    BALL,
+    Fed,
+    body_names,
+    fed,
+    refusal_at_start,
+    require_refused,
+    show_map,
+    spawn,
+    stamped,
+    wait_until,
+)
+from tests.urdfs import link, robot
 
 GOOD = np.random.default_rng(1).normal(size=(40, 30)) * 0.2
 
@@ -30,32 +46,26 @@ def changed(message: Any, **changes: Any) -> Any:
     return message
 
 
-def bad_map(**changes: Any) -> Callable[[Probe], Heightmap]:
-    return lambda probe: changed(heightmap_message(GOOD + 5.0, stamp=probe.now()), **changes)
+def bad_map(**changes: Any) -> Callable[[Fed], Any]:
+    return lambda node: changed(stamped(node, heightmap_message(GOOD + 5.0)), **changes)
 
 
-def bad_update(**changes: Any) -> Callable[[Probe], HeightmapUpdate]:
-    def make(probe: Probe) -> HeightmapUpdate:
-        message = HeightmapUpdate(x=3, y=3, width=2, height=2, heights=floats(np.full(4, 9.0, np.float32)))
-        message.header.stamp, message.header.frame_id = probe.now(), "map"
-        return changed(message, **changes)
-
-    return make
+def bad_update(**changes: Any) -> Callable[[Fed], Any]:
+    heights = floats(np.full(4, 9.0, np.float32))
+    return lambda node: changed(stamped(node, HeightmapUpdate(x=3, y=3, width=2, height=2, heights=heights)), **changes)
 
 
-def bad_bodies(*bodies: TrackedBody, **changes: Any) -> Callable[[Probe], TrackedBodyArray]:
-    def make(probe: Probe) -> TrackedBodyArray:
-        message = TrackedBodyArray(bodies=[TrackedBody(id="rover", pose=pose_message((1, 1, 1))), *bodies])
-        message.header.stamp, message.header.frame_id = probe.now(), "map"
-        return changed(message, **changes)
-
-    return make
+def bad_bodies(*bodies: TrackedBody, **changes: Any) -> Callable[[Fed], Any]:
+    rover = TrackedBody(id="rover", pose=pose_message((1, 1, 1)))
+    return lambda node: changed(stamped(node, TrackedBodyArray(bodies=[rover, *bodies])), **changes)
 
 
-def bad_poses(probe: Probe) -> PoseArray:
-    message = PoseArray(poses=[pose_message((1, 1, math.inf))])
-    message.header.frame_id = "map"
-    return message
+# Messages of a peer whose encoder is broken; requests: test_cyclone.py.
+WHOLE, NO_BODIES = serialize_message(heightmap_message(GOOD)), serialize_message(TrackedBodyArray())
+BROKEN = [
+    *(("heightmap", data) for data in (WHOLE[:50], WHOLE[:7], WHOLE[:4] + b"\xff" * 60, b"\0")),
+    ("tracked_bodies", NO_BODIES[:-4] + struct.pack("<I", 2**31)),  # a count of bodies far beyond what follows
+]
 
 
 def body(**changes: Any) -> TrackedBody:
@@ -107,72 +117,58 @@ CASES = [
     ("tracked_bodies", "geometry", bad_bodies(body(radius=NAN))),
     ("tracked_bodies", "frame", bad_bodies(header__frame_id="odom")),
     ("tracked_bodies", "duplicate_id", bad_bodies(body(id="ball"))),
-    ("body_poses", "non_finite", bad_poses),
+    ("body_poses", "non_finite", lambda node: stamped(node, PoseArray(poses=[pose_message((1, 1, math.inf))]))),
 ]
 
 
-def test_every_bad_message_is_refused_counted_and_changes_nothing(probe: Probe) -> None:
-    with probe.running() as process:
-        early = bad_update()(probe)
-        probe.publishers["heightmap_update"].publish(early)
-        key = "refused, heightmap_update: no_map"
-        probe.wait_for(lambda: probe.diagnostics("inputs").get(key) == "1")
-        good = probe.publish_map(GOOD)
-        probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "1200")
-        spawn(probe, "ball", (2, 2, 1))
-        require_refused(
-            probe, [(probe.publishers[topic], reason, partial(make, probe)) for topic, reason, make in CASES]
-        )
-        # The last good map still carries the ball, and nothing but the ball is there.
-        assert {patch.body_id for patch in probe.latest("collider_patches").patches} == {"ball"}
-        for points in probe.patches().values():
-            assert_on_map(points, good)
-        # Each reason was logged, and said what would be right.
-        for words in ("there must be 1240", "at least 3 x 3", "is not the terrain's frame", "known: ''"):
-            assert words in process.output
-        # And good input is taken as before.
-        better = probe.publish_map(GOOD + 1.0)
-
-        def taken() -> bool:
-            return all(points[:, 2].min() > 0.3 for points in probe.patches().values())
-
-        probe.wait_for(taken)
-        for points in probe.patches().values():
-            assert_on_map(points, better)
-
-
-@pytest.mark.parametrize(
-    ("words", "fields"),
-    [
-        ("already", {"id": "ball"}),
-        ("not empty", {"id": ""}),
-        ("mass", {"mass": 0.0}),
-        ("mass", {"mass": NAN}),
-        ("length 1", {"pose": changed(pose_message((0, 0, 0)), orientation__w=0.0)}),
-        ("finite", {"pose": pose_message((0, NAN, 0))}),
-        ("SPHERE needs 1", {"shape": SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2, 0.2])}),
-        ("greater than zero", {"shape": SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.2, 0.0])}),
-        ("not supported", {"shape": SolidPrimitive(type=SolidPrimitive.CONE, dimensions=[0.2, 0.2])}),
-        ("outside the allowed folders", {"urdf": "/no/such/file.urdf"}),
-        ("does not load", {"urdf": "<robot>"}),
-    ],
-)
-def test_bad_spawns_are_answered_with_what_is_wrong(
-    words: str, fields: dict[str, Any], spawner: Callable[..., Any]
+def test_every_bad_message_is_refused_counted_and_changes_nothing(
+    domain: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    response = spawner(**{"id": "new", "shape": BALL, "mass": 1.0, "pose": pose_message((0, 0, 1)), **fields})
-    assert not response.success
-    assert words in response.message
+    rows, columns = 0.1 * np.mgrid[:40, :30]
+    with fed({"terrain.motion": "hold"}) as node:
+        node.require_refused("heightmap_update", [("no_map", bad_update()(node))])
+        node.give("heightmap", stamped(node, heightmap_message(GOOD)))
+        node.world.spawn("ball", Sphere(0.2), 1.0, BodyState((2.0, 2.0, 1.0)))
+        for topic, reason, make in CASES:
+            node.require_refused(topic, [(reason, make(node))])
+        for topic, data in BROKEN:
+            node.require_refused(topic, [("malformed", data)])
+        # The last good map is still there, and nothing but the ball is on it.
+        assert node.world.bodies.keys() == {"ball"}
+        np.testing.assert_allclose(node.heights(columns, rows), GOOD, atol=1e-6)
+        # Each reason was logged, and said what would be right.
+        said = capfd.readouterr().err
+        for words in ("there must be 1240", "at least 3 x 3", "is not the terrain's frame", "known: ''"):
+            assert words in said
+        # And good input is taken as before.
+        node.give("heightmap", stamped(node, heightmap_message(GOOD + 1.0)))
+        np.testing.assert_allclose(node.heights(columns, rows), GOOD + 1.0, atol=1e-6)
 
 
-@pytest.fixture(scope="module")
-def spawner(domain: int) -> Any:
-    """Spawns bodies in one node that has a body ``ball``."""
-    with Probe() as probe, probe.running():
-        spawn(probe, "ball")
-        yield lambda **fields: probe.call("spawn_body", SpawnBody, **fields)
-        assert not probe.call("remove_body", RemoveBody, id="nobody").success
-        assert [item.id for item in probe.latest("body_states").bodies] == ["ball"]
+BAD_SPAWNS: list[tuple[str, dict[str, Any]]] = [
+    ("already", {"id": "ball"}),
+    ("not empty", {"id": ""}),
+    ("mass", {"mass": 0.0}),
+    ("mass", {"mass": NAN}),
+    ("length 1", {"pose": changed(pose_message((0, 0, 0)), orientation__w=0.0)}),
+    ("finite", {"pose": pose_message((0, NAN, 0))}),
+    ("SPHERE needs 1", {"shape": SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2, 0.2])}),
+    ("greater than zero", {"shape": SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.2, 0.0])}),
+    ("not supported", {"shape": SolidPrimitive(type=SolidPrimitive.CONE, dimensions=[0.2, 0.2])}),
+    ("outside the allowed folders", {"urdf": "/no/such/file.urdf"}),
+    ("does not load", {"urdf": "<robot>"}),
+]
+
+
+def test_bad_spawns_are_answered_with_what_is_wrong(shared: Probe) -> None:
+    spawn(shared, "ball")
+    usual = {"id": "new", "shape": BALL, "mass": 1.0, "pose": pose_message((0, 0, 1))}
+    for words, fields in BAD_SPAWNS:
+        response = shared.call("spawn_body", SpawnBody, **(usual | fields))
+        assert not response.success
+        assert words in response.message
+    assert not shared.call("remove_body", RemoveBody, id="nobody").success
+    assert body_names(shared) == ["ball"]
 
 
 @pytest.mark.parametrize(
@@ -208,3 +204,93 @@ def spawner(domain: int) -> Any:
 )  # fmt: skip
 def test_what_cannot_be_is_refused_at_the_start(domain: int, parameters: dict[str, Any], words: str) -> None:
     assert words in refusal_at_start(parameters)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"publish.tf": 10.0}, "publish.tf needs tf2_msgs/TFMessage"),
+        ({"bodies.frames": ["base_link"]}, "needs tf2_msgs/TFMessage"),
+        ({"terrain.input": "grid_map"}, "needs grid_map_msgs/GridMap"),
+    ],
+)
+def test_a_missing_package_is_named(
+    domain: int, monkeypatch: pytest.MonkeyPatch, parameters: dict[str, Any], words: str
+) -> None:
+    monkeypatch.setattr("smartmesh_ros.node.inputs.optional_messages.find_interfaces", lambda *_: None)
+    said, package = refusal_at_start(parameters), words.split()[-1].partition("/")[0].replace("_", "-")
+    assert words in said and f"apt install ros-jazzy-{package}" in said
+
+
+ROBOT = robot(link("a", '<box size="0.3 0.3 0.2"/>'))
+
+
+def test_services_open_no_file_outside_the_folders(probe: Probe, tmp_path: Path) -> None:
+    allowed = tmp_path / "robots"
+    allowed.mkdir()
+    for folder in (allowed, tmp_path):
+        (folder / "robot.urdf").write_text(ROBOT)
+    (allowed / "link.urdf").symlink_to(tmp_path / "robot.urdf")
+    reader = ROBOT.replace('<box size="0.3 0.3 0.2"/>', '<mesh filename="/etc/passwd"/>')
+    with probe.running(parameters={"bodies.urdf_folders": [str(allowed)]}):
+        for number, urdf in enumerate(
+            (str(tmp_path / "robot.urdf"), str(allowed / "link.urdf"), str(allowed / "../robot.urdf"),
+             f"{pybullet_data.getDataPath()}/r2d2.urdf", "/etc/passwd", "/no/such/file", reader)
+        ):  # fmt: skip
+            response = probe.call("spawn_body", SpawnBody, id=f"robot_{number}", urdf=urdf)
+            assert not response.success, urdf
+            assert "outside the allowed folders" in response.message
+        spawn(probe, "good", urdf=str(allowed / "robot.urdf"))
+        spawn(probe, "text", urdf=ROBOT)
+
+
+def test_sizes_are_capped_by_parameters(probe: Probe) -> None:
+    caps = {
+        "bodies.most": 3, "bodies.longest_urdf": 1000,
+        "terrain.max_samples": 2000, "terrain.max_tiles": 2,
+    }  # fmt: skip
+    with probe.running(parameters=caps):
+        show_map(probe, np.zeros((30, 30)))
+
+        def refused(side: int, tile: str) -> None:
+            message = heightmap_message(np.zeros((side, 30)), tile=tile, origin=(50.0, 0.0, 0.0))
+            require_refused(probe, [(probe.publishers["heightmap"], "size", lambda: stamped(probe, message))])
+
+        # More samples in all tiles together, or more tiles, than allowed.
+        refused(40, "large")
+        probe.publish_map(np.zeros((10, 10)), tile="b", origin=(50.0, 0.0, 0.0))
+        refused(10, "c")
+        refused(10, "x" * 257)
+
+        # Names and descriptions.
+        def answer(name: str, **fields: Any) -> str:
+            """What is wrong with a body; empty if it was spawned."""
+            given = {"shape": BALL, "mass": 1.0, "pose": pose_message((1, 1, 1)), **fields}
+            return str(probe.call("spawn_body", SpawnBody, id=name, **given).message)
+
+        assert "at most 256" in answer("x" * 257)
+        assert "bytes" in answer("long", urdf=ROBOT.replace("<link", " " * 1000 + "<link", 1))
+        # Bodies, by service and by topic.
+        assert [answer(name) for name in "abc"] == [""] * 3
+        assert "bodies.most" in answer("d")
+        poses = probe.publishers["body_poses"]
+        for count in (1, 4):
+            many = PoseArray(poses=[pose_message((1.0, 1.0, 0.3))] * count)
+            require_refused(probe, [(poses, "size", lambda many=many: stamped(probe, many))])
+        assert probe.call("remove_body", RemoveBody, id="a").success
+        assert answer("d") == ""
+
+
+@pytest.mark.parametrize("strategy", ["Enforce", "Permissive"])
+def test_security_that_is_not_to_be_had_stops_the_start(domain: int, tmp_path: Path, strategy: str) -> None:
+    """No node runs in the clear where security was asked for. The wheels' Fast DDS is built without it."""
+    (tmp_path / "enclaves").mkdir()
+    asked = {"ENABLE": "true", "STRATEGY": strategy, "KEYSTORE": str(tmp_path)}
+    environment = {f"ROS_SECURITY_{name}": value for name, value in asked.items()}
+    with Process("terrain_collider", environment=environment) as process:
+        wait_until(lambda: process.process.poll() is not None or "terrain from" in process.output)
+        if strategy == "Permissive" and process.process.poll() is None:
+            pytest.skip("this middleware has DDS security, and permits what has no keys")
+        assert process.process.wait(TIMEOUT) == 2
+        assert "ROS_SECURITY_ENABLE" in process.output
+        assert "Traceback" not in process.output

@@ -1,5 +1,7 @@
-"""What the node publishes of robots: of those of one link as of others, under names that stay."""
+"""Names and outputs of robots: of those of one link as of others, under names that stay, and commands by these."""
 
+import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -11,37 +13,33 @@ from simulation_interfaces.srv import GetEntityBounds, GetEntityInfo, GetEntityS
 from smartmesh_msgs.msg import BodyDescriptionArray
 from smartmesh_msgs.srv import RemoveBody
 
+from smartmesh_ros import BodyState, World
+from smartmesh_ros.node.inputs.conversions import RobotNames, joint_commands_from
+from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.testing import Probe, Process
-from tests.node.shared import LATCHED, show_level_ground
+from smartmesh_ros.world.joints import JointCommand
+from tests.node.shared import LATCHED, body_names, made_with, show_level_ground
 from tests.node.shared import spawn as spawn_body
+from tests.urdfs import joint, link, robot
 
 SHARED = {"simulation_interfaces": True, "frame_id": "map"}
-BOX = '<collision><geometry><box size="0.4 0.4 0.2"/></geometry></collision>'
-LIDAR = '<link name="lidar"/><joint name="j" type="fixed"><parent link="base"/><child link="lidar"/></joint>'
-
-
-def inertial(mass: float) -> str:
-    return (
-        f'<inertial><mass value="{mass}"/>'
-        f'<inertia ixx="{mass}" iyy="{mass}" izz="{mass}" ixy="0" ixz="0" iyz="0"/></inertial>'
-    )
-
-
+LIMIT = '<limit lower="-1" upper="1" effort="5" velocity="50"/>'
+BOX = '<box size="0.4 0.4 0.2"/>'
+BASE = link("base", BOX, 2.0, 2.0)
 STIFF = {
-    "one_link": f'<link name="base">{inertial(2.0)}{BOX}</link>',
-    "fixed_links": f'<link name="base">{inertial(2.0)}{BOX}</link>{LIDAR}',
-    "without_inertial": f'<link name="base">{BOX}</link>',
-    "without_mass": f'<link name="base">{inertial(0.0)}{BOX}</link>',
-    "held": f'<link name="world"/><link name="base">{inertial(2.0)}{BOX}</link>'
-    '<joint name="j" type="fixed"><parent link="world"/><child link="base"/><origin xyz="0 0 1"/></joint>',
+    "one_link": BASE,
+    "fixed_links": BASE + link("lidar", "", None) + joint("j", "fixed", "base", "lidar", xyz="0 0 0"),
+    "without_inertial": link("base", BOX, None),
+    "without_mass": link("base", BOX, 0.0, 0.0),
+    "held": link("world", "", None) + BASE + joint("j", "fixed", "world", "base", xyz="0 0 1"),
 }
 
 
 def spawn(probe: Probe, name: str, links: str, x: float = 2.0, **more: Any) -> None:
-    spawn_body(probe, name, (x, 2.0, 0.1), urdf=f'<robot name="r">{links}</robot>', **more)
+    spawn_body(probe, name, (x, 2.0, 0.1), urdf=robot(links), **more)
 
 
-@pytest.mark.parametrize("kinds", [*([kind] for kind in STIFF), list(STIFF)])
+@pytest.mark.parametrize("kinds", [["one_link"], list(STIFF)])
 def test_robots_that_cannot_move_their_links_are_published(
     shared: Probe, shared_node: tuple[Probe, Process], kinds: list[str]
 ) -> None:
@@ -50,7 +48,7 @@ def test_robots_that_cannot_move_their_links_are_published(
     for place, kind in enumerate(kinds):
         spawn(shared, kind, STIFF[kind], 0.5 + place)
     assert shared_node[1].process.poll() is None
-    shared.wait_for(lambda: {body.id for body in shared.latest("body_states").bodies} == set(kinds))
+    shared.wait_for(lambda: set(body_names(shared)) == set(kinds))
     shared.wait_for(lambda: described and {body.id for body in described[-1].bodies} == set(kinds))
     message = shared.latest("joint_states")
     assert (list(message.name), list(message.position)) == ([], [])
@@ -70,12 +68,11 @@ def test_robots_that_cannot_move_their_links_are_published(
 
 
 ARM = (
-    f'<link name="base">{inertial(2.0)}{BOX}</link><link name="arm">{inertial(0.1)}</link>'
-    '<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/><origin xyz="0.1 0.2 0.3"/>'
-    '<axis xyz="0 0 1"/><limit effort="5" velocity="50"/></joint>'
-    f'<link name="slider">{inertial(0.1)}</link>'
-    '<joint name="slide" type="prismatic"><parent link="arm"/><child link="slider"/><axis xyz="1 0 0"/>'
-    '<limit lower="-1" upper="1" effort="5" velocity="50"/></joint>'
+    BASE
+    + link("arm", "", 0.1, 0.1)
+    + joint("hinge", "continuous", "base", "arm", '<limit effort="5" velocity="50"/>', "0.1 0.2 0.3", "0 0 1")
+    + link("slider", "", 0.1, 0.1)
+    + joint("slide", "prismatic", "arm", "slider", LIMIT, "0 0 0", "1 0 0")
 )
 JOINTS = ["hinge", "slide"]
 
@@ -118,17 +115,45 @@ def test_names_stay_whatever_robots_come_and_go(shared: Probe) -> None:
     shared.wait_for(lambda: names(shared) == prefixed + JOINTS)
 
 
-def test_every_robot_has_a_prefix_by_a_parameter(probe: Probe) -> None:
-    with probe.running(parameters={"publish.robot_prefix": True}):
-        show_level_ground(probe)
-        spawn(probe, "one", ARM)
-        probe.listen("odometry", Odometry)
-        probe.wait_for(lambda: names(probe) == [f"one/{joint}" for joint in JOINTS])
-        assert roots(probe, 1) == {"one/base"}
-        publisher = probe.publisher(JointState, "joint_commands")
+NAN = math.nan
 
-        def turned() -> bool:  # a robot that is alone takes both names in commands
-            publisher.publish(JointState(name=["hinge", "one/slide"], position=[0.4, 0.1]))
-            return np.allclose(probe.latest("joint_states").position, (0.4, 0.1), atol=0.02)
 
-        probe.wait_for(turned)
+@pytest.fixture
+def world() -> Iterator[World]:
+    with World() as made:
+        made.spawn_robot("one", robot(ARM), BodyState((0.0, 0.0, 1.0)))
+        yield made
+
+
+def commands(world: World, **fields: Any) -> list[tuple[str, str, JointCommand]]:
+    message = JointState(**{"name": JOINTS, **fields})
+    return joint_commands_from(message, world, RobotNames(world, always=False).prefixes())
+
+
+@pytest.mark.parametrize(
+    ("fields", "wanted"),
+    [
+        (
+            {"position": [0.5, NAN], "velocity": [NAN, 2.0], "effort": [NAN, NAN]},
+            {"hinge": JointCommand(position=0.5), "slide": JointCommand(velocity=2.0)},
+        ),
+        ({"position": [NAN, NAN], "effort": [1.0, NAN]}, {"hinge": JointCommand(effort=1.0)}),
+        ({"velocity": [NAN, 0.0]}, {"slide": JointCommand(velocity=0.0)}),
+        ({"position": [NAN, NAN], "velocity": [NAN, NAN]}, {}),
+        ({}, {"hinge": JointCommand(), "slide": JointCommand()}),
+    ],
+)
+def test_nan_is_no_command_for_an_interface(world: World, fields: Any, wanted: dict[str, JointCommand]) -> None:
+    """As ros2_control's topic bridge sends it for mixed robots. Nothing but NaN is no command, not one to be free."""
+    assert {joint: command for _, joint, command in commands(world, **fields)} == wanted
+
+
+def test_every_robot_has_a_prefix_by_a_parameter(domain: int) -> None:
+    """One that is alone takes both names in commands."""
+    with made_with(TerrainCollider, {"publish.robot_prefix": True}) as node:
+        world = node.session.world
+        world.spawn_robot("one", robot(ARM), BodyState((0.0, 0.0, 1.0)))
+        prefixes = node.session.robot_names.prefixes()
+        assert prefixes == {"one": "one/"}
+        message = JointState(name=["hinge", "one/slide"], position=[0.4, 0.1])
+        assert [found.joint for found in joint_commands_from(message, world, prefixes)] == JOINTS

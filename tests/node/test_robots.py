@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import Pose, Quaternion, Twist, Vector3
+from geometry_msgs.msg import Twist, Vector3
 from sensor_msgs.msg import JointState
-from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
+from smartmesh_msgs.srv import StepPhysics
 from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 
+from smartmesh_ros import BodyState
 from smartmesh_ros.scenes.tracks import robot_file
-from smartmesh_ros.tools.testing import Probe, Process, pose_message
-from tests.node.shared import LATCHED, changed, refusals, require_refused, spawn
+from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
+from tests.node.shared import LATCHED, Fed, changed, fed, refusals, spawn
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
 RADIUS = 0.15  # of the wheels [m]
@@ -40,9 +41,7 @@ def settle(probe: Probe) -> None:
 
 def settle_spawned(probe: Probe) -> None:
     """The same in the shared node, by a call."""
-    pose = Pose(position=pose_message((4.0, 4.0, 0.3)).position)
-    pose.orientation = Quaternion(z=math.sin(0.5 * YAW), w=math.cos(0.5 * YAW))
-    assert probe.call("spawn_body", SpawnBody, id="rover", urdf=str(ROVER), pose=pose).success
+    spawn(probe, "rover", urdf=str(ROVER), pose=pose_message((4.0, 4.0, 0.3), YAW))
     settle(probe)
 
 
@@ -64,12 +63,6 @@ def command(probe: Probe, publisher: Any, taken: Callable[[JointState], bool], *
 
 def turning(message: JointState) -> bool:
     return min(message.velocity) > 0.01
-
-
-def refused_joints(probe: Probe, publisher: Any, bad: list[tuple[str, dict[str, Any]]]) -> None:
-    """Publishes commands, each of which must be refused for its reason."""
-    messages = [(reason, JointState(**{"name": WHEELS, **fields})) for reason, fields in bad]
-    require_refused(probe, [(publisher, reason, lambda sent=sent: sent) for reason, sent in messages])
 
 
 def joints(probe: Probe) -> tuple[np.ndarray, np.ndarray]:
@@ -136,10 +129,9 @@ def test_the_twist_of_odometry_is_in_the_frame_of_the_turned_base(shared: Probe)
     """Its linear part is that of the base's frame, which is not where the centre of mass is."""
     with changed(shared, {"physics.gravity": [0.0, 0.0, 0.0]}):
         assert shared.call("pause", SetBool, data=True).success
-        pose = Pose(position=pose_message((1.0, 2.0, 3.0)).position)
-        pose.orientation = Quaternion(z=math.sin(math.pi / 4), w=math.cos(math.pi / 4))  # faces +y
         twist = Twist(linear=Vector3(x=1.0), angular=Vector3(z=0.5))
-        assert shared.call("spawn_body", SpawnBody, id="rover", urdf=str(ROVER), pose=pose, twist=twist).success
+        pose = pose_message((1.0, 2.0, 3.0), 0.5 * math.pi)  # faces +y
+        spawn(shared, "rover", urdf=str(ROVER), pose=pose, twist=twist)
         found = shared.latest("odometry")
         assert (found.header.frame_id, found.child_frame_id) == ("map", "base_link")
         linear, angular = found.twist.twist.linear, found.twist.twist.angular
@@ -148,79 +140,65 @@ def test_the_twist_of_odometry_is_in_the_frame_of_the_turned_base(shared: Probe)
         assert (angular.x, angular.y, angular.z) == pytest.approx((0.0, 0.0, 0.5), abs=1e-6)
         p = found.pose.pose.position
         assert (p.x, p.y, p.z) == pytest.approx((1.0, 2.0 - 0.1, 3.0 + 0.05), abs=1e-6)
-        # The names of a second robot carry its name, and those of the first stay. Each has its odometry.
-        spawn(shared, "other", (9, 9, 9), urdf=str(ROVER))
-        shared.wait_for(lambda: len(shared.latest("joint_states").name) == 8)
-        assert shared.latest("joint_states").name == [*WHEELS, *(f"other/{joint}" for joint in WHEELS)]
-        # The probe handles messages that arrive together at once, so that the latest may always be the rover's.
-        received = shared.received[shared.topic("odometry")]
-        received.clear()
-        shared.wait_for(lambda: "other/base_link" in {message.child_frame_id for message in received})
-        assert shared.call("remove_body", RemoveBody, id="other").success
-        shared.wait_for(lambda: shared.latest("joint_states").name == WHEELS)
+
+
+def require_refused(node: Fed, names: list[str], bad: list[tuple[str, dict[str, Any]]]) -> None:
+    """Gives commands to joints, each of which must be refused for its reason."""
+    cases = [(reason, JointState(**{"name": names, **fields})) for reason, fields in bad]
+    node.require_refused("joint_commands", cases)
 
 
 def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(
-    shared: Probe, shared_node: tuple[Probe, Process]
+    domain: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    probe, process = shared_node
-    settle_spawned(probe)
-    publisher = probe.publisher(JointState, "joint_commands")
-    command(probe, publisher, turning, velocity=[4.0] * 4)
-    bad: list[tuple[str, dict[str, Any]]] = [
-        ("unknown_joint", {"name": [*WHEELS[:3], "flux"], "velocity": [0.0] * 4}),
-        ("unknown_joint", {"name": ["crane/front_left"], "velocity": [0.0]}),
-        ("duplicate_id", {"name": ["rear_left", "rover/rear_left"], "velocity": [0.0] * 2}),
-        ("length", {"velocity": [0.0] * 3}),
-        ("length", {"velocity": [0.0] * 4, "effort": [1.0]}),
-        ("length", {"name": [], "velocity": []}),
-        ("non_finite", {"velocity": [0.0, 0.0, 0.0, -math.inf]}),
-        ("non_finite", {"position": [0.0, 0.0, 0.0, math.inf]}),
-        ("joint_command", {"velocity": [0.0] * 4, "effort": [1.0, 1.0, 1.0, -1.0]}),
-    ]
-    refused_joints(probe, publisher, bad)
-    assert "1 of 4 joints are unknown: 'flux'" in process.output
-    assert "rover/front_left, rover/front_right" in process.output
-    step(probe, 240)
-    assert joints(probe)[1] == pytest.approx([4.0] * 4, rel=0.01)
-    names = [f"rover/{wheel}" for wheel in WHEELS]  # nothing but names: free
-    command(probe, publisher, lambda m: list(m.effort) == [0.0] * 4, name=names)
+    with fed({}) as node:
+        node.give("heightmap", heightmap_message(np.zeros((101, 101)), stamp=node.now()))
+        node.world.spawn_robot("rover", ROVER.read_text(), BodyState((4.0, 4.0, 0.0)), on_ground=True)
+        node.give("joint_commands", JointState(name=WHEELS, velocity=[4.0] * 4))
+        bad: list[tuple[str, dict[str, Any]]] = [
+            ("unknown_joint", {"name": [*WHEELS[:3], "flux"], "velocity": [0.0] * 4}),
+            ("unknown_joint", {"name": ["crane/front_left"], "velocity": [0.0]}),
+            ("duplicate_id", {"name": ["rear_left", "rover/rear_left"], "velocity": [0.0] * 2}),
+            ("length", {"velocity": [0.0] * 3}),
+            ("length", {"velocity": [0.0] * 4, "effort": [1.0]}),
+            ("length", {"name": [], "velocity": []}),
+            ("non_finite", {"velocity": [0.0, 0.0, 0.0, -math.inf]}),
+            ("non_finite", {"position": [0.0, 0.0, 0.0, math.inf]}),
+            ("joint_command", {"velocity": [0.0] * 4, "effort": [1.0, 1.0, 1.0, -1.0]}),
+        ]
+        require_refused(node, WHEELS, bad)
+        said = capfd.readouterr().err
+        assert "1 of 4 joints are unknown: 'flux'" in said and "rover/front_left, rover/front_right" in said
+        node.run(240)
+        assert [found.velocity for found in node.world.joints("rover")] == pytest.approx([4.0] * 4, rel=0.01)
+        free = JointState(name=[f"rover/{wheel}" for wheel in WHEELS])  # nothing but names
+        node.give("joint_commands", free)
+        assert [found.effort for found in node.world.joints("rover")] == [0.0] * 4
 
 
-def test_tracks_are_driven_by_joint_commands_under_their_names(shared: Probe) -> None:
-    """Before and after a reset; joint states, which tell only of joints, have no name."""
-    shared.publish_map(np.zeros((101, 101)))
-    pose = pose_message((3.0, 5.0, 0.0))
-    asked = {"id": "machine", "urdf": robot_file().read_text(), "pose": pose, "on_ground": True}
-    shared.wait_for(lambda: shared.call("spawn_body", SpawnBody, **asked).success)
-    assert shared.call("pause", SetBool, data=True).success
-    publisher = shared.publisher(JointState, "joint_commands")
-
-    def twist() -> Twist:
-        return shared.latest("odometry").twist.twist
-
-    def drives() -> bool:
-        publisher.publish(JointState(name=["left_track", "right_track"], velocity=[0.3, 0.5]))
-        step(shared, 1)
-        return bool(twist().linear.x > 0.05)
-
-    shared.wait_for(drives)
+def test_tracks_are_driven_by_joint_commands_under_their_names(domain: int) -> None:
+    """Before and after a reset; joint states, which tell only of joints, do not tell of them."""
     tracks = ["left_track", "right_track"]
-    bad: list[tuple[str, dict[str, Any]]] = [
-        ("unknown_joint", {"name": ["left_track", "middle_track"], "velocity": [1.0, 1.0]}),
-        ("non_finite", {"name": tracks, "velocity": [1.0, math.inf]}),
-        ("joint_command", {"name": tracks, "velocity": [1.0, math.nan], "position": [math.nan, 1.0]}),
-        ("joint_command", {"name": tracks, "velocity": [1.0, 1.0], "effort": [math.nan, 1.0]}),
-        ("joint_command", {"name": tracks}),
-        ("duplicate_id", {"name": ["left_track", "machine/left_track"], "velocity": [1.0, 1.0]}),
-    ]
-    refused_joints(shared, publisher, bad)
-    for _ in range(2):
-        step(shared, 120)
-        assert twist().linear.x == pytest.approx(0.4, rel=0.03)
-        assert twist().angular.z == pytest.approx(0.2, rel=0.1)
-        assert shared.call("reset", Trigger).success
-    assert not shared.latest("joint_states").name
+    with fed({}) as node:
+        node.give("heightmap", heightmap_message(np.zeros((101, 101)), stamp=node.now()))
+        node.world.spawn_robot("machine", robot_file().read_text(), BodyState((3.0, 5.0, 0.0)), on_ground=True)
+        node.give("joint_commands", JointState(name=tracks, velocity=[0.3, 0.5]))
+        bad: list[tuple[str, dict[str, Any]]] = [
+            ("unknown_joint", {"name": ["left_track", "middle_track"], "velocity": [1.0, 1.0]}),
+            ("non_finite", {"velocity": [1.0, math.inf]}),
+            ("joint_command", {"velocity": [1.0, math.nan], "position": [math.nan, 1.0]}),
+            ("joint_command", {"velocity": [1.0, 1.0], "effort": [math.nan, 1.0]}),
+            ("joint_command", {}),
+            ("duplicate_id", {"name": ["left_track", "machine/left_track"], "velocity": [1.0, 1.0]}),
+        ]
+        require_refused(node, tracks, bad)
+        for _ in range(2):
+            node.run(120)
+            state = node.world.state("machine")
+            assert math.hypot(*state.linear) == pytest.approx(0.4, rel=0.03)
+            assert state.angular[2] == pytest.approx(0.2, rel=0.1)
+            node.node.reset()
+        assert not node.world.joints("machine")
 
 
 def test_a_latched_description_is_a_robot_that_later_ones_replace(probe: Probe) -> None:

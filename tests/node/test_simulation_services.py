@@ -23,9 +23,10 @@ from simulation_interfaces.msg import (
 from simulation_interfaces.msg import SpawnEntity as Wanted
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.services.simulation_services import _urdf_of
+from smartmesh_ros.node.services import simulation_services
+from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, pose_message
-from tests.node.shared import changed, wait_until
+from tests.node.shared import changed, made_with
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
 OK = Result.RESULT_OK
@@ -221,15 +222,17 @@ def test_a_reset_has_the_scope_that_is_asked_for(started: Probe) -> None:
 
 def test_resources_of_both_versions_are_read() -> None:
     """From 2.0 on, `uri` and `resource_string` are fields of a message of their own; the same names."""
-    assert _urdf_of(SimpleNamespace(uri="file:///a/b.urdf", resource_string="")) == "/a/b.urdf"
+    assert simulation_services._urdf_of(SimpleNamespace(uri="file:///a/b.urdf", resource_string="")) == "/a/b.urdf"
     with pytest.raises(InputError):
-        _urdf_of(SimpleNamespace(uri="", resource_string=""))
+        simulation_services._urdf_of(SimpleNamespace(uri="", resource_string=""))
 
 
-def test_the_missing_package_is_named(domain: int, bare_environment: dict[str, str]) -> None:
-    with Process("terrain_collider", {"simulation_interfaces": True}, environment=bare_environment) as process:
-        wait_until(lambda: "apt install ros-jazzy-simulation-interfaces" in process.output)
-        assert process.stop() == 0
+def test_the_missing_package_is_named(
+    domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(simulation_services, "find_interfaces", lambda *_: None)
+    with made_with(TerrainCollider, {"simulation_interfaces": True}):
+        assert "apt install ros-jazzy-simulation-interfaces" in capfd.readouterr().err
 
 
 def test_the_simulation_plays_pauses_steps_and_stops(started: Probe, shared_node: tuple[Probe, Process]) -> None:

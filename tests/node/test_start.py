@@ -24,6 +24,7 @@ from smartmesh_ros.node.parameters.helping import files_of, mismatch, own_argume
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.sensor import terrain_sensor
 from smartmesh_ros.node.soil import soil_node
+from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.demo import rover, terrain_source
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, executable
 from tests.node.shared import made_with, refusal_at_start, set_parameters
@@ -124,10 +125,10 @@ def test_a_parameter_file_for_another_node_is_named(probe: Probe, tmp_path: Path
         assert "240 Hz; " in process.output, "as rcl has it: the default"
 
 
-def test_a_parameter_that_is_not_known_is_warned_about(probe: Probe) -> None:
-    with probe.running(parameters={"patch.kin": "auto"}) as process:
+def test_a_parameter_that_is_not_known_is_warned_about(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
+    with made_with(TerrainCollider, {"patch.kin": "auto"}):
         words = "parameter 'patch.kin' is unknown and has no effect; did you mean 'patch.kind'?"
-        probe.wait_for(lambda: words in process.output)
+        assert words in capfd.readouterr().err
 
 
 @pytest.mark.parametrize("name", [*NODES, "view"])

@@ -1,28 +1,27 @@
-"""Terrain as other stacks publish it, over real topics: patches lie on the surface that was meant."""
+"""Terrain as other stacks publish it, given to a node: its ground is the surface that was meant."""
 
 import math
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from grid_map_msgs.msg import GridMap
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid
 from numpy.typing import NDArray
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import ReliabilityPolicy
 from sensor_msgs.msg import Image, PointCloud2, PointField
 
-from smartmesh_ros.tools.testing import Probe, assert_cannot_start, pose_message
+from smartmesh_ros.tools.testing import heightmap_message, pose_message
 from tests.grid_maps import grid_map_message
-from tests.node.shared import require_refused, stamped
+from tests.node.shared import Fed, fed, stamped
 
 RESOLUTION = 0.25
 ROWS, COLUMNS = 24, 32  # along y and along x
-# Patches show the last map as it is, at once.
+# The ground is as in the last map, at once.
 HOLD = {"terrain.motion": "hold", "terrain.settle": 0.001}
+PLACED = {"raster.resolution": RESOLUTION, "raster.origin": [1.0, -2.0, 0.0]}
 
 
 def surface(x: Any, y: Any) -> Any:
@@ -78,28 +77,10 @@ def point_cloud(x: Any, y: Any, z: Any) -> PointCloud2:
     )
 
 
-def patch_of(
-    probe: Probe,
-    position: tuple[float, float, float],
-    reached: Callable[[Any], bool],
-    publish: Callable[[], None] = lambda: None,
-) -> NDArray[np.float64]:
-    """Vertices of the patch under a body there, once they are what is waited for; ``publish`` is called till then."""
-
-    def found() -> Any:
-        publish()
-        probe.publish_poses([position])
-        return [points for points in probe.patches().values() if len(points) and reached(points)]
-
-    [points] = probe.wait_for(found)
-    return np.asarray(points)
-
-
-def on_surface(points: NDArray[np.float64], tolerance: float = 1e-5) -> bool:
-    return bool(np.abs(points[:, 2] - surface(points[:, 0], points[:, 1])).max() <= tolerance)
-
-
-BODY = (3.1, 0.4, float(surface(3.1, 0.4)) + 0.2)
+def shows(node: Fed, first: tuple[float, float] = (1.0, -2.0), rise: float = 0.0, tolerance: float = 1e-5) -> bool:
+    """Whether the ground inside the window of `places` is the surface, raised [m]."""
+    x, y = (axis[1:-1, 1:-1] for axis in places(first))
+    return bool(np.abs(node.heights(x, y) - surface(x, y) - rise).max() <= tolerance)
 
 
 def set_to(path: str, value: Any) -> Callable[[Any], None]:
@@ -114,36 +95,36 @@ def set_to(path: str, value: Any) -> Callable[[Any], None]:
     return change
 
 
-def all_refused(
-    probe: Probe, publisher: Any, make: Callable[[], Any], cases: list[tuple[str, Callable[[Any], Any]]]
+def require_refused(
+    node: Fed, topic: str, make: Callable[[], Any], cases: list[tuple[str, Callable[[Any], Any]]]
 ) -> None:
-    """Publishes each changed message, which must be refused for its reason."""
+    """Gives each changed message, which must be refused for its reason."""
 
     def changed(change: Callable[[Any], Any]) -> Any:
-        message = stamped(probe, make())
-        change(message)
+        change(message := stamped(node, make()))
         return message
 
-    require_refused(probe, [(publisher, reason, partial(changed, change)) for reason, change in cases])
+    node.require_refused(topic, ((reason, changed(change)) for reason, change in cases))
 
 
-def test_grid_maps_of_both_orders_scroll_with_their_robot(probe: Probe) -> None:
-    with probe.running(parameters={**HOLD, "terrain.input": "grid_map"}):
-        publisher = probe.publisher(GridMap, "grid_map")
+def test_grid_maps_of_both_orders_scroll_with_their_robot(domain: int) -> None:
+    with fed({**HOLD, "terrain.input": "grid_map"}) as node:
         x, y = places()
         for start, row_major in (((0, 0), False), ((5, 3), False), ((31, 23), True)):
-            publisher.publish(stamped(probe, grid_map(surface(x, y) + 3.0, (1.0, -2.0), start=start)))
-            patch_of(probe, BODY, lambda points: points[:, 2].min() > 2.0)
-            publisher.publish(stamped(probe, grid_map(surface(x, y), (1.0, -2.0), start=start, row_major=row_major)))
-            patch_of(probe, BODY, on_surface)
-        # The robot has driven on: the same ground, another window on it, then a window with a hole under the body.
-        x, y = places((1.5, -2.75))
-        publisher.publish(stamped(probe, grid_map(surface(x, y), (1.5, -2.75), start=(2, 21))))
-        patch_of(probe, BODY, on_surface)
-        all_refused(
-            probe,
-            publisher,
-            lambda: grid_map(surface(x, y) + 9.0, (1.5, -2.75)),
+            node.give("grid_map", stamped(node, grid_map(surface(x, y) + 3.0, (1.0, -2.0), start=start)))
+            assert shows(node, rise=3.0)
+            sent = grid_map(surface(x, y), (1.0, -2.0), start=start, row_major=row_major)
+            node.give("grid_map", stamped(node, sent))
+            assert shows(node)
+        # The robot has driven on: the same ground, another window on it.
+        there = (1.5, -2.75)
+        x, y = places(there)
+        node.give("grid_map", stamped(node, grid_map(surface(x, y), there, start=(2, 21))))
+        assert shows(node, there)
+        require_refused(
+            node,
+            "grid_map",
+            lambda: grid_map(surface(x, y) + 9.0, there),
             [
                 ("layer", set_to("layers", ["variance", "height"])),
                 ("geometry", set_to("info.resolution", 0.3)),
@@ -159,31 +140,20 @@ def test_grid_maps_of_both_orders_scroll_with_their_robot(probe: Probe) -> None:
                 ("frame", set_to("header.frame_id", "base_link")),
             ],
         )
-        patch_of(probe, BODY, on_surface)
+        assert shows(node, there)
 
 
-def test_images_are_placed_by_parameters(probe: Probe) -> None:
+def test_images_are_placed_by_parameters(domain: int) -> None:
     parameters = {
-        **HOLD,
-        "terrain.input": "image",
-        "terrain.reliability": "best_effort",
-        "raster.scale": 0.001,
-        "raster.offset": -5.0,
-        "raster.resolution": RESOLUTION,
-        "raster.origin": [1.0, -2.0, 0.0],
-        "frame_id": "map",
-    }
-    with probe.running(parameters=parameters):
-        publisher = probe.publisher(Image, "image", qos_profile_sensor_data)
+        **HOLD, **PLACED, "terrain.input": "image", "raster.scale": 0.001, "raster.offset": -5.0, "frame_id": "map",
+    }  # fmt: skip
+    with fed(parameters) as node:
         heights = surface(*places())
-
-        def good() -> None:  # best effort: one may be lost
-            publisher.publish(stamped(probe, image(heights)))
-
-        patch_of(probe, BODY, lambda points: on_surface(points, 0.001), good)
-        all_refused(
-            probe,
-            publisher,
+        node.give("image", stamped(node, image(heights)))
+        assert shows(node, tolerance=0.001)
+        require_refused(
+            node,
+            "image",
             lambda: image(heights + 9.0),
             [
                 ("encoding", set_to("encoding", "rgb8")),
@@ -192,30 +162,26 @@ def test_images_are_placed_by_parameters(probe: Probe) -> None:
                 ("size", set_to("height", 2**31)),
             ],
         )
-        patch_of(probe, BODY, lambda points: on_surface(points, 0.001))
+        assert shows(node, tolerance=0.001)
 
 
-def test_occupancy_grids_and_their_updates_become_walls(probe: Probe) -> None:
-    percent = np.zeros((ROWS, COLUMNS), np.int8)
-    with probe.running(parameters={**HOLD, "terrain.input": "occupancy_grid", "raster.scale": 2.0}):
-        publisher = probe.publisher(OccupancyGrid, "occupancy_grid")
-        updates = probe.publisher(OccupancyGridUpdate, "occupancy_grid_update")
+def test_occupancy_grids_and_their_updates_become_walls(domain: int) -> None:
+    with fed({**HOLD, "terrain.input": "occupancy_grid", "raster.scale": 2.0}) as node:
         corner = (1.0 - 0.5 * RESOLUTION, -2.0 - 0.5 * RESOLUTION)  # so that samples lie where they do elsewhere
-        publisher.publish(stamped(probe, occupancy_grid(percent, corner)))
-        x, y = places()
-        body = (float(x[10, 8]), float(y[10, 8]), 0.3)
-        flat = patch_of(probe, body, lambda points: np.abs(points[:, 2]).max() == 0.0)
-        assert np.abs((flat[:, :2] - (1.0, -2.0)) / RESOLUTION % 1.0 - 0.5).min() == pytest.approx(0.5)
-        update = OccupancyGridUpdate(x=9, y=11, width=2, height=1, data=[100, 50])
-        updates.publish(stamped(probe, update))
-        points = patch_of(probe, body, lambda points: points[:, 2].max() > 0.0)
-        heights = {(round(px, 4), round(py, 4)): pz for px, py, pz in points.tolist()}
-        assert heights[(round(float(x[11, 9]), 4), round(float(y[11, 9]), 4))] == pytest.approx(2.0)
-        assert heights[(round(float(x[11, 8]), 4), round(float(y[11, 8]), 4))] == pytest.approx(0.0)
-        all_refused(
-            probe,
-            updates,
-            lambda: OccupancyGridUpdate(x=9, y=11, width=2, height=1, data=[100, 100]),
+        node.give("occupancy_grid", stamped(node, occupancy_grid(np.zeros((ROWS, COLUMNS), np.int8), corner)))
+        expected = np.zeros((ROWS, COLUMNS))
+        assert (node.heights(*places()) == expected).all()
+
+        def update(data: tuple[int, ...] = (100, 50)) -> OccupancyGridUpdate:
+            return OccupancyGridUpdate(x=9, y=11, width=2, height=1, data=data)
+
+        node.give("occupancy_grid_update", stamped(node, update()))
+        expected[11, 9:11] = 2.0, 1.0
+        np.testing.assert_allclose(node.heights(*places()), expected, atol=1e-6)
+        require_refused(
+            node,
+            "occupancy_grid_update",
+            lambda: update((100, 100)),
             [
                 ("region", set_to("x", -1)),
                 ("region", set_to("x", COLUMNS - 1)),
@@ -226,22 +192,20 @@ def test_occupancy_grids_and_their_updates_become_walls(probe: Probe) -> None:
         )
 
 
-def test_organised_clouds_may_run_either_way(probe: Probe) -> None:
-    with probe.running(parameters={**HOLD, "terrain.input": "point_cloud", "terrain.reliability": "best_effort"}):
-        publisher = probe.publisher(PointCloud2, "point_cloud", qos_profile_sensor_data)
+def test_organised_clouds_may_run_either_way(domain: int) -> None:
+    with fed({**HOLD, "terrain.input": "point_cloud", "terrain.reliability": "best_effort"}) as node:
+        [clouds] = [found for found in node.node.session.subscriptions if found.topic_name.endswith("point_cloud")]
+        assert clouds.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
         x, y = places()
         z = surface(x, y)
-
-        def publish(*cloud: Any) -> Callable[[], None]:  # best effort: one may be lost
-            return lambda: publisher.publish(stamped(probe, point_cloud(*cloud)))
-
-        patch_of(probe, BODY, lambda points: on_surface(points, 1e-4), publish(x, y, z))
-        flipped = publish(x[::-1], y[::-1], z[::-1] + 3.0)
-        patch_of(probe, BODY, lambda points: points[:, 2].min() > 2.0, flipped)
-        patch_of(probe, BODY, lambda points: on_surface(points, 1e-4), publish(x.T, y.T, z.T))
-        all_refused(
-            probe,
-            publisher,
+        for rise, cloud in (
+            (0.0, (x, y, z)), (3.0, (x[::-1], y[::-1], z[::-1] + 3.0)), (0.0, (x.T, y.T, z.T)),
+        ):  # fmt: skip
+            node.give("point_cloud", stamped(node, point_cloud(*cloud)))
+            assert shows(node, rise=rise, tolerance=1e-4)
+        require_refused(
+            node,
+            "point_cloud",
             lambda: point_cloud(x, y, z + 9.0),
             [
                 ("not_a_grid", set_to("height", 1)),
@@ -253,25 +217,14 @@ def test_organised_clouds_may_run_either_way(probe: Probe) -> None:
                 ("fields", set_to("point_step", 8)),
             ],
         )
-        patch_of(probe, BODY, lambda points: on_surface(points, 1e-4))
+        assert shows(node, tolerance=1e-4)
 
 
-def test_a_file_is_there_from_the_start_and_can_be_updated(probe: Probe, tmp_path: Path) -> None:
-    x, y = places()
-    np.save(tmp_path / "terrain.npy", surface(x, y))
-    parameters = {
-        **HOLD,
-        "terrain.file": str(tmp_path / "terrain.npy"),
-        "raster.resolution": RESOLUTION,
-        "raster.origin": [1.0, -2.0, 0.0],
-        "raster.first_row": "bottom",
-    }
-    with probe.running(parameters=parameters):
-        patch_of(probe, BODY, on_surface)
-        probe.publish_map(surface(x, y) + 3.0, resolution=RESOLUTION, origin=(1.0, -2.0, 0.0))
-        patch_of(probe, BODY, lambda points: points[:, 2].min() > 2.0)
-
-
-def test_a_missing_message_package_is_named_at_the_start(domain: int, bare_environment: dict[str, str]) -> None:
-    words = "apt install ros-jazzy-grid-map-msgs"
-    assert_cannot_start({"terrain.input": "grid_map"}, words, environment=bare_environment)
+def test_a_file_is_there_from_the_start_and_can_be_updated(domain: int, tmp_path: Path) -> None:
+    file, heights = tmp_path / "terrain.npy", surface(*places())
+    np.save(file, heights)
+    with fed({**HOLD, **PLACED, "terrain.file": str(file), "raster.first_row": "bottom", "frame_id": "map"}) as node:
+        assert shows(node)
+        map_message = heightmap_message(heights + 3.0, resolution=RESOLUTION, origin=(1.0, -2.0, 0.0))
+        node.give("heightmap", stamped(node, map_message))
+        assert shows(node, rise=3.0)

@@ -1,30 +1,41 @@
-"""The node over real DDS, in a process of its own."""
+"""The node over real DDS, in a process of its own: height maps, general meshes, tiles."""
 
 import math
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
-from rclpy.duration import Duration
-from rclpy.time import Time
+from geometry_msgs.msg import Vector3
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import Contact, HeightmapUpdate
+from smartmesh_msgs.msg import ColliderPatch, Contact, HeightmapUpdate, TerrainMeshUpdate
 from smartmesh_msgs.srv import RemoveBody, StepPhysics
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker
 
-from smartmesh_ros.tools.testing import Probe, assert_on_map, floats
-from tests.node.shared import box, changed, one_round, position_of, set_parameters, show_level_ground, spawn
+from smartmesh_ros.terrain.trimesh import grid_triangles
+from smartmesh_ros.tools.testing import Probe, assert_on_map, floats, mesh_message, point_message
+from tests.node.shared import (
+    Fed,
+    box,
+    changed,
+    fed,
+    one_round,
+    patch_vertices,
+    position_of,
+    set_parameters,
+    show_level_ground,
+    spawn,
+    stamped,
+)
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
 def test_every_patch_vertex_lies_on_the_published_map_and_goes_with_its_body(shared: Probe, yaw: float) -> None:
     heights = np.random.default_rng(3).normal(size=(80, 60)) * 0.3
     message = shared.publish_map(heights, resolution=0.25, origin=(2.0, -1.0, 0.4), yaw=yaw)
-    middle = np.array([2.0, -1.0]) + np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]]) @ [
-        7,
-        9,
-    ]
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    middle = (2.0 + 7.0 * cos - 9.0 * sin, -1.0 + 7.0 * sin + 9.0 * cos)
     bodies = {name: (middle[0] + i, middle[1], 3.0) for i, name in enumerate(("rover", "arm", "dog"))}
 
     def three_patches() -> bool:
@@ -60,7 +71,7 @@ def test_poses_make_bodies_and_a_shorter_array_takes_them_away(shared: Probe) ->
     def patched(count: int) -> bool:
         shared.publish_poses([(2.0 + 0.3 * i, 2.0, 0.1) for i in range(count)])
         seen.clear()
-        seen.update(patch.body_id for patch in shared.latest("collider_patches").patches)
+        seen.update(patch_vertices(shared))
         return len(seen) == count
 
     shared.wait_for(lambda: patched(4))
@@ -94,17 +105,8 @@ def test_bodies_fall_rest_and_report(shared: Probe) -> None:
 
     shared.wait_for(carried)
     timing = shared.latest("timing")
-    assert [stage.stage for stage in timing.stages] == [
-        "ingest",
-        "search",
-        "collect",
-        "collider",
-        "step",
-        "publish",
-        "bodies",
-        "total",
-        "lateness",
-    ]
+    names = "ingest search collect collider step publish bodies total lateness"
+    assert [stage.stage for stage in timing.stages] == names.split()
     step = timing.stages[4]
     assert step.count > 0
     assert 0.0 < step.p50_us <= step.p99_us <= step.max_us
@@ -112,7 +114,7 @@ def test_bodies_fall_rest_and_report(shared: Probe) -> None:
     assert (bodies["simulated"], bodies["patches"], bodies["below ground"]) == ("3", "3", "0")
     assert shared.diagnostics("terrain")["samples"] == "3600"
     assert shared.call("remove_body", RemoveBody, id="box").success
-    shared.wait_for(lambda: {patch.body_id for patch in shared.latest("collider_patches").patches} == {"ball", "can"})
+    shared.wait_for(lambda: patch_vertices(shared).keys() == {"ball", "can"})
 
 
 def test_a_region_lifts_what_stands_on_it(shared: Probe) -> None:
@@ -125,40 +127,11 @@ def test_a_region_lifts_what_stands_on_it(shared: Probe) -> None:
         nonlocal height
         height = min(height + 0.01, 0.5)  # as a simulator would: with every message a little
         update = HeightmapUpdate(x=20, y=25, width=21, height=11, heights=floats(np.full(231, height, np.float32)))
-        update.header.stamp, update.header.frame_id = shared.now(), "map"
-        shared.publishers["heightmap_update"].publish(update)
+        shared.publishers["heightmap_update"].publish(stamped(shared, update))
         place = position_of(shared, "ball")
         return place is not None and place[2] > 0.69
 
     shared.wait_for(lifted)
-
-
-def test_ground_that_slides_takes_a_box_along(shared: Probe) -> None:
-    """The same map comes farther on each time, by fractions of a cell. In simulated time, so that none comes late."""
-    interval, speed = 12, 0.2  # [steps], [m/s]
-    with changed(shared, {"publish.clock": 240.0}):
-        assert shared.call("pause", SetBool, data=True).success
-        spawn(shared, "box", (2.0, 3.0, 0.1), shape=box(0.3, 0.3, 0.2))
-        shared.latest("body_states")  # may be of before the pause
-        start = Time.from_msg(shared.latest("body_states").header.stamp)
-        now = start
-
-        def slid(time: Time) -> float:
-            return speed * 1e-9 * (time.nanoseconds - start.nanoseconds)
-
-        def taken_along() -> bool:
-            nonlocal now
-            shared.publish_map(np.zeros((60, 60)), origin=(slid(now), 0.0, 0.0), stamp=now.to_msg())
-            assert shared.call("step", StepPhysics, steps=interval).success
-            now += Duration(nanoseconds=round(1e9 * interval / 240.0))
-            states = shared.latest("body_states")
-            [box] = states.bodies
-            # Before the second map it slips.
-            gone, velocity = box.pose.position.x - 2.0, box.twist.linear.x
-            assert gone < slid(Time.from_msg(states.header.stamp)) + 0.05
-            return bool(gone > 0.3 and abs(velocity - speed) < 0.02 and abs(box.pose.position.z - 0.1) < 0.002)
-
-        shared.wait_for(taken_along)
 
 
 def test_pause_step_and_reset(shared: Probe) -> None:
@@ -212,3 +185,107 @@ def test_parameters_change_at_run_time_as_a_whole_or_not_at_all(shared: Probe) -
         shared.latest("timing")
         timing = shared.latest("timing")
         assert timing.stages[4].count == pytest.approx(60.0 * timing.window_s, rel=0.2), "still 60 Hz"
+
+
+TRIANGLES = grid_triangles(20, 30)
+
+
+def sheet(height: float = 0.0) -> np.ndarray:
+    r, c = np.divmod(np.arange(600), 30)
+    return np.stack([0.2 * c, 0.2 * r, height + 0.1 * np.sin(0.5 * c)], axis=1)
+
+
+def update_message(probe: Probe | Fed, vertices: np.ndarray, indices: list[int] | None = None) -> TerrainMeshUpdate:
+    message = TerrainMeshUpdate(vertices=[point_message(v) for v in vertices.tolist()], indices=indices or [])
+    return stamped(probe, message)
+
+
+def test_patches_follow_a_general_mesh_whose_vertices_move(shared: Probe) -> None:
+    with changed(shared, {"search.method": "best_first"}):
+
+        def tracked(height: float) -> bool:
+            shared.publish_poses([(2.0, 2.0, 0.5), (4.0, 1.0, 0.5)])
+            seen = patch_vertices(shared)
+            everything = sheet(height)
+            return len(seen) == 2 and all(
+                np.abs(everything[:, None] - mine).max(axis=2).min(axis=0).max() < 1e-9 for mine in seen.values()
+            )
+
+        shared.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=shared.now()))
+        shared.wait_for(lambda: tracked(0.0))
+        kinds = {patch.kind for patch in shared.latest("collider_patches").patches}
+        assert kinds == {ColliderPatch.TRIMESH}
+        assert shared.diagnostics("terrain")["size of ''"] == "mesh of 600 vertices and 1102 triangles"
+        shared.publishers["terrain_mesh_update"].publish(update_message(shared, sheet(1.0)))
+        shared.wait_for(lambda: tracked(1.0))
+        shared.publishers["terrain_mesh_update"].publish(update_message(shared, sheet(2.0)[5:9], [5, 6, 7, 8]))
+        shared.wait_for(lambda: shared.diagnostics("terrain")["updates of ''"] == "2")
+        shared.wait_for(lambda: tracked(1.0))  # vertices elsewhere have not moved
+
+
+def test_methods_that_a_mesh_does_not_allow_are_refused_and_named(
+    domain: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    sheared, folded = sheet(), sheet()
+    sheared[:, 0] += 4.0 * sheared[:, 1]
+    folded[100:110, 0] -= 3.0
+    with fed({"search.method": "best_first"}) as node:
+        sent = stamped(node, mesh_message(sheared, TRIANGLES))
+        node.require_refused("terrain_mesh", [("search_method", sent)])
+        assert "use brute_force, ray_cast" in capfd.readouterr().err
+        assert not node.world.terrain.tiles
+        assert not node.set("search.method", "brute_force")
+        node.give("terrain_mesh", sent)
+        assert node.world.terrain.tiles
+        assert "brute_force" in node.set("search.method", "best_first")
+        assert node.set("patch.kind", "whole_heightfield")
+        node.give("terrain_mesh", stamped(node, mesh_message(sheet(), TRIANGLES)))
+        assert not node.set("search.method", "best_first")
+        node.require_refused("terrain_mesh_update", [("search_method", update_message(node, folded))])
+
+
+def test_bad_meshes_are_refused_and_the_last_one_stays(domain: int) -> None:
+    with fed({}) as node:
+
+        def mesh(vertices: Any = None, triangles: Any = TRIANGLES, velocities: int = 0, **more: Any) -> Any:
+            made = mesh_message(sheet() if vertices is None else vertices, triangles, stamp=node.now(), **more)
+            made.velocities = [Vector3()] * velocities
+            return made
+
+        node.give("terrain_mesh", mesh())
+        meshes = [
+            ("index", mesh(triangles=[[0, 1, 600]])),
+            ("non_finite", mesh(np.full((600, 3), np.inf))),
+            ("length", mesh(triangles=np.zeros((0, 3)))),
+            ("length", mesh(velocities=5)),
+            ("frame", mesh(frame_id="odom")),
+        ]
+        updates = [
+            ("length", update_message(node, sheet()[:5])),
+            ("index", update_message(node, sheet()[:2], [3, 3])),
+            ("index", update_message(node, sheet()[:1], [600])),
+            ("non_finite", update_message(node, sheet()[:1] * np.nan, [1])),
+        ]
+        node.require_refused("terrain_mesh", meshes)
+        node.require_refused("terrain_mesh_update", updates)
+        assert node.world.terrain.tiles[""].version == 0
+
+
+def test_tiles_with_a_gap_come_are_crossed_and_go(shared: Probe) -> None:
+    flat, unknown = np.zeros((51, 51)), "refused, heightmap: unknown_tile"
+    before = int(shared.diagnostics("inputs").get(unknown, 0))
+    shared.publish_map(flat, resolution=0.2, origin=(-10.2, -5.0, 0.5), tile="west")
+    shared.publish_map(flat, resolution=0.2, origin=(0.0, -5.0, 0.5), tile="east")
+    shared.wait_for(lambda: shared.diagnostics("terrain")["tiles"] == "2")
+
+    def crossing() -> bool:
+        shared.publish_bodies({"rover": (-0.05, 0.0, 0.8)}, radius=0.3)
+        seen = patch_vertices(shared)
+        return len(seen) == 1 and seen["rover"][:, 0].min() < -0.3 and seen["rover"][:, 0].max() > 0.3
+
+    shared.wait_for(crossing)
+    assert np.abs(patch_vertices(shared)["rover"][:, 2] - 0.5).max() < 1e-6
+    shared.publish_map(np.zeros((0, 0)), tile="east")
+    shared.wait_for(lambda: shared.diagnostics("terrain")["tiles"] == "1")
+    shared.publish_map(np.zeros((0, 0)), tile="north")
+    shared.wait_for(lambda: shared.diagnostics("inputs").get(unknown) == str(before + 1))

@@ -1,4 +1,4 @@
-"""The simulated lidar and depth camera over real DDS, and the loop from the ground through a mapper to a map."""
+"""The simulated lidar and depth camera over real DDS."""
 
 import math
 from dataclasses import replace
@@ -9,13 +9,15 @@ import pytest
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from tf2_msgs.msg import TFMessage
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.sensor.range_sensors import Lidar
+from smartmesh_ros.node.sensor.terrain_sensor import TerrainSensor
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.tools.testing import Probe
 from tests.bodies import rotation
-from tests.node.shared import LATCHED, box, spawn
-from tests.node.test_ground_services import hills, publish_hills, query
+from tests.node.shared import LATCHED, box, made_with, spawn
+from tests.node.test_ground_services import hills, publish_hills
 
 CAMERA = {"sensor": "depth_camera", "pitch": 0.6, "position": [0.1, 0.0, 1.5], "camera.columns": 40, "camera.rows": 30}
 EXACT = {"noise.constant": 0.0, "noise.quadratic": 0.0}
@@ -100,32 +102,6 @@ def test_noise_has_the_deviation_that_was_asked_for(shared: Probe) -> None:
         assert np.mean(ranges - true) == pytest.approx(0.0, abs=0.01)
 
 
-def test_the_loop_closes_a_mapper_gives_the_ground_back(shared: Probe) -> None:
-    """Node, sensor, a mapper that averages points in cells, and a second node that takes its maps."""
-    spawn_post(shared)
-    clouds = shared.listen("/shared/terrain_sensor/points", PointCloud2)
-    parameters = {"frame": "post", "through": ["post"], "position": [0.0, 0.0, 1.5], "lidar.fan": [-1.2, -0.2]}
-    with Probe("belief") as belief, belief.running(), shared.running("terrain_sensor", parameters):
-        shared.wait_for(lambda: len(clouds) > 10)
-        points = np.concatenate([in_map(shared, points_of_cloud(cloud)) for cloud in clouds])
-        cells = np.floor((points[:, :2] - (0.0, -1.0)) / 0.2 + 0.5).astype(int)  # a window of 4 m around the post
-        inside = ((cells >= 0) & (cells < 21)).all(axis=1)
-        index = cells[inside, 1] * 21 + cells[inside, 0]
-        with np.errstate(invalid="ignore"):
-            counts = np.bincount(index, minlength=441)
-            heights = np.bincount(index, points[inside, 2], 441) / np.where(counts > 0, counts, np.nan)
-        belief.publish_map(heights.reshape(21, 21), resolution=0.2, origin=(0.0, -1.0, 0.0))
-        belief.wait_for(lambda: belief.diagnostics("terrain")["samples"] != "0")
-        x, y = (0.2 * axis.ravel() for axis in np.meshgrid(np.arange(21), np.arange(21)))
-        places = np.column_stack([x, y - 1.0])
-        answer = query(belief, places)
-        found = np.frombuffer(answer.z, np.float64)
-        known = ~np.isnan(found)
-        expected = ground_samples(Terrain(hills()), checked_points(places), 0.0).z
-        assert known.mean() > 0.6
-        assert np.abs(found - expected)[known].mean() < 0.02
-
-
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
@@ -135,10 +111,9 @@ def test_the_loop_closes_a_mapper_gives_the_ground_back(shared: Probe) -> None:
         ({"position": [1.0]}, "position has 1 numbers"),
     ],
 )
-def test_impossible_sensors_do_not_start(shared: Probe, parameters: dict[str, Any], words: str) -> None:
-    with shared.running("terrain_sensor", parameters) as process:
-        shared.wait_for(lambda: process.process.poll() is not None)
-        assert process.process.returncode == 1 and words in process.output
+def test_impossible_sensors_do_not_start(domain: int, parameters: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words), made_with(TerrainSensor, parameters):
+        pass
 
 
 def test_the_sectors_of_a_turn_are_the_turn() -> None:

@@ -1,6 +1,7 @@
 """Frames on ``/tf``: of simulated bodies and robots, and never of others."""
 
 from collections import Counter
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.node.inputs.frames import FrameBuffer, Transform
 from smartmesh_ros.tools.testing import Probe
-from tests.node.shared import LATCHED, changed, refusal_at_start, show_level_ground
+from tests.node.shared import LATCHED, changed, show_level_ground, transform_message
 from tests.node.shared import spawn as spawn_body
 from tests.node.test_robot_outputs import ARM, STIFF, spawn
 
@@ -93,12 +94,7 @@ def test_frames_of_others_are_left_to_them(shared: Probe) -> None:
     publisher = shared.node.create_publisher(TFMessage, TF, 10)
     latched = shared.node.create_publisher(TFMessage, "/tf_static", LATCHED)
 
-    def item(parent: str, child: str) -> TransformStamped:
-        made = TransformStamped(child_frame_id=child)
-        made.header.frame_id, made.header.stamp = parent, shared.now()
-        made.transform.rotation.w = 1.0
-        return made
-
+    item = partial(transform_message, shared)
     latched.publish(TFMessage(transforms=[item("trunk", "limb")]))
     shared.wait_for(lambda: parents(shared) == {"trunk": "map", "hand": "limb", "one": "trunk"})
     publisher.publish(TFMessage(transforms=[item("earth", "map"), item("odom", "/trunk")]))
@@ -170,9 +166,3 @@ def test_a_body_cannot_follow_a_frame_of_its_own_node(probe: Probe) -> None:
         spawn(probe, "rover", STIFF["one_link"])
         probe.wait_for(lambda: "refused, bodies.frames: own_topic" in probe.diagnostics("inputs"))
         assert probe.diagnostics("bodies")["tracked"] == "0"
-
-
-def test_without_tf2_msgs_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("smartmesh_ros.node.inputs.optional_messages.find_interfaces", lambda *_: None)
-    said = refusal_at_start({"publish.tf": 10.0})
-    assert "publish.tf needs tf2_msgs/TFMessage" in said and "apt install ros-jazzy-tf2-msgs" in said

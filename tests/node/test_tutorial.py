@@ -1,22 +1,32 @@
 """The tutorials do what they say: their files and commands are taken from the pages and run."""
 
+import math
 import re
 import shlex
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
+import pytest
 import yaml
-from geometry_msgs.msg import TransformStamped
 from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import Odometry
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import JointState
 from smartmesh_msgs.srv import QueryGround
+from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
+from smartmesh_ros.io.rasters import RasterConfig
+from smartmesh_ros.node.inputs.adapters import grid_map_raster as raster_from
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.testing import Probe, Process, pose_message
 from tests.grid_maps import grid_map_message
+from tests.node.shared import LATCHED, fed, patch_vertices, stamped, transform_message
+from tests.urdfs import joint, link, robot
 
 ROOT = Path(__file__).parents[2]
 CELLS, RESOLUTION = 60, 0.1
@@ -45,9 +55,7 @@ class Stack:
 
     def publish(self) -> None:
         stamp = self._probe.now()
-        transform = TransformStamped(child_frame_id="odom")
-        transform.header.stamp, transform.header.frame_id = stamp, "map"
-        transform.transform.translation.y = 10.0
+        transform = transform_message(self._probe, "map", "odom", (0.0, 10.0, 0.0))
         self._transforms.publish(TFMessage(transforms=[transform]))
         odometry = Odometry(child_frame_id="base_link")
         odometry.header.stamp, odometry.header.frame_id = stamp, "odom"
@@ -78,12 +86,10 @@ def test_an_elevation_map_becomes_patches_under_the_robot(probe: Probe, tmp_path
 
             def patched_under_the_robot() -> bool:
                 stack.publish()
-                for patch in probe.latest("collider_patches").patches:
-                    points = np.array([(p.x, p.y, p.z) for p in patch.mesh.vertices])
-                    middle = points[:, :2].mean(axis=0)
-                    if patch.body_id == "rover" and np.abs(middle - (stack.x, 0.0)).max() < 0.2:
-                        return bool(np.abs(points[:, 2] - ground(points[:, 0], points[:, 1])).max() < 0.006)
-                return False
+                points = patch_vertices(probe).get("rover", np.full((1, 3), np.inf))
+                middle = points[:, :2].mean(axis=0)
+                near = np.abs(middle - (stack.x, 0.0)).max() < 0.2
+                return bool(near and np.abs(points[:, 2] - ground(points[:, 0], points[:, 1])).max() < 0.006)
 
             probe.wait_for(patched_under_the_robot, watch=process)
         assert probe.diagnostics("terrain")["message"] == "maps arrive"
@@ -130,3 +136,162 @@ def test_what_the_page_on_testing_names_is_there() -> None:
         assert hasattr(testing.Probe, method) or method == "received", method
     for name in ("domain", "probe", "Process", "assert_on_map", "heightmap_message", "mesh_message", "pose_message"):
         assert hasattr(testing, name)
+
+
+# Maps of the form that the ROS 2 release of elevation_mapping_cupy sends: a square of cells around the robot, in layers
+# of float32 whose columns are contiguous; the buffer always starts at zero; unseen heights are NaN, while unseen cells
+# have a variance of 1000; the middle of the map is given as the position of the robot, although the cells lie at whole
+# multiples of the resolution. The side of its example [cells]:
+SIDE = 150
+UNSEEN = 1000.0  # its variance of cells without a measurement [m^2]
+# By which the ground may be off where the middle is off by half a cell along x and y, on slopes of `ground` [m].
+HALF_CELL = 0.5 * RESOLUTION * (0.2 + 0.1)
+# Layers and basic layers of its publishers elevation_map_raw and elevation_map_filter.
+RAW = (["elevation", "traversability", "variance", "rgb"], ["elevation"])
+FILTERED = (["min_filter", "smooth", "inpaint", "elevation"], ["min_filter"])
+
+
+def cells_around(x: float, y: float) -> tuple[FloatArray, FloatArray]:
+    """Positions of the cells (rows along +y, columns along +x) of a map that follows a robot by whole cells."""
+    rows, columns = (np.mgrid[:SIDE, :SIDE] - 0.5 * (SIDE - 1)) * RESOLUTION
+    middle = np.round(np.array([x, y]) / RESOLUTION) * RESOLUTION
+    return middle[0] + columns, middle[1] + rows
+
+
+def layer(name: str, cells: tuple[FloatArray, FloatArray], seen: Any) -> FloatArray:
+    heights = ground(*cells)
+    seen = np.broadcast_to(seen, heights.shape)
+    edge = np.ones_like(heights, bool)
+    edge[3:-3, 3:-3] = False  # where its filter of traversability has no result
+    color = np.full(heights.shape, 0x00FF7F10, np.uint32).view(np.float32)
+    return {
+        "elevation": np.where(seen, heights, np.nan),
+        "traversability": np.where(seen & ~edge, 0.9, np.nan),
+        "variance": np.where(seen, 1e-4, UNSEEN),
+        "rgb": np.where(seen, color, np.nan),
+        "min_filter": np.where(seen, heights, 0.0),
+        "smooth": np.where(seen, heights, 0.0),
+        "inpaint": heights,
+    }[name]
+
+
+def cupy_map(layers: tuple[list[str], list[str]], x: float, y: float, *, seen: bool | FloatArray = True) -> GridMap:
+    values = {name: layer(name, cells_around(x, y), seen) for name in layers[0]}
+    made = grid_map_message(values, RESOLUTION, (x, y, 0.0), frame_id="odom")
+    made.basic_layers = layers[1]
+    return made
+
+
+@pytest.mark.parametrize("layers", [(RAW, "elevation"), (FILTERED, "inpaint")], ids=["raw", "filter"])
+@pytest.mark.parametrize("place", [(0.0, 0.0), (3.2, -1.7), (0.033, -4.048)])
+def test_heights_of_elevation_mapping_cupy_are_where_it_says(layers: Any, place: tuple[float, float]) -> None:
+    """Within the half cell by which the middle that it sends is off."""
+    form, name = layers
+    geometry, heights, *_ = raster_from(cupy_map(form, *place), RasterConfig(layer=name), 10**6)
+    rows, columns = np.mgrid[:SIDE, :SIDE]
+    off = np.abs(heights - ground(*np.moveaxis(geometry.to_world(rows, columns), -1, 0))).max()
+    on_grid = np.allclose(np.round(place, 1), place)
+    assert off < (1e-5 if on_grid else HALF_CELL)
+
+
+def test_the_node_takes_maps_of_elevation_mapping_cupy_with_the_file_of_the_page(domain: int) -> None:
+    arguments = ["--params-file", str(ROOT / "config" / "elevation_mapping.yaml")]
+    with fed({}, arguments) as node:
+        for x, seen in ((0.0, False), (0.0, True), (0.033, True), (0.31, True), (1.248, True)):
+            node.give("grid_map", stamped(node, cupy_map(RAW, x, 0.2, seen=seen), "odom"), steps=240)
+            height = node.heights(x, 0.2)
+            assert abs(height - ground(x, 0.2)) < HALF_CELL if seen else np.isnan(height)
+        assert not node.node.refusals.counts
+
+
+LIMIT = '<limit lower="{}" upper="{}" effort="50" velocity="50"/>'
+PARTS = [
+    link("base", '<box size="0.6 0.6 0.2"/>', moment=0.1),
+    link("arm", "", moment=0.1),
+    link("reel", "", moment=0.1),
+    joint("shoulder", "revolute", "base", "arm", LIMIT.format("-2", "2"), "0 0 0", "0 0 1"),
+    joint("wheel", "continuous", "base", "reel", LIMIT.format("0", "0"), "0 0 0", "0 0 1"),
+]
+FIELDS = ("position", "velocity", "effort")
+
+
+class Hardware:
+    """A block of topic_based_ros2_control: sends the commands of its joints, and takes their states by name.
+
+    An array has the numbers of those joints alone that have the interface, in the order of the block.
+    """
+
+    def __init__(self, probe: Probe, block: str) -> None:
+        self._probe, system = probe, ElementTree.fromstring(block)
+        self._commands = [
+            (joint.attrib["name"], interface.attrib["name"])
+            for joint in system.iterfind("joint")
+            for interface in joint.iterfind("command_interface")
+        ]
+        self.commands = dict.fromkeys(self._commands, math.nan)
+        self.states: dict[tuple[str, str], float] = {}
+        parameters = {item.attrib["name"]: item.text or "" for item in system.iterfind("hardware/param")}
+        probe.node.create_subscription(
+            JointState, parameters["joint_states_topic"], self._read, qos_profile_sensor_data
+        )
+        self._publisher = probe.node.create_publisher(
+            JointState, parameters["joint_commands_topic"], QoSProfile(depth=1)
+        )
+
+    def _read(self, message: JointState) -> None:
+        for index, name in enumerate(message.name):
+            for field in FIELDS:
+                self.states[name, field] = getattr(message, field)[index]
+
+    def write(self) -> None:
+        """Sends all commands, whether or not a controller has set them."""
+        message = JointState(name=list(dict.fromkeys(name for name, _ in self._commands)))
+        message.header.stamp = self._probe.now()
+        for name, interface in self._commands:
+            getattr(message, interface).append(self.commands[name, interface])
+        self._publisher.publish(message)
+
+
+def test_two_blocks_drive_a_robot_on_the_topics_of_the_page(probe: Probe) -> None:
+    [arm] = [block for block in blocks("docs/robots.md", "xml") if "TopicBasedSystem" in block]
+    [command] = [block for block in blocks("docs/robots.md", "console") if "topic_based" in block]
+    wheels = arm.replace("shoulder", "wheel").replace(
+        'command_interface name="position"', 'command_interface name="velocity"'
+    )
+    described = robot(*PARTS, arm, wheels)
+    words = shlex.split(command.replace("\\\n", " "))
+    arguments = [*words[4:], "-p", "robot.above:=0.11", "-p", "robot.xy:=[5.0, 5.0]"]
+    with Process("terrain_collider", arguments=arguments) as process:
+        hardware = [Hardware(probe, arm), Hardware(probe, wheels)]
+        probe.wait_for(probe.connected, watch=process)
+        probe.publish_map(np.zeros((21, 21)), resolution=0.5)
+        probe.publisher(String, "/robot_description", LATCHED).publish(String(data=described))
+
+        def holds(**wanted: float) -> Any:
+            """Whether positions of the shoulder and velocities of the wheel are so, while both blocks send."""
+
+            def found() -> bool:
+                for block in hardware:
+                    block.write()
+                states = hardware[0].states | hardware[1].states
+                near = (
+                    abs(states.get(tuple(key.split("_")), math.inf) - value) < 0.02 for key, value in wanted.items()
+                )
+                return all(near)
+
+            return found
+
+        probe.wait_for(lambda: all(block.states for block in hardware), watch=process)
+        probe.wait_for(holds(shoulder_position=0.0, wheel_velocity=0.0), watch=process)  # nothing but NaN
+        hardware[0].commands["shoulder", "position"] = 0.7
+        probe.wait_for(holds(shoulder_position=0.7, wheel_velocity=0.0), watch=process)
+        hardware[1].commands["wheel", "velocity"] = 3.0
+        probe.wait_for(holds(shoulder_position=0.7, wheel_velocity=3.0), watch=process)
+        assert probe.diagnostics("inputs")["message"] == "0 refused so far"
+        one = Hardware(probe, re.sub(r"</ros2_control>$", "", arm.strip()) + wheels[wheels.index("<joint") :])
+
+        def refused() -> bool:
+            one.write()  # the first commands of a new publisher may be lost
+            return "refused, joint_commands: length" in probe.diagnostics("inputs")
+
+        probe.wait_for(refused, watch=process)

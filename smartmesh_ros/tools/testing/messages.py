@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose
+from geometry_msgs.msg import Point, Pose, Quaternion
 from numpy.typing import ArrayLike, NDArray
 from shape_msgs.msg import MeshTriangle
 from smartmesh_msgs.msg import Heightmap, TerrainMesh
@@ -37,8 +37,7 @@ def heightmap_message(
         message.header.stamp = stamp
     message.info.height, message.info.width = grid.shape
     message.info.resolution = resolution
-    message.info.origin = pose_message(origin)
-    message.info.origin.orientation.z, message.info.origin.orientation.w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+    message.info.origin = pose_message(origin, yaw)
     if velocities is not None:
         message.velocities = floats(np.asarray(velocities, np.float32))
     if friction is not None:
@@ -67,9 +66,9 @@ def point_message(position: Sequence[float]) -> Point:
     return Point(x=float(x), y=float(y), z=float(z))
 
 
-def pose_message(position: Sequence[float]) -> Pose:
-    """Return a Pose at a position [m], without rotation."""
-    return Pose(position=point_message(position))
+def pose_message(position: Sequence[float], yaw: float = 0.0) -> Pose:
+    """Return a Pose at a position [m], turned about z by ``yaw`` [rad]."""
+    return Pose(position=point_message(position), orientation=Quaternion(z=math.sin(0.5 * yaw), w=math.cos(0.5 * yaw)))
 
 
 def points_of(marker: Marker) -> NDArray[np.float64]:

@@ -7,16 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import rclpy
-from geometry_msgs.msg import Pose
-from rclpy.context import Context
-from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.terrain_collider import TerrainCollider
-from smartmesh_ros.tools.testing import bags, heightmap_message
+from smartmesh_ros.tools.testing import bags, heightmap_message, pose_message
 from smartmesh_ros.tools.tune import measuring, space
 from smartmesh_ros.tools.tune.bag_case import bag_case
 from smartmesh_ros.tools.tune.case import reference
@@ -28,6 +24,7 @@ from smartmesh_ros.tools.tune.replay import Replay
 from smartmesh_ros.tools.tune.report import parameter_file
 from smartmesh_ros.tools.tune.search import Search, open_study
 from smartmesh_ros.tools.tune.start import settings_of
+from tests.node.shared import made_with
 
 RATE, STEPS = 240.0, 96
 MAPS = 12  # steps from one to the next
@@ -49,14 +46,9 @@ def messages(yaw: float = 0.0) -> Iterator[tuple[str, float, Any]]:
     for step in range(0, STEPS, MAPS):
         time = step / RATE
         origin = (-3.0 * math.cos(yaw) + 3.0 * math.sin(yaw), -3.0 * math.sin(yaw) - 3.0 * math.cos(yaw), 0.0)
-        yield (
-            "/terrain_collider/heightmap",
-            time,
-            heightmap_message(wave(time), resolution=0.15, origin=origin, yaw=yaw),
-        )
-        pose = Pose()
-        pose.position.x, pose.position.z = 1.0 + 0.2 * time, 0.25
-        body = TrackedBody(id="rover", pose=pose, radius=0.2)
+        heightmap = heightmap_message(wave(time), resolution=0.15, origin=origin, yaw=yaw)
+        yield "/terrain_collider/heightmap", time, heightmap
+        body = TrackedBody(id="rover", pose=pose_message((1.0 + 0.2 * time, 0.0, 0.25)), radius=0.2)
         body.twist.linear.x = 0.2  # else the node estimates it by its own clock
         yield "/terrain_collider/tracked_bodies", time, TrackedBodyArray(bodies=[body])
 
@@ -67,14 +59,9 @@ def flat(state: BodyState) -> list[float]:
 
 @pytest.fixture
 def node(domain: int) -> Iterator[TerrainCollider]:
-    context = Context()
-    rclpy.init(context=context, domain_id=domain)
-    overrides = [Parameter(name, value=value) for name, value in START.items()]
-    made = TerrainCollider(context=context, parameter_overrides=overrides)
-    made.pause(True)
-    yield made
-    made.destroy_node()
-    rclpy.shutdown(context=context)
+    with made_with(TerrainCollider, START) as made:
+        made.pause(True)
+        yield made
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])

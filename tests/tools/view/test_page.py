@@ -10,22 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from rcl_interfaces.srv import GetParameters
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodyDescription, ColliderPatch
-from smartmesh_msgs.srv import RemoveBody, SpawnBody
+from smartmesh_msgs.srv import RemoveBody
 
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process
-from smartmesh_ros.tools.testing.messages import pose_message
 from smartmesh_ros.tools.view.looks import BODY_COLOURS, PatchLook
-from tests.node.shared import changed
+from tests.node import shared
 
 WIDTH, HEIGHT = 860, 560
 CAMERA, LOOK_AT = np.array([0.0, -5.0, 7.0]), np.array([0.0, 0.0, 0.0])
 FIELD_OF_VIEW = math.radians(75.0)
 # Where boxes stand: on flat ground, and on waves. Far from both there is only ground.
 FLAT, WAVES, BARE = (-2.0, 0.0), (1.5, 0.0), (-1.0, 2.5)
-BOX = (0.5, 0.5, 0.3)
 
 
 @pytest.fixture(scope="module")
@@ -69,14 +65,11 @@ def count(picture: np.ndarray, colour: tuple[int, int, int], points: Any, margin
 
 
 def spawn(probe: Probe, name: str, xy: tuple[float, float]) -> None:
-    shape = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=list(BOX))
-    answer = probe.call("spawn_body", SpawnBody, id=name, mass=5.0, shape=shape, pose=pose_message((*xy, 0.3)))
-    assert answer.success, answer.message
+    shared.spawn(probe, name, (*xy, 0.3), mass=5.0, shape=shared.box(0.5, 0.5, 0.3))
 
 
-def position(probe: Probe, name: str) -> tuple[float, float, float]:
-    [body, *_] = probe.wait_for(lambda: [body for body in probe.latest("body_states").bodies if body.id == name])
-    return body.pose.position.x, body.pose.position.y, body.pose.position.z
+def position(probe: Probe, name: str) -> Any:
+    return probe.wait_for(lambda: shared.position_of(probe, name))
 
 
 def patch(probe: Probe, name: str) -> tuple[int, np.ndarray]:
@@ -86,7 +79,7 @@ def patch(probe: Probe, name: str) -> tuple[int, np.ndarray]:
 
 
 def parameter(probe: Probe, name: str) -> Any:
-    return probe.call("get_parameters", GetParameters, names=[name]).values[0]
+    return shared.values(probe, [name])[name]
 
 
 def row(page: Any, name: str) -> Any:
@@ -121,7 +114,7 @@ def test_patches_and_bodies_are_drawn_where_the_node_says(shown: tuple[Probe, Pr
     seen = wait(probe, page, lambda: [p] if drawn(p := hues(page)) else [])[0]
     for colour in (purple, orange):
         assert count(seen, colour, (*BARE, 0.15), margin=40) == 0, "bare ground"
-    with changed(probe, {"physics.sleep": True}):
+    with shared.changed(probe, {"physics.sleep": True}):
         wait(probe, page, lambda: all(count(hues(page), purple, position(probe, name), margin=8) < 5 for name in names))
     wait(probe, page, lambda: all(count(hues(page), purple, position(probe, name), margin=8) > 30 for name in names))
     spawn(probe, "later", BARE)
@@ -161,16 +154,16 @@ def test_a_click_spawns_a_ball_where_it_met_the_ground(shown: tuple[Probe, Proce
 
 def test_a_slider_sets_a_parameter_and_a_refusal_says_why(shown: tuple[Probe, Process], page: Any) -> None:
     probe, _ = shown
-    before = parameter(probe, "physics.friction").double_value
+    before = parameter(probe, "physics.friction")
     page.get_by_role("tab", name="Parameters").click()
     row(page, "friction").get_by_role("slider").focus()
     page.keyboard.press("ArrowRight")
-    wait(probe, page, lambda: parameter(probe, "physics.friction").double_value > before)
+    wait(probe, page, lambda: parameter(probe, "physics.friction") > before)
     field = row(page, "gravity").get_by_role("textbox")
     field.fill("[0.0, 1.0]")
     field.press("Enter")
     page.get_by_text("refused:").wait_for()
-    assert list(parameter(probe, "physics.gravity").double_array_value) == [0.0, 0.0, -9.81]
+    assert parameter(probe, "physics.gravity") == [0.0, 0.0, -9.81]
 
 
 def test_a_page_opens_with_the_bodies_in_sight(shown: tuple[Probe, Process], browser: Any, page: Any) -> None:
