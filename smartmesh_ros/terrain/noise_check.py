@@ -146,7 +146,7 @@ class NoiseCheck:
             self._restart(time)
         self._time = time
         found, step = CORE.compare_maps(*self._lattice, *self._placed(geometry, heights))
-        fading = math.exp(-max(interval, 0.0) / self.config.memory)  # a clock may go back
+        fading = math.exp(-interval / self.config.memory)
         self._counts = fading * self._counts + found
         if not self._counts[0]:
             return

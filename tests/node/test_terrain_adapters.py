@@ -6,14 +6,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped
 from grid_map_msgs.msg import GridMap
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid
 from numpy.typing import NDArray
-from rclpy.qos import ReliabilityPolicy
+from rclpy.qos import ReliabilityPolicy, qos_profile_sensor_data
 from sensor_msgs.msg import Image, PointCloud2, PointField
+from std_msgs.msg import Float32MultiArray
 
-from smartmesh_ros.tools.testing import heightmap_message, pose_message
+from smartmesh_ros import HeightMap, HeightScan, Terrain
+from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
 from tests.grid_maps import grid_map_message
 from tests.node.shared import Fed, fed, stamped
 
@@ -21,6 +25,7 @@ RESOLUTION = 0.25
 ROWS, COLUMNS = 24, 32  # along y and along x
 # The ground is as in the last map, at once.
 HOLD = {"terrain.motion": "hold", "terrain.settle": 0.001}
+CORNER = (1.0 - 0.5 * RESOLUTION, -2.0 - 0.5 * RESOLUTION)  # of a grid whose samples lie where they do elsewhere
 PLACED = {"raster.resolution": RESOLUTION, "raster.origin": [1.0, -2.0, 0.0]}
 
 
@@ -167,8 +172,7 @@ def test_images_are_placed_by_parameters(domain: int) -> None:
 
 def test_occupancy_grids_and_their_updates_become_walls(domain: int) -> None:
     with fed({**HOLD, "terrain.input": "occupancy_grid", "raster.scale": 2.0}) as node:
-        corner = (1.0 - 0.5 * RESOLUTION, -2.0 - 0.5 * RESOLUTION)  # so that samples lie where they do elsewhere
-        node.give("occupancy_grid", stamped(node, occupancy_grid(np.zeros((ROWS, COLUMNS), np.int8), corner)))
+        node.give("occupancy_grid", stamped(node, occupancy_grid(np.zeros((ROWS, COLUMNS), np.int8), CORNER)))
         expected = np.zeros((ROWS, COLUMNS))
         assert (node.heights(*places()) == expected).all()
 
@@ -228,3 +232,41 @@ def test_a_file_is_there_from_the_start_and_can_be_updated(domain: int, tmp_path
         map_message = heightmap_message(heights + 3.0, resolution=RESOLUTION, origin=(1.0, -2.0, 0.0))
         node.give("heightmap", stamped(node, map_message))
         assert shows(node, rise=3.0)
+
+
+STEPS = np.rint(50.0 + 5.0 * surface(*places()))  # of 1 %
+
+
+@pytest.mark.parametrize(
+    ("message", "heights", "settings"),
+    [
+        (image(surface(*places())), surface(*places()), {"raster.scale": 0.001, "raster.offset": -5.0, **PLACED}),
+        (occupancy_grid(STEPS.astype(np.int8), CORNER), 0.02 * STEPS, {"raster.scale": 2.0}),
+        (point_cloud(*places(), surface(*places())), surface(*places()), {}),
+    ],
+    ids=["image", "occupancy_grid", "point_cloud"],
+)
+def test_terrain_and_poses_on_topics_become_height_scans(
+    probe: Probe, request: pytest.FixtureRequest, message: Any, heights: NDArray[np.float64], settings: dict[str, Any]
+) -> None:
+    topic = request.node.callspec.id
+    options = {"size": (1.0, 0.5), "spacing": 0.25, "order": "yx", "values": "height", "scale": 1.0}
+    written = "{body: rover, layout: isaac_lab, size: [1.0, 0.5], spacing: 0.25, order: yx, values: height, scale: 1}"
+    parameters = {
+        **HOLD, **settings, "terrain.input": topic, "terrain.reliability": "best_effort", "frame_id": "map",
+        "bodies.poses": ["rover=/rover/pose"], "height_scans": [written],
+    }  # fmt: skip
+    ground = Terrain(HeightMap(heights, resolution=RESOLUTION, origin=(1.0, -2.0)))
+    expected = HeightScan.of("isaac_lab", **options).read(ground, np.array([[3.0, 0.5, 2.0, 0.0]]), 0.0)[0]
+    with probe.running(parameters=parameters):
+        maps = probe.publisher(type(message), topic, qos_profile_sensor_data)
+        poses = probe.publisher(PoseStamped, "/rover/pose")
+        scans = probe.listen("height_scan/rover", Float32MultiArray)
+
+        def is_the_ground() -> bool:  # maps are sent again: best effort may lose one
+            maps.publish(stamped(probe, message))
+            poses.publish(stamped(probe, PoseStamped(pose=pose_message((3.0, 0.5, 2.0)))))
+            probe.spin(0.05)
+            return bool(scans) and np.abs(np.array(scans[-1].data) - expected).max() < 0.001
+
+        probe.wait_for(is_the_ground)

@@ -258,6 +258,7 @@ class MapChecks:
     def __init__(self, logger: Any) -> None:
         self._logger = logger
         self._checks: dict[str, NoiseCheck] = {}
+        self._times: dict[str, float] = {}  # of the last map of each tile [s]
         self._warned = -LOG_PAUSE  # steady time of the last warning [s]
         self.warning = ""
 
@@ -274,6 +275,9 @@ class MapChecks:
             if tile in self._checks:
                 self.forget(tile)
             return
+        if time < self._times.get(tile, time):  # on another clock
+            self.forget(tile)
+        self._times[tile] = time
         check = self._checks.setdefault(tile, NoiseCheck())
         before = check.findings
         check.take(heightmap, time)
