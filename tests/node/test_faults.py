@@ -7,7 +7,6 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from visualization_msgs.msg import MarkerArray
 from smartmesh_ros.node.timing.stamps import STALL_RATIO
 from smartmesh_ros.tools.client import Patch, PatchClient, TrackedLink
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, assert_on_map, heightmap_message
-from tests.node.shared import LATCHED, refusals
+from tests.node.shared import LATCHED, refusals, seconds
 
 SHAPE = (40, 30)
 SHARED = {"terrain.motion": "hold"}
@@ -158,16 +157,17 @@ def test_a_parameter_of_no_type_is_refused_and_the_node_lives(
 
 def test_ground_that_rises_slowly_throws_nothing_when_a_stalled_node_goes_on(probe: Probe) -> None:
     """The node stands still while its ground rises by 10 cm, which it must not take for the motion of some steps."""
-    speed, start = 0.1, monotonic()
+    speed, start = 0.1, seconds(probe.now())
     link = TrackedLink(name="wheel", position=(2.0, 2.0, 0.0), radius=0.3)
 
     def risen() -> float:
-        return speed * (monotonic() - start)
+        return speed * (seconds(probe.now()) - start)
 
     with probe.running() as node, PatchClient(COLLIDER) as client:
 
         def patch() -> Patch | None:
-            probe.publish_map(np.full((40, 40), risen()), resolution=0.1)
+            now = probe.now()
+            probe.publish_map(np.full((40, 40), speed * (seconds(now) - start)), resolution=0.1, stamp=now)
             client.track([link])
             client.spin_once(1 / 30)
             return client.patch("wheel")

@@ -156,4 +156,4 @@ def test_every_robot_has_a_prefix_by_a_parameter(domain: int) -> None:
         prefixes = node.session.robot_names.prefixes()
         assert prefixes == {"one": "one/"}
         message = JointState(name=["hinge", "one/slide"], position=[0.4, 0.1])
-        assert [found.joint for found in joint_commands_from(message, world, prefixes)] == JOINTS
+        assert [joint for _, joint, _ in joint_commands_from(message, world, prefixes)] == JOINTS
