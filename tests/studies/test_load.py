@@ -14,8 +14,7 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
 from smartmesh_ros.node.parameters.specifications import NAMES
 from smartmesh_ros.tools.testing import domain
 from studies.load.cases import CODES, RESOLUTION, RISE, WAVE, Case, groups
-from studies.load.driver import TerrainMessages
-from studies.load.processes import run_case
+from studies.load.driver import TerrainMessages, run_case
 from studies.load.soak_report import slope_of
 from studies.load.tables import Summary, runs
 
