@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import struct
-from array import array
 from collections import deque
 from dataclasses import asdict
-from time import monotonic, time_ns
+from time import monotonic
 from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose
 from numpy.typing import NDArray
 from rclpy.qos import QoSProfile
-from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, Timing, TrackedBody, TrackedBodyArray
 from visualization_msgs.msg import MarkerArray
 
+from smartmesh_ros.node.outputs.cdr import floats
+from smartmesh_ros.tools.testing.messages import heightmap_message
 from smartmesh_ros.tools.testing.process import Process
 from studies.load.cases import CODES, PROBE_HEIGHT, PROBE_RADIUS, RESOLUTION, RIM, RIM_SLOPE, RISE, WAVE, Case
 from studies.load.processes import COLLIDER, Usage, Watcher
@@ -25,21 +25,14 @@ FRAME = "map"
 
 
 class TerrainMessages:
-    """Maps and regions of a case; the k-th has the probe's ground at code ``k % CODES``."""
+    """Maps and regions of a case; the k-th has the probe's ground at code ``k % CODES``. Each is valid until the next,
+    because copies of large maps would take the driver longer than sending them."""
 
     def __init__(self, case: Case) -> None:
         side, window = case.side, case.window
-        message = Heightmap(heights=array("f", bytes(4 * side * side)))
-        message.header.frame_id = FRAME
-        message.info.resolution, message.info.width, message.info.height = RESOLUTION, side, side
-        self._map = np.frombuffer(serialize_message(message), np.uint8).copy()
-        # The heights are followed by the lengths of no velocities and no friction.
-        self._map_heights = np.ndarray((side, side), "<f4", self._map, len(self._map) - 8 - 4 * side * side)
-        update = HeightmapUpdate(width=window, height=window, heights=array("f", bytes(4 * window * window)))
-        update.header.frame_id = FRAME
-        self._region = np.frombuffer(serialize_message(update), np.uint8).copy()
-        at = len(self._region) - 4 - 4 * window * window
-        self._region_heights = np.ndarray((window, window), "<f4", self._region, at)
+        self._map = heightmap_message(np.zeros((side, side)), resolution=RESOLUTION, frame_id=FRAME)
+        self._region = HeightmapUpdate(width=window, height=window, heights=floats(np.zeros((window, window), "f4")))
+        self._region.header.frame_id = FRAME
         steps = np.arange(window) * RESOLUTION
         self._x, y = np.meshgrid(steps, steps)
         # Still at the window's edge, so that nothing tears, and higher there, so that nobody rolls off.
@@ -57,21 +50,18 @@ class TerrainMessages:
         result: NDArray[np.float32] = wave.astype(np.float32)
         return result
 
-    def whole(self, k: int, time: float, stamp_ns: int) -> bytes:
+    def whole(self, k: int, time: float, stamp: Time) -> Heightmap:
         """A Heightmap."""
-        moving = self.heights(k, time)
-        self._map_heights[: len(moving), : len(moving)] = moving
-        return _stamped(self._map, stamp_ns)
+        window, side = len(self._x), self._map.info.width
+        np.frombuffer(self._map.heights, "f4").reshape(side, side)[:window, :window] = self.heights(k, time)
+        self._map.header.stamp = stamp
+        return self._map
 
-    def region(self, k: int, time: float, stamp_ns: int) -> bytes:
+    def region(self, k: int, time: float, stamp: Time) -> HeightmapUpdate:
         """A HeightmapUpdate."""
-        self._region_heights[:] = self.heights(k, time)
-        return _stamped(self._region, stamp_ns)
-
-
-def _stamped(buffer: NDArray[np.uint8], stamp_ns: int) -> bytes:
-    struct.pack_into("<iI", buffer.data, 4, *divmod(stamp_ns, 1_000_000_000))
-    return buffer.tobytes()
+        np.frombuffer(self._region.heights, "f4")[:] = self.heights(k, time).ravel()
+        self._region.header.stamp = stamp
+        return self._region
 
 
 # Time for the node to settle [s].
@@ -166,7 +156,7 @@ class Driver(Watcher):
         """Sends the terrain as it is now."""
         now = monotonic()
         self._sent_at.append((self.sent, now))
-        stamp, time = time_ns(), now - self._start
+        stamp, time = self.get_clock().now().to_msg(), now - self._start
         if whole:
             self._maps.publish(self._messages.whole(self.sent, time, stamp))
         else:
