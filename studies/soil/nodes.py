@@ -13,6 +13,7 @@ from smartmesh_ros.startup.dds import isolated
 from smartmesh_ros.tools.testing.messages import heightmap_message, pose_message
 from smartmesh_ros.tools.testing.process import Process
 from studies.load.processes import COLLIDER, Watcher
+from studies.markdown import table
 
 RATE = 240.0
 RATES = {f"publish.{topic}": 60.0 for topic in ("contacts", "body_states", "joint_states")}
@@ -21,13 +22,13 @@ BOX = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.2, 0.2])
 SETTLE, SECONDS = 5.0, 15.0
 
 
-def rates() -> list[list[str]]:
-    """Return the rows of the table: scene, then the collider alone, and with soil beside it."""
+def rates() -> str:
+    """Return the table of the rate that the nodes hold: the collider alone, and with soil beside it."""
     found = []
     for what, boxes in (("a rover that drives", 0), ("20 boxes of 0.2 m", 20)):
         figures = [_figures(boxes, soil=soil) for soil in (False, True)]
         found.append([what, *(f"{factor:.3f}, {missed:.2f} %" for factor, missed in figures)])
-    return found
+    return table(["physics at 240 Hz", "collider alone: real-time factor, late steps", "with the node soil"], found)
 
 
 def _figures(boxes: int, *, soil: bool) -> tuple[float, float]:
