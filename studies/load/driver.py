@@ -30,7 +30,7 @@ class TerrainMessages:
 
     def __init__(self, case: Case) -> None:
         side, window = case.side, case.window
-        self._map = heightmap_message(np.zeros((side, side)), resolution=RESOLUTION, frame_id=FRAME)
+        self._map = heightmap_message(np.zeros((side, side), "f4"), resolution=RESOLUTION, frame_id=FRAME)
         self._region = HeightmapUpdate(width=window, height=window, heights=floats(np.zeros((window, window), "f4")))
         self._region.header.frame_id = FRAME
         steps = np.arange(window) * RESOLUTION
