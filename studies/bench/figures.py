@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -39,10 +39,9 @@ def draw_all(results: Results, folder: Path) -> list[Path]:
 
 def figure_2(axes: Any, results: Results) -> None:
     """Frames per second of the whole loop."""
-    sides = [side for side in (25, 50, 100, 150, 200) if not math.isnan(results.us("frame", "smart", side=side))]
     for method, name, colour in (("simple", "Simple-Mesh", ORANGE), ("smart", "Smart-Mesh", BLUE)):
-        rates = [1e6 / results.us("frame", method, side=side) for side in sides]
-        _line(axes, sides, rates, colour, f"{name}, today")
+        frames = _today(results, "frame", method, (25, 50, 100, 150, 200))
+        _line(axes, {side: 1e3 / time for side, time in frames.items()}, colour, f"{name}, today")
     axes.axhline(60.0, color=GREY, linestyle=":", label="60 frames per second")
     axes.set(
         title="Figure 2: frames per second with one ball (vertices, collider and physics; no graphics)",
@@ -54,15 +53,11 @@ def figure_2(axes: Any, results: Results) -> None:
 def figure_12(axes: Any, results: Results) -> None:
     """The collider of the whole mesh by its vertices."""
     sides = [*report.SIMPLE_PHYSX, *report.LARGER]
-    for reported, colour, name in (
-        (report.SIMPLE_PHYSX, ORANGE, "PhysX (BVH rebuilt)"),
-        (report.SIMPLE_BULLET, BLUE, "Bullet (BVH refitted)"),
-    ):
-        _line(axes, [side**2 for side in reported], list(reported.values()), colour, f"{name}, report", REPORT)
+    _line(axes, _squared(report.SIMPLE_PHYSX), ORANGE, "PhysX (BVH rebuilt), report", REPORT)
+    _line(axes, _squared(report.SIMPLE_BULLET), BLUE, "Bullet (BVH refitted), report", REPORT)
     colours = (ORANGE, BLUE, PURPLE, RED, BROWN, GREY, GREEN)
     for (method, name), colour in zip(SIMPLE.items(), colours, strict=True):
-        times = [results.ms("simple", method, side=side) for side in sides]
-        _line(axes, [side**2 for side in sides], times, colour, f"{name}, today")
+        _line(axes, _squared(_today(results, "simple", method, sides)), colour, f"{name}, today")
     axes.set(title="Figure 12: update of a collider of the whole main mesh", xlabel="vertices", ylabel=MS)
     _finish(axes, "log")
 
@@ -109,17 +104,15 @@ def figure_15(axes: Any, results: Results) -> None:
     sides = [50, 100, 200, *report.LARGER]
     for method, (colour, name) in styles.items():
         reported = report.SEARCH[method]
-        _line(axes, [side**2 for side in reported], list(reported.values()), colour, f"{name}, report", REPORT)
+        _line(axes, _squared(reported), colour, f"{name}, report", REPORT)
         if method != "grid_traversal":
-            today = [results.ms("search", method, side=side) for side in reported]
-            _line(axes, [side**2 for side in reported], today, colour, f"{name}, today")
+            _line(axes, _squared(_today(results, "search", method, reported)), colour, f"{name}, today")
         if method in ("brute_force", "best_first", "best_first_worst"):
-            on_map = [results.ms("search_map", method, side=side) for side in sides]
-            _line(axes, [side**2 for side in sides], on_map, colour, f"{name}, today, height map", BATCH_CODE)
-    on_map = [results.ms("search_map", "grid_traversal", side=side) for side in sides]
-    _line(axes, [side**2 for side in sides], on_map, GREEN, "grid traversal, today")
-    batch = [results.ms("search_batch", "grid_traversal", side=side, bodies=100) / 1000 for side in sides]
-    _line(axes, [side**2 for side in sides], batch, "black", "grid traversal, one of 100, today")
+            on_map = _today(results, "search_map", method, sides)
+            _line(axes, _squared(on_map), colour, f"{name}, today, height map", BATCH_CODE)
+    _line(axes, _squared(_today(results, "search_map", "grid_traversal", sides)), GREEN, "grid traversal, today")
+    batch = {side: results.ms("search_batch", "grid_traversal", side=side, bodies=100) / 1000 for side in sides}
+    _line(axes, _squared(batch), "black", "grid traversal, one of 100, today")
     axes.set(title="Figure 15: nearest-vertex search of one body", xlabel="vertices of the main mesh", ylabel=MS)
     _finish(axes, "log")
 
@@ -143,10 +136,9 @@ def figure_17(axes: Any, results: Results) -> None:
         (report.FINAL_GENERAL, ("smart", "general"), RED, "general Smart-Mesh"),
         (report.FINAL_UNIFORM, ("smart", "heightfield"), BLUE, "uniform-grid Smart-Mesh"),
     ):
-        sides = [*reported, *report.LARGER]
-        times = [results.ms(what, method, side=side) for side in sides]
-        _line(axes, [side**2 for side in reported], list(reported.values()), colour, f"{name}, report", REPORT)
-        _line(axes, [side**2 for side in sides], times, colour, f"{name}, today")
+        _line(axes, _squared(reported), colour, f"{name}, report", REPORT)
+        today = _today(results, what, method, [*reported, *report.LARGER])
+        _line(axes, _squared(today), colour, f"{name}, today")
     batch = update_per_body(results, 1) / 1e3
     if not math.isnan(batch):
         axes.axhline(batch, color=GREEN, label="uniform grid, one of 100, today")
@@ -154,14 +146,21 @@ def figure_17(axes: Any, results: Results) -> None:
     _finish(axes, "log")
 
 
-def _line(
-    axes: Any, x: Sequence[float], y: Sequence[float], colour: str, label: str, style: dict[str, Any] = TODAY
-) -> None:
+def _today(results: Results, what: str, method: str, sides: Iterable[int]) -> dict[int, float]:
+    """Return times [ms] by the vertices on a side."""
+    return {side: results.ms(what, method, side=side) for side in sides}
+
+
+def _squared(times: Mapping[int, float]) -> dict[int, float]:
+    """Return times by all vertices from those by the vertices on a side."""
+    return {side**2: time for side, time in times.items()}
+
+
+def _line(axes: Any, points: Mapping[int, float], colour: str, label: str, style: dict[str, Any] = TODAY) -> None:
     """A curve, without the points that were not measured."""
-    known = [(a, b) for a, b in zip(x, y, strict=True) if not math.isnan(b)]
+    known = {x: y for x, y in points.items() if not math.isnan(y)}
     if known:
-        points = zip(*known, strict=True)
-        axes.plot(*points, color=colour, label=label, markersize=5, linewidth=1.6, **style)
+        axes.plot(list(known), list(known.values()), color=colour, label=label, markersize=5, linewidth=1.6, **style)
 
 
 def _pairs(axes: Any, results: Results, names: list[str], keys: list[int], bars: dict[str, Any], by: str) -> None:

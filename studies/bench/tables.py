@@ -23,6 +23,11 @@ def update_per_body(results: Results, rings: int, count: int = crowds.BATCH) -> 
     return results.us("update", "heightfield", side=crowds.SIDE, bodies=count, rings=rings) / count
 
 
+def head(first: str, *methods: str) -> list[str]:
+    """Return the heading of a table of `beside` for each of the methods, behind a ``first`` column."""
+    return [first, *(cell for method in methods for cell in (f"{method}, report", "today", RATIO))]
+
+
 def table_1(results: Results) -> str:
     """Simple-Mesh in the report's engines."""
     rows = [
@@ -33,65 +38,45 @@ def table_1(results: Results) -> str:
         ]
         for side in report.SIMPLE_PHYSX
     ]
-    return table(
-        ["main mesh", "PhysX, report", "today", RATIO, "Bullet (refit), report", "PyBullet (anew), today", RATIO], rows
-    )
+    return table([*head("main mesh", "PhysX"), "Bullet (refit), report", "PyBullet (anew), today", RATIO], rows)
 
 
 def table_2(results: Results) -> str:
     """The local collider by the size of the main mesh."""
-    rows = []
-    for side in (*report.SMART_BULLET, 200, *report.LARGER):
-        physx, bullet = report.SMART_PHYSX.get(side, math.nan), report.SMART_BULLET.get(side, math.nan)
-        rows.append(
-            [
-                size(side),
-                *beside(physx, results.ms("smart", "physx", side=side)),
-                *beside(bullet, results.ms("smart", "trimesh", side=side)),
-                number(results.ms("smart", "heightfield", side=side)),
-            ]
-        )
-    return table(
+    rows = [
         [
-            "main mesh", "PhysX, report", "today", RATIO, "Bullet trimesh, report", "today", RATIO,
-            "heightfield replaced, today",
-        ],
-        rows,
-    )  # fmt: skip
+            size(side),
+            *beside(report.SMART_PHYSX.get(side, math.nan), results.ms("smart", "physx", side=side)),
+            *beside(report.SMART_BULLET.get(side, math.nan), results.ms("smart", "trimesh", side=side)),
+            number(results.ms("smart", "heightfield", side=side)),
+        ]
+        for side in (*report.SMART_BULLET, 200, *report.LARGER)
+    ]
+    return table([*head("main mesh", "PhysX", "Bullet trimesh"), "heightfield replaced, today"], rows)
 
 
 def table_3(results: Results) -> str:
     """The local collider by its own size."""
-    rows = []
-    for rings in report.RINGS:
-        today = {
-            method: results.ms("local", method, side=200, rings=rings)
-            for method in ("varying", "constant", "heightfield")
-        }
-        rows.append(
-            [
-                size(2 * rings + 1),
-                *beside(report.LOCAL_VARYING[rings], today["varying"]),
-                *beside(report.LOCAL_CONSTANT[rings], today["constant"]),
-                number(today["heightfield"]),
-                number(update_per_body(results, rings) / 1e3),
-            ]
-        )
-    return table(
+    rows = [
         [
-            "collider", "varying, report", "today", RATIO, "constant, report", "today", RATIO,
-            "heightfield, today", "heightfield, one of 100",
-        ],
-        rows,
-    )  # fmt: skip
+            size(2 * rings + 1),
+            *beside(report.LOCAL_VARYING[rings], results.ms("local", "varying", side=200, rings=rings)),
+            *beside(report.LOCAL_CONSTANT[rings], results.ms("local", "constant", side=200, rings=rings)),
+            number(results.ms("local", "heightfield", side=200, rings=rings)),
+            number(update_per_body(results, rings) / 1e3),
+        ]
+        for rings in report.RINGS
+    ]
+    return table([*head("collider", "varying", "constant"), "heightfield, today", "heightfield, one of 100"], rows)
 
 
 def table_4(results: Results) -> str:
     """The searches at the report's sizes."""
-    rows = []
-    for method, name in SEARCHES.items():
-        for side, reported in report.SEARCH[method].items():
-            rows.append([name, size(side), *beside(reported, results.ms("search", method, side=side))])
+    rows = [
+        [name, size(side), *beside(reported, results.ms("search", method, side=side))]
+        for method, name in SEARCHES.items()
+        for side, reported in report.SEARCH[method].items()
+    ]
     return table(["search", "main mesh", "report", "today", RATIO], rows)
 
 
@@ -103,39 +88,27 @@ def table_5(results: Results) -> str:
         for method, reported in report.COLLECT.items():
             cells += beside(reported[rings], results.ms("collect", method, side=200, rings=rings))
         rows.append(cells)
-    return table(
-        [
-            "collider", "queue BFS, report", "today", RATIO, "union BFS, report", "today", RATIO,
-            "cached, report", "today", RATIO,
-        ],
-        rows,
-    )  # fmt: skip
+    return table(head("collider", "queue BFS", "union BFS", "cached"), rows)
 
 
 def table_6(results: Results) -> str:
     """The final comparison."""
     rows = []
     for side in (*report.FINAL_SIMPLE, *report.LARGER):
-        simple = results.ms("simple", "physx", side=side)
         uniform = results.ms("smart", "heightfield", side=side)
         trimesh = results.us("simple", "bullet_trimesh", side=side)
         rows.append(
             [
                 size(side),
-                *beside(report.FINAL_SIMPLE.get(side, math.nan), simple),
+                *beside(report.FINAL_SIMPLE.get(side, math.nan), results.ms("simple", "physx", side=side)),
                 *beside(report.FINAL_GENERAL.get(side, math.nan), results.ms("smart", "general", side=side)),
                 *beside(report.FINAL_UNIFORM.get(side, math.nan), uniform),
                 times(trimesh / uniform / 1e3),
                 times(trimesh / update_per_body(results, 1)),
             ]
         )
-    return table(
-        [
-            "main mesh", "Simple-Mesh, report", "today", RATIO, "general, report", "today", RATIO,
-            "uniform, report", "today", RATIO, "PyBullet trimesh / uniform", "PyBullet trimesh / uniform, one of 100",
-        ],
-        rows,
-    )  # fmt: skip
+    ratios = "PyBullet trimesh / uniform", "PyBullet trimesh / uniform, one of 100"
+    return table([*head("main mesh", "Simple-Mesh", "general", "uniform"), *ratios], rows)
 
 
 SIMPLE = {

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -15,7 +16,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from smartmesh_ros.node.fleet.layout import WAVES, FleetPlan
-from studies.fleet.site import Site, enter, site
+from studies.fleet.site import Machine, Watcher, enter, site
 from studies.machine import short
 
 # Real time, as far as it counts; bodies start so far apart [m], in squares of so many on a side, one to a quarter of
@@ -25,14 +26,12 @@ OUT = Path("out/fleet")  # folder of figures and pictures
 NOBODY = "/nobody"  # a peer that is never heard
 
 
-def places(count: int, first: int) -> list[tuple[float, float]]:
-    """Where balls start [m]: one after the other in each quarter."""
-    found = []
+def balls(count: int, first: int) -> Iterator[tuple[str, float, float, float]]:
+    """Yield ``count`` balls (name, x, y, z) [m], numbered from ``first`` on: one after the other in each quarter."""
     for number in range(first, first + count):
         quarter, place = number % 4, number // 4
         x, y = (APART * (index + 0.5) for index in (place % SIDE, place // SIDE))
-        found.append((x if quarter % 2 else -x, y if quarter // 2 else -y))
-    return found
+        yield f"ball_{number:05d}", x if quarter % 2 else -x, y if quarter // 2 else -y, 0.6
 
 
 def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float, meet: bool = True) -> dict[str, Any]:
@@ -43,14 +42,14 @@ def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float, me
     alone = {} if meet else {"bodies.peers": [NOBODY]}
     plan = FleetPlan(count=nodes, source=WAVES, front=front, parameters={"bodies.timeout": 20.0, **alone})
     runs = []
-    with site(plan) as fleet:
+    with site(plan) as (watcher, machines):
         count = 0
         while count < most:
             added = start if count == 0 else more
-            fleet.watcher.spawn(places(added, count), count)
+            watcher.spawn_balls(balls(added, count), 0.2)
             count += added
-            fleet.watcher.spin(2.0)
-            run = measure(fleet, seconds)
+            watcher.spin(2.0)
+            run = measure(watcher, machines, seconds)
             runs.append({"bodies": count, **run})
             which = "" if meet else " by themselves"
             print(
@@ -64,18 +63,17 @@ def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float, me
     return {"nodes": nodes, "meet": meet, "runs": runs, "carried": carried(runs), "load": os.getloadavg()[0]}
 
 
-def measure(fleet: Site, seconds: float) -> dict[str, float]:
+def measure(watcher: Watcher, machines: list[Machine], seconds: float) -> dict[str, float]:
     """Run a fleet; return the slowest node's real-time factor, the maximum processor time of a node for a simulated
     second [s], which hardly depends on other load, and the bytes a second that a node sent and received.
     """
-    watcher, machines = fleet.watcher, fleet.machines
     for timings in watcher.timings.values():
         timings.clear()
     before, start = [machine.traffic() for machine in machines], monotonic()
-    used = [machine.processor_time() for machine in machines]
+    used = [machine.usage.cpu() for machine in machines]
     watcher.spin(seconds)
     span = monotonic() - start
-    taken = [(machine.processor_time() - was) / span for machine, was in zip(machines, used, strict=True)]
+    taken = [(machine.usage.cpu() - was) / span for machine, was in zip(machines, used, strict=True)]
     factors = []
     for timings in watcher.timings.values():
         window = sum(timing.window_s for timing in timings)

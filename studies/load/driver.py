@@ -1,53 +1,38 @@
-"""The process beside the node: publishes terrain, observes the outputs, and writes the results as JSON.
-
-python -m studies.load.driver CASE.json RESULT.json
-"""
+"""Runs a case: sends terrain to a node in a process of its own, and observes its outputs."""
 
 from __future__ import annotations
 
-import json
-import struct
-import sys
-from array import array
 from collections import deque
-from pathlib import Path
-from time import monotonic, time_ns
+from dataclasses import asdict
+from time import monotonic
 from typing import Any
 
 import numpy as np
-import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose
 from numpy.typing import NDArray
-from rclpy.experimental import EventsExecutor
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.serialization import serialize_message
-from rclpy.utilities import try_shutdown
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, Timing, TrackedBody, TrackedBodyArray
 from visualization_msgs.msg import MarkerArray
 
+from smartmesh_ros.node.outputs.cdr import floats
+from smartmesh_ros.tools.testing.messages import heightmap_message
+from smartmesh_ros.tools.testing.process import Process
 from studies.load.cases import CODES, PROBE_HEIGHT, PROBE_RADIUS, RESOLUTION, RIM, RIM_SLOPE, RISE, WAVE, Case
+from studies.load.processes import COLLIDER, Usage, Watcher
 
 FRAME = "map"
 
 
 class TerrainMessages:
-    """Maps and regions of a case; the k-th has the probe's ground at code ``k % CODES``."""
+    """Maps and regions of a case; the k-th has the probe's ground at code ``k % CODES``. Each is valid until the next,
+    because copies of large maps would take the driver longer than sending them."""
 
     def __init__(self, case: Case) -> None:
         side, window = case.side, case.window
-        message = Heightmap(heights=array("f", bytes(4 * side * side)))
-        message.header.frame_id = FRAME
-        message.info.resolution, message.info.width, message.info.height = RESOLUTION, side, side
-        self._map = np.frombuffer(serialize_message(message), np.uint8).copy()
-        # The heights are followed by the lengths of no velocities and no friction.
-        self._map_heights = np.ndarray((side, side), "<f4", self._map, len(self._map) - 8 - 4 * side * side)
-        update = HeightmapUpdate(width=window, height=window, heights=array("f", bytes(4 * window * window)))
-        update.header.frame_id = FRAME
-        self._region = np.frombuffer(serialize_message(update), np.uint8).copy()
-        at = len(self._region) - 4 - 4 * window * window
-        self._region_heights = np.ndarray((window, window), "<f4", self._region, at)
+        self._map = heightmap_message(np.zeros((side, side), "f4"), resolution=RESOLUTION, frame_id=FRAME)
+        self._region = HeightmapUpdate(width=window, height=window, heights=floats(np.zeros((window, window), "f4")))
+        self._region.header.frame_id = FRAME
         steps = np.arange(window) * RESOLUTION
         self._x, y = np.meshgrid(steps, steps)
         # Still at the window's edge, so that nothing tears, and higher there, so that nobody rolls off.
@@ -65,67 +50,49 @@ class TerrainMessages:
         result: NDArray[np.float32] = wave.astype(np.float32)
         return result
 
-    def whole(self, k: int, time: float, stamp_ns: int) -> bytes:
+    def whole(self, k: int, time: float, stamp: Time) -> Heightmap:
         """A Heightmap."""
-        moving = self.heights(k, time)
-        self._map_heights[: len(moving), : len(moving)] = moving
-        return _stamped(self._map, stamp_ns)
+        window, side = len(self._x), self._map.info.width
+        np.frombuffer(self._map.heights, "f4").reshape(side, side)[:window, :window] = self.heights(k, time)
+        self._map.header.stamp = stamp
+        return self._map
 
-    def region(self, k: int, time: float, stamp_ns: int) -> bytes:
+    def region(self, k: int, time: float, stamp: Time) -> HeightmapUpdate:
         """A HeightmapUpdate."""
-        self._region_heights[:] = self.heights(k, time)
-        return _stamped(self._region, stamp_ns)
+        np.frombuffer(self._region.heights, "f4")[:] = self.heights(k, time).ravel()
+        self._region.header.stamp = stamp
+        return self._region
 
 
-def _stamped(buffer: NDArray[np.uint8], stamp_ns: int) -> bytes:
-    struct.pack_into("<iI", buffer.data, 4, *divmod(stamp_ns, 1_000_000_000))
-    return buffer.tobytes()
-
-
-# How long the node may take to start and take the first map, and then to settle [s].
-START_LIMIT, SETTLE = 90.0, 2.0
+# Time for the node to settle [s].
+SETTLE = 2.0
 # Longest time that bodies have to fall asleep [s].
 FALL_ASLEEP = 60.0
 # What the first map may take to arrive before it is sent again, for each of its samples: 27 s for 16384 x 16384 [s].
 SECONDS_PER_SAMPLE = 1e-7
 
 
-class Driver(Node):
+class Driver(Watcher):
     """Publishes on time and keeps what arrives."""
 
     def __init__(self, case: Case) -> None:
-        super().__init__("load_driver")
+        super().__init__()
         self._case = case
         self._messages = TerrainMessages(case)
-        self._maps = self.create_publisher(Heightmap, "terrain_collider/heightmap", QoSProfile(depth=2))
-        self._regions = self.create_publisher(HeightmapUpdate, "terrain_collider/heightmap_update", 100)
-        self._bodies = self.create_publisher(TrackedBodyArray, "terrain_collider/tracked_bodies", 10)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
-        self.create_subscription(Timing, "terrain_collider/timing", self._on_timing, 10)
+        self._maps = self.create_publisher(Heightmap, f"{COLLIDER}/heightmap", QoSProfile(depth=2))
+        self._regions = self.create_publisher(HeightmapUpdate, f"{COLLIDER}/heightmap_update", 100)
+        self._bodies = self.create_publisher(TrackedBodyArray, f"{COLLIDER}/tracked_bodies", 10)
         if case.markers:
-            self.create_subscription(MarkerArray, "terrain_collider/patches", self._on_markers, 10, raw=True)
-        self._executor = EventsExecutor()
-        self._executor.add_node(self)
-        self.health: dict[str, str] = {}
-        self.windows: list[dict[str, Any]] = []
+            self.create_subscription(MarkerArray, f"{COLLIDER}/patches", self._on_markers, 10, raw=True)
         self.latencies: list[float] = []
         self.sent = 0
         self._sent_at: deque[tuple[int, float]] = deque(maxlen=CODES - 1)
         self._code = -1
-        self._measuring = False
         self._start = monotonic()
 
     def connected(self) -> bool:
         """Whether the node listens."""
         return bool(self._maps.get_subscription_count()) and bool(self._bodies.get_subscription_count())
-
-    def wait_for(self, condition: Any, what: str) -> None:
-        """Handles messages until the condition holds."""
-        end = monotonic() + START_LIMIT
-        while not condition():
-            if monotonic() > end:
-                raise TimeoutError(f"no {what} after {START_LIMIT:.0f} s; last diagnostics {self.health}")
-            self._executor.spin_once(timeout_sec=0.05)
 
     def start(self) -> None:
         """Sends the first map until it is taken and every body stands on it."""
@@ -164,15 +131,13 @@ class Driver(Node):
         before, sent = self.taken(), self.sent
         self.windows.clear()
         self.latencies.clear()
-        self._measuring = True
         self.run(self._case.seconds)
-        self._measuring = False
-        windows = list(self.windows)
+        windows, latencies = [_window(timing) for timing in self.windows], list(self.latencies)
         self._quiet()
         return {
             "sent": self.sent - sent,
             "taken": self.taken() - before,
-            "latencies_ms": [1e3 * latency for latency in self.latencies],
+            "latencies_ms": [1e3 * latency for latency in latencies],
             "windows": windows,
             "below_ground": int(self.health.get("below ground", 0)),
         }
@@ -191,7 +156,7 @@ class Driver(Node):
         """Sends the terrain as it is now."""
         now = monotonic()
         self._sent_at.append((self.sent, now))
-        stamp, time = time_ns(), now - self._start
+        stamp, time = self.get_clock().now().to_msg(), now - self._start
         if whole:
             self._maps.publish(self._messages.whole(self.sent, time, stamp))
         else:
@@ -224,38 +189,28 @@ class Driver(Node):
         if len(codes) != 1 or (code := codes.pop()) == self._code:
             return
         self._code = code
-        if self._measuring:
-            self.latencies += [now - sent for k, sent in self._sent_at if k % CODES == code]
-
-    def _on_timing(self, message: Timing) -> None:
-        stages = {s.stage: [s.count, s.p50_us, s.p99_us, s.max_us] for s in message.stages}
-        self.windows.append(
-            {
-                "seconds": message.window_s,
-                "real_time_factor": message.real_time_factor,
-                "misses": message.deadline_misses,
-                "stages": stages,
-            }
-        )
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            self.health.update({pair.key: pair.value for pair in status.values})
+        self.latencies += [now - sent for k, sent in self._sent_at if k % CODES == code]
 
 
-def main() -> None:
-    """Runs one case."""
-    case = Case(**json.loads(Path(sys.argv[1]).read_text()))
-    rclpy.init()
-    driver = Driver(case)
-    try:
-        driver.start()
-        print("started", flush=True)
-        Path(sys.argv[2]).write_text(json.dumps(driver.measure()))
-    finally:
-        driver.destroy_node()
-        try_shutdown()
+def _window(timing: Timing) -> dict[str, Any]:
+    return {
+        "seconds": timing.window_s,
+        "real_time_factor": timing.real_time_factor,
+        "misses": timing.deadline_misses,
+        "stages": {s.stage: [s.count, s.p50_us, s.p99_us, s.max_us] for s in timing.stages},
+    }
 
 
-if __name__ == "__main__":
-    main()
+def run_case(case: Case) -> dict[str, Any]:
+    """Run a case; return what was seen, and what the node took meanwhile: CPUs used, and memory [MiB]. Raises
+    `RuntimeError` with the node's output if it fails."""
+    with Process("terrain_collider", case.parameters()) as node, Driver(case) as driver:
+        try:
+            driver.start()
+            usage, start = Usage(node.process.pid), monotonic()
+            used = usage.cpu()
+            found = driver.measure()
+            cpus = (usage.cpu() - used) / (monotonic() - start)
+        except Exception as error:
+            raise RuntimeError(f"{case.name} failed: {node.output[-2000:]}") from error
+        return {"case": asdict(case), **found, "cpus": {"node": cpus}, "memory_mib": {"node": usage.memory()}}

@@ -1,23 +1,70 @@
-"""Runs one case: the node and the driver as processes of their own, watched from outside."""
+"""A node that watches a collider in a process of its own, and what that process takes."""
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
-import tempfile
-from dataclasses import asdict
+from collections.abc import Callable
 from pathlib import Path
-from time import monotonic, sleep
-from typing import Any
+from time import monotonic
+from typing import Any, Self
 
 import psutil
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.utilities import try_shutdown
+from smartmesh_msgs.msg import Timing
 
-from smartmesh_ros.tools.testing.process import Process
-from studies.load.cases import Case
+COLLIDER = "/terrain_collider"
+# How long nodes may take to start and take the first map, and to answer [s].
+LIMIT = 180.0
 
 
-class Watch:
+class Watcher(Node):
+    """The node of a study beside a collider. ``health``: values of its newest diagnostics by key. ``windows``: its
+    timings. A context manager of ROS in this process."""
+
+    def __init__(self) -> None:
+        rclpy.init()
+        super().__init__("study")
+        self._executor = EventsExecutor()
+        self._executor.add_node(self)
+        self.health: dict[str, str] = {}
+        self.windows: list[Timing] = []
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+        self.create_subscription(Timing, f"{COLLIDER}/timing", self.windows.append, 10)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown()
+        self.destroy_node()
+        try_shutdown()
+
+    def spin(self, seconds: float, until: Callable[[], Any] = lambda: False) -> bool:
+        """Handle messages for so long, or until a condition holds; return whether it does."""
+        end = monotonic() + seconds
+        while not until() and (left := end - monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=min(left, 0.05))
+        return bool(until())
+
+    def wait_for(self, condition: Callable[[], Any], what: str) -> None:
+        """Handle messages until a condition holds. Raises `TimeoutError`."""
+        if not self.spin(LIMIT, condition):
+            raise TimeoutError(f"no {what} after {LIMIT:.0f} s; last diagnostics {self.health}")
+
+    def call(self, client: Any, request: Any) -> Any:
+        """Return the answer of a service. Raises `TimeoutError`."""
+        future = client.call_async(request)
+        self.wait_for(future.done, f"answer from {client.srv_name}")
+        return future.result()
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self.health = {pair.key: pair.value for status in message.status for pair in status.values}
+
+
+class Usage:
     """Processor time and memory of a process and its children."""
 
     def __init__(self, pid: int) -> None:
@@ -40,45 +87,3 @@ class Watch:
                 if key in totals:
                     totals[key] += float(value.split()[0]) / 1024.0
         return {"resident": totals["VmRSS"], "shared": totals["RssShmem"], "peak": totals["VmHWM"]}
-
-    def descriptors(self) -> int:
-        """Open file descriptors."""
-        return sum(process.num_fds() for process in self.processes())
-
-
-def run_case(case: Case) -> dict[str, Any]:
-    """Runs a case and returns what the driver saw and what the processes took. Raises `RuntimeError` if it fails."""
-    with (
-        tempfile.TemporaryDirectory() as name,
-        Process("terrain_collider", case.parameters()) as node,
-    ):
-        given, found = Path(name) / "case.json", Path(name) / "result.json"
-        given.write_text(json.dumps(asdict(case)))
-        command = [sys.executable, "-m", "studies.load.driver", str(given), str(found)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as driver:
-            try:
-                usage = _watch(node.process, driver)
-                if driver.wait(10) or node.process.poll() is not None:
-                    raise RuntimeError(f"{case.name} failed: {node.output[-2000:]}")
-            finally:
-                driver.kill()
-        return {"case": asdict(case), **json.loads(found.read_text()), **usage}
-
-
-def _watch(node: subprocess.Popen[bytes], driver: subprocess.Popen[str]) -> dict[str, Any]:
-    """Usage of both from the time the driver says it has started until it ends: CPUs used, and memory [MiB]."""
-    assert driver.stdout is not None
-    driver.stdout.readline()
-    watches = {"node": Watch(node.pid), "driver": Watch(driver.pid)}
-    samples: list[tuple[float, dict[str, float]]] = []
-    memory: dict[str, dict[str, float]] = {}
-    while driver.poll() is None and node.poll() is None:
-        try:
-            samples.append((monotonic(), {name: watch.cpu() for name, watch in watches.items()}))
-            memory = {name: watch.memory() for name, watch in watches.items()}
-        except (psutil.NoSuchProcess, FileNotFoundError):
-            break
-        sleep(0.25)
-    (start, first), (end, last) = samples[0], samples[-1]
-    span = max(end - start, 1e-9)
-    return {"cpus": {name: (last[name] - first[name]) / span for name in first}, "memory_mib": memory}

@@ -10,28 +10,24 @@ import argparse
 import json
 from collections import Counter, defaultdict
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
 import numpy as np
-import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
-from rclpy.experimental import EventsExecutor
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.utilities import try_shutdown
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, Timing, TrackedBodyArray
+from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.tools.testing.process import Process
 from studies.load import soak_report
-from studies.load.processes import Watch
+from studies.load.processes import COLLIDER, Usage, Watcher
 from studies.load.tables import PAGE, PICTURES
 
 # How often things happen [s].
@@ -44,60 +40,38 @@ SHAPES = (
     SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.4, 0.3, 0.2]),
     SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.3, 0.2]),
 )
-START_LIMIT = 60.0
 # A line is printed, and what there is is kept, so often [s].
 TELL_EVERY = 60.0
 OUT = Path("out/soak")
 
 
-class Soak(Node):
+class Soak(Watcher):
     """Does things to the node and keeps its answers. ``samples``: a list for each figure. ``done``: what was done how
     often. ``missing``: bodies that the node did not have when it was to remove them."""
 
     def __init__(self, rng: np.random.Generator) -> None:
-        super().__init__("soak")
+        super().__init__()
         self._rng = rng
         self.samples: defaultdict[str, list[float]] = defaultdict(list)
         self.done: Counter[str] = Counter()
         self.missing: list[str] = []
-        self._executor = EventsExecutor()
-        self._executor.add_node(self)
-        base = "terrain_collider"
-        self._spawner = self.create_client(SpawnBody, f"{base}/spawn_body")
-        self._remover = self.create_client(RemoveBody, f"{base}/remove_body")
-        self._setter = self.create_client(SetParameters, f"{base}/set_parameters")
-        self._maps = self.create_publisher(Heightmap, f"{base}/heightmap", QoSProfile(depth=10))
-        self._updates = self.create_publisher(HeightmapUpdate, f"{base}/heightmap_update", 10)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
-        self.create_subscription(Timing, f"{base}/timing", self._on_timing, 10)
-        self.create_subscription(MarkerArray, f"{base}/patches", lambda _: None, 10, raw=True)
-        self.create_subscription(TrackedBodyArray, f"{base}/body_states", self._on_states, 10)
+        self._spawner = self.create_client(SpawnBody, f"{COLLIDER}/spawn_body")
+        self._remover = self.create_client(RemoveBody, f"{COLLIDER}/remove_body")
+        self._setter = self.create_client(SetParameters, f"{COLLIDER}/set_parameters")
+        self._maps = self.create_publisher(Heightmap, f"{COLLIDER}/heightmap", QoSProfile(depth=10))
+        self._updates = self.create_publisher(HeightmapUpdate, f"{COLLIDER}/heightmap_update", 10)
+        self.create_subscription(MarkerArray, f"{COLLIDER}/patches", lambda _: None, 10, raw=True)
+        self.create_subscription(TrackedBodyArray, f"{COLLIDER}/body_states", self._on_states, 10)
         self.alive: list[str] = []
         self.seen: set[str] = set()
         self.last_seen: dict[str, list[float]] = {}  # position in the last message with the body [m]
-        self.health: dict[str, str] = {}
-        self.factor = 0.0
         self._count = 0
-
-    def wait(self, seconds: float, condition: Any = lambda: False) -> bool:
-        """Handles messages for so long, or until the condition holds."""
-        end = monotonic() + seconds
-        while not condition() and (left := end - monotonic()) > 0.0:
-            self._executor.spin_once(timeout_sec=min(left, 0.1))
-        return bool(condition())
 
     def connected(self) -> bool:
         """Whether the node hears what is sent: else the first bad messages and calls would go nowhere."""
         clients = (self._spawner, self._remover, self._setter)
         heard = self._maps.get_subscription_count() and self._updates.get_subscription_count()
         return bool(heard) and all(client.service_is_ready() for client in clients)
-
-    def call(self, client: Any, request: Any) -> Any:
-        """A service call; raises `RuntimeError` where there is no answer."""
-        future = client.call_async(request)
-        if not self.wait(START_LIMIT, future.done):
-            raise RuntimeError(f"no answer from {client.srv_name}")
-        return future.result()
 
     def spawn(self) -> None:
         """Spawns a body, and removes the oldest where there are many."""
@@ -147,12 +121,6 @@ class Soak(Node):
         start = "refused, "
         return {key.removeprefix(start): int(value) for key, value in self.health.items() if key.startswith(start)}
 
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        self.health = {pair.key: pair.value for status in message.status for pair in status.values}
-
-    def _on_timing(self, message: Timing) -> None:
-        self.factor = message.real_time_factor
-
     def _on_states(self, message: TrackedBodyArray) -> None:
         self.seen = {body.id for body in message.bodies}
         for body in message.bodies:
@@ -172,21 +140,16 @@ def source_parameters(rng: np.random.Generator) -> dict[str, Any]:
 def run(minutes: float, file: Path) -> None:
     """Soaks a node for so long, and keeps in ``file`` what was sampled, done and counted."""
     rng = np.random.default_rng(1)
-    rclpy.init()
-    node = Soak(rng)
     shown = {"publish.patches": 10.0, "publish.body_states": 10.0}
-    collider = Process("terrain_collider", shown)
-    source = Process("terrain_source", source_parameters(rng))
-    try:
-        if not node.wait(START_LIMIT, lambda: node.connected() and int(node.health.get("samples", 0)) > 0):
-            raise RuntimeError("the node took no map")
-        watch = Watch(collider.process.pid)
+    with Process("terrain_collider", shown) as collider, Soak(rng) as node, ExitStack() as source:
+        source.callback(Process("terrain_source", source_parameters(rng)).close)
+        node.wait_for(lambda: node.connected() and int(node.health.get("samples", 0)) > 0, "map")
+        usage = Usage(collider.process.pid)
         start = monotonic()
 
         def restart_source() -> None:
-            nonlocal source
             source.close()
-            source = Process("terrain_source", source_parameters(rng))
+            source.callback(Process("terrain_source", source_parameters(rng)).close)
             node.done["sources killed"] += 1
 
         def tell() -> None:
@@ -195,7 +158,7 @@ def run(minutes: float, file: Path) -> None:
 
         actions: tuple[tuple[float, Callable[[], None]], ...] = (
             (SOURCE_EVERY, restart_source), (SPAWN_EVERY, node.spawn), (KIND_EVERY, node.change_kind),
-            (BAD_EVERY, node.send_bad), (SAMPLE_EVERY, lambda: _sample(node, watch, monotonic() - start)),
+            (BAD_EVERY, node.send_bad), (SAMPLE_EVERY, lambda: _sample(node, usage, monotonic() - start)),
             (TELL_EVERY, tell),
         )  # fmt: skip
         due = [start if every < SOURCE_EVERY else start + every for every, _ in actions]
@@ -204,16 +167,11 @@ def run(minutes: float, file: Path) -> None:
                 if now >= due[index]:
                     due[index] = now + every
                     act()
-            node.wait(min(due) - monotonic())
+            node.spin(min(due) - monotonic())
         if collider.process.poll() is not None:
             raise RuntimeError(f"the node ended: {collider.output[-2000:]}")
-        node.wait(3.0)
+        node.spin(3.0)
         _keep(node, file)
-    finally:
-        source.close()
-        collider.close()
-        node.destroy_node()
-        try_shutdown()
 
 
 def _keep(node: Soak, file: Path) -> None:
@@ -241,12 +199,14 @@ def _tell(node: Soak, minutes: float) -> None:
     )
 
 
-def _sample(node: Soak, watch: Watch, time: float) -> None:
-    memory = watch.memory()
+def _sample(node: Soak, usage: Usage, time: float) -> None:
+    memory, processes = usage.memory(), usage.processes()
     figures = {
-        "time": time, "memory": memory["resident"] - memory["shared"], "descriptors": watch.descriptors(),
-        "threads": sum(process.num_threads() for process in watch.processes()),
-        "topics": len(node.get_topic_names_and_types()), "factor": node.factor, "latency": node.ping(),
+        "time": time, "memory": memory["resident"] - memory["shared"],
+        "descriptors": sum(process.num_fds() for process in processes),
+        "threads": sum(process.num_threads() for process in processes),
+        "topics": len(node.get_topic_names_and_types()),
+        "factor": node.windows[-1].real_time_factor if node.windows else 0.0, "latency": node.ping(),
         "below": float(node.health.get("below ground", 0)),
     }  # fmt: skip
     for name, value in figures.items():

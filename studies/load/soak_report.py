@@ -44,14 +44,9 @@ def slope_of(times: NDArray[np.float64], values: NDArray[np.float64]) -> Slope:
     """The line through the means of blocks, by least squares; ``times`` in seconds."""
     if not np.ptp(values):
         return Slope(0.0, 0.0, float(values[0]))  # and not what rounding leaves
-    blocks = [(t.mean() / 3600.0, v.mean()) for t, v in zip(
-        np.array_split(times, BLOCKS), np.array_split(values, BLOCKS), strict=True)]  # fmt: skip
-    t, v = np.array(blocks).T
-    arm = t - t.mean()
-    per_hour = float(arm @ v / (arm @ arm))
-    rest = v - v.mean() - per_hour * arm
-    error = float(np.sqrt(rest @ rest / (len(t) - 2) / (arm @ arm)))
-    return Slope(per_hour, error, float(np.median(values)))
+    t, v = (np.array([block.mean() for block in np.array_split(each, BLOCKS)]) for each in (times / 3600.0, values))
+    (per_hour, _), covariance = np.polyfit(t, v, 1, cov=True)
+    return Slope(float(per_hour), float(np.sqrt(covariance[0, 0])), float(np.median(values)))
 
 
 def report(data: dict[str, Any], out: Path, page: Path | None) -> None:

@@ -15,7 +15,7 @@ from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_
 from smartmesh_ros.terrain.heightmap import HeightMap
 from studies.load import tables
 from studies.load.cases import Case, groups
-from studies.load.processes import run_case
+from studies.load.driver import run_case
 from studies.load.tables import PAGE, PICTURES, Summary
 from studies.machine import short
 from studies.markdown import table

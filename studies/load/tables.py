@@ -28,7 +28,7 @@ class Summary:
     percentile and maximum, None if no marker was received.
     """
 
-    result: dict[str, Any]  # of `processes.run_case`
+    result: dict[str, Any]  # of `driver.run_case`
 
     @cached_property
     def case(self) -> Case:

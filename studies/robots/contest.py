@@ -68,7 +68,18 @@ class RobotContest(Contest):
                     sample.clearance[robot] = prisms.least_clearance(parts, positions, orientations)
 
     def reference(self) -> FloatArray:
-        return reference_centres(self._scene, self._setup(FINE_RATE))
+        """On ground at rest the collider is a triangle mesh of the whole map, without a filter of inner edges. On
+        moving ground, where a whole collider has no velocity, it is ours, with an eighth of the step."""
+        scene, setup = self._scene, self._setup(FINE_RATE)
+        patch = PatchConfig(kind="whole_trimesh") if scene.motion == "rest" else PatchConfig(rate=MAPS)
+        with WorldRobots(setup, patch=patch, physics=PhysicsConfig(sleep=False)) as engine:
+            for step in range(math.floor(HORIZON / setup.dt + 0.5)):
+                time = step * setup.dt
+                self.act(engine, time)
+                if scene.map_rate and step and step % round(1.0 / (setup.dt * MAPS)) == 0:
+                    engine.set_ground(scene.ground.heights(time))
+                engine.step()
+            return engine.links().centres
 
     def _setup(self, rate: float) -> RobotSetup:
         """Return the robots for an engine that steps at ``rate`` [Hz]."""
@@ -100,21 +111,3 @@ def shapes_of(text: str, *, prisms: bool) -> Mapping[str, list[Part]]:
         return dict(zip(names, read_links(client, uid, links), strict=True))
     finally:
         client.disconnect()
-
-
-def reference_centres(scene: RobotScene, setup: RobotSetup) -> FloatArray:
-    """Return where robots are after `HORIZON` (N, 3) [m].
-
-    On ground at rest the collider is a triangle mesh of the whole map, without a filter of inner edges. On moving
-    ground, where a whole collider has no velocity, it is ours, with an eighth of the step.
-    """
-    patch = PatchConfig(kind="whole_trimesh") if scene.motion == "rest" else PatchConfig(rate=MAPS)
-    with WorldRobots(setup, patch=patch, physics=PhysicsConfig(sleep=False)) as engine:
-        for step in range(math.floor(HORIZON / setup.dt + 0.5)):
-            time = step * setup.dt
-            if scene.trot:
-                engine.hold(scene.joints(time))
-            if scene.map_rate and step and step % round(1.0 / (setup.dt * MAPS)) == 0:
-                engine.set_ground(scene.ground.heights(time))
-            engine.step()
-        return engine.links().centres

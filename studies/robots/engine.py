@@ -103,8 +103,5 @@ def prepared(urdf: str) -> str:
 
 def _inertial(mass: float) -> ET.Element:
     """Return the inertia of a ball of 0.1 m."""
-    moment = f"{0.4 * mass * 0.1**2:g}"
-    found = ET.Element("inertial")
-    ET.SubElement(found, "mass", value=f"{mass:g}")
-    ET.SubElement(found, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0")
-    return found
+    moments = " ".join(f'{axis}="{0.4 * mass * 0.1**2:g}"' for axis in ("ixx", "iyy", "izz"))
+    return ET.fromstring(f'<inertial><mass value="{mass:g}"/><inertia {moments} ixy="0" ixz="0" iyz="0"/></inertial>')

@@ -21,8 +21,6 @@ THICK = 1.0
 # Largest distance from the ground that is measured [m].
 REACH = 0.1
 _IDENTITY = coal.Transform3s()
-# Triangles of a prism whose first three corners are its top.
-_FACES = ((0, 1, 2), (3, 5, 4), (0, 3, 4), (0, 4, 1), (1, 4, 5), (1, 5, 2), (2, 5, 3), (2, 3, 0))
 
 
 class Part:
@@ -38,7 +36,7 @@ class Part:
 
 def hull(points: FloatArray, pose: FloatArray) -> Part:
     """Return the convex hull of points (K, 3) [m]."""
-    return Part(coal.ConvexBase.convexHull(_vectors(points), False, "Qt"), pose)
+    return Part(_hull_of(points), pose)
 
 
 def placed(points: FloatArray, pose: FloatArray) -> FloatArray:
@@ -114,41 +112,29 @@ class GroundPrisms:
         geometry = self._geometry
         x, y, _ = geometry.origin
         step = geometry.resolution
-        # Nothing beside this window is nearer than the reach.
-        c0, c1 = np.floor((np.array([low[0] - REACH, high[0] + REACH]) - x) / step).astype(int)
-        r0, r1 = np.floor((np.array([low[1] - REACH, high[1] + REACH]) - y) / step).astype(int)
+        # Nothing beside this window is nearer than what is known.
+        reach = max(0.0, least)  # also where that is NaN
+        c0, c1 = np.floor((np.array([low[0] - reach, high[0] + reach]) - x) / step).astype(int)
+        r0, r1 = np.floor((np.array([low[1] - reach, high[1] + reach]) - y) / step).astype(int)
         if c1 < 0 or r1 < 0 or c0 > geometry.columns - 2 or r0 > geometry.rows - 2:
             return np.nan
-        if low[2] - self._highest >= max(least, 0.0):
+        if low[2] - self._highest >= reach:
             return least
         r0, r1 = np.clip([r0, r1], 0, geometry.rows - 2)
         c0, c1 = np.clip([c0, c1], 0, geometry.columns - 2)
-        bounds = self._bounds(low, high, (r0, r1, c0, c1))
+        # Lower bounds of the distances from the prisms (2, R, C): those along z alone.
+        bounds = low[2] - self._tops[:, r0 : r1 + 1, c0 : c1 + 1]
         at = link @ part.pose
         pose = coal.Transform3s(at[:3, :3], at[:3, 3])
         result, request = coal.DistanceResult(), coal.DistanceRequest()
         for index in np.argsort(bounds, axis=None):
             half, row, column = np.unravel_index(index, bounds.shape)
-            if bounds[half, row, column] >= max(least, 0.0):
+            if bounds[half, row, column] >= max(0.0, least):
                 break
             prism = self._prism(int(half), int(row + r0), int(column + c0))
             result.clear()
             least = min(least, coal.distance(part.geometry, pose, prism, _IDENTITY, request, result))
         return least
-
-    def _bounds(self, low: FloatArray, high: FloatArray, window: tuple[int, int, int, int]) -> FloatArray:
-        """Return lower bounds of the distances [m] between a box and the prisms of a window (2, R, C)."""
-        r0, r1, c0, c1 = window
-        geometry = self._geometry
-        gap_z = low[2] - self._tops[:, r0 : r1 + 1, c0 : c1 + 1]
-        gaps = [np.maximum(gap_z, 0.0) ** 2]
-        for axis, first, last in ((0, c0, c1), (1, r0, r1)):
-            start = geometry.origin[axis] + np.arange(first, last + 1) * geometry.resolution
-            gap = np.maximum(np.maximum(start - high[axis], low[axis] - start - geometry.resolution), 0.0) ** 2
-            gaps.append(gap[None, None, :] if axis == 0 else gap[None, :, None])
-        apart = np.sqrt(gaps[0] + gaps[1] + gaps[2])
-        # Where both overlap: the deeper the box lies below a top, the sooner that prism is tried.
-        return np.asarray(np.where(apart > 0.0, apart, gap_z))
 
     def _prism(self, half: int, row: int, column: int) -> Any:
         key = (half, row, column)
@@ -159,19 +145,12 @@ class GroundPrisms:
             x, y, _ = geometry.origin
             top = [(x + c * geometry.resolution, y + r * geometry.resolution, self._heights[r, c]) for r, c in cells]
             bottom = [(px, py, min(height for *_, height in top) - THICK) for px, py, _ in top]
-            self._prisms[key] = _prism_of(np.array([*top, *bottom]))
+            self._prisms[key] = _hull_of(np.array([*top, *bottom]))
         return self._prisms[key]
 
 
-def _prism_of(corners: FloatArray) -> Any:
-    faces = coal.StdVec_Triangle()
-    for face in _FACES:
-        faces.append(coal.Triangle(*face))
-    return coal.Convex(_vectors(corners), faces)
-
-
-def _vectors(points: FloatArray) -> Any:
+def _hull_of(points: FloatArray) -> Any:
     found = coal.StdVec_Vec3s()
     for point in np.asarray(points, np.float64):
         found.append(point)
-    return found
+    return coal.ConvexBase.convexHull(found, False, "Qt")

@@ -179,8 +179,7 @@ def nodes() -> str:
     """Return the table of the rate that the nodes hold."""
     from studies.soil.nodes import rates  # needs ROS
 
-    head = ["physics at 240 Hz", "collider alone: real-time factor, late steps", "with the node soil"]
-    return table(head, rates())
+    return rates()
 
 
 # The blocks of each page.

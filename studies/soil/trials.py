@@ -137,13 +137,7 @@ class TowedWheel:
     """
 
     def __init__(
-        self,
-        soil: SoilType | str,
-        wheel: Wheel = TOWED,
-        *,
-        spacing: float,
-        slip: float = 0.0,
-        elastic: float = RIGID,
+        self, soil: SoilType | str, wheel: Wheel = TOWED, *, spacing: float, slip: float = 0.0, elastic: float = RIGID
     ) -> None:
         known = soil_named(soil) if isinstance(soil, str) else soil
         self._type = replace(known, elastic_K=elastic, damping_R=0.0)

@@ -6,16 +6,15 @@ import math
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from hypothesis import given
 from hypothesis import strategies as st
-from rclpy.serialization import deserialize_message
-from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
+from std_msgs.msg import Header
 
 from smartmesh_ros.node.parameters.specifications import NAMES
 from smartmesh_ros.tools.testing import domain
 from studies.load.cases import CODES, RESOLUTION, RISE, WAVE, Case, groups
-from studies.load.driver import TerrainMessages
-from studies.load.processes import run_case
+from studies.load.driver import TerrainMessages, run_case
 from studies.load.soak_report import slope_of
 from studies.load.tables import Summary, runs
 
@@ -34,13 +33,11 @@ def test_every_case_has_a_name_of_its_own_and_parameters_that_the_node_knows() -
 @given(st.integers(0, 100), st.floats(0.0, 100.0))
 def test_maps_and_regions_are_the_wave_with_a_code_that_comes_round(k: int, time: float) -> None:
     messages = TerrainMessages(SMALL)
-    stamp = int(1e9 * time)
-    whole = deserialize_message(messages.whole(k, time, stamp), Heightmap)
-    region = deserialize_message(messages.region(k, time, stamp), HeightmapUpdate)
+    whole, region = (make(k, time, Time(sec=int(time))) for make in (messages.whole, messages.region))
     side = SMALL.window
     part = np.reshape(whole.heights, (SMALL.side, SMALL.side))[:side, :side]
     np.testing.assert_array_equal(np.reshape(region.heights, (side, side)), part)
-    assert whole.header.stamp.sec + 1e-9 * whole.header.stamp.nanosec == pytest.approx(time, abs=1e-6)
+    assert whole.header == region.header == Header(frame_id="map", stamp=Time(sec=int(time)))
     x, y = np.array(SMALL.probe) / RESOLUTION
     assert part[round(y), round(x)] == pytest.approx(RISE * (k % CODES))
     amplitude, wave_number, frequency = WAVE
