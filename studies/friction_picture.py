@@ -58,7 +58,8 @@ def main() -> None:
         left.axhspan(*side, color=COLOURS[kind])
     for (kind, speed), places in found.items():
         left.plot(*places[:, :2].T, color=LINES[kind], linewidth=2.0)
-        left.add_patch(Rectangle(places[-1, :2] - (0.5 * BOX.x, 0.5 * BOX.y), BOX.x, BOX.y, facecolor=PLUM, zorder=3))
+        x, y, _ = places[-1].tolist()
+        left.add_patch(Rectangle((x - 0.5 * BOX.x, y - 0.5 * BOX.y), BOX.x, BOX.y, facecolor=PLUM, zorder=3))
         left.annotate(f"{speed:g} m/s", places[0, :2], xytext=(-12, 0), textcoords="offset points", ha="right",
                       va="center", fontsize=9)  # fmt: skip
     left.set(xlim=(-1.0, 9.0), ylim=(-2.0, 2.0), aspect="equal")
