@@ -17,10 +17,9 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from studies.configurations import BARE
 from studies.markdown import table
-from studies.matrix.real_maps import CELLS, STEP, Site
+from studies.matrix.real_maps import STEP, Site
 from studies.matrix.row import Outcome
 
-NOISE_RATE = 20.0  # of noisy maps [Hz]
 COLOURS = {True: "#cfe8d5", False: "#f4c7c3", None: "#eeeeee"}  # by whether a cell passes
 
 
@@ -108,14 +107,9 @@ def corrected(way: Way, by: float) -> FloatArray:
 
 def noisy(way: Way, noise: float, seconds: float) -> FloatArray:
     """Return the height of a body over its true rest [m] on ground whose maps have white noise [m]."""
-    rng = np.random.default_rng(2)
-    heights: list[float] = []
     with Site(way.patch, "box", motion=way.motion, physics=way.physics) as site:
         rest = site.state.position[2]
-        for _ in range(round(seconds * NOISE_RATE)):
-            site.tell(rng.normal(0.0, noise, (CELLS, CELLS)))
-            heights += [state.position[2] for state in site.states(1.0 / NOISE_RATE)]
-    return np.array(heights) - rest
+        return np.array([state.position[2] for state in site.in_noise(noise, seconds)]) - rest
 
 
 def draw_box(path: Path, seconds: float = 5.0) -> None:

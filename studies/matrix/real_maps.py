@@ -22,6 +22,7 @@ from studies.robots.robot import LAIKAGO
 
 CELLS, RESOLUTION = 61, 0.1
 STEP = 1.0 / 240.0
+NOISE_RATE = 20.0  # of noisy maps [Hz]
 SHAPES: dict[str, Shape] = {"box": Box(0.4, 0.4, 0.3), "ball": Sphere(0.15), "cylinder": Cylinder(0.2, 0.3)}
 ROBOTS = {"wheeled robot": (HUSKY, 0.0), "robot on legs": (LAIKAGO.urdf, 0.46)}  # and how high they start [m]
 SIZES = (0.01, 0.03, 0.1, 0.3, -0.01, -0.03, -0.1, -0.3)
@@ -53,7 +54,7 @@ class Site(Arena):
     ) -> None:
         self.level = inclined(slope)
         motion = motion or MotionConfig(changes="correction", noise=noise)
-        super().__init__(method, size=CELLS, resolution=RESOLUTION, physics=physics, motion=motion, heights=self.level)
+        super().__init__(method, self.level, size=CELLS, resolution=RESOLUTION, physics=physics, motion=motion)
         away = ROBOTS[kind][1] if kind in ROBOTS else 0.15
         state = BodyState(
             (-math.sin(slope) * away, 0.017, math.cos(slope) * away),
@@ -75,6 +76,14 @@ class Site(Arena):
     def states(self, seconds: float) -> list[BodyState]:
         """Steps through so many seconds; returns how the body was after every step."""
         return [self.state for _ in self.run(seconds)]
+
+    def in_noise(self, noise: float, seconds: float) -> list[BodyState]:
+        """Return how the body is after every step of a time [s] with level maps at 20 Hz that have white noise [m]."""
+        rng, states = np.random.default_rng(2), []
+        for _ in range(round(seconds * NOISE_RATE)):
+            self.tell(rng.normal(0.0, noise, (CELLS, CELLS)))
+            states += self.states(1.0 / NOISE_RATE)
+        return states
 
 
 def inclined(slope: float) -> FloatArray:
@@ -119,19 +128,13 @@ def worst_correction(measure: str, kind: str, slope: float, turn: float, method:
 def at_rest_in_noise(measure: str, kind: str, sigma: float, method: PatchConfig) -> float:
     """Return a figure of a body on level ground whose maps have white noise, at 20 Hz, for 10 s after the first map:
     its maximum speed [m/s], largest error of height in standard deviations, or drift [mm]."""
-    rng = np.random.default_rng(2)
     with Site(method, kind, noise=sigma) as site:
         rest = site.state.position[2]
-        speeds, errors, places = [], [], []
-        for number in range(220):
-            site.tell(rng.normal(0.0, sigma, (CELLS, CELLS)))
-            for state in site.states(0.05):
-                if number >= 20:
-                    speeds.append(math.hypot(*state.linear))
-                    errors.append(abs(state.position[2] - rest) / sigma)
-                    places.append(state.position[:2])
-        drift = 1e3 * max(math.dist(places[0], place) for place in places)
-        return {"speed": max(speeds), "height": max(errors), "drift": drift}[measure]
+        states = site.in_noise(sigma, 11.0)[round(1.0 / STEP) :]
+        drift = 1e3 * max(math.dist(states[0].position[:2], state.position[:2]) for state in states)
+        speed = max(math.hypot(*state.linear) for state in states)
+        height = max(abs(state.position[2] - rest) / sigma for state in states)
+        return {"speed": speed, "height": height, "drift": drift}[measure]
 
 
 KINDS = (*SHAPES, *ROBOTS)

@@ -69,7 +69,7 @@ def tunnels(method: PatchConfig) -> float:
             speed = 2.0 + 38.0 * index / 39.0
             arena.spawn(f"ball_{index}", Sphere(0.02), (x, y, 0.5), linear=(0.0, 0.0, -speed))
         arena.settle(1.0)
-        return float(arena.lost())
+        return float(len(arena.lost()))
 
 
 def doubled_patch(method: PatchConfig) -> float:
