@@ -35,16 +35,14 @@ def terrain() -> HeightMap:
 
 def ways() -> dict[tuple[str, float], FloatArray]:
     """Return the place of each box (steps, 3) [m], by its ground and its speed at the start."""
+    found: dict[tuple[str, float], list[Any]] = {(kind, speed): [] for kind in LANES for speed in SPEEDS}
     with World(terrain(), WorldConfig(physics=PhysicsConfig(friction=BODY))) as world:
-        for kind, lanes in LANES.items():
-            for speed, y in zip(SPEEDS, lanes, strict=True):
-                start = BodyState((0.0, y, 0.5 * BOX.z), linear=(speed, 0.0, 0.0))
-                world.spawn(f"{kind} {speed:g}", BOX, 1.0, start)
-        names = {(kind, speed): f"{kind} {speed:g}" for kind in LANES for speed in SPEEDS}
-        found: dict[tuple[str, float], list[Any]] = {key: [] for key in names}
+        for kind, speed in found:
+            start = BodyState((0.0, LANES[kind][SPEEDS.index(speed)], 0.5 * BOX.z), linear=(speed, 0.0, 0.0))
+            world.spawn(f"{kind} {speed:g}", BOX, 1.0, start)
         for _ in range(STEPS):
-            for key, name in names.items():
-                found[key].append(world.state(name).position)
+            for (kind, speed), places in found.items():
+                places.append(world.state(f"{kind} {speed:g}").position)
             world.step()
     return {key: np.array(places) for key, places in found.items()}
 
@@ -80,7 +78,3 @@ def main() -> None:
     right.spines[["top", "right"]].set_visible(False)
     figure.savefig(OUT)
     print(f"wrote {OUT}, {OUT.stat().st_size / 1e3:.0f} kB")
-
-
-if __name__ == "__main__":
-    main()

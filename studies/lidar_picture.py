@@ -65,7 +65,3 @@ def main() -> None:
     write.text((12, 8), "terrain_sensor: a lidar of 16 beams on a husky", "black", ImageFont.load_default(size=17))
     picture.save(OUT)
     print(f"{met.sum()} of {len(rays)} rays met the ground or a box; wrote {OUT}")
-
-
-if __name__ == "__main__":
-    main()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from statistics import geometric_mean, median
 from typing import Any, NamedTuple
@@ -16,7 +17,7 @@ from studies.front import beyond_all, cheapest_as_accurate, deviation_of, distan
 from studies.machine import describe, measured_on
 from studies.markdown import table
 from studies.pages import blocks_of, fill
-from studies.results_file import records, save_results
+from studies.results_file import save_results
 
 OURS = ("ours", "ours, less")
 DEFAULTS = "defaults"
@@ -216,7 +217,8 @@ class Charts(NamedTuple):
         for caption, scene in scenes.items():
             found = results[scene.name] = run(scene)
             draw_scene(self.images(out) / f"{scene.name}.png", caption, found, families, self.unit)
-            save_results(self.data(out), {"scenes": records(results)})
+            kept = {name: {one: asdict(result) for one, result in of.items()} for name, of in results.items()}
+            save_results(self.data(out), {"scenes": kept})
             picture = f"![](images/{self.name}/{scene.name}.png)"
             parts.append(f"## {scene.title}\n\n{picture}\n\n{scene_table(found)}\n")
         draw_all(self.images(out) / "all.png", titles, results, families, self.unit)

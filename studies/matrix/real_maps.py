@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,16 +26,6 @@ SHAPES: dict[str, Shape] = {"box": Box(0.4, 0.4, 0.3), "ball": Sphere(0.15), "cy
 ROBOTS = {"wheeled robot": (HUSKY, 0.0), "robot on legs": (LAIKAGO.urdf, 0.46)}  # and how high they start [m]
 SIZES = (0.01, 0.03, 0.1, 0.3, -0.01, -0.03, -0.1, -0.3)
 ISSUE = "a correction gives no speed"
-
-
-class Thrown(NamedTuple):
-    """Motion of a body after a correction: maximum height above its new rest [mm], maximum speed [m/s], rotation
-    relative to the ground [deg] and sliding [mm]."""
-
-    above: float
-    speed: float
-    turned: float
-    slid: float
 
 
 class Site(Arena):
@@ -94,8 +83,10 @@ def inclined(slope: float) -> FloatArray:
 
 def correction(
     method: PatchConfig, kind: str, by: float, after: float, slope: float = 0.0, turn: float = 0.0
-) -> Thrown:
-    """A body at rest whose ground is corrected by a height [m] and a turn [rad], a time after the last map [s]."""
+) -> dict[str, float]:
+    """A body at rest whose ground is corrected by a height [m] and a turn [rad], a time after the last map [s]: how far
+    it rises above its new rest [mm], its maximum speed [m/s], rotation relative to the ground [deg] and sliding
+    [mm]."""
     with Site(method, kind, slope) as site:
         site.settle(2.0)
         site.tell(site.level)
@@ -108,21 +99,19 @@ def correction(
         up, now_up = rotate(np.array([before.orientation, end.orientation]), np.array([[0.0, 0.0, 1.0]]))[:, 0]
         turned = math.acos(min(float(up @ now_up), 1.0)) - abs(turn)
         slid = math.dist(before.position[:2], end.position[:2])
-        return Thrown(
-            1e3 * (max(state.position[2] for state in states) - rest),
-            max(math.hypot(*state.linear) for state in states),
-            math.degrees(abs(turned)),
-            1e3 * slid,
-        )
+        return {
+            "above": 1e3 * (max(state.position[2] for state in states) - rest),
+            "speed": max(math.hypot(*state.linear) for state in states),
+            "turned": math.degrees(abs(turned)),
+            "slid": 1e3 * slid,
+        }
 
 
 def worst_correction(measure: str, kind: str, slope: float, turn: float, method: PatchConfig) -> float:
     """The worst figure of a body over all corrections; infinite where it does not keep its tilt to a degree."""
     cases = [(by, after) for by in SIZES for after in (0.1, 1.0)] if not slope and not turn else [(0.1, 0.1)]
     found = [correction(method, kind, by, after, slope, turn) for by, after in cases]
-    if max(thrown.turned for thrown in found) > 1.0:
-        return math.inf
-    return max(float(getattr(thrown, measure)) for thrown in found)
+    return math.inf if max(one["turned"] for one in found) > 1.0 else max(one[measure] for one in found)
 
 
 def at_rest_in_noise(measure: str, kind: str, sigma: float, method: PatchConfig) -> float:
