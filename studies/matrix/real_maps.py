@@ -137,16 +137,10 @@ ROWS = (
         for measure, limit, unit in (("above", 5.0, "mm"), ("speed", 0.2, "m/s"))
     ),
     *(
-        own_row(
-            f"corrected by 10 cm on 15 deg, {kind}: slid", partial(worst_correction, "slid", kind, math.radians(15.0),
-            0.0), 5.0, "mm", "friction holds",
-        )
-        for kind in ("box", "cylinder", "wheeled robot")
-    ),
-    *(
-        own_row(
-            f"map tilted by 2 deg, {kind}: speed", partial(worst_correction, "speed", kind, 0.0, math.radians(2.0)),
-            0.2, "m/s", ISSUE,
+        own_row(f"{what}, {kind}: {measure}", partial(worst_correction, measure, kind, slope, turn), limit, unit, why)
+        for what, measure, slope, turn, limit, unit, why in (
+            ("corrected by 10 cm on 15 deg", "slid", math.radians(15.0), 0.0, 5.0, "mm", "friction holds"),
+            ("map tilted by 2 deg", "speed", 0.0, math.radians(2.0), 0.2, "m/s", ISSUE),
         )
         for kind in ("box", "cylinder", "wheeled robot")
     ),

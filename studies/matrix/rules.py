@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import resource
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -94,12 +95,14 @@ def bad_input(method: PatchConfig) -> float:
         arena.spawn("ball", Sphere(0.2), (0.013, 0.017, 0.2))
         arena.settle(1.0)
         before = arena.positions()[0]
-        for heights, row in ((np.zeros((60, 61)), None), (np.full((61, 61), np.inf), None), (np.ones((9, 9)), 55)):
+        attempts: tuple[Callable[[], None], ...] = (
+            lambda: arena.tell(np.zeros((60, 61))),
+            lambda: arena.tell(np.full((61, 61), np.inf)),
+            lambda: arena.heightmap.update_region(55, 0, np.ones((9, 9)), time=arena.world.time),
+        )
+        for take in attempts:
             try:
-                if row is None:
-                    arena.heightmap.replace(heights, time=arena.world.time)
-                else:
-                    arena.heightmap.update_region(row, 0, heights, time=arena.world.time)
+                take()
             except InputError:
                 arena.settle(0.1)
             else:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from operator import methodcaller
 from typing import Any
 
 import numpy as np
@@ -152,11 +153,8 @@ def hit(method: PatchConfig) -> float:
     worst = 0.0
     for speed in (0.5, 5.0, 40.0):
         for start, velocity in (((-1.0, 0.03, 0.12), (speed, 0.0, 0.0)), ((0.5, 0.03, 1.0), (0.0, 0.0, -speed))):
-
-            def throw(arena: Arena, start: Any = start, velocity: Any = velocity) -> None:
-                arena.spawn("thrown", Sphere(0.1), start, linear=velocity)
-
-            paths = [play(method, box_alone, once(throw), sleep=sleep, steps=120) for sleep in (True, False)]
+            throw = once(methodcaller("spawn", "thrown", Sphere(0.1), start, linear=velocity))
+            paths = [play(method, box_alone, throw, sleep=sleep, steps=120) for sleep in (True, False)]
             asleep, awake = (min(place[2] for places in path for place in places.values()) for path in paths)
             worst = max(worst, 1e3 * float(awake - asleep))
     return worst
