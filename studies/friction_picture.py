@@ -6,23 +6,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pybullet as pb
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from smartmesh_ros import BodyState, Box, HeightMap, World
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.world import WorldConfig
-from studies.tiny_renderer import Camera, Stage
 
 OUT = Path("docs/images/friction.png")
-CAMERA = Camera((4.0, -8.2, 9.5), (4.0, -0.15, 0.0), 23.5, 1100, 500)
 SPACING, LENGTH, WIDTH = 0.1, 101, 41  # of the map; samples along x and along y
 GRAVITY, BODY = 9.81, 0.5  # and the coefficient of the boxes
 GROUND = {"ice": 0.2, "gravel": 1.4}  # coefficients of the ground, by which that of the boxes is multiplied
-COLOURS = {"ice": (0.70, 0.84, 0.96), "gravel": (0.80, 0.66, 0.50)}
+COLOURS = {"ice": "#b2d6f5", "gravel": "#cca880"}
 LINES = {"ice": "#1f6fb4", "gravel": "#5a3210"}
-BOX, PLUM = Box(0.36, 0.36, 0.12), (0.75, 0.30, 0.50)
+BOX, PLUM = Box(0.36, 0.36, 0.12), "#bf4d80"
 SPEEDS = (1.0, 2.0, 3.0, 4.0)  # at the start [m/s]
 LANES = {"ice": (0.3, 0.76, 1.22, 1.68), "gravel": (-0.3, -0.76, -1.22, -1.68)}  # y of the boxes [m]
 STEPS = 1200
@@ -37,35 +35,16 @@ def terrain() -> HeightMap:
 
 def ways() -> dict[tuple[str, float], FloatArray]:
     """Return the place of each box (steps, 3) [m], by its ground and its speed at the start."""
+    found: dict[tuple[str, float], list[Any]] = {(kind, speed): [] for kind in LANES for speed in SPEEDS}
     with World(terrain(), WorldConfig(physics=PhysicsConfig(friction=BODY))) as world:
-        for kind, lanes in LANES.items():
-            for speed, y in zip(SPEEDS, lanes, strict=True):
-                start = BodyState((0.0, y, 0.5 * BOX.z), linear=(speed, 0.0, 0.0))
-                world.spawn(f"{kind} {speed:g}", BOX, 1.0, start)
-        names = {(kind, speed): f"{kind} {speed:g}" for kind in LANES for speed in SPEEDS}
-        found: dict[tuple[str, float], list[Any]] = {key: [] for key in names}
+        for kind, speed in found:
+            start = BodyState((0.0, LANES[kind][SPEEDS.index(speed)], 0.5 * BOX.z), linear=(speed, 0.0, 0.0))
+            world.spawn(f"{kind} {speed:g}", BOX, 1.0, start)
         for _ in range(STEPS):
-            for key, name in names.items():
-                found[key].append(world.state(name).position)
+            for (kind, speed), places in found.items():
+                places.append(world.state(f"{kind} {speed:g}").position)
             world.step()
     return {key: np.array(places) for key, places in found.items()}
-
-
-def shot(found: dict[tuple[str, float], FloatArray]) -> Any:
-    """Return the picture (H, W, 3) of the boxes where they stopped."""
-    stage = Stage()
-    x = np.linspace(-1.0, 9.0, 41)
-    surfaces = []
-    for kind, side in (("gravel", (-2.0, 0.0)), ("ice", (0.0, 2.0))):
-        across, along = np.meshgrid(np.linspace(*side, 9), x, indexing="ij")
-        surfaces.append((np.stack([along, across, np.zeros_like(along)], axis=-1), COLOURS[kind]))
-    stage.replace_ground(*surfaces)
-    for places in found.values():
-        uid = stage.add(pb.GEOM_BOX, PLUM, halfExtents=[0.5 * BOX.x, 0.5 * BOX.y, 0.5 * BOX.z])
-        stage.client.resetBasePositionAndOrientation(uid, places[-1], (0.0, 0.0, 0.0, 1.0))
-    colours = stage.shoot(CAMERA).colours
-    stage.close()
-    return colours
 
 
 def main() -> None:
@@ -73,17 +52,17 @@ def main() -> None:
     found = ways()
     figure = Figure(figsize=(11.0, 3.7), dpi=110, layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.75, 1.0])
-    left.imshow(shot(found))
-    left.set_axis_off()
-    left.set_title("ice (0.2) beside gravel (1.4), and the ways of boxes with friction 0.5", fontsize=11)
+    for kind, side in (("ice", (0.0, 2.0)), ("gravel", (-2.0, 0.0))):
+        left.axhspan(*side, color=COLOURS[kind])
     for (kind, speed), places in found.items():
-        behind = places[places[:, 0] < places[-1, 0] - 0.5 * BOX.x]  # the box hides the rest
-        pixels = CAMERA.pixels(np.concatenate([places[:1], behind]) * (1.0, 1.0, 0.0))
-        left.plot(*pixels.T, color=LINES[kind], linewidth=2.0)
-        left.annotate(f"{speed:g} m/s", pixels[0], xytext=(-9, 0), textcoords="offset points", ha="right", va="center",
-                      fontsize=9)  # fmt: skip
-    left.set_xlim(0, CAMERA.width)
-    left.set_ylim(CAMERA.height, 0)
+        left.plot(*places[:, :2].T, color=LINES[kind], linewidth=2.0)
+        x, y, _ = places[-1].tolist()
+        left.add_patch(Rectangle((x - 0.5 * BOX.x, y - 0.5 * BOX.y), BOX.x, BOX.y, facecolor=PLUM, zorder=3))
+        left.annotate(f"{speed:g} m/s", places[0, :2], xytext=(-12, 0), textcoords="offset points", ha="right",
+                      va="center", fontsize=9)  # fmt: skip
+    left.set(xlim=(-1.0, 9.0), ylim=(-2.0, 2.0), aspect="equal")
+    left.set_axis_off()
+    left.set_title("ice (0.2) beside gravel (1.4) from above, and the ways of boxes with friction 0.5", fontsize=11)
     v = np.linspace(0.0, 4.3, 100)
     for kind, ground in GROUND.items():
         mu = ground * BODY
@@ -99,7 +78,3 @@ def main() -> None:
     right.spines[["top", "right"]].set_visible(False)
     figure.savefig(OUT)
     print(f"wrote {OUT}, {OUT.stat().st_size / 1e3:.0f} kB")
-
-
-if __name__ == "__main__":
-    main()

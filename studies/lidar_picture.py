@@ -24,12 +24,6 @@ STEPS, RANGE = 720, 12.0
 HIDDEN = 0.25  # distance between a point and what its pixel shows from which something is before the point [m]
 
 
-def directions() -> np.ndarray:
-    """Return the directions (N, 3) of all rays."""
-    turn, beam = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, STEPS, endpoint=False), BEAMS)
-    return np.stack([np.cos(beam) * np.cos(turn), np.cos(beam) * np.sin(turn), np.sin(beam)], axis=-1).reshape(-1, 3)
-
-
 def main() -> None:
     """Look once around, and write the picture."""
     terrain: HeightMap = ground()
@@ -41,7 +35,9 @@ def main() -> None:
             world.spawn(f"box_{number}", Box(*sides), 20.0, BodyState((*place, 0.0)), on_ground=True, align=True)
         world.step(240)
         eye = np.array(world.base_state("husky").position) + (0.0, 0.0, ABOVE)
-        rays = directions()
+        turn, beam = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, STEPS, endpoint=False), BEAMS)
+        x, y, z = np.cos(beam) * np.cos(turn), np.cos(beam) * np.sin(turn), np.sin(beam)
+        rays = np.stack([x, y, z], axis=-1).reshape(-1, 3)
         hits = world.cast_rays(np.tile(eye, (len(rays), 1)), rays, RANGE, through=("husky",))
         for number in range(len(BOXES)):
             state = world.state(f"box_{number}")
@@ -65,7 +61,3 @@ def main() -> None:
     write.text((12, 8), "terrain_sensor: a lidar of 16 beams on a husky", "black", ImageFont.load_default(size=17))
     picture.save(OUT)
     print(f"{met.sum()} of {len(rays)} rays met the ground or a box; wrote {OUT}")
-
-
-if __name__ == "__main__":
-    main()

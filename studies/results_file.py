@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +22,6 @@ def save_results(path: Path, data: dict[str, Any]) -> None:
     text = json.dumps(json.loads(exact, parse_float=lambda figure: float(f"{float(figure):.{DIGITS}g}")), indent=1)
     # Strings hold no line breaks, so that this changes the layout alone: what has no braces inside takes a line.
     path.write_text(re.sub(r"{[^{}]+}|\[[^][{}]+\]", _in_a_line, text) + "\n")
-
-
-def records(results: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Results, which are dataclasses, by scene or group and name, as records."""
-    return {group: {name: asdict(one) for name, one in found.items()} for group, found in results.items()}
 
 
 def _in_a_line(record: re.Match[str]) -> str:

@@ -159,7 +159,3 @@ def main() -> None:
     for way, most in deepest.items():
         print(f"\n{way}: at most {1e3 * most:.1f} mm below the ground", end="")
     print(f"\nwrote {OUT}, {OUT.stat().st_size / 1e6:.1f} MB")
-
-
-if __name__ == "__main__":
-    main()

@@ -5,9 +5,12 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from statistics import geometric_mean, median
+from statistics import geometric_mean
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from studies.chart import draw_all, draw_scene
 from studies.configurations import Configuration, Family
@@ -16,7 +19,7 @@ from studies.front import beyond_all, cheapest_as_accurate, deviation_of, distan
 from studies.machine import describe, measured_on
 from studies.markdown import table
 from studies.pages import blocks_of, fill
-from studies.results_file import records, save_results
+from studies.results_file import save_results
 
 OURS = ("ours", "ours, less")
 DEFAULTS = "defaults"
@@ -110,18 +113,17 @@ def _mm(metres: float) -> str:
 def rates_table(titles: Mapping[str, str], results: Mapping[str, Mapping[str, Result]]) -> str:
     """How often patches follow: one row a scene, by its name in ``titles``, and the medians over all scenes."""
     rows = [[title, *(_figures(results[name][rate]) for rate in RATES)] for name, title in titles.items()]
-    every_step, default, seldom = ([results[name][rate].cost for name in titles] for rate in RATES)
+    every_step, default, seldom = (np.array([results[name][rate].cost for name in titles]) for rate in RATES)
     return (
         table(["scene", "every step", "60 Hz, the default", "30 Hz"], rows)
-        + f"\n\nOver all scenes (median) the default costs {median(_ratios(default, every_step)):.2f} of patches in "
-        + f"every step, and 30 Hz {median(_ratios(seldom, every_step)):.2f}."
+        + f"\n\nOver all scenes (median) the default costs {np.median(default / every_step):.2f} of patches in "
+        + f"every step, and 30 Hz {np.median(seldom / every_step):.2f}."
     )
 
 
 def choosing_table(titles: Mapping[str, str], results: Mapping[str, Mapping[str, Result]]) -> str:
     """`auto` beside fields alone: one row a scene, in ascending order of the ratio, and the mean over all scenes."""
-    auto, fields = ([results[name][one].cost for name in titles] for one in (DEFAULTS, FIELDS))
-    ratios = dict(zip(titles, _ratios(auto, fields), strict=True))
+    ratios = {name: results[name][DEFAULTS].cost / results[name][FIELDS].cost for name in titles}
     rows = [
         [titles[name], *(_figures(results[name][one]) for one in (DEFAULTS, FIELDS)), f"{ratios[name]:.2f}"]
         for name in sorted(ratios, key=lambda name: ratios[name])
@@ -136,10 +138,6 @@ def choosing_table(titles: Mapping[str, str], results: Mapping[str, Mapping[str,
 def _figures(result: Result) -> str:
     """Return the cost [ms], and the penetration [mm] in brackets."""
     return f"{1e-3 * result.cost:.1f} ({1e3 * result.p99:.2g})"
-
-
-def _ratios(costs: Sequence[float], others: Sequence[float]) -> list[float]:
-    return [cost / other for cost, other in zip(costs, others, strict=True)]
 
 
 Results = dict[str, dict[str, Result]]
@@ -216,7 +214,8 @@ class Charts(NamedTuple):
         for caption, scene in scenes.items():
             found = results[scene.name] = run(scene)
             draw_scene(self.images(out) / f"{scene.name}.png", caption, found, families, self.unit)
-            save_results(self.data(out), {"scenes": records(results)})
+            kept = {name: {one: asdict(result) for one, result in of.items()} for name, of in results.items()}
+            save_results(self.data(out), {"scenes": kept})
             picture = f"![](images/{self.name}/{scene.name}.png)"
             parts.append(f"## {scene.title}\n\n{picture}\n\n{scene_table(found)}\n")
         draw_all(self.images(out) / "all.png", titles, results, families, self.unit)

@@ -73,10 +73,6 @@ class _WholeMap(BulletEngine):
         self.client.stepSimulation()
         self._steps += 1
 
-    def _slid(self) -> tuple[float, float]:
-        """Return the current displacement of the map along x and y [m]."""
-        return self.setup.offset(self._steps * self.setup.dt)
-
     def close(self) -> None:
         if self.client.isConnected():
             self.client.disconnect()
@@ -110,7 +106,7 @@ class BulletTrimesh(_WholeMap):
         shape = self.client.createCollisionShape(
             pb.GEOM_MESH, vertices=self._vertices.tolist(), indices=self._indices, flags=self._flags
         )
-        self._uid = self._ground(shape, (*self._slid(), 0.0), (0.0, 0.0, 0.0, 1.0))
+        self._uid = self._ground(shape, (*self.setup.offset(self._steps * self.setup.dt), 0.0), (0.0, 0.0, 0.0, 1.0))
 
 
 class BulletHeightfield(_WholeMap):
@@ -131,7 +127,7 @@ class BulletHeightfield(_WholeMap):
         self.set_ground(self.ready(setup.heights))
 
     def _pose(self) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
-        (width, length), (x, y) = self.setup.size, self._slid()
+        (width, length), (x, y) = self.setup.size, self.setup.offset(self._steps * self.setup.dt)
         return (0.5 * width + x, 0.5 * length + y, 0.0), QUARTER_TURN
 
     def set_ground(self, ready: FloatArray) -> None:

@@ -12,6 +12,7 @@ from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.scenes.moving import Scene
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
@@ -30,30 +31,36 @@ def square(size: int, resolution: float) -> GridGeometry:
     return GridGeometry(rows=size, columns=size, resolution=resolution, origin=(-half, -half, 0.0))
 
 
+# Height [m] at positions (1, C) and (R, 1) [m].
+Heights = Callable[[FloatArray, FloatArray], Any]
+
+
 class Arena:
     """Bodies on one height map that follows a ground function. Use it as a context manager.
 
-    ``ground``: name and settings as in `make_ground`. ``map_rate`` [Hz]: rate of maps; 0 = one map. ``motion``: how
-    maps are processed. ``heights`` (R, C) [m]: of the first map, None = those of the ground.
+    ``ground``: name and settings as in `make_ground`; or, of ground at rest, heights (R, C) [m] or a function
+    height(x, y) [m] of positions (1, C) and (R, 1) [m]. ``map_rate`` [Hz]: rate of maps; 0 = one map. ``motion``: how
+    maps are processed.
     """
 
     def __init__(
         self,
         method: PatchConfig,
-        ground: dict[str, Any] | None = None,
+        ground: Any = 0.0,
         *,
         size: int = 61,
         resolution: float = 0.25,
         map_rate: float = 0.0,
         physics: PhysicsConfig | None = None,
         motion: MotionConfig | None = None,
-        heights: FloatArray | None = None,
     ) -> None:
         self.geometry = square(size, resolution)
-        self.ground = make_ground(self.geometry, **(ground or {"kind": "flat"}))
-        self.truth = make_ground(self.geometry, **(ground or {"kind": "flat"}))
-        first = self.ground.heights(0.0) if heights is None else heights
-        self.heightmap = HeightMap(first, geometry=self.geometry, motion=motion)
+        if callable(ground):
+            self.ground: Scene = Rigid(self.geometry, lambda x, y: ground(np.float64(x), np.float64(y)))
+        else:
+            named = isinstance(ground, dict)
+            self.ground = make_ground(self.geometry, **ground) if named else Rigid(self.geometry, ground)
+        self.heightmap = HeightMap(self.ground.heights(0.0), geometry=self.geometry, motion=motion)
         self.world = World(self.heightmap, WorldConfig(physics=physics or PhysicsConfig(), patch=method))
         self.shapes: dict[str, Shape] = {}
         self._map_rate = map_rate
@@ -75,13 +82,6 @@ class Arena:
         self.spawn("body", shape, position)
         self.settle(seconds)
         return np.asarray(self.positions()[0])
-
-    def form(self, height: Callable[[FloatArray, FloatArray], Any]) -> None:
-        """Set the surface of rigid ground to height(x, y) [m], a function of positions (1, C) and (R, 1) [m]."""
-        truth = self.truth
-        assert isinstance(truth, Rigid)
-        truth.surface[...] = height(np.asarray(truth.x, np.float64)[None], np.asarray(truth.y, np.float64))
-        self.heightmap.replace(truth.surface, time=0.0)
 
     def tell(self, heights: Any) -> None:
         """Replace the map by heights (R, C) [m] of now."""
@@ -128,21 +128,16 @@ class Arena:
 
     def surface(self) -> Surface:
         """The main mesh as it truly is now."""
-        return Surface(self.geometry, np.asarray(self.truth.heights(self.world.time), np.float64))
+        return Surface(self.geometry, np.asarray(self.ground.heights(self.world.time), np.float64))
 
     def clearances(self) -> FloatArray:
         """Distance of the bodies' surfaces from the ground (N,) [m]; all bodies must be of one shape."""
         return clearances(self.surface(), next(iter(self.shapes.values())), *self._poses())
 
-    def lost(self) -> int:
-        """Bodies whose centre is below the ground."""
+    def lost(self) -> set[int]:
+        """Return the numbers of the bodies whose centre is below the ground."""
         positions = self.positions()
-        return int((positions[:, 2] < self.surface().below(positions)).sum())
-
-    def frictionless(self) -> None:
-        """Takes the friction of all bodies away."""
-        for name in self.shapes:
-            self.world.client.changeDynamics(self.world.bodies[name].uid, -1, lateralFriction=0.0)
+        return set(np.flatnonzero(positions[:, 2] < self.surface().below(positions)).tolist())
 
 
 def deepest(arena: Arena, seconds: float, settle: float, every: int = 4, share: float = 99.0) -> float:
@@ -161,6 +156,5 @@ def lost_in(arena: Arena, seconds: float) -> float:
     gone: set[int] = set()
     for step, _ in enumerate(arena.run(seconds)):
         if step % 8 == 7:
-            positions = arena.positions()
-            gone.update(np.flatnonzero(positions[:, 2] < arena.surface().below(positions)).tolist())
+            gone |= arena.lost()
     return float(len(gone))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -26,44 +27,22 @@ def _buried(centre: float, method: PatchConfig) -> float:
         return fastest if abs(arena.positions()[0, 2] - 0.2) < 5e-3 else math.inf
 
 
-def wakes(method: PatchConfig) -> float:
-    """Steps until a box that has rested for 5 s falls when the ground is dug away from under it."""
+def _falls(shape: Box | Sphere, centre: float, rests: float, ground: float, method: PatchConfig) -> float:
+    """Steps until a body that rests with its ``centre`` [m] above the ground for a while [s] falls when the ``ground``
+    under it goes down to a height [m], NaN = a hole."""
     with Arena(method) as arena:
-        arena.spawn("box", Box(0.3, 0.3, 0.3), (0.013, 0.017, 0.15))
-        arena.settle(5.0)
-        arena.heightmap.update_region(20, 20, np.full((21, 21), -1.0), time=arena.world.time)
-        return _steps_until_falling(arena)
+        arena.rest_of(shape, (0.013, 0.017, centre), rests)
+        arena.heightmap.update_region(20, 20, np.full((21, 21), ground), time=arena.world.time)
+        for step, _ in enumerate(arena.run(1.0)):
+            if arena.velocities()[0, 2] < -0.5 * GRAVITY / 240.0:
+                return float(step + 1)
+        return math.inf
 
 
-def hole_opens(method: PatchConfig) -> float:
-    """Steps until a ball falls when a hole opens under it."""
-    with Arena(method) as arena:
-        arena.spawn("ball", Sphere(0.2), (0.013, 0.017, 0.2))
-        arena.settle(1.0)
-        arena.heightmap.update_region(20, 20, np.full((21, 21), np.nan), time=arena.world.time)
-        return _steps_until_falling(arena)
-
-
-def _steps_until_falling(arena: Arena) -> float:
-    for step, _ in enumerate(arena.run(1.0)):
-        if arena.velocities()[0, 2] < -0.5 * GRAVITY / 240.0:
-            return float(step + 1)
-    return math.inf
-
-
-def rim(method: PatchConfig) -> float:
-    """Error [mm] of the rest height of a ball beside a hole."""
-    with Arena(method) as arena:
-        heights = np.zeros((61, 61))
-        heights[20:41, 20:41] = np.nan
-        arena.heightmap.replace(heights, time=0.0)
-        return 1e3 * abs(float(arena.rest_of(Sphere(0.1), (-2.85, 0.017, 0.1))[2]) - 0.1)
-
-
-def map_edge(method: PatchConfig) -> float:
-    """Error [mm] of the rest height of a ball at the corner of the map."""
-    with Arena(method) as arena:
-        return 1e3 * abs(float(arena.rest_of(Sphere(0.3), (-7.4, -7.4, 0.3))[2]) - 0.3)
+def _rests(radius: float, x: float, y: float, method: PatchConfig, heights: Any = 0.0) -> float:
+    """Error [mm] of the rest height of a ball on a level map, or on one of ``heights`` (61, 61) [m]."""
+    with Arena(method, heights) as arena:
+        return 1e3 * abs(float(arena.rest_of(Sphere(radius), (x, y, radius))[2]) - radius)
 
 
 def teleports(method: PatchConfig) -> float:
@@ -130,13 +109,21 @@ def sinks_beside(method: PatchConfig) -> float:
         return 1e3 * max(float(arena.positions()[0, 2]) - (float(before[2]) - 0.1), 0.0)
 
 
+_HOLE = np.pad(np.full((21, 21), np.nan), 20)
 ROWS = (
     Row("T7 buried by half", partial(_buried, 0.05), 4.0, "m/s", "comes out, at a capped speed"),
     Row("T7 centre below the ground", partial(_buried, -0.1), 4.0, "m/s", "comes out, at a capped speed", quick=True),
-    Row("T9 dug away", wakes, 3.0, "steps", "a few steps", quick=True),
-    Row("hole opens", hole_opens, 3.0, "steps", "a few steps"),
-    Row("rim of a hole", rim, 1.0, "mm", "rest height", skip=("whole trimesh",)),
-    Row("corner of the map", map_edge, 1.0, "mm", "rest height"),
+    Row("T9 dug away", partial(_falls, Box(0.3, 0.3, 0.3), 0.15, 5.0, -1.0), 3.0, "steps", "a few steps", quick=True),
+    Row("hole opens", partial(_falls, Sphere(0.2), 0.2, 1.0, np.nan), 3.0, "steps", "a few steps"),
+    Row(
+        "rim of a hole",
+        partial(_rests, 0.1, -2.85, 0.017, heights=_HOLE),
+        1.0,
+        "mm",
+        "rest height",
+        skip=("whole trimesh",),
+    ),
+    Row("corner of the map", partial(_rests, 0.3, -7.4, -7.4), 1.0, "mm", "rest height"),
     Row("teleporting ball", teleports, 10.0, "mm", "half of 0.5 m/s in a step and slop"),
     Row("maps change at rest", maps_change, 1.0, "mm", "nothing moves", quick=True),
     Row("kinds change at rest", kinds_change, 1.0, "mm", "nothing moves", quick=True),

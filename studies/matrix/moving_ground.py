@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -86,22 +87,20 @@ def _wave(amplitude: float, number: float, frequency: float) -> dict[str, Any]:
 WAVES = {1: _wave(0.3, 1.0, 1.0), 4: _wave(0.3, 1.0, 4.0), 8: _wave(0.5, 1.5, 8.0), 16: _wave(0.5, 1.5, 16.0)}
 
 
-def _rides(
-    frequency: int, method: PatchConfig, shape: Shape = BALL, map_rate: float = 240.0, rate: float = 240.0
-) -> float:
-    """Penetration [mm], 99 %, of 16 bodies; infinite where one is lost."""
+def _waves(
+    measure: Callable[[Arena], float], frequency: int, method: PatchConfig, shape: Shape = BALL,
+    map_rate: float = 240.0, rate: float = 240.0, **state: Any,
+) -> float:  # fmt: skip
+    """What is measured of 16 bodies on waves."""
     physics = PhysicsConfig(rate=rate)
     with Arena(method, WAVES[frequency], size=61, map_rate=map_rate, physics=physics) as arena:
-        arena.scatter(16, shape, 4.0, shape.bounding_radius + 0.05)
-        return deepest(arena, 1.5, 0.5)
+        arena.scatter(16, shape, 4.0, shape.bounding_radius + 0.05, **state)
+        return measure(arena)
 
 
-def _loses(frequency: int, method: PatchConfig, map_rate: float = 240.0, rate: float = 240.0, **state: Any) -> float:
-    """Bodies whose centre is below the ground at any time."""
-    physics = PhysicsConfig(rate=rate)
-    with Arena(method, WAVES[frequency], size=61, map_rate=map_rate, physics=physics) as arena:
-        arena.scatter(16, BALL, 4.0, 0.25, **state)
-        return lost_in(arena, 1.5)
+# Penetration [mm], 99 %, infinite where a body is lost; and how many are lost at any time.
+_rides = partial(_waves, partial(deepest, seconds=1.5, settle=0.5))
+_loses = partial(_waves, partial(lost_in, seconds=1.5))
 
 
 def crowd(method: PatchConfig) -> float:

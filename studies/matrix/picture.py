@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from matplotlib.transforms import Bbox
 
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.patches.config import PatchConfig
@@ -17,10 +17,9 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from studies.configurations import BARE
 from studies.markdown import table
-from studies.matrix.real_maps import CELLS, STEP, Site
+from studies.matrix.real_maps import STEP, Site
 from studies.matrix.row import Outcome
 
-NOISE_RATE = 20.0  # of noisy maps [Hz]
 COLOURS = {True: "#cfe8d5", False: "#f4c7c3", None: "#eeeeee"}  # by whether a cell passes
 
 
@@ -34,43 +33,40 @@ def figure_text(outcome: Outcome) -> str:
     return f"{value:.0f}" if value == round(value) or abs(value) >= 99.5 else f"{value:.2g}"
 
 
+def _cells(outcomes: Sequence[Outcome]) -> tuple[list[str], Any]:
+    """Return the methods, and the outcomes as an array (rows, methods)."""
+    methods = list(dict.fromkeys(outcome.method for outcome in outcomes))
+    return methods, np.array(outcomes, object).reshape(-1, len(methods))
+
+
 def matrix_table(outcomes: Sequence[Outcome]) -> str:
     """The matrix in Markdown; figures beyond their limit are bold."""
-    methods = list(dict.fromkeys(outcome.method for outcome in outcomes))
-    cells = {(outcome.row, outcome.method): outcome for outcome in outcomes}
+    methods, cells = _cells(outcomes)
     rows = []
-    for row in dict.fromkeys(outcome.row for outcome in outcomes):
-        first = cells[row, methods[0]]
-        found = [cells[row, method] for method in methods]
+    for found in cells:
         texts = [f"**{figure_text(o)}**" if o.passed is False else figure_text(o) for o in found]
-        rows.append([row, f"{first.limit:g} {first.unit}", first.source, *texts])
-    passed = [sum(o.passed is True for o in outcomes if o.method == method) for method in methods]
-    ran = [sum(o.passed is not None for o in outcomes if o.method == method) for method in methods]
-    rows.append(["passed", "", "", *[f"{p} of {r}" for p, r in zip(passed, ran, strict=True)]])
+        rows.append([found[0].row, f"{found[0].limit:g} {found[0].unit}", found[0].source, *texts])
+    verdicts = [[o.passed for o in column] for column in cells.T]
+    rows.append(["passed", "", "", *[f"{one.count(True)} of {len(one) - one.count(None)}" for one in verdicts]])
     return table(["test", "limit", "source of the limit", *methods], rows)
 
 
 def draw_matrix(path: Path, outcomes: Sequence[Outcome]) -> None:
     """Green cells pass, red ones fail; each shows its figure."""
-    methods = list(dict.fromkeys(outcome.method for outcome in outcomes))
-    rows = list(dict.fromkeys(outcome.row for outcome in outcomes))
-    figure = Figure(figsize=(3.6 + 1.15 * len(methods), 1.6 + 0.26 * len(rows)), layout="constrained")
+    methods, cells = _cells(outcomes)
+    figure = Figure(figsize=(4.2 + 1.15 * len(methods), 1.0 + 0.26 * len(cells)), layout="tight")
     axes = figure.add_subplot()
-    for outcome in outcomes:
-        x, y = methods.index(outcome.method), rows.index(outcome.row)
-        colour = COLOURS[outcome.passed]
-        axes.add_patch(Rectangle((x, y), 1, 1, facecolor=colour, edgecolor="white", linewidth=1.5))
-        weight = "bold" if outcome.passed is False else "normal"
-        axes.text(x + 0.5, y + 0.5, figure_text(outcome), ha="center", va="center", fontsize=8, fontweight=weight)
-    limits = {outcome.row: f"{outcome.row}  (<= {outcome.limit:g} {outcome.unit})" for outcome in outcomes}
-    axes.set_xlim(0, len(methods))
-    axes.set_ylim(len(rows), 0)
-    axes.set_xticks([x + 0.5 for x in range(len(methods))], methods, rotation=25, ha="left", fontsize=8)
-    axes.xaxis.tick_top()
-    axes.set_yticks([y + 0.5 for y in range(len(rows))], [limits[row] for row in rows], fontsize=8)
-    axes.tick_params(length=0)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
+    drawn = axes.table(
+        cellText=[[figure_text(one) for one in row] for row in cells], cellLoc="center",
+        cellColours=[[COLOURS[one.passed] for one in row] for row in cells],
+        rowLabels=[f"{one.row}  (<= {one.limit:g} {one.unit})" for one in cells[:, 0]], colLabels=methods,
+        colWidths=[1.0 / len(methods)] * len(methods), bbox=Bbox.unit(),
+    )  # fmt: skip
+    for (row, column), cell in drawn.get_celld().items():
+        failed = row > 0 <= column and cells[row - 1, column].passed is False
+        cell.set_edgecolor("white")
+        cell.set_text_props(fontsize=8, weight="bold" if failed else "normal")
+    axes.set_axis_off()
     axes.set_title("Stability: green passes, red fails its limit; figures in the limit's unit", fontsize=10)
     figure.savefig(path, dpi=100)
 
@@ -108,14 +104,9 @@ def corrected(way: Way, by: float) -> FloatArray:
 
 def noisy(way: Way, noise: float, seconds: float) -> FloatArray:
     """Return the height of a body over its true rest [m] on ground whose maps have white noise [m]."""
-    rng = np.random.default_rng(2)
-    heights: list[float] = []
     with Site(way.patch, "box", motion=way.motion, physics=way.physics) as site:
         rest = site.state.position[2]
-        for _ in range(round(seconds * NOISE_RATE)):
-            site.tell(rng.normal(0.0, noise, (CELLS, CELLS)))
-            heights += [state.position[2] for state in site.states(1.0 / NOISE_RATE)]
-    return np.array(heights) - rest
+        return np.array([state.position[2] for state in site.in_noise(noise, seconds)]) - rest
 
 
 def draw_box(path: Path, seconds: float = 5.0) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import resource
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -69,7 +70,7 @@ def tunnels(method: PatchConfig) -> float:
             speed = 2.0 + 38.0 * index / 39.0
             arena.spawn(f"ball_{index}", Sphere(0.02), (x, y, 0.5), linear=(0.0, 0.0, -speed))
         arena.settle(1.0)
-        return float(arena.lost())
+        return float(len(arena.lost()))
 
 
 def doubled_patch(method: PatchConfig) -> float:
@@ -94,12 +95,14 @@ def bad_input(method: PatchConfig) -> float:
         arena.spawn("ball", Sphere(0.2), (0.013, 0.017, 0.2))
         arena.settle(1.0)
         before = arena.positions()[0]
-        for heights, row in ((np.zeros((60, 61)), None), (np.full((61, 61), np.inf), None), (np.ones((9, 9)), 55)):
+        attempts: tuple[Callable[[], None], ...] = (
+            lambda: arena.tell(np.zeros((60, 61))),
+            lambda: arena.tell(np.full((61, 61), np.inf)),
+            lambda: arena.heightmap.update_region(55, 0, np.ones((9, 9)), time=arena.world.time),
+        )
+        for take in attempts:
             try:
-                if row is None:
-                    arena.heightmap.replace(heights, time=arena.world.time)
-                else:
-                    arena.heightmap.update_region(row, 0, heights, time=arena.world.time)
+                take()
             except InputError:
                 arena.settle(0.1)
             else:

@@ -7,28 +7,11 @@ import multiprocessing
 from collections.abc import Callable, Sequence
 
 from smartmesh_ros.errors import InputError
-from studies.matrix import (
-    changes,
-    moving_ground,
-    real_maps,
-    rules,
-    sleeping,
-    still_ground,
-    touching,
-    uneven_maps,
-)
+from studies.matrix import changes, moving_ground, real_maps, rules, sleeping, still_ground, touching, uneven_maps
 from studies.matrix.row import METHODS, Outcome, Row
 
-ROWS: tuple[Row, ...] = (
-    *still_ground.ROWS,
-    *moving_ground.ROWS,
-    *changes.ROWS,
-    *rules.ROWS,
-    *touching.ROWS,
-    *real_maps.ROWS,
-    *uneven_maps.ROWS,
-    *sleeping.ROWS,
-)
+_PARTS = (still_ground, moving_ground, changes, rules, touching, real_maps, uneven_maps, sleeping)
+ROWS: tuple[Row, ...] = tuple(row for part in _PARTS for row in part.ROWS)
 QUICK_METHODS = ("defaults", "rebuilt trimesh")
 
 

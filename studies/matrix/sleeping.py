@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
+from operator import methodcaller
 from typing import Any
 
 import numpy as np
@@ -18,7 +20,6 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.states import simulated_states
-from smartmesh_ros.world.world import WorldConfig
 from studies.matrix.arena import HUSKY, Arena
 from studies.matrix.row import Row
 from studies.matrix.still_ground import lay_on_slope
@@ -58,7 +59,7 @@ def play(
     return path
 
 
-def astray(method: PatchConfig, build: Build, event: Event, **more: Any) -> float:
+def astray(build: Build, event: Event, method: PatchConfig, **more: Any) -> float:
     """Largest distance [mm] of any body from its place in a world that never sleeps, at the end; infinite if one is
     lost."""
     asleep, awake = (play(method, build, event, sleep=sleep, **more)[-1] for sleep in (True, False))
@@ -109,6 +110,13 @@ def rise(height: float, speed: float) -> Callable[[float], Any]:
     return lambda time: FLAT + np.float32(min(speed * (time + 1.0 / MAPS), height))
 
 
+def sunk(height: float) -> Event:
+    """The ground under both bodies is at a ``height`` [m] at once, NaN = gone."""
+    heights = FLAT.copy()
+    heights[12:29, 12:29] = height
+    return changed_map(lambda _: heights)
+
+
 def once(act: Callable[[Arena], None]) -> Event:
     """Do something before the first step."""
     return lambda arena, step: act(arena) if step == 0 else None
@@ -116,48 +124,21 @@ def once(act: Callable[[Arena], None]) -> Event:
 
 def rises(method: PatchConfig) -> float:
     """Ground rises by 0.1 to 300 mm at 0.05 to 3 m/s, by maps and by regions: the worst of all."""
-    worst = 0.0
-    for height in (1e-4, 1e-3, 0.01, 0.3):
-        for speed in (0.05, 3.0):
-            for region in (False, True):
-                event = changed_map(rise(height, speed), region=region)
-                worst = max(worst, astray(method, ball_and_box, event))
-    return worst
+    changes = [rise(height, speed) for height in (1e-4, 1e-3, 0.01, 0.3) for speed in (0.05, 3.0)]
+    events = [changed_map(change, region=region) for change in changes for region in (False, True)]
+    return max(astray(ball_and_box, event, method) for event in events)
 
 
-def dug_away(method: PatchConfig) -> float:
-    """The ground under both bodies is dug away by 0.2 m at once."""
-    heights = FLAT.copy()
-    heights[12:29, 12:29] = -0.2
-    return astray(method, ball_and_box, changed_map(lambda _: heights))
-
-
-def hole(method: PatchConfig) -> float:
-    """The ground under both bodies is gone: they fall as far as awake ones."""
-    heights = FLAT.copy()
-    heights[12:29, 12:29] = np.nan
-    return astray(method, ball_and_box, changed_map(lambda _: heights), steps=60)
-
-
-def no_tile(method: PatchConfig) -> float:
-    """The only tile is removed: they fall as far as awake ones."""
-    return astray(method, ball_and_box, once(lambda arena: arena.world.terrain.remove("")), steps=60)
-
-
-def slide(method: PatchConfig) -> float:
+def slide(arena: Arena) -> None:
     """The ground starts to slide at 0.3 m/s, as a belt does."""
-
-    def start(arena: Arena) -> None:
-        arena.tell(FLAT)
-        arena.heightmap.slide((0.3, 0.0), 0.5)
-
-    return astray(method, ball_and_box, once(start), steps=240)
+    arena.tell(FLAT)
+    arena.heightmap.slide((0.3, 0.0), 0.5)
 
 
-def corrected(method: PatchConfig) -> float:
-    """The map is corrected by 5 cm."""
-    change = changed_map(lambda _: FLAT + 0.05)
-    return astray(method, ball_and_box, change, motion=MotionConfig(changes="correction"))
+def turn_gravity(arena: Arena) -> None:
+    """Gravity tilts so far that both bodies slide."""
+    config = arena.world.config
+    arena.world.configure(replace(config, physics=replace(config.physics, gravity=(7.0, 0.0, -7.0))))
 
 
 def bottom_taken(method: PatchConfig) -> float:
@@ -166,22 +147,14 @@ def bottom_taken(method: PatchConfig) -> float:
     return 1e3 * float(max(abs(ends[f"box_{level + 1}"][2] - 0.1 - 0.2 * level) for level in range(4)))
 
 
-def pile_of_fifty(method: PatchConfig) -> float:
-    """The ground under ten columns of five boxes rises by 2 cm."""
-    return astray(method, pile(50), changed_map(rise(0.02, 0.1)))
-
-
 def hit(method: PatchConfig) -> float:
     """A box is hit by a ball of its mass at 0.5 to 40 m/s, from the side and from above: how much deeper it gets than
     awake."""
     worst = 0.0
     for speed in (0.5, 5.0, 40.0):
         for start, velocity in (((-1.0, 0.03, 0.12), (speed, 0.0, 0.0)), ((0.5, 0.03, 1.0), (0.0, 0.0, -speed))):
-
-            def throw(arena: Arena, start: Any = start, velocity: Any = velocity) -> None:
-                arena.spawn("thrown", Sphere(0.1), start, linear=velocity)
-
-            paths = [play(method, box_alone, once(throw), sleep=sleep, steps=120) for sleep in (True, False)]
+            throw = once(methodcaller("spawn", "thrown", Sphere(0.1), start, linear=velocity))
+            paths = [play(method, box_alone, throw, sleep=sleep, steps=120) for sleep in (True, False)]
             asleep, awake = (min(place[2] for places in path for place in places.values()) for path in paths)
             worst = max(worst, 1e3 * float(awake - asleep))
     return worst
@@ -213,29 +186,13 @@ def robot_pushes(method: PatchConfig) -> float:
     return 1e3 * math.dist(asleep, awake)
 
 
-def joint_commanded(method: PatchConfig) -> float:
-    """A robot at rest gets a joint command."""
-    drive = once(partial(drive_husky, speed=2.0))
-    return astray(method, partial(spawn_husky, x=0.0), drive, steps=240)
-
-
-def gravity_turns(method: PatchConfig) -> float:
-    """Gravity tilts so far that both bodies slide."""
-
-    def turn(arena: Arena) -> None:
-        physics = PhysicsConfig(sleep=arena.world.config.physics.sleep, gravity=(7.0, 0.0, -7.0))
-        arena.world.configure(WorldConfig(physics=physics, patch=method))
-
-    return astray(method, ball_and_box, once(turn), steps=60)
-
-
 def guest_comes(method: PatchConfig) -> float:
     """A remote ball rolls into the box."""
     with small(PatchConfig()) as other:
         other.spawn("guest", Sphere(0.1), (-0.3, 0.03, 0.1), linear=(2.0, 0.0, 0.0))
         path = [simulated_states(other.world), *(simulated_states(other.world) for _ in other.run(119.0 / RATE))]
     return astray(
-        method, box_alone, lambda arena, step: arena.world.guests.take("other", path[step], arena.world.time), steps=120
+        box_alone, lambda arena, step: arena.world.guests.take("other", path[step], arena.world.time), method, steps=120
     )
 
 
@@ -279,19 +236,29 @@ SOURCE = "a world that never sleeps"
 # Where bodies tumble against one another, two runs differ by centimetres whatever sleeps.
 CHAOS = "a world that never sleeps; chaos"
 
+# Rows about what happens to a ball and a box; where the ground is gone they fall as far as awake ones.
+_DUG, _HOLE = partial(astray, ball_and_box, sunk(-0.2)), partial(astray, ball_and_box, sunk(math.nan), steps=60)
+_NO_TILE = partial(astray, ball_and_box, once(lambda arena: arena.world.terrain.remove("")), steps=60)
+_SLIDES = partial(astray, ball_and_box, once(slide), steps=240)
+_UP = changed_map(lambda _: FLAT + 0.05)
+_CORRECTED = partial(astray, ball_and_box, _UP, motion=MotionConfig(changes="correction"))
+_TURNS = partial(astray, ball_and_box, once(turn_gravity), steps=60)
+# The ground under ten columns of five boxes rises by 2 cm; a robot at rest gets a joint command.
+_PILE = partial(astray, pile(50), changed_map(rise(0.02, 0.1)))
+_COMMAND = partial(astray, partial(spawn_husky, x=0.0), once(partial(drive_husky, speed=2.0)), steps=240)
 ROWS = (
     Row("sleep: ground rises", rises, 1.0, "mm", SOURCE),
-    Row("sleep: dug away", dug_away, 1.0, "mm", SOURCE, quick=True),
-    Row("sleep: a hole", hole, 1.0, "mm", SOURCE, quick=True),
-    Row("sleep: its tile goes", no_tile, 1.0, "mm", SOURCE, quick=True),
-    Row("sleep: slides", slide, 1.0, "mm", SOURCE, quick=True),
-    Row("sleep: corrected", corrected, 1.0, "mm", SOURCE, quick=True),
+    Row("sleep: dug away", _DUG, 1.0, "mm", SOURCE, quick=True),
+    Row("sleep: a hole", _HOLE, 1.0, "mm", SOURCE, quick=True),
+    Row("sleep: its tile goes", _NO_TILE, 1.0, "mm", SOURCE, quick=True),
+    Row("sleep: slides", _SLIDES, 1.0, "mm", SOURCE, quick=True),
+    Row("sleep: corrected", _CORRECTED, 1.0, "mm", SOURCE, quick=True),
     Row("sleep: bottom taken", bottom_taken, 1.0, "mm", "geometry", quick=True),
-    Row("sleep: pile of 50", pile_of_fifty, 5.0, "mm", CHAOS),
+    Row("sleep: pile of 50", _PILE, 5.0, "mm", CHAOS),
     Row("sleep: hit", hit, 1.0, "mm", SOURCE, quick=True),
     Row("sleep: robot pushes", robot_pushes, 50.0, "mm", CHAOS),
-    Row("sleep: joint commanded", joint_commanded, 5.0, "mm", CHAOS, quick=True),
-    Row("sleep: gravity turns", gravity_turns, 1.0, "mm", SOURCE, quick=True),
+    Row("sleep: joint commanded", _COMMAND, 5.0, "mm", CHAOS, quick=True),
+    Row("sleep: gravity turns", _TURNS, 1.0, "mm", SOURCE, quick=True),
     Row("sleep: guest comes", guest_comes, 1.0, "mm", SOURCE, quick=True),
     Row("sleep: fused noise", noise, 50.0, "%", "asleep most of the time"),
     Row("sleep: an hour on 25 degrees", long_on_slope, 0.0, "mm", "Coulomb"),

@@ -4,6 +4,7 @@ on faster than their patches follow."""
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -16,7 +17,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
-from studies.matrix.arena import Arena, deepest
+from studies.matrix.arena import Arena, Heights, deepest
 from studies.matrix.row import Row
 from studies.matrix.still_ground import sinks
 
@@ -28,19 +29,25 @@ def _pit(x: FloatArray, y: FloatArray) -> Any:
     return SLOPE * (np.abs(x) + np.abs(y))
 
 
-def rests_in_corner(shape: Shape, height: float, drop: float, method: PatchConfig) -> float:
-    """Distance [mm] of a body on the corner of four cells, all of which it touches, from its rest ``height``
-    [m] over the corner, a second after it fell by ``drop`` [m]."""
-    with Arena(method, size=21) as arena:
-        arena.form(_pit)
-        return 1e3 * math.dist(arena.rest_of(shape, (0.0, 0.0, height + drop)), (0.0, 0.0, height))
+def rests_on(
+    form: Heights, shape: Shape, rest: tuple[float, float, float], start: float,
+    method: PatchConfig, size: int = 21, resolution: float = 0.25,
+) -> float:  # fmt: skip
+    """Distance [mm] of a body on ground of a ``form`` from its place at ``rest`` (3,) [m], a second after it was put
+    down there at a height of ``start`` [m]."""
+    with Arena(method, form, size=size, resolution=resolution) as arena:
+        return 1e3 * math.dist(arena.rest_of(shape, (*rest[:2], start)), rest)
+
+
+def on_corner(shape: Shape, height: float, drop: float) -> Callable[[PatchConfig], float]:
+    """Return `rests_on` for the corner of four cells, all of which a body touches at rest at a ``height`` [m]."""
+    return partial(rests_on, _pit, shape, (0.0, 0.0, height), height + drop)
 
 
 def rolls_along_seam(method: PatchConfig) -> float:
     """Error [mm] of where a ball gets that rolls for 2 s at 0.2 m/s along a seam, which is the bottom of a groove."""
     secant = math.hypot(1.0, SLOPE)
-    with Arena(method, size=21) as arena:
-        arena.form(lambda x, y: SLOPE * np.abs(y))
+    with Arena(method, lambda x, y: SLOPE * np.abs(y), size=21) as arena:
         # It rolls on two circles, nearer to its axis than its own radius.
         spin = 0.2 / (0.2 / secant)
         arena.spawn("ball", Sphere(0.2), (0.0, 0.0, 0.2 * secant), linear=(0.2, 0.0, 0.0), angular=(0.0, spin, 0.0))
@@ -50,8 +57,9 @@ def rolls_along_seam(method: PatchConfig) -> float:
 
 def rolls_over_corners(method: PatchConfig) -> float:
     """Deepest penetration [mm] of a ball that rolls along a row of samples which are 1 cm up and down in turns."""
-    with Arena(method, size=21) as arena:
-        arena.form(lambda x, y: 0.01 * np.cos(np.pi * np.rint(x / 0.25)) * np.cos(np.pi * np.rint(y / 0.25)))
+    with Arena(
+        method, lambda x, y: 0.01 * np.cos(np.pi * np.rint(x / 0.25)) * np.cos(np.pi * np.rint(y / 0.25)), size=21
+    ) as arena:
         arena.spawn("ball", Sphere(0.2), (0.25, 0.0, 0.2), linear=(0.5, 0.0, 0.0), angular=(0.0, 2.5, 0.0))
         return deepest(arena, 2.0, 0.0, every=1, share=100.0)
 
@@ -62,14 +70,9 @@ _CELLS = "cells of 1 and 0.1 m"
 
 def box_in_valley(method: PatchConfig) -> float:
     """Error [mm] of the rest height of a box across a valley, which stands on two of its edges; the worst of cells."""
-    worst = 0.0
-    for resolution in _CREASE_CELLS:
-        with Arena(method, size=21, resolution=resolution) as arena:
-            arena.form(lambda x, y: SLOPE * np.abs(x))
-            expected = SLOPE * 0.2 + 0.1
-            found = arena.rest_of(Box(0.4, 0.3, 0.2), (0.0, 0.013, expected + 0.005))
-            worst = max(worst, math.dist(found, (0.0, 0.013, expected)))
-    return 1e3 * worst
+    height = SLOPE * 0.2 + 0.1
+    box = partial(rests_on, lambda x, y: SLOPE * np.abs(x), Box(0.4, 0.3, 0.2), (0.0, 0.013, height), height + 0.005)
+    return max(box(method, resolution=resolution) for resolution in _CREASE_CELLS)
 
 
 def box_on_ridge(method: PatchConfig) -> float:
@@ -77,8 +80,7 @@ def box_on_ridge(method: PatchConfig) -> float:
     Infinite where it does not come to lie on that slope."""
     worst = 0.0
     for resolution in _CREASE_CELLS:
-        with Arena(method, size=21, resolution=resolution) as arena:
-            arena.form(lambda x, y: -SLOPE * np.abs(x))
+        with Arena(method, lambda x, y: -SLOPE * np.abs(x), size=21, resolution=resolution) as arena:
             arena.spawn("box", Box(0.4, 0.3, 0.2), (0.05, 0.013, 0.101))
             worst = max(worst, deepest(arena, 2.0, 0.0, every=1, share=100.0))
             _, y, _, w = arena.world.state("box").orientation
@@ -108,8 +110,8 @@ _SPINNER = """
 
 def spins_into_wall(method: PatchConfig) -> float:
     """How far [deg] from where its end meets a wall that stands beside it a turning bar gets."""
-    with Arena(method, size=61, resolution=0.05) as arena:
-        arena.form(lambda x, y: np.where(y > 0.225, 0.5, 0.0))  # samples from 0.25 m on stand on top
+    # Samples from 0.25 m on stand on top.
+    with Arena(method, lambda x, y: np.where(y > 0.225, 0.5, 0.0), size=61, resolution=0.05) as arena:
         arena.world.spawn_robot("spinner", _SPINNER, BodyState((0.0, 0.0, 0.05)))
         arena.world.drive("spinner", "spin", 20.0, 5.0)
         body = arena.world.bodies["spinner"]
@@ -129,24 +131,14 @@ def _trench(x: FloatArray, y: FloatArray) -> Any:
     return np.where(np.abs(x) < 0.125, -0.5, 0.0)
 
 
-def ball_on_trench(method: PatchConfig) -> float:
-    """Distance [mm] of a ball that two lips of a trench hold from where it should rest."""
-    with Arena(method, size=61, resolution=0.05) as arena:
-        return _error_on_trench(arena)
-
-
-def _error_on_trench(arena: Arena) -> float:
-    """Lay a ball onto the lips of the trench; return its distance [mm] from where it should rest, a second later."""
-    arena.form(_trench)
-    found = arena.rest_of(Sphere(0.2), (0.0, 0.013, 0.15))
-    return 1e3 * math.dist(found, (0.0, 0.013, math.sqrt(0.2**2 - 0.15**2)))
+_HELD, _LIPS = Sphere(0.2), (0.0, 0.013, math.sqrt(0.2**2 - 0.15**2))
 
 
 def trench_opens(method: PatchConfig) -> float:
     """How far [mm] a ball that two lips held is above 0.3 m below the ground, a second after one of them sank; infinite
     where they did not hold it."""
-    with Arena(method, size=61, resolution=0.05) as arena:
-        if _error_on_trench(arena) > 10.0:
+    with Arena(method, _trench, size=61, resolution=0.05) as arena:
+        if 1e3 * math.dist(arena.rest_of(_HELD, (0.0, 0.013, 0.15)), _LIPS) > 10.0:
             return math.inf
         sunk = np.array(arena.heightmap.heights[:, :29]) - 1.0  # all of x <= -0.1 m
         arena.heightmap.update_region(0, 0, sunk, time=arena.world.time)
@@ -154,19 +146,25 @@ def trench_opens(method: PatchConfig) -> float:
         return 1e3 * max(float(arena.positions()[0, 2]) + 0.3, 0.0)
 
 
-_BALL = partial(rests_in_corner, Sphere(0.2), 0.2 * math.sqrt(1.0 + 2.0 * SLOPE**2), 0.01)
-_BOX = partial(rests_in_corner, Box(0.12, 0.1, 0.08), SLOPE * (0.06 + 0.05) + 0.04, 0.005)
+_BALL = on_corner(Sphere(0.2), 0.2 * math.sqrt(1.0 + 2.0 * SLOPE**2), 0.01)
+_BOX = on_corner(Box(0.12, 0.1, 0.08), SLOPE * (0.06 + 0.05) + 0.04, 0.005)
+_ON_LIPS = partial(rests_on, _trench, _HELD, _LIPS, 0.15, size=61, resolution=0.05)
 _THIN_BOX = partial(sinks, Box(2.0, 0.1, 0.05), {"kind": "noise", "deviation": 0.01}, 81, 0.05, 0.1, 0.8)
 
 
 RATE = 240.0  # [Hz]
 _HIT = 6.0  # [m/s]
+_SMOOTH = PhysicsConfig(friction=0.0, sleep=False)
+
+
+def _step(start: float, height: float) -> Heights:
+    """Level ground, and from where x > ``start`` [m] on at a ``height`` [m]."""
+    return lambda x, y: np.where(x > start, height, 0.0)
 
 
 def _hit_sideways(arena: Arena, shape: Shape, height: float) -> None:
     """Has a body lie still, and hits it right after an update of its patch."""
     arena.spawn("body", shape, (0.013, 0.017, height))
-    arena.frictionless()
     arena.settle(1.0 + 1.0 / RATE)
     client, uid = arena.world.client, arena.world.bodies["body"].uid
     client.resetBaseVelocity(uid, (_HIT, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -179,7 +177,7 @@ def _seldom(method: PatchConfig) -> PatchConfig:
 
 def hit_on_flat_ground(method: PatchConfig) -> float:
     """Error [mm] of where a box without friction is at any time within half a second of a blow to 6 m/s."""
-    with Arena(_seldom(method), size=61, physics=PhysicsConfig(friction=0.0, sleep=False)) as arena:
+    with Arena(_seldom(method), size=61, physics=_SMOOTH) as arena:
         _hit_sideways(arena, Box(0.4, 0.4, 0.2), 0.1)
         start, worst = arena.positions()[0], 0.0
         for step, _ in enumerate(arena.run(0.5)):
@@ -189,8 +187,7 @@ def hit_on_flat_ground(method: PatchConfig) -> float:
 
 def hit_over_an_edge(method: PatchConfig) -> float:
     """Error [mm] of the height of a ball that a blow to 6 m/s drives over an edge, beyond which it falls freely."""
-    with Arena(_seldom(method), size=61, physics=PhysicsConfig(friction=0.0, sleep=False)) as arena:
-        arena.form(lambda x, y: np.where(x > 0.6, -1.0, 0.0))  # level up to the sample at 0.5 m
+    with Arena(_seldom(method), _step(0.6, -1.0), size=61, physics=_SMOOTH) as arena:  # level up to a sample at 0.5 m
         _hit_sideways(arena, Sphere(0.2), 0.2)
         worst, fall = 0.0, 0.0
         for _ in arena.run(0.35):
@@ -202,35 +199,21 @@ def hit_over_an_edge(method: PatchConfig) -> float:
 
 def hit_against_a_step(method: PatchConfig) -> float:
     """Deepest penetration [mm] of a ball of 0.2 m that a blow to 6 m/s drives against a step of twice its radius."""
-    with Arena(method, size=61, physics=PhysicsConfig(friction=0.0, sleep=False)) as arena:
-        arena.form(lambda x, y: np.where(x > 0.6, 0.4, 0.0))
+    with Arena(method, _step(0.6, 0.4), size=61, physics=_SMOOTH) as arena:
         _hit_sideways(arena, Sphere(0.2), 0.2)
         return deepest(arena, 0.35, 0.0, every=1, share=100.0)
 
 
-def hit_seldom_against_a_step(method: PatchConfig) -> float:
-    """The same with patches at 4 Hz."""
-    return hit_against_a_step(_seldom(method))
+def on_cliff(beyond: float, low: float, high: float, method: PatchConfig) -> float:
+    """How far [mm] the middle of a box is outside of heights from ``low`` to ``high`` [m], 2 s after it was put down
+    with its middle ``beyond`` [m] the edge of a cliff of 2 m; at 0.1 m it stays."""
+    with Arena(method, _step(0.1, -2.0), size=41) as arena:
+        height = float(arena.rest_of(Box(0.4, 0.3, 0.2), (beyond, 0.013, 0.101), 2.0)[2])
+        return 1e3 * max(height - high, low - height, 0.0)
 
 
-def tips_over_cliff(method: PatchConfig) -> float:
-    """How far [mm] a box is above half a metre below the edge, where it has fallen."""
-    return 1e3 * max(_height_on_cliff(method, 0.02) + 0.5, 0.0)
-
-
-def stays_on_cliff(method: PatchConfig) -> float:
-    """How far [mm] a box moves up or down."""
-    return 1e3 * abs(_height_on_cliff(method, -0.02) - 0.1)
-
-
-def _height_on_cliff(method: PatchConfig, beyond: float) -> float:
-    """Height [m], 2 s later, of the middle of a box that was put down with its middle ``beyond`` [m] the edge of a
-    cliff of 2 m; 0.1 m where it stays."""
-    with Arena(method, size=41) as arena:
-        arena.form(lambda x, y: np.where(x > 0.1, -2.0, 0.0))
-        return float(arena.rest_of(Box(0.4, 0.3, 0.2), (beyond, 0.013, 0.101), 2.0)[2])
-
-
+_TIPS, _STAYS = partial(on_cliff, 0.02, -math.inf, -0.5), partial(on_cliff, -0.02, 0.1, 0.1)
+_AT_6 = "main mesh; a step at 6 m/s"
 ROWS = (
     Row("ball on the corner of four cells", _BALL, 1.0, "mm", "geometry: r sqrt(1 + 2 s^2)", quick=True),
     Row("small box on the corner of four cells", _BOX, 0.5, "mm", "geometry: stands on its corners"),
@@ -239,13 +222,13 @@ ROWS = (
     Row(f"box across a valley, {_CELLS}", box_in_valley, 1.0, "mm", "geometry: stands on its edges", quick=True),
     Row(f"box across a ridge, {_CELLS}", box_on_ridge, 4.0, "mm", "main mesh, a step at 1 m/s; the slope's tilt"),
     Row("a bar that spins into a wall", spins_into_wall, 4.0, "deg", "geometry; two steps at 8 rad/s", quick=True),
-    Row("ball on the lips of a trench", ball_on_trench, 1.0, "mm", "geometry: sqrt(r^2 - (width / 2)^2)", quick=True),
+    Row("ball on the lips of a trench", _ON_LIPS, 1.0, "mm", "geometry: sqrt(r^2 - (width / 2)^2)", quick=True),
     Row("one of them sinks away", trench_opens, 0.0, "mm", "it falls in", quick=True),
     Row("long thin box on fine noise", _THIN_BOX, 4.0, "mm", "main mesh, 99 %; a step at 1 m/s", skip=("prisms",)),
     Row("hit to 6 m/s, patches at 4 Hz", hit_on_flat_ground, 1.0, "mm", "a plane; theory: 6 m/s on"),
     Row("hit over an edge, patches at 4 Hz", hit_over_an_edge, 25.0, "mm", "ballistics; two steps late", quick=True),
-    Row("hit against a step", hit_against_a_step, 25.0, "mm", "main mesh; a step at 6 m/s", quick=True),
-    Row("hit against a step, patches at 4 Hz", hit_seldom_against_a_step, 25.0, "mm", "main mesh; a step at 6 m/s"),
-    Row("box 2 cm over a cliff's edge", tips_over_cliff, 0.0, "mm", "statics: it tips", quick=True),
-    Row("box 2 cm before it", stays_on_cliff, 1.0, "mm", "statics: it stays"),
+    Row("hit against a step", hit_against_a_step, 25.0, "mm", _AT_6, quick=True),
+    Row("hit against a step, patches at 4 Hz", lambda method: hit_against_a_step(_seldom(method)), 25.0, "mm", _AT_6),
+    Row("box 2 cm over a cliff's edge", _TIPS, 0.0, "mm", "statics: it tips", quick=True),
+    Row("box 2 cm before it", _STAYS, 1.0, "mm", "statics: it stays"),
 )

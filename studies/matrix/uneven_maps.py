@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from smartmesh_ros.ground.shapes import Box, Shape, Sphere
 from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.terrain.grid import IntArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from studies.matrix.arena import Arena
 from studies.matrix.moving_ground import WAVES
@@ -56,30 +57,19 @@ def ride(frequency: int, kind: str, stamps: tuple[float, ...], noise: float, see
     return Ride(max(1e3 * float(np.nanpercentile(depths, 99.0)), 0.0), 100.0 * (highest + most) / (2.0 * most))
 
 
-def even(rate: float) -> tuple[float, ...]:
-    """Stamps at a rate [Hz]."""
-    return tuple(number / rate for number in range(math.ceil(DURATION * rate)))
+# By name, and of the numbers of maps (M,): the instants at which they come, in intervals.
+STAMPS: dict[str, Callable[[IntArray], Any]] = {
+    "jitter of an interval": lambda n: n + np.random.default_rng(4).uniform(0.0, 1.0, len(n)),
+    "bursts of five": lambda n: n // 5 * 5 + 0.2 * (n % 5),
+    "every third dropped": lambda n: n[n % 3 != 2],
+    "two swapped": lambda n: n[n % 10 != 8],  # the older one was overtaken, and is left out
+}
 
 
-def jittered(rate: float) -> tuple[float, ...]:
-    """Each up to an interval late."""
-    late = np.random.default_rng(4).uniform(0.0, 1.0, math.ceil(DURATION * rate))
-    return tuple((number + by) / rate for number, by in enumerate(late.tolist()))
-
-
-def in_bursts(rate: float) -> tuple[float, ...]:
-    """Five in one interval, then none for four."""
-    return tuple((number // 5 * 5 + 0.2 * (number % 5)) / rate for number in range(math.ceil(DURATION * rate)))
-
-
-def with_drops(rate: float) -> tuple[float, ...]:
-    """Every third is missing."""
-    return tuple(stamp for number, stamp in enumerate(even(rate)) if number % 3 != 2)
-
-
-def with_swaps(rate: float) -> tuple[float, ...]:
-    """Of every ten two come in the wrong order: the older one was overtaken, and is left out."""
-    return tuple(stamp for number, stamp in enumerate(even(rate)) if number % 10 != 8)
+def stamps_of(rate: float, name: str = "") -> tuple[float, ...]:
+    """Return the stamps [s] of maps at a rate [Hz], even ones or those of `STAMPS`."""
+    numbers = np.arange(math.ceil(DURATION * rate))
+    return tuple(((STAMPS[name](numbers) if name else numbers) / rate).tolist())
 
 
 def deeper(unit: float, run: Run, exact: Run, method: PatchConfig) -> float:
@@ -93,17 +83,11 @@ def risen(run: Run, exact: Run | None, method: PatchConfig) -> float:
     return found if exact is None else 100.0 * found / ride(*exact, method).rise
 
 
-STAMPS: dict[str, Callable[[float], tuple[float, ...]]] = {
-    "jitter of an interval": jittered,
-    "bursts of five": in_bursts,
-    "every third dropped": with_drops,
-    "two swapped": with_swaps,
-}
 # Stamps, rate of the maps [Hz], and how much more seldom the even ones are that they are compared with: nobody knows
 # how ground goes on that is not told for several intervals.
 RUNS = (
-    *((name, 60.0, 5.0 if stamps is in_bursts else 1.0) for name, stamps in STAMPS.items()),
-    *((name, 20.0, 2.0) for name, stamps in STAMPS.items() if stamps is not in_bursts),
+    *((name, 60.0, 5.0 if name == "bursts of five" else 1.0) for name in STAMPS),
+    *((name, 20.0, 2.0) for name in STAMPS if name != "bursts of five"),
 )
 ROWS = (
     *(
@@ -115,7 +99,7 @@ ROWS = (
         for noise in (0.002, 0.005)
         for rate in (20.0, 60.0)
         for kind in BODIES
-        for run, exact in [((frequency, kind, even(rate), noise, 3), (frequency, kind, even(rate), 0.0, 0))]
+        for run, exact in [((frequency, kind, stamps_of(rate), noise, 3), (frequency, kind, stamps_of(rate), 0.0, 0))]
         for measure, figure, limit, unit, source in (
             ("deeper", partial(deeper, 1e3 * noise, run, exact), 2.0, "sigma", "as without noise"),
             ("rise", partial(risen, run, None), 120.0, "%", "what the waves do, and a fifth"),
@@ -127,7 +111,9 @@ ROWS = (
             "as with even stamps" if slower == 1.0 else "as with even stamps as seldom as the longest gaps",
         )
         for name, rate, slower in RUNS
-        for run, exact in [((4, "balls", STAMPS[name](rate), 0.0, 0), (4, "balls", even(rate / slower), 0.0, 0))]
+        for run, exact in [
+            ((4, "balls", stamps_of(rate, name), 0.0, 0), (4, "balls", stamps_of(rate / slower), 0.0, 0))
+        ]
         for measure, figure, limit, unit in (
             ("deeper", partial(deeper, 1.0, run, exact), 1.0, "mm"), ("rise", partial(risen, run, exact), 120.0, "%"),
         )

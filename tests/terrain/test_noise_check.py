@@ -19,7 +19,7 @@ from smartmesh_ros.tools.evaluation.grounds import make_ground
 from smartmesh_ros.tools.evaluation.scene import Scene, read_scenes
 from studies.matrix.arena import square
 from studies.matrix.moving_ground import WAVES
-from studies.matrix.uneven_maps import STAMPS
+from studies.matrix.uneven_maps import STAMPS, stamps_of
 
 Feed = Iterator[tuple[float, GridGeometry, NDArray[Any]]]
 GRID = square(61, 0.1)
@@ -119,7 +119,7 @@ def test_no_scene_of_the_chart_gives_a_false_alarm(scene: Scene) -> None:
 @pytest.mark.parametrize("name", STAMPS)
 def test_waves_that_are_told_unevenly_give_no_false_alarm(name: str, rate: float) -> None:
     geometry = square(61, 0.25)
-    feed = of_ground(make_ground(geometry, **WAVES[4]).heights, geometry, sorted(STAMPS[name](rate)))
+    feed = of_ground(make_ground(geometry, **WAVES[4]).heights, geometry, sorted(stamps_of(rate, name)))
     assert check_of(feed).findings == NO_FINDINGS
 
 
