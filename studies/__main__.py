@@ -22,6 +22,7 @@ STUDIES = {
     "tracks": ("studies.soil.rut_pictures:drive_tracks", "a tracked machine on soil: pictures of its ruts"),
     "soak": ("studies.load.soak", "the node for minutes or hours of everything changing"),
 }
+PLAIN = ("friction", "laws", "lidar", "rising", "rover", "tracks")  # have no options
 
 
 def main() -> None:
@@ -34,7 +35,10 @@ def main() -> None:
     parser.add_argument("name", choices=STUDIES, metavar="NAME", help="a study; NAME --help tells its options")
     name = parser.parse_args(sys.argv[1:2]).name
     sys.argv = [f"python -m studies {name}", *sys.argv[2:]]
-    module, _, function = STUDIES[name][0].partition(":")
+    place, about = STUDIES[name]
+    if name in PLAIN:
+        argparse.ArgumentParser(description=about).parse_args()
+    module, _, function = place.partition(":")
     getattr(importlib.import_module(module), function or "main")()
 
 
