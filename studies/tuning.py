@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from smartmesh_ros.startup.executables import silence_pybullet
+from studies.pages import digest_of
 
 SCENES = ("crater", "heave", "noise", "rut", "sinusoid", "sliding_boxes", "stairs", "waves_w04")
-# Settings that are tried in each case; folder of results, studies and files; and the page.
-TRIALS, OUT, DOCUMENT = 96, Path("out/tuning"), Path("docs/tuning.md")
+# Settings that are tried in each case; folder of results, studies and files of this code; and the page.
+TRIALS, OUT, DOCUMENT = 96, Path("out/tuning") / digest_of("tuner"), Path("docs/tuning.md")
 # Cheaper, or truer, by less than this share is not told from noise.
 CLEARLY = 0.03
 
