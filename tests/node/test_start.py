@@ -74,7 +74,9 @@ def test_one_line_tells_the_start_and_pybullet_says_nothing(probe: Probe) -> Non
 
 def test_every_executable_ends_quietly_if_nobody_reads_its_output(domain: int) -> None:
     """As `--help | head` does, and `smartmesh-fleet | head`."""
-    names = sorted(entry.name for entry in importlib.metadata.distribution("smartmesh_ros").entry_points)
+    packages = executable(NODES[0]).parents[1].glob("python*/site-packages")  # not those of a wheel built beside them
+    [installed] = importlib.metadata.distributions(name="smartmesh_ros", path=[str(path) for path in packages])
+    names = sorted(entry.name for entry in installed.entry_points)
     commands = [[executable(name), "--help"] for name in names]
     commands += [[executable(name), "--print-parameters"] for name in NODES]
     commands += [[executable("smartmesh-demo"), "--seconds", "1000"]]
