@@ -68,7 +68,7 @@ if (there := installed_pybullet()) is not None:
 @cache
 def core() -> Path:
     """Builds the core in place and returns the library. Ends the build if that fails."""
-    library = ROOT / core_build.CORE / core_build.library_name()
+    library = ROOT / core_build.CORE / core_build.LIBRARY
     core_build.build(library)
     return library
 
@@ -88,7 +88,7 @@ class BuildWithCore(build_py):
 
     def get_outputs(self, include_bytecode: bool = True) -> list[str]:
         """All files that are copied, the core among them."""
-        library = Path(self.build_lib) / core_build.CORE / core_build.library_name()
+        library = Path(self.build_lib) / core_build.CORE / core_build.LIBRARY
         return [*super().get_outputs(include_bytecode), *([str(library)] if library.is_file() else [])]
 
 

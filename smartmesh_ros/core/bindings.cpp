@@ -24,9 +24,7 @@ NB_MODULE(_core, m) {
       .def("set_motion", &Mesh::set_motion, "mode"_a, "max_velocity"_a)
       .def("moves", [](const Mesh& m, double time) { return m.surface.moves(time); }, "time"_a)
       .def("update", &Mesh::update);
-#ifdef SMARTMESH_BULLET
   add_ground(m);
-#endif
   add_contacts(m);
   add_queries(m);
   add_updates(m);

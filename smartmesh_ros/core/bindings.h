@@ -212,7 +212,6 @@ void add_bodies(nb::module_& m);
 void add_rows(nb::module_& m);
 void add_contacts(nb::module_& m);
 void add_scans(nb::module_& m);
-// In the folder bullet, which is compiled where Bullet's headers are.
 void add_ground(nb::module_& m);
 
 }  // namespace smartmesh
