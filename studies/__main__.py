@@ -19,6 +19,7 @@ STUDIES = {
     "robots": ("studies.robots.study", "robots on rough and moving ground, beside other engines"),
     "rover": ("studies.soil.rut_pictures:drive_rover", "a wheeled robot on soil: pictures of its ruts"),
     "soil": ("studies.soil.study", "soil against closed forms, a measured wheel, and its cost"),
+    "tax": ("studies.tax", "what the ground costs beyond PyBullet's own plane"),
     "tracks": ("studies.soil.rut_pictures:drive_tracks", "a tracked machine on soil: pictures of its ruts"),
     "soak": ("studies.load.soak", "the node for minutes or hours of everything changing"),
 }
