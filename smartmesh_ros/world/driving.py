@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections import defaultdict
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from smartmesh_ros.errors import InputError
@@ -23,23 +26,32 @@ class SurfaceReading(NamedTuple):
 
 
 class Driving:
-    """What drives the bodies of a world, by name."""
+    """What drives the bodies of a world, by name. ``say`` tells the user what stops because no command came."""
 
     bodies: dict[str, Body]
     client: Any
     ground: Ground
+    time: float
+    say: Callable[[str], object]
     _motors: Motors
+    _ends: dict[tuple[str, str], float]  # times at which velocities end [s], by robot and joint or surface
+    _next_end: float  # not after the first of them
 
     def drive(self, name: str, joint: str, velocity: float, force: float | None = None) -> None:
         """Drive a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N], None = the joint's
         limit; or one of its driven surfaces at ``velocity`` [m/s]."""
         self.command(name, joint, JointCommand(velocity=velocity, effort=force))
 
-    def command(self, name: str, joint: str, command: JointCommand) -> None:
+    def command(self, name: str, joint: str, command: JointCommand, lasts: float = math.inf) -> None:
         """Drive a robot's joint by a command from now on, or one of its driven surfaces by a velocity, which is limited
-        to that of the URDF. Raises `InputError` as `require_command` does."""
+        to that of the URDF. What a velocity drives stops after it ``lasts`` [s], unless the next command comes before.
+        Raises `InputError` as `require_command` does."""
         self.require_command(name, joint, command)
         body = self.bodies[name]
+        self._ends.pop((name, joint), None)
+        if command.velocity and command.position is None and lasts < math.inf:
+            self._ends[name, joint] = self.time + lasts
+            self._next_end = min(self._next_end, self.time + lasts)
         if surface := body.surfaces.get(joint):
             self.drive_surface(name, surface.link, surface.within(command.velocity or 0.0), surface.axis)
             return
@@ -47,6 +59,27 @@ class Driving:
             self.ground.wake(body.uid)
         self._motors.command(body.uid, body.joints[joint], command)
         body.commands[joint] = command
+
+    def _stop_overdue(self) -> None:
+        """Stop what is driven by velocities whose time is over."""
+        if self.time < self._next_end:
+            return
+        stopped = defaultdict(list)
+        for (name, joint), end in list(self._ends.items()):
+            if end <= self.time:
+                self.command(name, joint, JointCommand(velocity=0.0))
+                stopped[name].append(joint)
+        self._next_end = min(self._ends.values(), default=math.inf)
+        for name, joints in stopped.items():
+            self.say(f"no command came for {', '.join(joints)} of {name!r} in time: stopped")
+
+    def _ends_of(self, name: str) -> dict[str, float]:
+        """Return the times at which the velocities of a robot end [s], by joint or surface."""
+        return {joint: end for (robot, joint), end in self._ends.items() if robot == name}
+
+    def _set_ends(self, ends: dict[tuple[str, str], float]) -> None:
+        """Replace the times at which velocities end [s]."""
+        self._ends, self._next_end = ends, min(ends.values(), default=math.inf)
 
     def require_command(self, name: str, joint: str, command: JointCommand) -> None:
         """Raise `InputError` if there is no robot of that name with this joint or driven surface, or if the command is

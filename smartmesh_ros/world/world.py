@@ -31,6 +31,9 @@ from smartmesh_ros.world.population import Population
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.snapshot import Snapshot, body_snapshot
 
+# Steps from one fit of joints' damping to the next, in which postures change little.
+DAMPED_STEPS = 8
+
 
 @dataclass(frozen=True, kw_only=True)
 class WorldConfig:
@@ -67,7 +70,7 @@ class World(Population):
 
     def _start(self) -> None:
         """Initialise without bodies, at time zero."""
-        self.time = 0.0
+        self.time, self._undamped = 0.0, 0
         client: Any = BulletClient(pb.DIRECT)
         set_up(client, self.config.physics)
         gravity = math.hypot(*self.config.physics.gravity)
@@ -94,6 +97,9 @@ class World(Population):
         if (config.physics.sleep, config.sleep) != (before.physics.sleep, before.sleep):
             self._let_sleep()
         self._factory.config = config.physics
+        if config.physics.dt != before.physics.dt:
+            for body in self.bodies.values():
+                self._factory.damp(body)
         self.guests.config = config.guests
 
     @property
@@ -140,6 +146,8 @@ class World(Population):
                 self.prepare()
             prepared()
             with self.stopwatch.stage("total"), self.stopwatch.stage("step"):
+                self._stop_overdue()
+                self._damp()
                 self._motors.apply_efforts()
                 self.client.stepSimulation()
             self.time += self.config.physics.dt
@@ -163,6 +171,7 @@ class World(Population):
         self.guests.clear()
         self.terrain.shift_time(-self.time)
         self.ground.stand_still(-self.time)
+        self._set_ends({key: end - self.time for key, end in self._ends.items()})
         self.time = 0.0
 
     def reset_bodies(self) -> None:
@@ -183,7 +192,7 @@ class World(Population):
         return Snapshot(
             time=self.time,
             bodies=tuple(
-                body_snapshot(self.client, body, self.state(name), self._belts(body))
+                body_snapshot(self.client, body, self.state(name), self._belts(body), self._ends_of(name))
                 for name, body in self.bodies.items()
                 if not body.owner
             ),
@@ -232,6 +241,7 @@ class World(Population):
             for joint, command in body.commands.items():
                 self.command(body.name, joint, command)
             self._move_belts(new, body.belts)
+        self._set_ends({(body.name, joint): end for body in snapshot.bodies for joint, end in body.ends.items()})
 
     def shown_batches(self) -> list[PatchBatch]:
         """Return the patches as of the last update, without those of remote bodies, which their owners publish."""
@@ -287,6 +297,16 @@ class World(Population):
             else:
                 self.lost.append(name)
         self.ground.go_on(self.time, self.dt)
+
+    def _damp(self) -> None:
+        """Fit the damping of joints to the postures of the robots that it is stiff for, every `DAMPED_STEPS`."""
+        self._undamped += 1
+        if self._undamped < DAMPED_STEPS:
+            return
+        self._undamped = 0
+        for name, body in self._stiff.items():
+            if not self.is_asleep(name):
+                self._factory.damp(body)
 
     def _let_sleep(self) -> None:
         self.ground.let_sleep(self._may_sleep if self.config.physics.sleep else None, self.config.sleep)
