@@ -12,8 +12,11 @@ from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.quaternions import conjugate, rotate
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.world.bodies import Body
+from smartmesh_ros.world.bodies import Body, BodyFactory
 from smartmesh_ros.world.joints import JointCommand, JointReading, Motors, read_joints
+
+# Steps from one fit of joints' damping to the next, in which postures change little.
+DAMPED_STEPS = 8
 
 
 class SurfaceReading(NamedTuple):
@@ -33,7 +36,10 @@ class Driving:
     ground: Ground
     time: float
     say: Callable[[str], object]
+    _factory: BodyFactory
     _motors: Motors
+    _stiff: dict[str, Body]  # robots whose damping depends on their posture
+    _undamped: int  # steps since it was fitted
     _ends: dict[tuple[str, str], float]  # times at which velocities end [s], by robot and joint or surface
     _next_end: float  # not after the first of them
 
@@ -59,6 +65,17 @@ class Driving:
             self.ground.wake(body.uid)
         self._motors.command(body.uid, body.joints[joint], command)
         body.commands[joint] = command
+
+    def _drive_all(self) -> None:
+        """Do what the drives and the damping of joints need before a step."""
+        self._stop_overdue()
+        self._undamped += 1
+        if self._undamped >= DAMPED_STEPS:
+            self._undamped = 0
+            for body in self._stiff.values():
+                if self.ground.followers.table["awake"][self.ground.followers.of(body.uid)].any():
+                    self._factory.damp(body)
+        self._motors.apply_efforts()
 
     def _stop_overdue(self) -> None:
         """Stop what is driven by velocities whose time is over."""

@@ -46,7 +46,7 @@ class Population(Driving):
         self.ground = ground
         self._factory = BodyFactory(client, physics)
         self._motors = Motors(client)
-        self._stiff: dict[str, Body] = {}
+        self._stiff, self._undamped = {}, 0
         self._set_ends({})
 
     def spawn(

@@ -31,9 +31,6 @@ from smartmesh_ros.world.population import Population
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.snapshot import Snapshot, body_snapshot
 
-# Steps from one fit of joints' damping to the next, in which postures change little.
-DAMPED_STEPS = 8
-
 
 @dataclass(frozen=True, kw_only=True)
 class WorldConfig:
@@ -70,7 +67,7 @@ class World(Population):
 
     def _start(self) -> None:
         """Initialise without bodies, at time zero."""
-        self.time, self._undamped = 0.0, 0
+        self.time = 0.0
         client: Any = BulletClient(pb.DIRECT)
         set_up(client, self.config.physics)
         gravity = math.hypot(*self.config.physics.gravity)
@@ -146,9 +143,7 @@ class World(Population):
                 self.prepare()
             prepared()
             with self.stopwatch.stage("total"), self.stopwatch.stage("step"):
-                self._stop_overdue()
-                self._damp()
-                self._motors.apply_efforts()
+                self._drive_all()
                 self.client.stepSimulation()
             self.time += self.config.physics.dt
             self.guests.note_contacts()
@@ -297,16 +292,6 @@ class World(Population):
             else:
                 self.lost.append(name)
         self.ground.go_on(self.time, self.dt)
-
-    def _damp(self) -> None:
-        """Fit the damping of joints to the postures of the robots that it is stiff for, every `DAMPED_STEPS`."""
-        self._undamped += 1
-        if self._undamped < DAMPED_STEPS:
-            return
-        self._undamped = 0
-        for name, body in self._stiff.items():
-            if not self.is_asleep(name):
-                self._factory.damp(body)
 
     def _let_sleep(self) -> None:
         self.ground.let_sleep(self._may_sleep if self.config.physics.sleep else None, self.config.sleep)
