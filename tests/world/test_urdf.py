@@ -36,10 +36,13 @@ def test_robots_of_the_data_package_are_accepted() -> None:
         assert checked_urdf(str(DATA / name), rules) == str((DATA / name).resolve())
 
 
-@pytest.mark.parametrize("name", ["part.obj", "package://part.obj", "file://part.obj"])
+@pytest.mark.parametrize(
+    "name",
+    ["part.obj", "package://part.obj", "file://part.obj", "file://p%61rt.obj", "file://localhost{folder}/part.obj"],
+)
 def test_meshes_beside_a_description_are_accepted(rules: UrdfRules, name: str) -> None:
     file = rules.folders[0] / "robot.urdf"
-    file.write_text(MESH.format(name))
+    file.write_text(MESH.format(name.format(folder=rules.folders[0])))
     assert checked_urdf(str(file), rules) == str(file.resolve())
     assert checked_urdf(MESH.format(rules.folders[0] / "part.obj"), rules)
 
@@ -50,6 +53,8 @@ def test_meshes_beside_a_description_are_accepted(rules: UrdfRules, name: str) -
         "../secret.obj",
         "{outside}/secret.obj",
         "file://{outside}/secret.obj",
+        "file://localhost{outside}/secret.obj",
+        "file://%2e./secret.obj",
         "link.obj",
         "/etc/passwd",
         "x/../../secret.obj",
