@@ -194,7 +194,7 @@ def test_a_joint_whose_limits_exclude_zero_starts_at_the_nearest_and_so_does_wha
 
 IGNORED = {
     "<gazebo> mu1 of wheel": '<gazebo reference="wheel"><mu1>0.2</mu1><material>Grey</material></gazebo>',
-    "<gazebo> selfCollide of the robot": "<gazebo><selfCollide>true</selfCollide></gazebo>",
+    "<gazebo> selfCollide of the robot": "<gazebo><selfCollide>true</selfCollide><gravity>true</gravity></gazebo>",
     "<safety_controller> of j": '<safety_controller k_velocity="10"/>',
     "<limit> (lower above upper) of j": limit(1.0, lower=1.0, upper=-1.0),
     "<limit> (no lower and upper) of j": '<limit effort="1" velocity="1"/>',

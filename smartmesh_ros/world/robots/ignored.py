@@ -15,24 +15,32 @@ _OF_GAZEBO = frozenset(
         "selfcollide", "springreference", "springstiffness", "static", "turngravityoff",
     )
 )  # fmt: skip
+# What they say where they change nothing.
+_USUAL = {
+    "gravity": "true", "implicitspringdamper": "false", "selfcollide": "false", "static": "false",
+    "turngravityoff": "false",
+}  # fmt: skip
 # Children of <contact> without effect on contacts with the ground.
 _OF_CONTACTS = ("contact_cfm", "contact_erp")
 
 
 def ignored_in(robot: Description) -> str:
     """Return a note about what a robot's description says in vain, empty if that is nothing."""
-    found: dict[str, list[str]] = defaultdict(list)
+    places: dict[str, dict[str, None]] = defaultdict(dict)  # by what they say
     for what, where in (*_in_gazebo(robot), *_in_links(robot), *_in_joints(robot)):
-        if where not in found[what]:
-            found[what].append(where)
-    told = [f"{what} of {', '.join(places)}" for what, places in found.items()]
+        places[what][where] = None
+    said: dict[str, list[str]] = defaultdict(list)  # by where it is said
+    for what, where_all in places.items():
+        said[", ".join(where_all)].append(what)
+    told = [f"{', '.join(words)} of {where}" for where, words in said.items()]
     return f"without effect: {'; '.join(told)}" if told else ""
 
 
 def _in_gazebo(robot: Description) -> Iterator[tuple[str, str]]:
     for block in robot.robot.findall("gazebo"):
         for child in block:
-            if str(child.tag).lower() in _OF_GAZEBO:
+            name, value = str(child.tag).lower(), (child.text or "").strip().lower()
+            if name in _OF_GAZEBO and value != _USUAL.get(name):
                 yield f"<gazebo> {child.tag}", block.get("reference", "the robot")
 
 
