@@ -182,9 +182,21 @@ class Session:
         """Return the time to compare stamps with [s]: simulated time if the node publishes it, else its clock."""
         return self.time_at(0.0) if self.settings.publish.clock else self.clock.stamp_now()
 
+    @property
+    def simulates_stamps(self) -> bool:
+        """True if stamps are simulated times, of this node or of another."""
+        return self.settings.publish.clock > 0.0 or self.clock.simulated
+
+    def state_time(self) -> float:
+        """Return the time of the bodies' states on the clock that stamps are compared with [s]."""
+        if self.settings.publish.clock:
+            return self.world.time
+        return self.clock.stamp_now() + self.world.time - self.time_at(0.0)
+
     def stamp_now(self) -> Time:
-        """Return the stamp for messages published now."""
-        return stamp_of(self.world.time if self.settings.publish.clock else self.clock.stamp_now())
+        """Return the stamp for messages published now. Under simulated time it is that of the bodies' states, because
+        one message of ``/clock`` may release several steps."""
+        return stamp_of(self.state_time() if self.simulates_stamps else self.clock.stamp_now())
 
     def time_at(self, age: float) -> float:
         """Return the simulated time [s] of the instant ``age`` [s] ago on the clock that stamps are compared with."""
@@ -196,7 +208,7 @@ class Session:
 
     def ahead_of_stamps(self) -> float:
         """Return the lead of simulated time, at which the bodies are, over the stamp for messages published now [s]."""
-        return 0.0 if self.settings.publish.clock else self.world.time - self.time_at(0.0)
+        return 0.0 if self.simulates_stamps else self.world.time - self.time_at(0.0)
 
     def require_room(self, names: Iterable[str]) -> None:
         """Raises `InputError` if bodies of these names would be too many with those of the world."""

@@ -112,7 +112,7 @@ class TerrainCollider(ParameterNode):
         with self.session.lock:
             with self.session.enduring("physics"):
                 self.session.world.refresh()
-            self._outputs.publish()
+            self._outputs.publish(idle=True)
 
     def destroy_node(self) -> None:
         """Clears the patches that viewers show, closes the world, and destroys the node."""

@@ -83,13 +83,19 @@ def _start(module: str, before: Callable[[], None] | None = silence_pybullet) ->
     if before is not None:
         before()
     try:
+        importlib.import_module("smartmesh_ros.startup.dds").require_domain()
         main = importlib.import_module(module).main
     except ModuleNotFoundError as error:
         if find_spec("rclpy") and find_spec("smartmesh_msgs"):
             raise
         sys.exit(f"{Path(sys.argv[0]).name} needs ROS 2 and smartmesh_msgs ({error}); source your workspace")
-    with ending_with_reader():
-        main()
+    try:
+        with ending_with_reader():
+            main()
+    finally:
+        # What follows takes a moment, in which Python would let a further signal end the process as an error.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
 
 
 terrain_collider = partial(_start, "smartmesh_ros.node.terrain_collider")

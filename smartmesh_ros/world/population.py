@@ -46,6 +46,8 @@ class Population(Driving):
         self.ground = ground
         self._factory = BodyFactory(client, physics)
         self._motors = Motors(client)
+        self._stiff, self._undamped = {}, 0
+        self._set_ends({})
 
     def spawn(
         self,
@@ -246,6 +248,8 @@ class Population(Driving):
         with undone(lambda: self._put_on_ground(body, belts)):
             self.client.removeBody(body.uid)
         self._motors.forget(body.uid)
+        self._stiff.pop(body.name, None)
+        self._set_ends({key: end for key, end in self._ends.items() if key[0] != body.name})
 
     def _require_free(self, name: str) -> None:
         if not name or "/" in name:
@@ -263,6 +267,8 @@ class Population(Driving):
 
     def _enter(self, body: Body) -> None:
         self.bodies[body.name] = body
+        if body.stiff:
+            self._stiff[body.name] = body
         for note in body.notes:
             self.say(f"robot {body.name!r}: {note}")
 

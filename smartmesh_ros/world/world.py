@@ -94,6 +94,9 @@ class World(Population):
         if (config.physics.sleep, config.sleep) != (before.physics.sleep, before.sleep):
             self._let_sleep()
         self._factory.config = config.physics
+        if config.physics.dt != before.physics.dt:
+            for body in self.bodies.values():
+                self._factory.damp(body)
         self.guests.config = config.guests
 
     @property
@@ -140,7 +143,7 @@ class World(Population):
                 self.prepare()
             prepared()
             with self.stopwatch.stage("total"), self.stopwatch.stage("step"):
-                self._motors.apply_efforts()
+                self._drive_all()
                 self.client.stepSimulation()
             self.time += self.config.physics.dt
             self.guests.note_contacts()
@@ -163,6 +166,7 @@ class World(Population):
         self.guests.clear()
         self.terrain.shift_time(-self.time)
         self.ground.stand_still(-self.time)
+        self._set_ends({key: end - self.time for key, end in self._ends.items()})
         self.time = 0.0
 
     def reset_bodies(self) -> None:
@@ -183,7 +187,7 @@ class World(Population):
         return Snapshot(
             time=self.time,
             bodies=tuple(
-                body_snapshot(self.client, body, self.state(name), self._belts(body))
+                body_snapshot(self.client, body, self.state(name), self._belts(body), self._ends_of(name))
                 for name, body in self.bodies.items()
                 if not body.owner
             ),
@@ -232,6 +236,7 @@ class World(Population):
             for joint, command in body.commands.items():
                 self.command(body.name, joint, command)
             self._move_belts(new, body.belts)
+        self._set_ends({(body.name, joint): end for body in snapshot.bodies for joint, end in body.ends.items()})
 
     def shown_batches(self) -> list[PatchBatch]:
         """Return the patches as of the last update, without those of remote bodies, which their owners publish."""

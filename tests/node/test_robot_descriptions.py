@@ -53,6 +53,14 @@ def test_a_refused_robot_changes_nothing_whichever_way_it_comes(probe: Probe, tm
             topic.publish(String(data=urdf))
             probe.wait_for(lambda seen=seen: refusals(probe) > seen)
         assert body_names(probe) == ["good"]
+        # The same description again is of the robot that is there; once it was removed, it is of a new one.
+        for _ in range(2):
+            topic.publish(String(data=robot(link("base"))))
+            probe.wait_for(lambda: body_names(probe) == ["good"])
+            assert probe.call("remove_body", RemoveBody, id="good").success
+            probe.wait_for(lambda: body_names(probe) == [])
+        topic.publish(String(data=robot(link("base"))))
+        probe.wait_for(lambda: body_names(probe) == ["good"])
         spawn(probe, "bad")
         probe.wait_for(lambda: body_names(probe) == ["good", "bad"])
         assert process.process.poll() is None
@@ -73,13 +81,15 @@ def test_the_packages_of_a_file_are_found_as_those_of_a_text(
     share = tmp_path / "install/share"
     index = share / "ament_index/resource_index/packages"
     index.mkdir(parents=True)
-    (share / "my_robot").mkdir()
+    (share / "my_robot/my meshes").mkdir(parents=True)
     (index / "my_robot").touch()
-    (share / "my_robot/part.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
-    text = robot(link("a", '<mesh filename="package://my_robot/part.obj"/>'))
+    part = share / "my_robot/my meshes/part.obj"
+    part.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
+    text = robot(link("a", '<mesh filename="package://my_robot/my%20meshes/part.obj"/>'))
     seen = '<visual><geometry><mesh filename="package://no_such_pkg/x.dae"/></geometry></visual><collision>'
-    file = tmp_path / "robot.urdf"
+    file = tmp_path / "my robot.urdf"
     file.write_text(text.replace("<collision>", seen))
+    local = f"file://localhost{file}".replace(" ", "%20")
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"{os.environ['AMENT_PREFIX_PATH']}:{share.parent}")
     parameters = {
         "bodies.urdf_folders": [str(tmp_path)], "robot.description": str(file), "robot.above": 1.0,
@@ -87,13 +97,13 @@ def test_the_packages_of_a_file_are_found_as_those_of_a_text(
     }  # fmt: skip
     with probe.running(parameters=parameters) as process:
         show_level_ground(probe, 100)
-        for name, urdf in (("text", text), ("path", str(file)), ("uri", f"file://{file}")):
+        for name, urdf in (("text", text), ("path", str(file)), ("uri", f"file://{file}"), ("local", local)):
             spawn(probe, name, (2.0, 2.0, 9.0), urdf=urdf)
-        wanted = {"robot", "spawned", "text", "path", "uri"}
+        wanted = {"robot", "spawned", "text", "path", "uri", "local"}
         probe.wait_for(lambda: set(body_names(probe)) == wanted)
-        (share / "my_robot/part.obj").rename(share / "my_robot/other.obj")
+        part.rename(part.with_name("other.obj"))
         answer = probe.call("spawn_body", SpawnBody, id="late", urdf=str(file))
-        assert not answer.success and "package://my_robot/part.obj" in answer.message
+        assert not answer.success and "package://my_robot/my%20meshes/part.obj" in answer.message
         assert "WARN" in process.output
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -145,5 +146,6 @@ class BodyInputs:
 
     def _on_joint_commands(self, message: JointState) -> None:
         world, names = self._session.world, self._session.robot_names
+        lasts = self._session.settings.command_timeout or math.inf
         for robot, joint, command in joint_commands_from(message, world, names.prefixes()):
-            world.command(robot, joint, command)
+            world.command(robot, joint, command, lasts)

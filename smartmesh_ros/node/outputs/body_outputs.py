@@ -214,7 +214,7 @@ def description(body: Body) -> BodyDescription:
     return made
 
 
-# Share of a step by which a scan may be early, because simulated times are sums of rounded steps.
+# Share of a step by which an output may be early, because simulated times are sums of rounded steps.
 ROUNDING = 1e-3
 
 

@@ -79,6 +79,25 @@ class Audience:
         self._all_due = -math.inf
 
 
+class RateTime:
+    """Time by which the rates of outputs count [s]: simulated time where stamps are simulated, or else steady time. A
+    pause of a node that publishes ``/clock`` takes steady time, too. Starts at zero and never goes back."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._time, self._before = 0.0, (False, 0.0)
+
+    def read(self) -> float:
+        """Return the time."""
+        session = self._session
+        simulated = session.simulates_stamps and not (session.paused and session.settings.publish.clock)
+        now = session.state_time() if simulated else monotonic()
+        if self._before[0] == simulated:
+            self._time += max(now - self._before[1], 0.0)
+        self._before = simulated, now
+        return self._time + body_outputs.ROUNDING * session.world.dt
+
+
 class _Output(NamedTuple):
     publisher: Any
     make: Callable[[], Any]  # the message, or a list of messages
@@ -119,31 +138,36 @@ class Publishing:
         self._scans = [ScanOutput(session, entry, self._qos) for entry in session.settings.height_scans]
         ends: list[Any] = [self._descriptions, *self._scans, *self._outputs.values()]
         self._diagnostics = Diagnostics(session, peers, self._clock, [end.publisher for end in ends])
+        self._time = RateTime(session)
         # Staggered, so that no step publishes all outputs.
-        start = monotonic()
         self._due = {
-            name: start + place / (len(self._outputs) * max(getattr(session.settings.publish, name), 1.0))
+            name: place / (len(self._outputs) * max(getattr(session.settings.publish, name), 1.0))
             for place, name in enumerate(self._outputs)
         }
+        self._handled = 0  # messages and calls at the last time
+        self._served = dict.fromkeys(self._outputs, 0)  # numbers of subscribers of the last messages
         self._timing_window = Window(session)
         self._audiences = {name: Audience() for name in (*PATCH_OUTPUTS, "pressed_ground")}
         self._shown = dict.fromkeys(PATCH_OUTPUTS, -1)  # the number of refreshes at the last message
 
-    def publish(self, *, now: bool = False) -> None:
-        """Publishes every output that has subscribers and is due; ``now``: due or not."""
-        time, enduring = monotonic(), self._session.enduring
-        self._publish(self._outputs, time, now=now)
+    def publish(self, *, now: bool = False, idle: bool = False) -> None:
+        """Publishes every output that has subscribers and is due. ``now``: due or not. ``idle``: without a step, also
+        if there was a message or call since the last time, and what has subscribers that it had not before."""
+        session = self._session
+        steady, time, enduring = monotonic(), self._time.read(), session.enduring
+        now, self._handled = now or (idle and session.handled != self._handled), session.handled
+        self._publish(self._outputs, time, now=now, idle=idle)
         with enduring("height_scan"):
             for scan in self._scans:
                 scan.publish(now=now)
         with enduring("clock"):
-            self._clock.publish(time)
+            self._clock.publish(steady)
         with enduring("tf"):
-            self._transforms.publish(time, at_once=now)
+            self._transforms.publish(steady, time, at_once=now)
         with enduring("body_descriptions"):
             self._descriptions.publish()
         with enduring("diagnostics"):
-            self._diagnostics.publish(time)
+            self._diagnostics.publish(steady)
 
     def close(self) -> None:
         """Deletes the patches from the displays of subscribers, which keep them else."""
@@ -156,21 +180,28 @@ class Publishing:
 
     def publish_patches(self) -> None:
         """Publishes the patch outputs that are due; called before a step, so that they do not wait for the physics."""
-        self._publish(PATCH_OUTPUTS, monotonic(), now=False)
+        self._publish(PATCH_OUTPUTS, self._time.read())
 
-    def _publish(self, names: Iterable[str], time: float, *, now: bool) -> None:
+    def _publish(self, names: Iterable[str], time: float, *, now: bool = False, idle: bool = False) -> None:
         rates = self._session.settings.publish
         for name in names:
             output, rate = self._outputs[name], getattr(rates, name)
             new = self._shown.get(name) != self._world.refreshes
-            if rate > 0.0 and (now or (new and time >= self._due[name])):
+            due = now or (new and time >= self._due[name]) or (idle and self._has_joined(name, output))
+            if rate > 0.0 and due:
                 # Keeps the phase, unless a message was missed or came before it was due.
                 self._due[name] = max(min(self._due[name], time) + 1.0 / rate, time)
                 with self._session.enduring(name):
                     self._send(name, output)
 
+    def _has_joined(self, name: str, output: _Output) -> bool:
+        """Return True if an output has more subscribers than at its last message, or at the last call."""
+        before, self._served[name] = self._served[name], output.publisher.get_subscription_count()
+        return self._served[name] > before
+
     def _send(self, name: str, output: _Output) -> None:
-        if not output.publisher.get_subscription_count():
+        self._served[name] = output.publisher.get_subscription_count()
+        if not self._served[name]:
             return
         audience = self._audiences.get(name, Audience())
         with self._world.stopwatch.stage("publish"), undone(audience.missed):

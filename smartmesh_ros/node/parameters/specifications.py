@@ -14,6 +14,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.io.urdf import UrdfRules
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import Spec
@@ -134,7 +135,8 @@ SPECS = (
     _param("bodies.default_radius", "Radius of tracked bodies whose messages give none [m].", 0.001, 100.0),
     _fixed("bodies.spawn", "Bodies spawned at start, each a YAML mapping; see config/."),
     _param("bodies.most", "Most bodies, tracked and simulated; more are refused.", 1, 1_000_000, place="most_bodies"),
-    _param("bodies.longest_urdf", "Longest robot description [bytes].", 1, 2**31),
+    _param("bodies.command_timeout", "Joints and tracks that velocities drive stop after this long without a command, "
+        "in simulated time [s]; 0 = never. Positions and efforts stay in force.", 0.0, 3600.0),
     _fixed("bodies.urdf_folders", "Folders from which services may load robot descriptions and their meshes; empty = "
         "pybullet_data and the share folders of the installed packages."),
     _fixed("bodies.poses", "Topics of geometry_msgs/PoseStamped, each for one tracked body: 'name=topic', or a topic "
@@ -165,9 +167,9 @@ SPECS = (
     _fixed("publish.durability", "QoS durability of the outputs; transient_local sends the last messages to late "
         "subscribers.", place="output_durability"),
     _param("publish.joint_states", "Rate of ~/joint_states [Hz].", 0.0, 1000.0),
-    _fixed("publish.robot_prefix", "Joints and frames of every robot are named <robot>/<name>. false: those of the "
-        "first robot have the names of its URDF, as robot_state_publisher expects. Names do not change while their "
-        "robot is there.", place="robot_prefix"),
+    _fixed("publish.robot_prefix", "Joints and frames of every robot are named <robot>/<name>. false: a robot has the "
+        "names of its URDF, as robot_state_publisher expects, unless another has one of them already. Names do not "
+        "change while their robot is there.", place="robot_prefix"),
     _param("publish.tf", "Rate of the frames of simulated bodies and robots on /tf [Hz]; 0 = never. Frames that other "
         "nodes publish are left out.", 0.0, 1000.0),
     _param("publish.odometry", "Rate of ~/odometry for each robot [Hz].", 0.0, 1000.0),
@@ -181,6 +183,7 @@ SPECS = (
 NAMES = frozenset(spec.name for spec in SPECS)
 # Parameters of earlier versions, and what replaces them.
 REMOVED = {
+    "bodies.longest_urdf": f"descriptions have at most {UrdfRules.longest} bytes; leave it out",
     "bodies.longest_name": f"names have at most {LONGEST_NAME} characters; leave it out",
     "patch.edge_filter": "contacts from the map have no inner edges; leave it out",
     "patch.tolerance": "contacts from the map are exact; leave it out",

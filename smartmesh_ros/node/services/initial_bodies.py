@@ -204,11 +204,13 @@ class InitialBodies:
         if not isinstance(error, InputError):
             self._waiting.append(name)
 
+    def has(self, name: str) -> bool:
+        """Return True if a body is there, or will be."""
+        return any(name in known for known in (self._session.world.bodies, self._waiting, self._standing))
+
     def restore(self) -> None:
         """Spawn again the initial bodies that were removed."""
-        for name in self._entries:
-            if not any(name in known for known in (self._session.world.bodies, self._waiting, self._standing)):
-                self._waiting.append(name)
+        self._waiting += [name for name in self._entries if not self.has(name)]
         self.on_terrain()
 
 
@@ -218,8 +220,9 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 class RobotDescription:
     """Keeps one robot, as described last.
 
-    Spawns the robot as soon as the terrain covers its start position. A different description replaces the robot at its
-    current pose; a description that does not load changes nothing.
+    Spawns the robot as soon as the terrain covers its start position, and again if the same description comes after it
+    was removed. A different description replaces the robot at its current pose; a description that does not load
+    changes nothing.
     """
 
     def __init__(self, session: Session, bodies: InitialBodies) -> None:
@@ -249,7 +252,7 @@ class RobotDescription:
 
     def _take(self, robot: PreparedRobot) -> None:
         settings, world = self._session.settings.robot, self._session.world
-        if robot.given == self._urdf:
+        if robot.given == self._urdf and self._bodies.has(settings.name):
             return
         entry = Entry(
             settings.name, urdf=robot.given, robot=robot, xy=settings.xy, above=settings.above, yaw=settings.yaw

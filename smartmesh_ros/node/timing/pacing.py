@@ -188,7 +188,7 @@ class Pacer:
         the straight line through its last steps. If steps are skipped, or follow another simulator's clock, simulated
         time catches up at once and needs no limit.
         """
-        ahead = -min(self.remaining(), self.period)
+        ahead = 0.0 if self._waits_for_clock else -min(self.remaining(), self.period)
         if self.follows_clock or self.policy == "skip":
             return next_step + ahead - age
         if self.overloaded:

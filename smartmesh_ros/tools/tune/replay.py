@@ -3,6 +3,7 @@ node's order of inputs."""
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -122,8 +123,9 @@ class Replay:
         elif isinstance(event, BodiesCame):
             self._track(event)
         elif isinstance(event, JointsCame):
+            lasts = self.settings.command_timeout or math.inf
             for robot, joint, command in joint_commands_from(event.message, self.world, self._names.prefixes()):
-                self.world.command(robot, joint, command)
+                self.world.command(robot, joint, command, lasts)
 
     def _track(self, event: BodiesCame) -> None:
         radii = [body.radius or self.settings.default_radius for body in event.bodies]
