@@ -40,7 +40,7 @@ class BodyServices:
         session.require_room([body.id])
         state = conversions.state_from(body.pose, body.twist)
         if not body.urdf:
-            shape = conversions.shape_from(body.shape)
+            shape = conversions.shape_of_primitive(body.shape)
             standing = {"on_ground": body.on_ground, "clearance": body.clearance, "align": body.align}
             return lambda: world.spawn(body.id, shape, body.mass, state, **standing)
         robot = await session.robots.prepared(body.urdf, session.settings)
