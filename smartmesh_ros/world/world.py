@@ -76,6 +76,19 @@ class World(Population):
         self.guests = Guests(self, self.config.guests)
         self._let_sleep()
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy of the world, or one in another process, is made of: its terrain, its settings and a
+        snapshot. Raises `InputError` if there is soil."""
+        if self.ground.soil is not None:
+            raise InputError("soil", "a world with soil cannot be copied; take it off by ground.set_soil(None) before")
+        return {"terrain": self.terrain, "config": self.config, "snapshot": self.snapshot()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make a world that evolves as one restored from the snapshot."""
+        World.__init__(self, state["terrain"], state["config"])
+        with undone(self.close):
+            self.restore(state["snapshot"])
+
     def __enter__(self) -> World:
         return self
 

@@ -186,7 +186,7 @@ def test_a_joint_that_mimics_another_follows_it(
 def test_a_planar_joint_moves_in_its_plane() -> None:
     """PyBullet's loader takes it as URDF means it, so it is accepted."""
     prepared = prepare_robot(robot(link("a", mass=0.0), B, joint("p", "planar", "a", "b").replace("0 1 0", "0 0 1")))
-    with World(HeightMap(np.zeros((5, 5)))) as world:
+    with World(HeightMap(np.zeros((5, 5)), resolution=1.0)) as world:
         world.spawn_robot("r", prepared, BodyState((1.0, 1.0, 1.0)))
         uid = world.bodies["r"].uid
         for _ in range(100):

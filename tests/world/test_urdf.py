@@ -148,7 +148,7 @@ def test_the_inertia_of_a_root_is_refused_where_the_robot_would_be_nowhere(
     rules: UrdfRules, moments: tuple[float, ...]
 ) -> None:
     text = ROLLER.format(*moments)
-    with World(HeightMap(np.zeros((5, 5)))) as world:
+    with World(HeightMap(np.zeros((5, 5)), resolution=1.0)) as world:
         world.spawn_robot("robot", text, BodyState((0.0, 0.0, 1.0)))
         uid = world.bodies["robot"].uid
         for _ in range(3):

@@ -123,7 +123,8 @@ class TerrainInputs:
                 raise InputError(
                     "unknown_tile", f"tile {new.start.tile!r} is a general mesh; use ~/terrain_mesh_update"
                 )
-            tile.update_region(new.row, new.column, new.heights, time=placed.time, velocities=new.velocities)
+            time = max(placed.time, tile.time)  # of a source whose clock is behind that of another one
+            tile.update_region(new.row, new.column, new.heights, time=time, velocities=new.velocities)
 
     def _listen_to_occupancy_updates(self, qos: QoSProfile) -> None:
         kind = find_message("map_msgs", "OccupancyGridUpdate")
@@ -164,7 +165,8 @@ class TerrainInputs:
                 raise InputError("unknown_tile", f"tile {new.start.tile!r} is a height map; use ~/heightmap_update")
             method = settings.world.patch.search
             check = None if method in ANYWHERE else partial(require_search_on, method)
-            mesh.move(new.vertices, time=placed.time, indices=new.indices, velocities=new.velocities, check=check)
+            time = max(placed.time, mesh.time)
+            mesh.move(new.vertices, time=time, indices=new.indices, velocities=new.velocities, check=check)
 
     def _overtaken(self, topic: str, start: Stamped) -> bool:
         """Return True, and count the map, if a newer map arrived just before it; such a map is skipped."""
@@ -227,13 +229,13 @@ def take_map(
 ) -> None:
     """Puts a map of ``time`` [s] into the terrain.
 
-    A map on the same grid replaces the heights of the last one. If the grid moved, samples that both grids share keep
-    their velocities. The ground keeps its friction, unless the raster has another. On `InputError` the terrain is
-    unchanged.
+    A map on the same grid replaces the heights of the last one, unless it is older, by its source's clock. If the grid
+    moved, samples that both grids share keep their velocities. The ground keeps its friction, unless the raster has
+    another. On `InputError` the terrain is unchanged.
     """
     geometry, heights, variances, friction = raster
     known = terrain.tiles.get(tile)
-    if isinstance(known, HeightMap) and known.geometry == geometry:
+    if isinstance(known, HeightMap) and known.geometry == geometry and time >= known.time:
         known.replace(heights, time=time, velocities=velocities, variance=variances, friction=friction)
         return
     require_tile_fits(tile, geometry.size, terrain, settings)
