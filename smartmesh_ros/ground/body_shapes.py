@@ -57,9 +57,11 @@ def require_body(client: Any, body: int, link: int | None = None) -> None:
     try:
         client.getBodyInfo(body)
     except (pb.error, TypeError):
-        count = client.getNumBodies()
-        known = ", ".join(str(client.getBodyUniqueId(place)) for place in range(min(count, MOST_LISTED)))
-        there = f"there is {known}{' ...' if count > MOST_LISTED else ''}" if count else "there is none yet"
+        bodies = [client.getBodyUniqueId(place) for place in range(client.getNumBodies())]
+        if body in bodies:
+            raise  # PyBullet failed
+        known = ", ".join(map(str, bodies[:MOST_LISTED])) + (" ..." if len(bodies) > MOST_LISTED else "")
+        there = f"there is {known}" if bodies else "there is none yet"
         raise InputError(
             "unknown_body", f"PyBullet has no body {body!r}; pass the number that loadURDF or createMultiBody "
             f"returned: {there}"

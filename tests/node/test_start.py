@@ -68,6 +68,7 @@ def test_one_line_tells_the_start_and_pybullet_says_nothing(probe: Probe) -> Non
     assert len(said.splitlines()) == 3, said
     root, masses, line = said.splitlines()
     assert "'base_footprint' has no mass" in root and "links without <inertial> have no mass" in masses, "once each"
+    assert "[WARN]" not in said, "most robots are like this"
     for words in ("[INFO]", "~/heightmap", "120 Hz", "patches auto, 60 Hz", "events", "parameters.yaml"):
         assert words in line
 

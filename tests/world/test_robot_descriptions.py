@@ -162,6 +162,7 @@ def test_a_joint_that_mimics_another_follows_it(
         link("base", '<box size="0.4 0.4 0.2"/>', 5.0), link("left", "", 0.1), link("right", "", 0.1),
         joint("left_joint", kinds[0], "base", "left", LIMIT), joint("right_joint", kinds[1], parent, "right", more),
     )  # fmt: skip
+    caplog.set_level("INFO")
     world.spawn_robot("r", urdf, BodyState((0.0, 0.0, 0.1)))
     assert any("'right_joint' follows 'left_joint'" in line for line in caplog.messages)
     positions = {reading.name: reading.position for reading in world.joints("r")}

@@ -19,7 +19,6 @@ from rclpy.validate_topic_name import validate_topic_name
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
-from smartmesh_ros.io.urdf import UrdfRules
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
 from smartmesh_ros.soil.soils import soil_named
@@ -219,7 +218,6 @@ class Settings:
     soil: str = ""
     most_tiles: int = 1000
     most_bodies: int = 10_000
-    longest_urdf: int = UrdfRules.longest
     urdf_folders: tuple[str, ...] = ()
     raster: RasterConfig = field(default_factory=RasterConfig)
     robot: RobotConfig = field(default_factory=RobotConfig)

@@ -14,6 +14,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.limits import FARTHEST_BODY
+from smartmesh_ros.io.urdf import UrdfRules
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import Spec
@@ -134,8 +136,9 @@ SPECS = (
     _param("bodies.default_radius", "Radius of tracked bodies whose messages give none [m].", 0.001, 100.0),
     _fixed("bodies.spawn", "Bodies spawned at start, each a YAML mapping; see config/."),
     _param("bodies.most", "Most bodies, tracked and simulated; more are refused.", 1, 1_000_000, place="most_bodies"),
-    _param("bodies.longest_urdf", "Longest robot description [bytes].", 1, 2**31),
-    _fixed("bodies.urdf_folders", "Folders from which services may load robot descriptions and their meshes; empty = "
+    _param("bodies.lost_depth", "Depth below the ground that it left at which a body that fell off is removed [m].",
+        1.0, FARTHEST_BODY, place="world.falls.depth"),
+    _param("bodies.urdf_folders", "Folders from which services may load robot descriptions and their meshes; empty = "
         "pybullet_data and the share folders of the installed packages."),
     _fixed("bodies.poses", "Topics of geometry_msgs/PoseStamped, each for one tracked body: 'name=topic', or a topic "
         "alone, which also names the body."),
@@ -181,6 +184,7 @@ SPECS = (
 NAMES = frozenset(spec.name for spec in SPECS)
 # Parameters of earlier versions, and what replaces them.
 REMOVED = {
+    "bodies.longest_urdf": f"robot descriptions have at most {UrdfRules.longest:,} bytes; leave it out",
     "bodies.longest_name": f"names have at most {LONGEST_NAME} characters; leave it out",
     "patch.edge_filter": "contacts from the map have no inner edges; leave it out",
     "patch.tolerance": "contacts from the map are exact; leave it out",

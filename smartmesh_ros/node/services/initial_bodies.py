@@ -12,7 +12,7 @@ its centre starts that far above the ground. ``yaw`` [rad] is the turn about z.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
@@ -173,6 +173,8 @@ class InitialBodies:
         if entry.urdf and entry.robot is None:
             entry = replace(entry, robot=prepare_robot(with_package_paths(entry.urdf)))
         waiting = not spawn(self._session.world, entry)
+        if not waiting and entry.xyz is not None and self._session.world.terrain.tiles:
+            self._session.start_of(entry.name, BodyState(entry.xyz))
         self._entries[entry.name] = entry
         self._waiting = [name for name in self._waiting if name != entry.name]
         if waiting:
@@ -220,9 +222,9 @@ class InitialBodies:
         if not isinstance(error, InputError):
             self._waiting.append(name)
 
-    def restore(self) -> None:
-        """Spawn again the initial bodies that were removed."""
-        for name in self._entries:
+    def restore(self, names: Collection[str] | None = None) -> None:
+        """Spawn again the initial bodies that were removed, None = all, or those of some ``names``."""
+        for name in self._entries if names is None else self._entries.keys() & names:
             if not any(name in known for known in (self._session.world.bodies, self._waiting, self._standing)):
                 self._waiting.append(name)
         self.on_terrain()

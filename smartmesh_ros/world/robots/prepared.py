@@ -49,7 +49,8 @@ class PreparedRobot:
     """A robot for `BodyFactory`. ``given``: the URDF text or path as given. ``text``: what PyBullet loads, with
     ``meshes`` (one for each use) beside it, and once they are made ``files`` by name. ``collisions``: number of
     collision elements by link. ``mimics``: joints that follow others. ``notes``: what is taken otherwise than PyBullet
-    would. ``surfaces``: driven ones by name. ``shapes``: by index of the link in PyBullet, -1 = root."""
+    would; ``warnings``: what its author likely did not mean. ``surfaces``: driven ones by name. ``shapes``: by index of
+    the link in PyBullet, -1 = root."""
 
     given: str
     text: str
@@ -57,6 +58,7 @@ class PreparedRobot:
     collisions: Mapping[str, int]
     mimics: tuple[Mimic, ...]
     notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
     surfaces: Mapping[str, SurfaceDrive] = field(default_factory=dict)
     files: Mapping[str, bytes] = field(default_factory=dict)
     shapes: Mapping[int, BodyShape] = field(default_factory=dict)
@@ -87,7 +89,7 @@ def prepare_robot(urdf: str) -> PreparedRobot:
 def _rewritten(urdf: str, robot: Description) -> PreparedRobot:
     """Return a robot whose text PyBullet can load once its meshes are made."""
     check_quantities(robot)
-    mimics, note = mimics_of(robot), with_massive_root(robot)
+    mimics, (note, warning) = mimics_of(robot), with_massive_root(robot)
     notes = [note] if note else []
     notes += [
         f"joint {m.joint!r} follows {m.leader!r} ({m.multiplier:g} times, {m.offset:+g}) by a gear" for m in mimics
@@ -107,6 +109,7 @@ def _rewritten(urdf: str, robot: Description) -> PreparedRobot:
     return PreparedRobot(
         given=urdf, text=ElementTree.tostring(made, encoding="unicode"), meshes=tuple(meshes),
         collisions={name: len(robot.collisions(name)) for name in robot.links}, mimics=mimics, notes=tuple(notes),
+        warnings=(warning,) if warning else (),
         surfaces=surface_drives_of(robot),
     )  # fmt: skip
 
