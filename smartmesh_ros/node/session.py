@@ -34,6 +34,8 @@ Act = Callable[[Any, Any], Any]
 SERVICES = QoSProfile(depth=2000)
 # Errors that end a message or call, and leave the world as it was.
 REFUSED = (InputError, pb.error)
+# Most lost bodies that a line of the log names.
+MOST_NAMED = 5
 # Errors of a step or an output that the node outlives.
 FAILED = (pb.error, rclpy_implementation.RCLError)
 
@@ -258,9 +260,13 @@ class Session:
 
     def note_lost(self) -> None:
         """Counts and logs the bodies that the world removed because they were far below the ground, or nowhere."""
-        for name, why in self.world.lost.items():
-            self.refusals.add("physics", InputError("lost", f"{name!r} {why}, and was removed; spawn it again"))
-            self.lost[name] = why
+        lost = [f"{name!r} {why}, and was removed" for name, why in self.world.lost.items()]
+        if not lost:
+            return
+        self.refusals.counts["physics: lost"] += len(lost)
+        more = f"; and {len(lost) - MOST_NAMED} more" if len(lost) > MOST_NAMED else ""
+        self.node.get_logger().warning(f"{'; '.join(lost[:MOST_NAMED])}{more}; spawn again what is missed")
+        self.lost |= self.world.lost
         self.world.lost.clear()
 
     def require_frame(self, frame_id: str) -> None:

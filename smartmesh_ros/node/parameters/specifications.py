@@ -155,7 +155,7 @@ SPECS = (
     _fixed("robot.xy", "Start position of the root link's centre of mass [m], two numbers.", -1e9, 1e9),
     _fixed("robot.above", "Start height of that centre of mass above the ground [m].", -10_000.0, 10_000.0),
     _fixed("robot.yaw", "Start rotation about z [rad].", -math.pi, math.pi),
-    _param("publish.patches", "Rate of ~/patches and ~/pressed_ground [Hz]; 0 = never.", 0.0, 1000.0),
+    _param("publish.patches", "Rate of ~/patches, ~/scene and ~/pressed_ground [Hz]; 0 = never.", 0.0, 1000.0),
     _param("publish.collider_patches", "Rate of ~/collider_patches [Hz].", 0.0, 1000.0),
     _param("publish.body_states", "Rate of ~/body_states [Hz].", 0.0, 1000.0),
     _param("publish.contacts", "Rate of ~/contacts [Hz].", 0.0, 1000.0),
