@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.body_shapes import links_with_shape, shape_of
-from smartmesh_ros.ground.bullet import undone
+from smartmesh_ros.ground.body_shapes import links_with_shape, require_body, shape_of
+from smartmesh_ros.ground.bullet import NoClient, connected_client, undone
 from smartmesh_ros.ground.bullet_sleep import SleepContacts, is_fixed
 from smartmesh_ros.ground.colliders.patch_contacts import PatchContacts
 from smartmesh_ros.ground.config import SleepConfig, time_step_of
@@ -41,6 +41,7 @@ class AttachedBodies:
         *,
         gravity: float = 9.81,
     ) -> None:
+        client = connected_client(client)
         self.config = config or PatchConfig()
         self.terrain = Terrain.of(terrain)
         self.no_proxies = missing_for(client)
@@ -60,6 +61,22 @@ class AttachedBodies:
         self._stale = True  # the next step needs an update, even if the last one has not expired
         self._steps = 1  # lifetime of the last update [steps]
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy of the ground, or one in another process, is made of: its terrain and settings. PyBullet's
+        world and what is attached there cannot be copied. Raises `InputError` if there is soil, whose state would be
+        lost."""
+        if self.soil is not None:
+            raise InputError("soil", "a ground with soil cannot be copied; take the soil off by set_soil(None) before")
+        return {name: getattr(self, name) for name in ("terrain", "config", "gravity", "time")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make a ground that answers questions about its terrain, and refuses what needs a client."""
+        nobody: Any = NoClient()
+        vars(self).update(state, _client=nobody, patches=nobody, contacts=nobody, _sleeping=nobody)
+        self.followers, self.stopwatch, self.soil = Followers(), Stopwatch(), None
+        self.no_proxies = NoClient.WHY
+        self.refreshes, self.rescues, self._stale, self._steps = 0, 0, True, 1
+
     def attach(
         self,
         body: int,
@@ -74,8 +91,12 @@ class AttachedBodies:
         Shapes are read from PyBullet, unless the base's or link's is given: as a ``shape`` about the centre of mass (or
         one that was read before), or as the ``radius`` [m] of a bounding sphere. ``solid=False`` computes patches
         without contacts. Returns the follower of the link, or of the first one; ``followers.of(body)`` lists all.
-        Raises `InputError`, and attaches nothing, if a link has no shape or is attached already.
+        Raises `InputError`, and attaches nothing, if there is no such body or link, or if a link has no shape or is
+        attached already.
         """
+        require_body(self._client, body, link)
+        if self.is_ground(body):
+            raise InputError("unknown_body", f"body {body} is a piece of this ground; attach what stands on it")
         if link is not None or radius is not None or shape is not None:
             links = [-1 if link is None else link]
         else:
@@ -95,6 +116,10 @@ class AttachedBodies:
             self.contacts.refresh(self._sleeping.stopping)
         self._stale = True
         return made[0]
+
+    def is_ground(self, body: int) -> bool:
+        """Return True if a PyBullet body stands for the ground, such as the other body of a contact point."""
+        return self.contacts.is_ground(body)
 
     def detach(self, body: int) -> None:
         """Take ``body`` and its links off the ground. Call it before the body is removed from PyBullet."""

@@ -15,6 +15,7 @@ from smartmesh_ros.ground.bullet import BulletCalls
 from smartmesh_ros.ground.bullet_sleep import is_fixed
 from smartmesh_ros.ground.config import gravity_of
 from smartmesh_ros.ground.followers import Followers
+from smartmesh_ros.terrain.checked_heights import checked_time
 from smartmesh_ros.terrain.grid import IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.surface_query import (
@@ -118,6 +119,7 @@ class Ground(AttachedBodies):
 
     def refresh(self, time: float, dt: float, *, behind_real_time: bool = False) -> None:
         """`update` for as many steps of ``dt`` [s] from ``time`` [s] on as the schedule allows."""
+        time = checked_time(time)
         self.refreshes += 1
         if self.soil is not None:
             self.soil.show()
@@ -128,6 +130,7 @@ class Ground(AttachedBodies):
     def update(self, time: float, dt: float, steps: int = 1) -> None:
         """Read the bodies at ``time`` [s], and do what holds for the next ``steps`` steps of ``dt`` [s]: move bodies
         with corrections of the ground, wake and put to sleep, take the terrain's tiles, replace colliders."""
+        time = checked_time(time)
         self.leave_lost_soil()
         duration, contacts, sleeping = dt * steps, self.contacts, self._sleeping
         self._stale = True  # until the end: an update that failed is made again before the next step
@@ -157,6 +160,7 @@ class Ground(AttachedBodies):
     def go_on(self, time: float, dt: float) -> bool:
         """Go on from the last `update` for a further step of ``dt`` [s] from ``time`` [s] on. Wakes sleeping bodies
         that something may touch in this step. Returns True if it needed an `update`."""
+        time = checked_time(time)
         if not (self._stale or self._must_update(time, dt)):
             return False
         self.update(time, dt, self._steps)

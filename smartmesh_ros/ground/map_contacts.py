@@ -105,6 +105,7 @@ class MapContacts:
         self._terrain = terrain
         self._core = ground_in(client, client.loadPlugin(CORE.__file__, POSTFIX))
         self._uids: dict[int, int] = {}  # of the proxies, by slot
+        self._proxies: set[int] = set()  # the same numbers
         self._shape: int | None = None
         self._visual: int | None = None
         self._layout = -1
@@ -120,6 +121,7 @@ class MapContacts:
         proxy = -1
         if follower.solid:
             proxy = self._uids[follower.slot] = self._new_body()
+            self._proxies.add(proxy)
         self._core.attach(follower.slot, follower.body, follower.link, proxy)
         if follower.belt.speed:
             self.drive(follower)
@@ -133,7 +135,7 @@ class MapContacts:
                     if slot in self._uids:
                         self._client.removeBody(self._uids[slot])
                     self._core.detach(slot)
-                self._uids.pop(slot, None)
+                self._proxies.discard(self._uids.pop(slot, -1))
                 gone.append(slot)
 
     def refresh(self, stopped: BoolArray) -> None:
@@ -172,6 +174,10 @@ class MapContacts:
         """Raise `InputError` if the client was reset or closed."""
         if not self._core.is_there:
             raise InputError("client", "the PyBullet client was reset or closed: close this ground, and make another")
+
+    def is_ground(self, body: int) -> bool:
+        """Return True if a PyBullet body is a proxy."""
+        return body in self._proxies
 
     def read(self, states: FloatArray, dt: float) -> None:
         """Read the awake followers into ``states`` (S, 13), and note their places before a step of ``dt`` [s]."""

@@ -24,6 +24,10 @@ class UrdfRules:
     most_links: int = 1000
 
 
+# Most allowed folders that a refusal names.
+MOST_FOLDERS = 3
+
+
 def checked_urdf(urdf: str, rules: UrdfRules) -> str:
     """Return a description that is safe to load: the text itself, or the resolved path of its file.
 
@@ -59,8 +63,12 @@ def _resolved(path: Path) -> Path:
 
 def _require_inside(path: Path, rules: UrdfRules, what: str) -> None:
     if not any(path.is_relative_to(_resolved(folder)) for folder in rules.folders):
-        folders = ", ".join(map(str, rules.folders)) or "none"
-        raise InputError("folder", f"{what} is outside the allowed folders ({folders}); see bodies.urdf_folders")
+        folders = ", ".join(map(str, rules.folders[:MOST_FOLDERS])) or "none"
+        more = f" and {len(rules.folders) - MOST_FOLDERS} more" if len(rules.folders) > MOST_FOLDERS else ""
+        raise InputError(
+            "folder", f"{what} is not in bodies.urdf_folders: add its folder there, which takes effect at once, or "
+            f"send the text of the URDF; allowed now: {folders}{more}"
+        )  # fmt: skip
 
 
 def _require_length(length: int, rules: UrdfRules) -> None:

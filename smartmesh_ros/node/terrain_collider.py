@@ -153,6 +153,8 @@ class TerrainCollider(ParameterNode):
             self._forget_stamps()
         if bodies:
             world.reset_bodies()
+            self._initial.restore(self.session.lost)
+            self.session.lost.clear()
         if time and bodies and spawned:
             self._initial.restore()
 

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
+from smartmesh_ros.terrain.checked_heights import checked_time, unmasked
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest
 from smartmesh_ros.terrain.motion import BLOCK, INSTANT, next_revision
-from smartmesh_ros.terrain.moving_heights import MovingHeights, Prints
+from smartmesh_ros.terrain.moving_heights import MovingHeights
+from smartmesh_ros.terrain.prints import Prints
 
 # Distance outside the map at which a point still counts as on the edge [samples].
 EDGE = 1e-6
@@ -27,7 +29,7 @@ class Samples(NamedTuple):
 def ground_heights(readers: list[Any], xy_w: ArrayLike, time: float) -> Samples:
     """Return the highest ground of maps and meshes, by their core's readers, under points (N, 2) [m] at ``time`` [s],
     shapes (N,); NaN = no ground."""
-    points = np.atleast_2d(np.ascontiguousarray(xy_w, np.float64))
+    points, time = np.atleast_2d(np.ascontiguousarray(unmasked(xy_w, "points"), np.float64)), checked_time(time)
     samples = Samples(np.empty(len(points)), np.empty(len(points)))
     CORE.ground_heights(readers, points, time, *samples)
     return samples

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.checked_heights import unmasked
+from smartmesh_ros.terrain.checked_heights import checked_next_time, checked_time, unmasked
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
 from smartmesh_ros.terrain.mesh_shape import MeshShape, TriangleGraph, count_parts, shape_of
@@ -42,9 +42,10 @@ class TriangleMesh(MovingGround):
         velocities: ArrayLike | None = None,
         motion: MotionConfig | None = None,
     ) -> None:
-        self.triangles = _checked_triangles(triangles, len(np.asarray(vertices)))
+        time, positions = checked_time(time), _checked_vectors(vertices, None, "vertices")
+        self.triangles = _checked_triangles(triangles, len(positions))
         # (3, V), so that the search reads each coordinate contiguously.
-        self._now = _checked_vectors(vertices, None, "vertices").T.copy()
+        self._now = positions.T.copy()
         self._velocities = np.zeros((KEPT, *self._now.shape))  # ring buffer, see CLOCK
         self._clocks = np.zeros(1, CLOCK)
         self._clocks["time"] = time
@@ -63,6 +64,17 @@ class TriangleMesh(MovingGround):
         if velocities is not None:
             self.move(vertices, time=time, velocities=velocities)
         self.triangles.setflags(write=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy of the mesh, or one in another process, is made of: arrays, and what they mean."""
+        mesh = {"vertices": self.vertices, "triangles": self.triangles, "motion": self.motion}
+        return {"mesh": mesh, "velocities": self._velocities, "clocks": self._clocks, "version": self.version}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the mesh of such a state."""
+        TriangleMesh.__init__(self, **state["mesh"])
+        self._velocities[...], self._clocks[...], self.version = state["velocities"], state["clocks"], state["version"]
+        self.core_reader.update()
 
     @property
     def size(self) -> int:
@@ -112,6 +124,7 @@ class TriangleMesh(MovingGround):
         ``check`` is called with the new shape of the mesh, and may raise to refuse it. Raises `InputError` and then
         changes nothing.
         """
+        time = checked_next_time(time, self.time)
         chosen = None if indices is None else _checked_indices(indices, self.size)
         count = self.size if chosen is None else len(chosen)
         new = _checked_vectors(vertices, count, "vertices").T
@@ -197,7 +210,7 @@ def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
 
 
 def _checked_triangles(triangles: ArrayLike, count: int) -> IntArray:
-    corners = np.asarray(triangles)
+    corners = unmasked(triangles, "triangles")
     if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) == 0:
         raise InputError(
             "length", f"triangles have shape {corners.shape}; it must be (T, 3) with at least one triangle"
@@ -215,7 +228,7 @@ def _checked_triangles(triangles: ArrayLike, count: int) -> IntArray:
 
 
 def _checked_vectors(values: ArrayLike, count: int | None, what: str) -> FloatArray:
-    array = unmasked(values)
+    array = unmasked(values, what)
     if array.ndim != 2 or array.shape[1] != 3 or (count is not None and len(array) != count):
         raise InputError("length", f"{what} have shape {array.shape}; it must be ({count or 'V'}, 3)")
     if array.dtype.kind not in "fiu":
@@ -226,7 +239,7 @@ def _checked_vectors(values: ArrayLike, count: int | None, what: str) -> FloatAr
 
 
 def _checked_indices(indices: ArrayLike, size: int) -> IntArray:
-    chosen = np.asarray(indices)
+    chosen = unmasked(indices, "indices")
     if chosen.ndim != 1 or chosen.dtype.kind not in "iu":
         raise InputError("length", f"indices have shape {chosen.shape}; they must be a list of whole numbers")
     chosen = chosen.astype(np.int64)

@@ -73,6 +73,7 @@ class Body:
     inertial: InertialFrame = field(default_factory=InertialFrame)  # of the base link
     owner: str = ""
     notes: tuple[str, ...] = ()  # what its description was taken as, for the user
+    warnings: tuple[str, ...] = ()  # what its author likely did not mean
     fixed: bool = False  # a robot whose base has no mass, so that physics does not move it
     hull: Box | None = None  # of a robot: the box around its links at joint positions zero, relative to its base
     shapes: dict[int, BodyShape] = field(default_factory=dict)  # of a robot's links
@@ -192,8 +193,9 @@ class BodyFactory:
             shapes=shapes, surfaces=robot.surfaces, starts=robot.starts, damping=damping,
         )  # fmt: skip
         client.changeDynamics(uid, -1, maxJointVelocity=fastest)
-        masses = set_masses(client, uid, robot.text)
-        body.notes = (*robot.notes, masses) if masses else robot.notes
+        note, warning = set_masses(client, uid, robot.text)
+        body.notes = (*robot.notes, note) if note else robot.notes
+        body.warnings = (*robot.warnings, warning) if warning else robot.warnings
         body.inertial = InertialFrame(*client.getDynamicsInfo(uid, -1)[3:5])
         body.mass = sum(client.getDynamicsInfo(uid, index)[0] for index in range(-1, client.getNumJoints(uid)))
         return body

@@ -32,12 +32,14 @@ from smartmesh_ros.world.standing import NO_TERRAIN, Parts, Stance, finished, st
 
 class Population(Driving):
     """The bodies of a world, by name, on its ``ground`` at the world's ``time`` [s]: spawned and tracked bodies,
-    robots, and remote bodies (``guests``). ``say`` tells the user what a robot's description was taken as."""
+    robots, and remote bodies (``guests``). ``note`` tells the user what a robot's
+    description was taken as, ``say`` what may be wrong."""
 
     time: float
     terrain: Terrain
     guests: Guests
     say: Callable[[str], object] = logging.getLogger("smartmesh_ros").warning
+    note: Callable[[str], object] = logging.getLogger("smartmesh_ros").info
 
     def _begin(self, client: Any, ground: Ground, physics: PhysicsConfig) -> None:
         """Start without bodies."""
@@ -270,7 +272,9 @@ class Population(Driving):
         if body.stiff:
             self._stiff[body.name] = body
         for note in body.notes:
-            self.say(f"robot {body.name!r}: {note}")
+            self.note(f"robot {body.name!r}: {note}")
+        for warning in body.warnings:
+            self.say(f"robot {body.name!r}: {warning}")
 
     def _put_on_ground(self, body: Body, belts: dict[str, Belt] | None = None) -> None:
         """Attach a body that PyBullet has to the ground; removes it from PyBullet if that fails."""

@@ -19,8 +19,8 @@ from smartmesh_msgs.srv import QueryGround
 from std_srvs.srv import Trigger
 
 from smartmesh_ros import BodyState, Box
+from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.rivals import Rivals
-from smartmesh_ros.node.inputs.terrain_inputs import MapChecks
 from smartmesh_ros.node.parameters import specifications as parameters
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.timing.pacing import Pacer

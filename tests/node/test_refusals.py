@@ -155,7 +155,7 @@ BAD_SPAWNS: list[tuple[str, dict[str, Any]]] = [
     ("SPHERE needs 1", {"shape": SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2, 0.2])}),
     ("greater than zero", {"shape": SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.2, 0.0])}),
     ("not supported", {"shape": SolidPrimitive(type=SolidPrimitive.CONE, dimensions=[0.2, 0.2])}),
-    ("outside the allowed folders", {"urdf": "/no/such/file.urdf"}),
+    ("is not in bodies.urdf_folders", {"urdf": "/no/such/file.urdf"}),
     ("does not load", {"urdf": "<robot>"}),
 ]
 
@@ -240,7 +240,7 @@ def test_services_open_no_file_outside_the_folders(probe: Probe, tmp_path: Path)
         ):  # fmt: skip
             response = probe.call("spawn_body", SpawnBody, id=f"robot_{number}", urdf=urdf)
             assert not response.success, urdf
-            assert "outside the allowed folders" in response.message
+            assert "is not in bodies.urdf_folders: add its folder there" in response.message
         spawn(probe, "good", urdf=str(allowed / "robot.urdf"))
         spawn(probe, "text", urdf=ROBOT)
 

@@ -130,7 +130,7 @@ def test_the_physics_steps_while_a_robot_is_prepared_and_put_onto_the_ground(sha
     assert len(states) - before > 5
 
 
-CAPSULE = "{id: pill, shape: capsule, size: [0.1, 0.4], mass: 1.0, xyz: [3, 0, 1]}"
+CAPSULE = "{id: pill, shape: capsule, size: [0.4, 0.1], mass: 1.0, xyz: [3, 0, 1]}"
 
 
 def described(messages: list[Any]) -> dict[str, BodyDescription]:
@@ -142,7 +142,7 @@ def test_every_body_is_described_while_it_is_there(probe: Probe) -> None:
     with probe.running(parameters={"bodies.spawn": [CAPSULE, f"{{id: robot, urdf: {file}, xyz: [0, 4, 1]}}"]}):
         probe.publish_map(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0, 0.0))
         messages = probe.listen("body_descriptions", BodyDescriptionArray, LATCHED)
-        can = SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.8, 0.3])  # height first, there
+        can = SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.8, 0.3])
         spawn(probe, "box", (0, 0, 2), shape=box(0.2, 0.4, 0.6))
         spawn(probe, "can", (0, 0, 2), shape=can)
         text = Path(ROVER).read_text()
@@ -155,8 +155,8 @@ def test_every_body_is_described_while_it_is_there(probe: Probe) -> None:
         probe.wait_for(all_are_described)
         found = described(messages)
         assert (found["box"].shape, list(found["box"].dimensions)) == (BodyDescription.BOX, [0.2, 0.4, 0.6])
-        assert (found["can"].shape, list(found["can"].dimensions)) == (BodyDescription.CYLINDER, [0.3, 0.8])
-        assert (found["pill"].shape, list(found["pill"].dimensions)) == (BodyDescription.CAPSULE, [0.1, 0.4])
+        assert (found["can"].shape, list(found["can"].dimensions)) == (BodyDescription.CYLINDER, [0.8, 0.3])
+        assert (found["pill"].shape, list(found["pill"].dimensions)) == (BodyDescription.CAPSULE, [0.4, 0.1])
         rover = found["rover"]
         assert (rover.shape, rover.urdf, rover.urdf_file) == (BodyDescription.ROBOT, text, "")
         assert (found["robot"].urdf, found["robot"].urdf_file) == (file.read_text(), str(file))

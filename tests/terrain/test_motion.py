@@ -95,7 +95,7 @@ AHEAD = 0.01
 
 
 def told(maps: list[FloatArray], noise: float, interval: float = NOISY_INTERVAL) -> HeightMap:
-    heightmap = HeightMap(maps[0], time=0.0, motion=MotionConfig(noise=noise))
+    heightmap = HeightMap(maps[0], resolution=1.0, time=0.0, motion=MotionConfig(noise=noise))
     for number, heights in enumerate(maps[1:], start=1):
         heightmap.replace(heights, time=number * interval)
     return heightmap
@@ -140,7 +140,7 @@ def test_waves_keep_their_velocity(frequency: float, noise: float) -> None:
 
 def test_exact_velocities_beside_noisy_heights_are_taken_as_they_are() -> None:
     rng = np.random.default_rng(4)
-    heightmap = HeightMap(np.zeros((9, 9)), motion=MotionConfig(noise=0.01))
+    heightmap = HeightMap(np.zeros((9, 9)), resolution=1.0, motion=MotionConfig(noise=0.01))
     speeds = rng.normal(0.0, 0.1, (9, 9))
     heightmap.replace(rng.normal(0.0, 0.01, (9, 9)), time=NOISY_INTERVAL, velocities=speeds)
     np.testing.assert_allclose(sampled(heightmap)[1], speeds, atol=1e-6)
@@ -150,7 +150,7 @@ def test_variances_that_come_with_a_map_are_its_noise() -> None:
     rng = np.random.default_rng(5)
     maps = [rng.normal(0.0, 0.01, (20, 20)) for _ in range(4)]
     told_once = told(maps, 0.01)
-    with_each = HeightMap(maps[0], variance=1e-4)
+    with_each = HeightMap(maps[0], resolution=1.0, variance=1e-4)
     for number, heights in enumerate(maps[1:], start=1):
         variance = np.full(heights.shape, 1e-4)
         variance[0, 0] = np.nan

@@ -38,7 +38,7 @@ def ground(time: float, w: float = 4.0) -> FloatArray:
 
 def fed(when: Callable[[float], FloatArray], times: FloatArray, *, mode: MotionMode = "extrapolate") -> HeightMap:
     """A map that has seen the ground at so many times."""
-    heightmap = HeightMap(when(times[0]), time=float(times[0]), motion=MotionConfig(mode=mode))
+    heightmap = HeightMap(when(times[0]), resolution=1.0, time=float(times[0]), motion=MotionConfig(mode=mode))
     for time in times[1:]:
         heightmap.replace(when(time), time=float(time))
     return heightmap
@@ -54,7 +54,7 @@ def test_a_map_that_comes_in_parts_moves_as_the_whole_map_does(
     """Also if it comes as a whole after its parts, as with every odd seed."""
     rng = np.random.default_rng(seed)
     shape = rng.normal(size=(SIDE, SIDE)).astype(np.float32)
-    whole, pieces, time = HeightMap(shape, time=0.0), HeightMap(shape, time=0.0), 0.0
+    whole, pieces, time = HeightMap(shape, resolution=1.0, time=0.0), HeightMap(shape, resolution=1.0, time=0.0), 0.0
     for interval in intervals:
         time += interval
         shape = shape + rng.normal(scale=0.02, size=shape.shape).astype(np.float32)
@@ -73,7 +73,7 @@ def test_a_map_that_comes_in_parts_moves_as_the_whole_map_does(
 def test_ground_that_no_region_covers_does_not_move(
     updates: list[tuple[tuple[int, int, int, int], float, float]],
 ) -> None:
-    heightmap, time = HeightMap(np.zeros((SIDE, SIDE)), time=0.0), 0.0
+    heightmap, time = HeightMap(np.zeros((SIDE, SIDE)), resolution=1.0, time=0.0), 0.0
     covered = np.zeros((SIDE, SIDE), bool)
     for region, interval, by in updates:
         time += interval
@@ -90,7 +90,7 @@ def test_ground_that_no_region_covers_does_not_move(
 def test_blocks_that_an_update_does_not_meet_go_on(
     first: tuple[int, int, int, int], second: tuple[int, int, int, int], by: float
 ) -> None:
-    heightmap = HeightMap(np.zeros((SIDE, SIDE)), time=0.0)
+    heightmap = HeightMap(np.zeros((SIDE, SIDE)), resolution=1.0, time=0.0)
     raise_region(heightmap, first, 0.05, 0.05)
     before = heightmap.sample(EVERYTHING, 0.07, 0.01)
     raise_region(heightmap, second, by, 0.06)
@@ -131,7 +131,7 @@ def test_ground_is_never_carried_past_its_velocity(jolt: str) -> None:
         "turns": [0.0, 0.1, 0.2, 0.3, 0.2],
     }
     path = paths[jolt]
-    heightmap = HeightMap(np.full((5, 5), path[0]), time=0.0)
+    heightmap = HeightMap(np.full((5, 5), path[0]), resolution=1.0, time=0.0)
     for k, height in enumerate(path[1:], start=1):
         heightmap.replace(np.full((5, 5), height), time=0.05 * k)
     went = path[-1] - path[-2]
@@ -147,7 +147,7 @@ def test_given_velocities_tell_the_acceleration_at_the_instants_they_hold_for() 
     def height(time: float) -> FloatArray:
         return np.full((5, 5), -0.5 * 9.81 * time**2)
 
-    heightmap = HeightMap(height(0.0), time=0.0, velocities=np.zeros((5, 5)))
+    heightmap = HeightMap(height(0.0), resolution=1.0, time=0.0, velocities=np.zeros((5, 5)))
     for time in (0.05, 0.1):
         heightmap.replace(height(time), time=time, velocities=np.full((5, 5), -9.81 * time))
     found = heightmap.sample(np.array([12]), 0.14, 1e-6)
@@ -203,7 +203,7 @@ def test_a_mesh_of_a_grid_moves_as_the_height_map_does(
     r, c = np.divmod(np.arange(12), 4)
     z = rng.normal(size=12).astype(np.float32)
     mesh = TriangleMesh(np.stack([c, r, z], axis=1), grid_triangles(3, 4), time=0.0)
-    heightmap, time = HeightMap(z.reshape(3, 4), time=0.0), 0.0
+    heightmap, time = HeightMap(z.reshape(3, 4), resolution=1.0, time=0.0), 0.0
     for interval, says in updates:
         time += interval
         z = (z + rng.normal(scale=0.01, size=12)).astype(np.float32)
@@ -220,7 +220,7 @@ def test_a_mesh_of_a_grid_moves_as_the_height_map_does(
 
 def test_resting_regions_do_not_say_that_others_last_longer() -> None:
     """One region stream has ended long ago, another goes on."""
-    heightmap = HeightMap(np.zeros((SIDE, SIDE)), time=0.0)
+    heightmap = HeightMap(np.zeros((SIDE, SIDE)), resolution=1.0, time=0.0)
     for index in range(1, 4):
         raise_region(heightmap, (0, 0, 8, 8), 0.1, 0.2 * index)
     for index in range(200):
@@ -244,7 +244,7 @@ SAMPLES = np.arange(25)
 
 def rising(times: FloatArray, speed: float = 1.0, noise: float = 0.0) -> HeightMap:
     """A map told at so many times of ground that rises evenly."""
-    heightmap, rng = HeightMap(np.zeros((5, 5)), time=0.0), np.random.default_rng(6)
+    heightmap, rng = HeightMap(np.zeros((5, 5)), resolution=1.0, time=0.0), np.random.default_rng(6)
     for time in times.tolist():
         heightmap.replace(np.full((5, 5), speed * time) + rng.normal(0.0, noise, (5, 5)), time=time)
     return heightmap

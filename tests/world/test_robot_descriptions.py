@@ -168,6 +168,7 @@ def test_a_joint_that_mimics_another_follows_it(
         link("base", '<box size="0.4 0.4 0.2"/>', 5.0), link("left", "", 0.1), link("right", "", 0.1),
         joint("left_joint", kinds[0], "base", "left", LIMIT), joint("right_joint", kinds[1], parent, "right", more),
     )  # fmt: skip
+    caplog.set_level("INFO")
     world.spawn_robot("r", urdf, BodyState((0.0, 0.0, 0.1)))
     assert any("'right_joint' follows 'left_joint'" in line for line in caplog.messages)
     positions = {reading.name: reading.position for reading in world.joints("r")}
@@ -192,7 +193,7 @@ def test_a_joint_that_mimics_another_follows_it(
 def test_a_planar_joint_moves_in_its_plane() -> None:
     """PyBullet's loader takes it as URDF means it, so it is accepted."""
     prepared = prepare_robot(robot(link("a", mass=0.0), B, joint("p", "planar", "a", "b").replace("0 1 0", "0 0 1")))
-    with World(HeightMap(np.zeros((5, 5)))) as world:
+    with World(HeightMap(np.zeros((5, 5)), resolution=1.0)) as world:
         world.spawn_robot("r", prepared, BodyState((1.0, 1.0, 1.0)))
         uid = world.bodies["r"].uid
         for _ in range(100):

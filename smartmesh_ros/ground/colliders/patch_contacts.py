@@ -36,6 +36,10 @@ class Pairs:
         # By id, of bodies and colliders: its link, the other id, and the other's link.
         self._rules: dict[int, set[tuple[int, int, int]]] = defaultdict(set)
 
+    def has(self, body: int) -> bool:
+        """Return True if a PyBullet body is a collider."""
+        return body in self._colliders
+
     def claim(self, collider: int) -> None:
         """Make a new collider touch nothing, and reset the rules of removed bodies and colliders with the same id."""
         for link in range(-1, pb.getNumJoints(collider, self._client)):
@@ -124,6 +128,10 @@ class PatchContacts:
             else:
                 self._whole.release()
             self._apply(batches, supports)
+
+    def is_ground(self, body: int) -> bool:
+        """Return True if a PyBullet body is a collider of this ground."""
+        return self._pairs.has(body) or self._whole.has(body)
 
     def read(self, states: FloatArray, dt: float) -> None:
         """Read the awake followers into ``states`` (S, 13), and note their places before a step of ``dt`` [s]."""

@@ -141,6 +141,7 @@ class BodyInputs:
         session, clock = self._session, self._clocks.setdefault(source, StampClock())
         placed = clock.place(stamp, session.clock_now(), lambda age: session.clock.pace() - age)
         yield placed
+        session.note_clock(source, placed)
         clock.accept(placed)
         session.stamp_ages[topic] = clock.age
 

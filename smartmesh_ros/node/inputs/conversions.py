@@ -14,7 +14,7 @@ from shape_msgs.msg import SolidPrimitive
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import rotate
-from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.shapes import SHAPES, Shape, shape_from
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.joints import JointCommand
@@ -64,24 +64,18 @@ def state_from(pose: Any, twist: Any = None) -> BodyState:
     return BodyState((p.x, p.y, p.z), (q.x, q.y, q.z, q.w), linear, angular)
 
 
-# Shapes by the types of SolidPrimitive, and which of its dimensions are theirs, in order.
-SOLIDS: dict[int, tuple[type[Shape], tuple[int, ...]]] = {
-    SolidPrimitive.SPHERE: (Sphere, (SolidPrimitive.SPHERE_RADIUS,)),
-    SolidPrimitive.BOX: (Box, (SolidPrimitive.BOX_X, SolidPrimitive.BOX_Y, SolidPrimitive.BOX_Z)),
-    SolidPrimitive.CYLINDER: (Cylinder, (SolidPrimitive.CYLINDER_RADIUS, SolidPrimitive.CYLINDER_HEIGHT)),
-}
+def shape_of_primitive(primitive: SolidPrimitive) -> Shape:
+    """Convert a SolidPrimitive, or a capsule in one, to a shape. Numbers and dimensions are those of `ShapeKind`."""
+    made = SHAPES.get(primitive.type)
+    if made is None:
+        known = ", ".join(f"{kind.__name__.upper()} ({number:d})" for number, kind in SHAPES.items())
+        raise InputError("shape", f"shape type {primitive.type} is not supported; use one of {known}")
+    return shape_from(made, primitive.dimensions)
 
 
-def shape_from(primitive: Any) -> Shape:
-    """Convert a SolidPrimitive to a shape of the core."""
-    dimensions = [float(value) for value in primitive.dimensions]
-    if primitive.type not in SOLIDS:
-        raise InputError("shape", f"shape type {primitive.type} is not supported; use SPHERE, BOX or CYLINDER")
-    made, order = SOLIDS[primitive.type]
-    if len(dimensions) != len(order):
-        name = made.__name__.upper()
-        raise InputError("shape", f"{name} needs {len(order)} dimensions, not {len(dimensions)}")
-    return made(*(dimensions[index] for index in order))
+def primitive_of(shape: Shape) -> SolidPrimitive:
+    """Convert a shape to a SolidPrimitive, or to a capsule in one."""
+    return SolidPrimitive(type=int(shape.kind), dimensions=[*shape.dimensions.values()])
 
 
 def require_distinct(names: list[str]) -> None:

@@ -208,8 +208,8 @@ def description(body: Body) -> BodyDescription:
         if body.urdf != made.urdf:
             made.urdf_file = str(Path(body.urdf).absolute())
         return made
-    shape: Any = body.shape or Sphere(body.radius)
-    made.shape = getattr(BodyDescription, type(shape).__name__.upper())
+    shape = body.shape or Sphere(body.radius)
+    made.shape = int(shape.kind)
     made.dimensions = array.array("d", list(shape.dimensions.values()))
     return made
 

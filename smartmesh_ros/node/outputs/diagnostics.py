@@ -16,6 +16,8 @@ from smartmesh_ros.node.session import Session
 
 # A map older than this is stale [s].
 STALE = 2.0
+# Most lost bodies that are named.
+MOST_LOST = 16
 # Most inputs whose stamps are reported.
 MOST_AGES = 32
 # Period of the diagnostics, and of the check for appearing and disappearing publishers [s].
@@ -132,7 +134,9 @@ class Diagnostics:
             "patches": patches,
             "without ground": len(world.followers) - remote - patches,
             "below ground": len(below),
+            "falling": len(world.falls.falling),
             "put back onto the ground": world.rescues,
+            **{f"lost, {name}": why for name, why in [*self._session.lost.items()][-MOST_LOST:]},
             **{f"jumps on {topic}": count for topic, count in sorted(self._session.jumps.items())},
             **{f"patches, {kind}": count for kind, count in sorted(kinds.items())},
             "colliders replaced": world.ground.contacts.replacements,
@@ -143,6 +147,9 @@ class Diagnostics:
             values |= {f"peer {name}": words for name, words in peers.items()}
         if below:
             return DiagnosticStatus.ERROR, f"below the ground: {', '.join(below[:5])}", values
+        if falling := world.falls.falling:
+            places = (f"{name} at ({x:.2f}, {y:.2f})" for name, (x, y, _) in [*falling.items()][:5])
+            return DiagnosticStatus.WARN, f"fell off the ground: {', '.join(places)}", values
         if silent := self._peers.silent():
             return DiagnosticStatus.WARN, f"not heard: {', '.join(silent)}", values
         return DiagnosticStatus.OK, f"{patches} patches", values

@@ -30,6 +30,7 @@ from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.node.outputs.body_outputs import BodyDescriptions, ScanOutput
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
+from smartmesh_ros.node.outputs.scene_outputs import RobotModel, SceneMarkers
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.soil.soil_messages import update_message
@@ -111,6 +112,7 @@ class Publishing:
         self._node, self._world = session.node, session.world
         self._markers = patch_outputs.PatchMarkers(session.settings.marker_namespace)
         self._collider_patches = patch_outputs.ColliderPatches()
+        self._scene = SceneMarkers(session)
         self._states = SimulatedStates(session.world)
         self._body_states = body_outputs.BodyStates()
         self._contacts = body_outputs.Contacts()
@@ -134,9 +136,11 @@ class Publishing:
                 lambda: body_outputs.contact_wrenches(self._header(), self._world),
             ),
             "pressed_ground": self._output(HeightmapUpdate, "~/pressed_ground", self._make_pressed_ground),
+            "scene": self._output(MarkerArray, "~/scene", self._make_scene),
         }
+        self._robot_model = RobotModel(session)
         self._scans = [ScanOutput(session, entry, self._qos) for entry in session.settings.height_scans]
-        ends: list[Any] = [self._descriptions, *self._scans, *self._outputs.values()]
+        ends: list[Any] = [self._descriptions, self._robot_model, *self._scans, *self._outputs.values()]
         self._diagnostics = Diagnostics(session, peers, self._clock, [end.publisher for end in ends])
         self._time = RateTime(session)
         # Staggered, so that no step publishes all outputs.
@@ -147,7 +151,7 @@ class Publishing:
         self._handled = 0  # messages and calls at the last time
         self._served = dict.fromkeys(self._outputs, 0)  # numbers of subscribers of the last messages
         self._timing_window = Window(session)
-        self._audiences = {name: Audience() for name in (*PATCH_OUTPUTS, "pressed_ground")}
+        self._audiences = {name: Audience() for name in (*PATCH_OUTPUTS, "pressed_ground", "scene")}
         self._shown = dict.fromkeys(PATCH_OUTPUTS, -1)  # the number of refreshes at the last message
 
     def publish(self, *, now: bool = False, idle: bool = False) -> None:
@@ -166,17 +170,19 @@ class Publishing:
             self._transforms.publish(steady, time, at_once=now)
         with enduring("body_descriptions"):
             self._descriptions.publish()
+        with enduring("robot_model"):
+            self._robot_model.publish()
         with enduring("diagnostics"):
             self._diagnostics.publish(steady)
 
     def close(self) -> None:
-        """Deletes the patches from the displays of subscribers, which keep them else."""
-        publisher = self._outputs["patches"].publisher
-        with self._session.enduring("patches"):
-            if not publisher.get_subscription_count():
-                return
-            publisher.publish(self._markers.cleared(self._header()))
-            publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
+        """Deletes patches and scene from the displays of subscribers, which keep them else."""
+        for name, markers in (("patches", self._markers), ("scene", self._scene)):
+            publisher = self._outputs[name].publisher
+            with self._session.enduring(name):
+                if publisher.get_subscription_count():
+                    publisher.publish(markers.cleared(self._header()))
+                    publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
 
     def publish_patches(self) -> None:
         """Publishes the patch outputs that are due; called before a step, so that they do not wait for the physics."""
@@ -260,6 +266,9 @@ class Publishing:
         soil = world.ground.soil
         region = soil.changes(world.time, everything=everything) if isinstance(soil, ContactSoil) else None
         return [] if region is None else [update_message(self._header(), "", region)]
+
+    def _make_scene(self) -> bytes:
+        return self._scene.write(self._header(), clear=self._needs_all("scene") and self._audiences["scene"].new)
 
     def _make_timing(self) -> Timing:
         length, factor, misses = self._timing_window.read()

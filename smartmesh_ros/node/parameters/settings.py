@@ -181,6 +181,11 @@ class PublishRates:
         """Prints are published with the patches that stand in them."""
         return self.patches
 
+    @property
+    def scene(self) -> float:
+        """The scene is published with the patches."""
+        return self.patches
+
 
 @dataclass(frozen=True, kw_only=True)
 class RobotConfig:

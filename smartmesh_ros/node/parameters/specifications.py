@@ -14,6 +14,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.limits import FARTHEST_BODY
 from smartmesh_ros.io.urdf import UrdfRules
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.parameters import declaring
@@ -137,7 +138,9 @@ SPECS = (
     _param("bodies.most", "Most bodies, tracked and simulated; more are refused.", 1, 1_000_000, place="most_bodies"),
     _param("bodies.command_timeout", "Joints and tracks that velocities drive stop after this long without a command, "
         "in simulated time [s]; 0 = never. Positions and efforts stay in force.", 0.0, 3600.0),
-    _fixed("bodies.urdf_folders", "Folders from which services may load robot descriptions and their meshes; empty = "
+    _param("bodies.lost_depth", "Depth below the ground that it left at which a body that fell off is removed [m].",
+        1.0, FARTHEST_BODY, place="world.falls.depth"),
+    _param("bodies.urdf_folders", "Folders from which services may load robot descriptions and their meshes; empty = "
         "pybullet_data and the share folders of the installed packages."),
     _fixed("bodies.poses", "Topics of geometry_msgs/PoseStamped, each for one tracked body: 'name=topic', or a topic "
         "alone, which also names the body."),
@@ -154,7 +157,7 @@ SPECS = (
     _fixed("robot.xy", "Start position of the root link's centre of mass [m], two numbers.", -1e9, 1e9),
     _fixed("robot.above", "Start height of that centre of mass above the ground [m].", -10_000.0, 10_000.0),
     _fixed("robot.yaw", "Start rotation about z [rad].", -math.pi, math.pi),
-    _param("publish.patches", "Rate of ~/patches and ~/pressed_ground [Hz]; 0 = never.", 0.0, 1000.0),
+    _param("publish.patches", "Rate of ~/patches, ~/scene and ~/pressed_ground [Hz]; 0 = never.", 0.0, 1000.0),
     _param("publish.collider_patches", "Rate of ~/collider_patches [Hz].", 0.0, 1000.0),
     _param("publish.body_states", "Rate of ~/body_states [Hz].", 0.0, 1000.0),
     _param("publish.contacts", "Rate of ~/contacts [Hz].", 0.0, 1000.0),
@@ -183,7 +186,7 @@ SPECS = (
 NAMES = frozenset(spec.name for spec in SPECS)
 # Parameters of earlier versions, and what replaces them.
 REMOVED = {
-    "bodies.longest_urdf": f"descriptions have at most {UrdfRules.longest} bytes; leave it out",
+    "bodies.longest_urdf": f"robot descriptions have at most {UrdfRules.longest:,} bytes; leave it out",
     "bodies.longest_name": f"names have at most {LONGEST_NAME} characters; leave it out",
     "patch.edge_filter": "contacts from the map have no inner edges; leave it out",
     "patch.tolerance": "contacts from the map are exact; leave it out",

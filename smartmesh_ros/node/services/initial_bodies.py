@@ -3,7 +3,7 @@
 They are spawned at the start or once the terrain covers their place, and again after a full reset. The parameter
 ``bodies.spawn`` has one YAML mapping for each body:
 ``{id: ball, shape: sphere, size: [0.2], mass: 1.0, xy: [0, 0], above: 0.5}``, with ``shape`` sphere [radius],
-box [x, y, z], cylinder [radius, height] or capsule [radius, height] in metres; or ``urdf`` with a file. ``xyz`` is the
+box [x, y, z], cylinder [height, radius] or capsule [height, radius] in metres; or ``urdf`` with a file. ``xyz`` is the
 position in the terrain's frame. With ``xy`` the body waits for the ground: with ``clearance`` its lowest point starts
 that far above the ground, 0 by default, and with ``align: true`` it is tilted with the ground; with ``above`` instead
 its centre starts that far above the ground. ``yaw`` [rad] is the turn about z.
@@ -12,7 +12,7 @@ its centre starts that far above the ground. ``yaw`` [rad] is the turn about z.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,8 +21,8 @@ import yaml
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Shape
+from smartmesh_ros.errors import InputError, suggestion
+from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Shape, shape_from
 from smartmesh_ros.ground.state import BodyState, Vector
 from smartmesh_ros.node.services.robot_files import robot_name, with_package_paths
 from smartmesh_ros.node.services.turns import Work, in_turns
@@ -67,12 +67,13 @@ def entry_from_text(text: str) -> Entry:
         entry = yaml.load(text, Loader=_LOADER)
     except yaml.YAMLError as error:
         raise InputError("spawn", f"bodies.spawn entry {text!r} is not YAML: {error}") from None
-    if not isinstance(entry, dict) or not {"id"} <= entry.keys() <= _KEYS:
+    if not isinstance(entry, dict) or "id" not in entry:
         raise InputError("spawn", f"bodies.spawn entry {text!r} must be a mapping with id and any of {sorted(_KEYS)}")
-    shape, urdf = None, str(entry.get("urdf", ""))
-    if not urdf:
-        with _refused(text, f" needs a shape ({', '.join(SHAPES_BY_NAME)}) and its size in metres"):
-            shape = SHAPES_BY_NAME[entry["shape"]](*(float(value) for value in entry["size"]))
+    for key in entry.keys() - _KEYS:
+        words = f"{key!r} is unknown{suggestion(str(key), _KEYS)}; the keys are {', '.join(sorted(_KEYS))}"
+        raise InputError("spawn", f"bodies.spawn entry {text!r}: {words}")
+    urdf = str(entry.get("urdf", ""))
+    shape = None if urdf else _shape_of(entry, text)
     with _refused(text, ": mass and yaw must be numbers"):
         mass, yaw = float(entry.get("mass", 1.0)), float(entry.get("yaw", 0.0))
     with _refused(text, " needs xyz: [x, y, z], or xy: [x, y] with clearance or above"):
@@ -82,6 +83,21 @@ def entry_from_text(text: str) -> Entry:
             "spawn", f"bodies.spawn entry {text!r}: clearance and align go with xy alone, not with xyz or above"
         )
     return Entry(str(entry["id"]), shape=shape, mass=mass, urdf=urdf, yaw=yaw, **place)
+
+
+def _shape_of(entry: dict[str, Any], text: str) -> Shape:
+    """Return the shape of an entry. Raises `InputError`."""
+    known, name = ", ".join(SHAPES_BY_NAME), entry.get("shape")
+    if name is None:
+        raise InputError("spawn", f"bodies.spawn entry {text!r} needs a shape ({known}) and its size, or a urdf")
+    if name not in [*SHAPES_BY_NAME]:
+        words = f"there is no shape {name!r}{suggestion(str(name), SHAPES_BY_NAME)}; choose {known}"
+        raise InputError("spawn", f"bodies.spawn entry {text!r}: {words}")
+    with _refused(text, " needs the size of its shape in metres, such as size: [0.2]"):
+        try:
+            return shape_from(SHAPES_BY_NAME[name], entry["size"])
+        except InputError as error:
+            raise InputError("spawn", f"bodies.spawn entry {text!r}: {error}") from None
 
 
 @contextmanager
@@ -157,6 +173,8 @@ class InitialBodies:
         if entry.urdf and entry.robot is None:
             entry = replace(entry, robot=prepare_robot(with_package_paths(entry.urdf)))
         waiting = not spawn(self._session.world, entry)
+        if not waiting and entry.xyz is not None and self._session.world.terrain.tiles:
+            self._session.start_of(entry.name, BodyState(entry.xyz))
         self._entries[entry.name] = entry
         self._waiting = [name for name in self._waiting if name != entry.name]
         if waiting:
@@ -208,9 +226,10 @@ class InitialBodies:
         """Return True if a body is there, or will be."""
         return any(name in known for known in (self._session.world.bodies, self._waiting, self._standing))
 
-    def restore(self) -> None:
-        """Spawn again the initial bodies that were removed."""
-        self._waiting += [name for name in self._entries if not self.has(name)]
+    def restore(self, names: Collection[str] | None = None) -> None:
+        """Spawn again the initial bodies that were removed, None = all, or those of some ``names``."""
+        chosen = [name for name in self._entries if names is None or name in names]
+        self._waiting += [name for name in chosen if not self.has(name)]
         self.on_terrain()
 
 

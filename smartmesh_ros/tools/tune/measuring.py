@@ -31,8 +31,8 @@ from smartmesh_ros.world.world import World
 _SHAPES: Mapping[int, Callable[[Sequence[float]], Shape]] = {
     pb.GEOM_SPHERE: lambda size: Sphere(size[0]),
     pb.GEOM_BOX: lambda size: Box(*size),
-    pb.GEOM_CYLINDER: lambda size: Cylinder(size[1], size[0]),
-    pb.GEOM_CAPSULE: lambda size: Capsule(size[1], size[0]),
+    pb.GEOM_CYLINDER: lambda size: Cylinder(height=size[0], radius=size[1]),
+    pb.GEOM_CAPSULE: lambda size: Capsule(height=size[0], radius=size[1]),
 }
 
 

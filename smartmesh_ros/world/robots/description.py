@@ -17,6 +17,8 @@ from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
 
+import pybullet_data
+
 from smartmesh_ros.errors import InputError
 
 # PyBullet also knows spherical joints, which URDF does not have.
@@ -193,7 +195,10 @@ _SCHEME = re.compile(r"(package|model|file)://(?:(?<=file://)localhost(?=/))?")
 
 
 def package_folder(name: str) -> Path | None:
-    """Return the share folder of a ROS package by the environment's AMENT_PREFIX_PATH, None if there is none."""
+    """Return the share folder of a ROS package by the environment's AMENT_PREFIX_PATH, or the folder of
+    ``pybullet_data`` by that name; None if there is none."""
+    if name == "pybullet_data":
+        return Path(pybullet_data.getDataPath())
     if not name or "/" in name or name.startswith("."):
         return None
     for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):

@@ -72,9 +72,9 @@ NEEDED_MASS, NEEDED_INERTIA = 1.0, 0.01
 _MOVING = (pb.JOINT_REVOLUTE, pb.JOINT_PRISMATIC, pb.JOINT_SPHERICAL, pb.JOINT_PLANAR)
 
 
-def set_masses(client: Any, uid: int, urdf: str) -> str:
-    """Take the mass of links without <inertial>, by the ``urdf`` text that PyBullet loaded, and return what to tell the
-    user, empty if every link has an <inertial>. Links keep `NEEDED_MASS` if without it a joint would move no mass at
+def set_masses(client: Any, uid: int, urdf: str) -> tuple[str, str]:
+    """Take the mass of links without <inertial>, by the ``urdf`` text that PyBullet loaded, and return a note and a
+    warning about them, empty if there is none. Links keep `NEEDED_MASS` if without it a joint would move no mass at
     all, or the root would be fixed to the world."""
     links = ElementTree.fromstring(urdf).iterfind("link")
     bare = {link.get("name", "") for link in links if link.find("inertial") is None}
@@ -98,15 +98,13 @@ def set_masses(client: Any, uid: int, urdf: str) -> str:
             client.changeDynamics(uid, index, mass=0.0)
     if names[0] in bare and masses[0]:  # PyBullet gives a root called world no mass
         needed.append(names[0])
-    notes = []
-    if without:
-        notes.append(f"links without <inertial> have no mass: {', '.join(without)}")
-    if needed:
-        notes.append(
-            f"links without <inertial> weigh {NEEDED_MASS:g} kg each, because a joint or the root needs a mass to "
-            f"move: {', '.join(needed)}; give them an <inertial>"
-        )
-    return "; ".join(notes)
+    note = f"links without <inertial> have no mass: {', '.join(without)}" if without else ""
+    if not needed:
+        return note, ""
+    return note, (
+        f"links without <inertial> weigh {NEEDED_MASS:g} kg each, because a joint or the root needs a mass to "
+        f"move: {', '.join(needed)}; give them an <inertial>"
+    )
 
 
 def _set_needed_mass(client: Any, uid: int, index: int) -> None:

@@ -51,8 +51,8 @@ class PreparedRobot:
     """A robot for `BodyFactory`. ``given``: the URDF text or path as given. ``text``: what PyBullet loads, with
     ``meshes`` (one for each use) beside it, and once they are made ``files`` by name. ``collisions``: number of
     collision elements by link. ``mimics``: joints that follow others. ``notes``: what is taken otherwise than PyBullet
-    would. ``surfaces``: driven ones by name. ``starts``: positions of joints that do not start at zero [rad, m].
-    ``shapes``: by index of the link in PyBullet, -1 = root."""
+    would; ``warnings``: what its author likely did not mean. ``surfaces``: driven ones by name. ``starts``: positions of
+    joints that do not start at zero [rad, m]. ``shapes``: by index of the link in PyBullet, -1 = root."""
 
     given: str
     text: str
@@ -60,6 +60,7 @@ class PreparedRobot:
     collisions: Mapping[str, int]
     mimics: tuple[Mimic, ...]
     notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
     surfaces: Mapping[str, SurfaceDrive] = field(default_factory=dict)
     starts: Mapping[str, float] = field(default_factory=dict)
     files: Mapping[str, bytes] = field(default_factory=dict)
@@ -94,7 +95,8 @@ def _rewritten(urdf: str, robot: Description) -> PreparedRobot:
     normalise_axes(robot)
     mimics, starts = mimics_of(robot), starts_of(robot)
     starts |= {m.joint: m.multiplier * starts.get(m.leader, 0.0) + m.offset for m in mimics}
-    notes = [note for note in (mend_inertias(robot), with_massive_root(robot), ignored_in(robot)) if note]
+    note, warning = with_massive_root(robot)
+    notes = [said for said in (mend_inertias(robot), note, ignored_in(robot)) if said]
     notes += [
         f"joint {m.joint!r} follows {m.leader!r} ({m.multiplier:g} times, {m.offset:+g}) by a gear" for m in mimics
     ]
@@ -113,7 +115,7 @@ def _rewritten(urdf: str, robot: Description) -> PreparedRobot:
     return PreparedRobot(
         given=urdf, text=ElementTree.tostring(made, encoding="unicode"), meshes=tuple(meshes),
         collisions={name: len(robot.collisions(name)) for name in robot.links}, mimics=mimics, notes=tuple(notes),
-        surfaces=surface_drives_of(robot), starts=starts,
+        warnings=(warning,) if warning else (), surfaces=surface_drives_of(robot), starts=starts,
     )  # fmt: skip
 
 
