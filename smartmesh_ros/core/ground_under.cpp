@@ -26,7 +26,7 @@ std::int64_t updates_under(const HeightGrid& grid, const GridPose& pose, const B
       const Clock& clock = grid.clocks[r * grid.block_columns + c];
       const bool moves = grid.mode == Mode::Correct
                              ? remaining(clock, grid.shown, grid.settle) > 0.0
-                             : pose.slides() || (clock.known > 0 && goes_on(time, clock.time, clock.lifetime, clock.delay));
+                             : pose.slides() || may_move(clock, time, grid.mode);
       if (moves) return -1;
       count += clock.updates;
     }

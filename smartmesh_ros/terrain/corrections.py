@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.core import CORE, as_bytes
+from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.checked_heights import dense
 from smartmesh_ros.terrain.grid import FloatArray, IntArray, overlap
 from smartmesh_ros.terrain.motion import BLOCK
@@ -109,12 +109,11 @@ class Corrections:
         self.settled += by
 
     def take(
-        self, heights: NDArray[np.float32], clocks: Any, first: tuple[int, int], known: NDArray[np.float32],
-        time: float, settle: float,
-    ) -> None:  # fmt: skip
+        self, core_reader: Any, first: tuple[int, int], known: NDArray[np.float32], time: float, settle: float
+    ) -> None:
         """Store the estimate ``known`` (h, w) [m] of ``time`` [s], of the rectangle whose ``first`` sample is given, in
-        the map's ``heights`` and ``clocks``; it is blended in within the time ``settle`` [s]."""
-        CORE.take_corrected(heights, self.offsets, as_bytes(clocks), first, dense(known), time, self.shown, settle)
+        the map; it is blended in within the time ``settle`` [s]."""
+        CORE.take_corrected(core_reader, first, dense(known), time)
         if self.shown < math.inf:
             self.settled = self.shown + settle
 

@@ -58,19 +58,21 @@ class MovingHeights(MovingGround):
         new, speeds = checked(heights, velocities, shape, "the map")
         self._heights = np.array(new, order="C")
         self._velocities = untouched_zeros((KEPT, *shape))
+        self._rates = untouched_zeros(shape)
         self.prints: Prints | None = None  # made by the first `press` of a `HeightMap`
         self._clocks = np.zeros((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), CLOCK)
         self._clocks["time"] = -np.inf
         self.corrections = Corrections(shape)
         # The reader of this map in the C++ core.
         self.core_reader: Any = CORE.Grid(
-            self._heights, self._velocities, self.corrections.offsets, as_bytes(self._clocks)
+            self._heights, self._velocities, self.corrections.offsets, self._rates, as_bytes(self._clocks)
         )
         self._deviation: float | None = None  # standard deviation by the last update's variances [m], None = not given
         self.version = 0  # number of updates
         self._friction = None if friction is None else checked_friction(friction, shape)
+        self.track = at_rest(geometry, time)  # pose and rigid motion of the grid
+        self._tell_core()
         self._take(0, 0, new, speeds, time, checked_variance(variance, shape))
-        self.track = at_rest(geometry, self.time)  # pose and rigid motion of the grid
         self._tell_core()
         self._tell_friction()
 
@@ -231,7 +233,9 @@ class MovingHeights(MovingGround):
         geometry, track, motion, core = self.geometry, self.track, self.motion, self.core_reader
         core.place(*geometry.origin, geometry.yaw, geometry.resolution)
         core.move(track.time, track.interval, *track.motion)
-        core.set_motion(motion.code, motion.max_velocity, motion.settle, self.noise, self.corrections.shown)
+        core.set_motion(motion.code, motion.max_velocity, motion.settle, self.noise, motion.smoothing)
+        if motion.corrects:
+            core.show(self.corrections.shown)
 
     def _tell_friction(self) -> None:
         samples, uniform = (None, self.friction) if isinstance(self.friction, float) else (self.friction, 1.0)
@@ -269,10 +273,10 @@ class MovingHeights(MovingGround):
         """Write heights and velocities of rectangles (n, 4), as in `take_rectangles`."""
         with self.prints.lifted() if self.prints else nullcontext():
             CORE.take_rectangles(
-                self._heights, self._velocities, as_bytes(self._clocks), places, new.reshape(-1), speeds.reshape(-1),
-                time, (self.motion.min_interval, self.motion.max_interval),
+                self.core_reader, places, new.reshape(-1), speeds.reshape(-1), time,
+                (self.motion.min_interval, self.motion.max_interval),
             )  # fmt: skip
 
     def _correct(self, row: int, column: int, known: NDArray[np.float32], time: float) -> None:
         """Store the new estimate of a rectangle of static ground."""
-        self.corrections.take(self._heights, self._clocks, (row, column), known, time, self.motion.settle)
+        self.corrections.take(self.core_reader, (row, column), known, time, self.motion.settle)

@@ -47,11 +47,15 @@ class TriangleMesh(MovingGround):
         # (3, V), so that the search reads each coordinate contiguously.
         self._now = positions.T.copy()
         self._velocities = np.zeros((KEPT, *self._now.shape))  # ring buffer, see CLOCK
+        self._offsets, self._rates = np.zeros(self._now.shape), np.zeros(self._now.shape)
         self._clocks = np.zeros(1, CLOCK)
         self._clocks["time"] = time
         # The reader of this mesh in the C++ core.
-        self.core_reader: Any = CORE.Mesh(self._now, self._velocities, as_bytes(self._clocks), self.triangles)
-        self.motion = motion or MotionConfig()
+        self.core_reader: Any = CORE.Mesh(
+            self._now, self._velocities, self._offsets, self._rates, as_bytes(self._clocks), self.triangles
+        )
+        self._motion = motion or MotionConfig()
+        self._tell_core()
         self.graph = TriangleGraph(self.triangles, self.size)
         first, second = self._now[:, self.triangles[:, 0]], self._now[:, self.triangles[:, 1]]
         self.edge_length = float(np.linalg.norm(first - second, axis=0).mean())
@@ -138,32 +142,15 @@ class TriangleMesh(MovingGround):
                 moved[:, target] = new
                 shape = shape_of(moved, self.triangles)
                 check(shape)
-        self._note_velocities(new, target, speeds, time)
-        self._now[:, target] = new
+        given = None if speeds is None else np.ascontiguousarray(speeds)
+        intervals = self.motion.min_interval, self.motion.max_interval
+        CORE.move_vertices(self.core_reader, chosen, np.ascontiguousarray(new), given, time, intervals)
         self._shape = shape
         self.version += 1
         self.revision = next_revision()
-        self.core_reader.update()
 
     def _tell_core(self) -> None:
-        self.core_reader.set_motion(self.motion.code, self.motion.max_velocity)
-
-    def _note_velocities(self, new: FloatArray, target: Any, speeds: FloatArray | None, time: float) -> None:
-        """Store the velocities of an update: given ones, or the difference quotient to the positions before."""
-        motion, newest = self.motion, self._clocks[0].newest
-        whole = isinstance(target, slice)
-        inverse, keep = CORE.note_update(
-            as_bytes(self._clocks), time, speeds is not None, whole, (motion.min_interval, motion.max_interval)
-        )
-        if self._clocks[0].newest != newest:
-            self._velocities[self._clocks[0].newest] = 0.0
-        velocities = self._velocities[self._clocks[0].newest]
-        if speeds is not None:
-            velocities[:, target] = speeds
-            return
-        rates = velocities[:, target] * keep + (new - self._now[:, target]) * inverse
-        velocities *= keep
-        velocities[:, target] = rates
+        self.core_reader.set_motion(self.motion.code, self.motion.max_velocity, self.motion.smoothing)
 
     @property
     def lifetime(self) -> float:

@@ -57,13 +57,13 @@ def test_late_ground_returns_to_its_map_and_stays_there(v: float, a: float, age:
     assert there * here >= -1e-9
 
 
-def test_interpolation_starts_at_the_map_before_and_ends_at_the_last() -> None:
+def test_an_interpolated_grid_is_at_its_last_place_when_the_next_is_due() -> None:
+    """One map late; from then on it is late as an extrapolated one, and returns."""
     offset = np.array([height_at(age, 1.0, 0.0, Mode.INTERPOLATE) for age in AGES])
     assert offset[0] == -INTERVAL
-    assert np.abs(offset[AGES >= INTERVAL]).max() == 0.0
-    assert (np.diff(offset) >= 0.0).all()
-    assert phase_at(0.0, Mode.INTERPOLATE).rate == 1.0
-    assert phase_at(INTERVAL, Mode.INTERPOLATE).rate == 0.0
+    assert offset[AGES <= INTERVAL] == pytest.approx(AGES[AGES <= INTERVAL] - INTERVAL)
+    assert offset.max() == pytest.approx((LATE_AFTER - 1.0) * INTERVAL)
+    assert not offset[AGES >= (2.0 * LATE_AFTER - 0.5) * INTERVAL + 1e-9].any()
 
 
 def test_hold_keeps_the_heights_and_carries_the_velocity_while_maps_come() -> None:
@@ -81,7 +81,8 @@ def test_ground_of_which_no_map_is_expected_is_at_rest(mode: Mode) -> None:
     "bad",
     [
         {"mode": "guess"}, {"max_interval": 0.0}, {"max_velocity": math.nan}, {"changes": "guess"}, {"settle": 0.0},
-        {"noise": math.nan}, {"min_interval": 1.0}, {"min_interval": -1.0},
+        {"noise": math.nan}, {"min_interval": 1.0}, {"min_interval": -1.0}, {"smoothing": -1.0},
+        {"smoothing": math.nan}, {"smoothing": 11.0},
     ],
 )  # fmt: skip
 def test_impossible_settings_are_refused(bad: dict[str, object]) -> None:

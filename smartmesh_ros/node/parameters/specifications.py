@@ -29,6 +29,7 @@ from smartmesh_ros.node.parameters.settings import (
     scan_entries,
 )
 from smartmesh_ros.node.timing.pacing import require_one_clock
+from smartmesh_ros.terrain.motion import MOST_SMOOTHING
 
 ConfigT = TypeVar("ConfigT")
 
@@ -87,7 +88,12 @@ SPECS = (
     _param("patch.carry_velocity", "Pass the ground's velocity to the contacts, so that moving ground carries bodies "
         "along."),
     _param("terrain.motion", "Motion of the ground between maps. hold: stay at the last map; extrapolate: continue "
-        "with the estimated velocity; interpolate: follow the maps one map late.", place="motion.mode"),
+        "with the estimated velocity and acceleration; interpolate: follow the maps one map interval late, on smooth "
+        "curves.",
+        place="motion.mode"),
+    _param("terrain.smoothing", "Time in which extrapolated ground goes over to the motion of a new map [map "
+        "intervals]; 0 = at once, with a jump. Higher makes forces on bodies smoother, and places less exact.",
+        0.0, MOST_SMOOTHING, place="motion.smoothing"),
     _param("terrain.max_interval", "Longest time between two maps from which velocity is estimated, and longest delay "
         "of maps over which the ground is extrapolated [s].", 0.001, 60.0),
     _param("terrain.max_velocity", "Highest estimated velocity [m/s]; a faster change of height counts as a jump, "

@@ -51,8 +51,8 @@ class PreparedRobot:
     """A robot for `BodyFactory`. ``given``: the URDF text or path as given. ``text``: what PyBullet loads, with
     ``meshes`` (one for each use) beside it, and once they are made ``files`` by name. ``collisions``: number of
     collision elements by link. ``mimics``: joints that follow others. ``notes``: what is taken otherwise than PyBullet
-    would; ``warnings``: what its author likely did not mean. ``surfaces``: driven ones by name. ``starts``: positions of
-    joints that do not start at zero [rad, m]. ``shapes``: by index of the link in PyBullet, -1 = root."""
+    would; ``warnings``: what its author likely did not mean. ``surfaces``: driven ones by name. ``starts``: positions
+    of joints that do not start at zero [rad, m]. ``shapes``: by index of the link in PyBullet, -1 = root."""
 
     given: str
     text: str
