@@ -78,14 +78,17 @@ class MovingHeights(MovingGround):
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy of the map, or one in another process, is made of: arrays, and what they mean."""
-        heights, velocities, clocks, offsets = self.arrays
         corrections, prints = self.corrections, self.prints
         return {
             "map": {"geometry": self.geometry, "motion": self.motion, "friction": self._friction},
-            "arrays": (heights, velocities if self.has_velocities else None, clocks, offsets),
+            "heights": self._heights,
+            "clocks": self._clocks,
+            # Arrays of zeros take no memory, and no bytes.
+            "others": tuple(array if array.any() else None for array in self._others),
             "track": self.track,
             "version": self.version,
             "deviation": self._deviation,
+            "shown": self.core_reader.shown,
             "corrections": (corrections.shown, corrections.settled),
             "fused": corrections.fused,
             "prints": None if prints is None else (prints.given, prints.corners),
@@ -93,8 +96,9 @@ class MovingHeights(MovingGround):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make the map of such a state."""
-        MovingHeights.__init__(self, state["arrays"][0], **state["map"])
-        for array, kept in zip(self.arrays, state["arrays"], strict=True):
+        MovingHeights.__init__(self, state["heights"], **state["map"])
+        self._clocks[...] = state["clocks"]
+        for array, kept in zip(self._others, state["others"], strict=True):
             if kept is not None:
                 array[...] = kept
         self.track, self.version, self._deviation = state["track"], state["version"], state["deviation"]
@@ -104,6 +108,7 @@ class MovingHeights(MovingGround):
             self.prints = Prints(self._heights)
             self.prints.given[...], self.prints.corners = state["prints"]
         self._tell_core()
+        self.core_reader.show(state["shown"])
 
     @property
     def heights(self) -> NDArray[np.float32]:
@@ -129,11 +134,16 @@ class MovingHeights(MovingGround):
         self._tell_friction()
 
     @property
-    def arrays(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.void], NDArray[np.float32]]:
+    def arrays(self) -> tuple[NDArray[Any], ...]:
         """The arrays that change in place: heights (rows, columns) [m], NaN = hole;
         velocities (KEPT, rows, columns) [m/s], a ring buffer whose newest index is in the clock of each block; clocks,
-        records of ``CLOCK``, one for each block; offsets (rows, columns) [m], old minus new heights of corrections."""
-        return self._heights, self._velocities, self._clocks, self.corrections.offsets
+        records of ``CLOCK``, one for each block; offsets (rows, columns) [m], old minus new heights of corrections, or
+        deviations of shown ground; rates (rows, columns) [m/s] of these."""
+        return self._heights, self._velocities, self._clocks, self.corrections.offsets, self._rates
+
+    @property
+    def _others(self) -> tuple[NDArray[np.float32], ...]:
+        return self._velocities, self.corrections.offsets, self._rates
 
     @property
     def noise(self) -> float:

@@ -72,13 +72,20 @@ class TriangleMesh(MovingGround):
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy of the mesh, or one in another process, is made of: arrays, and what they mean."""
         mesh = {"vertices": self.vertices, "triangles": self.triangles, "motion": self.motion}
-        return {"mesh": mesh, "velocities": self._velocities, "clocks": self._clocks, "version": self.version}
+        return {"mesh": mesh, "moving": self._moving, "version": self.version}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make the mesh of such a state."""
         TriangleMesh.__init__(self, **state["mesh"])
-        self._velocities[...], self._clocks[...], self.version = state["velocities"], state["clocks"], state["version"]
+        self.version = state["version"]
+        for array, kept in zip(self._moving, state["moving"], strict=True):
+            array[...] = kept
         self.core_reader.update()
+
+    @property
+    def _moving(self) -> tuple[NDArray[Any], ...]:
+        """The arrays that updates change, beside the positions."""
+        return self._velocities, self._offsets, self._rates, self._clocks
 
     @property
     def size(self) -> int:

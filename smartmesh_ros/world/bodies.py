@@ -154,7 +154,7 @@ class BodyFactory:
             shares = self.damp(body)
             if less := [joint for joint, index in body.joints.items() if shares.get(index, 1.0) < TOLD_SHARE]:
                 words = f"joints that have less damping than given, as much as a step bears: {', '.join(less)}"
-                body.notes = (*body.notes, words)
+                body.warnings = (*body.warnings, words)
             body.fixed = is_fixed(self._client, uid)
             self.place(body, BodyState())
             body.hull = _box_around(*bounds_of(self._client, body))

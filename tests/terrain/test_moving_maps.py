@@ -206,7 +206,7 @@ def test_interpolated_ground_is_that_of_a_map_interval_before(
     def height(t: float) -> float:
         return speed * t + 0.5 * a * t**2 + jerk * t**3 / 6.0
 
-    heightmap = HeightMap(np.zeros((3, 3)), motion=SMOOTH[0])
+    heightmap = HeightMap(np.zeros((3, 3)), resolution=1.0, motion=SMOOTH[0])
     for k in range(1, 6):
         t = k * interval
         rate = np.full((3, 3), speed + a * t + 0.5 * jerk * t**2) if given_velocities else None
@@ -228,7 +228,7 @@ def test_smooth_ground_jumps_at_no_update(
     """Neither its height nor its velocity, whatever the stamps, with whole maps and with regions, unless the maps are
     too far apart for a motion."""
     rng = np.random.default_rng(seed)
-    heightmap, time = HeightMap(np.zeros((5, 5)), motion=motion), 0.0
+    heightmap, time = HeightMap(np.zeros((5, 5)), resolution=1.0, motion=motion), 0.0
     for interval, part, says in updates:
         time += interval
         before = heightmap.sample(SAMPLES, time)
@@ -249,7 +249,7 @@ def test_smooth_ground_jumps_at_no_update(
 @pytest.mark.parametrize("motion", SMOOTH)
 def test_the_velocity_of_smooth_ground_is_the_rate_of_its_height(motion: MotionConfig) -> None:
     """While maps come, are late, and are gone; and a rise is the difference of two heights."""
-    heightmap = HeightMap(ground(0.0), time=0.0, motion=motion)
+    heightmap = HeightMap(ground(0.0), resolution=1.0, time=0.0, motion=motion)
     for k in range(1, 7):
         heightmap.replace(ground(0.05 * k + 0.01 * (k % 2)), time=0.05 * k + 0.01 * (k % 2))
     for time in np.linspace(0.301, 0.7, 80):

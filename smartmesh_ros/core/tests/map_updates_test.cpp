@@ -19,8 +19,10 @@ struct Map {
     for (Clock& clock : clocks) clock = Clock{}, clock.time = -1e300;
   }
   void take(const Region& place, const std::vector<float>& fresh, double time) {
-    take_heights({heights.data(), velocities.data(), nullptr, clocks.data(), ROWS, COLUMNS, 3}, place,
-                 {fresh.data(), nullptr, time}, INTERVALS);
+    MapArrays arrays;
+    arrays.heights = heights.data(), arrays.velocities = velocities.data(), arrays.clocks = clocks.data();
+    arrays.rows = ROWS, arrays.columns = COLUMNS, arrays.block_columns = 3;
+    take_heights(HeightGrid{}, arrays, place, {fresh.data(), nullptr, time}, INTERVALS);
   }
   float newest(int row, int column) const {
     const Clock& clock = clocks[(row >> BLOCK_SHIFT) * 3 + (column >> BLOCK_SHIFT)];

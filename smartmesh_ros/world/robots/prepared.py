@@ -96,10 +96,9 @@ def _rewritten(urdf: str, robot: Description) -> PreparedRobot:
     mimics, starts = mimics_of(robot), starts_of(robot)
     starts |= {m.joint: m.multiplier * starts.get(m.leader, 0.0) + m.offset for m in mimics}
     note, warning = with_massive_root(robot)
-    notes = [said for said in (mend_inertias(robot), note, ignored_in(robot)) if said]
-    notes += [
-        f"joint {m.joint!r} follows {m.leader!r} ({m.multiplier:g} times, {m.offset:+g}) by a gear" for m in mimics
-    ]
+    warnings = (mend_inertias(robot), warning, ignored_in(robot))
+    gears = (f"joint {m.joint!r} follows {m.leader!r} ({m.multiplier:g} times, {m.offset:+g}) by a gear" for m in mimics)
+    notes = (note, *gears)
     made = ElementTree.Element("robot", name=robot.robot.get("name") or "robot")
     meshes = []
     for tag, kept in (("link", _OF_LINKS), ("joint", _OF_JOINTS)):
@@ -114,8 +113,8 @@ def _rewritten(urdf: str, robot: Description) -> PreparedRobot:
             element.attrib = {"filename": mesh.name}
     return PreparedRobot(
         given=urdf, text=ElementTree.tostring(made, encoding="unicode"), meshes=tuple(meshes),
-        collisions={name: len(robot.collisions(name)) for name in robot.links}, mimics=mimics, notes=tuple(notes),
-        warnings=(warning,) if warning else (), surfaces=surface_drives_of(robot), starts=starts,
+        collisions={name: len(robot.collisions(name)) for name in robot.links}, mimics=mimics,
+        notes=tuple(filter(None, notes)), warnings=tuple(filter(None, warnings)), surfaces=surface_drives_of(robot), starts=starts,
     )  # fmt: skip
 
 
