@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures renders test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks laws
+.PHONY: help demo view pictures renders test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks laws replay-speed
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -78,6 +78,9 @@ load:  ## the node under load over DDS, about 15 minutes; LOAD=--quick for less 
 
 soak:  ## ten minutes of everything changing; SOAK="--minutes 120" for two hours, --document for docs/
 	@$(RUN) load -- $(STUDIES) soak $(SOAK)
+
+replay-speed:  ## how much faster than real time a replay runs: the table of docs/replay.md
+	@$(RUN) replay -- $(STUDIES) replay
 
 tune:  ## parameters for a budget, on a scene that ships: SOURCE=stairs or a bag, ARGS="--budget 0.1 --jobs 2"
 	@$(RUN) tune -- install/smartmesh_ros/lib/smartmesh_ros/tune $(or $(SOURCE),waves_w04_maps_20) $(ARGS)

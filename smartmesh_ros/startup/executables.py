@@ -78,7 +78,7 @@ def _exit_on_signals() -> None:
 
 
 def _start(module: str, before: Callable[[], None] | None = silence_pybullet) -> None:
-    """Run ``main`` of a module, which may import PyBullet after the call of ``before``."""
+    """Run ``main`` of a module, which may import PyBullet after the call of ``before``, and exit with its result."""
     _exit_on_signals()
     if before is not None:
         before()
@@ -89,7 +89,7 @@ def _start(module: str, before: Callable[[], None] | None = silence_pybullet) ->
             raise
         sys.exit(f"{Path(sys.argv[0]).name} needs ROS 2 and smartmesh_msgs ({error}); source your workspace")
     with ending_with_reader():
-        main()
+        sys.exit(main())
 
 
 terrain_collider = partial(_start, "smartmesh_ros.node.terrain_collider")
@@ -98,6 +98,7 @@ terrain_sensor = partial(_start, "smartmesh_ros.node.sensor.terrain_sensor")
 soil = partial(_start, "smartmesh_ros.node.soil.soil_node")
 fleet_front = partial(_start, "smartmesh_ros.node.fleet.front")
 fleet = partial(_start, "smartmesh_ros.node.fleet.command", None)
+replay = partial(_start, "smartmesh_ros.tools.replay.cli")
 # Their standard output stays usable for child processes.
 rover = partial(_start, "smartmesh_ros.tools.demo.rover", import_pybullet_quietly)
 demo = partial(_start, "smartmesh_ros.tools.demo.demo", import_pybullet_quietly)

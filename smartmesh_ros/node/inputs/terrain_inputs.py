@@ -49,7 +49,7 @@ class TerrainInputs:
         self._terrain = session.world.terrain
         self._on_terrain = on_terrain
         self._clocks: dict[str, StampClock] = {}
-        self._rivals, self._checks = RivalMaps(session), MapChecks(session.node.get_logger())
+        self._rivals, self._checks = RivalMaps(session), MapChecks(session.node.get_logger(), session.clock.steady)
         settings = session.settings
         durability = DurabilityPolicy[settings.durability.upper()]
         reliability = ReliabilityPolicy[settings.reliability.upper()]
@@ -201,7 +201,7 @@ class TerrainInputs:
             if tile in self._terrain.tiles:
                 self._terrain.tiles[tile].delay = clock.delay
             session.frame_id = session.frame_id or start.frame_id or DEFAULT_FRAME
-            session.last_map_time = monotonic()
+            session.last_map_time = session.clock.steady()
             session.maps += 1
             session.map_warning = self._checks.warning
         self._on_terrain()
@@ -255,8 +255,8 @@ class MapChecks:
 
     ``warning``: the suspected problem and which parameter to set; empty = none."""
 
-    def __init__(self, logger: Any) -> None:
-        self._logger = logger
+    def __init__(self, logger: Any, now: Callable[[], float] = monotonic) -> None:
+        self._logger, self._now = logger, now
         self._checks: dict[str, NoiseCheck] = {}
         self._times: dict[str, float] = {}  # of the last map of each tile [s]
         self._warned = -LOG_PAUSE  # steady time of the last warning [s]
@@ -288,7 +288,7 @@ class MapChecks:
         """Updates ``warning``, and logs a new one."""
         seen = {tile: str(check.findings) for tile, check in self._checks.items() if check.findings != NO_FINDINGS}
         what = "; ".join(f"tile {tile!r}: {words}" if tile else words for tile, words in seen.items())
-        now, before = monotonic(), self.warning
+        now, before = self._now(), self.warning
         self.warning = f"maps look like those of a sensor or mapper ({what}) {ADVICE}" if what else ""
         if self.warning and not before and now - self._warned >= LOG_PAUSE:
             self._logger.warning(self.warning)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from time import monotonic
 from typing import Any, NamedTuple
 
 from nav_msgs.msg import Odometry
@@ -48,9 +47,10 @@ DISCOVERY_TIME = 3.0
 
 class Audience:
     """Subscribers and publishers of an output. ``new``: True if some may have missed messages, or another publisher may
-    have made subscribers forget some."""
+    have made subscribers forget some. ``now``: a clock [s]."""
 
-    def __init__(self) -> None:
+    def __init__(self, now: Callable[[], float]) -> None:
+        self._now = now
         self._counts = (0, 0)
         self._new_until = -math.inf
         self._all_due = -math.inf
@@ -58,17 +58,17 @@ class Audience:
     def count(self, subscribers: int, publishers: int) -> None:
         """Note the numbers of subscribers and publishers."""
         if (subscribers, publishers) != self._counts:
-            self._counts, self._new_until = (subscribers, publishers), monotonic() + DISCOVERY_TIME
+            self._counts, self._new_until = (subscribers, publishers), self._now() + DISCOVERY_TIME
 
     @property
     def new(self) -> bool:
         """True if some may have missed messages."""
-        return monotonic() < self._new_until
+        return self._now() < self._new_until
 
     def needs_all(self) -> bool:
         """Return False if the next message may contain only changes. New subscribers, and every `ALL_PATCHES_PERIOD`
         all subscribers, receive everything."""
-        now = monotonic()
+        now = self._now()
         if self._new_until <= now < self._all_due:
             return False
         self._all_due = now + ALL_PATCHES_PERIOD
@@ -89,7 +89,7 @@ class Publishing:
 
     def __init__(self, session: Session, peers: PeerBodies, transforms: TransformInput) -> None:
         self._session = session
-        self._node, self._world = session.node, session.world
+        self._node, self._world, self._now = session.node, session.world, session.clock.steady
         self._markers = patch_outputs.PatchMarkers(session.settings.marker_namespace)
         self._collider_patches = patch_outputs.ColliderPatches()
         self._states = SimulatedStates(session.world)
@@ -120,18 +120,18 @@ class Publishing:
         ends: list[Any] = [self._descriptions, *self._scans, *self._outputs.values()]
         self._diagnostics = Diagnostics(session, peers, self._clock, [end.publisher for end in ends])
         # Staggered, so that no step publishes all outputs.
-        start = monotonic()
+        start = self._now()
         self._due = {
             name: start + place / (len(self._outputs) * max(getattr(session.settings.publish, name), 1.0))
             for place, name in enumerate(self._outputs)
         }
         self._timing_window = Window(session)
-        self._audiences = {name: Audience() for name in (*PATCH_OUTPUTS, "pressed_ground")}
+        self._audiences = {name: Audience(self._now) for name in (*PATCH_OUTPUTS, "pressed_ground")}
         self._shown = dict.fromkeys(PATCH_OUTPUTS, -1)  # the number of refreshes at the last message
 
     def publish(self, *, now: bool = False) -> None:
         """Publishes every output that has subscribers and is due; ``now``: due or not."""
-        time, enduring = monotonic(), self._session.enduring
+        time, enduring = self._now(), self._session.enduring
         self._publish(self._outputs, time, now=now)
         with enduring("height_scan"):
             for scan in self._scans:
@@ -156,7 +156,7 @@ class Publishing:
 
     def publish_patches(self) -> None:
         """Publishes the patch outputs that are due; called before a step, so that they do not wait for the physics."""
-        self._publish(PATCH_OUTPUTS, monotonic(), now=False)
+        self._publish(PATCH_OUTPUTS, self._now(), now=False)
 
     def _publish(self, names: Iterable[str], time: float, *, now: bool) -> None:
         rates = self._session.settings.publish
@@ -172,7 +172,7 @@ class Publishing:
     def _send(self, name: str, output: _Output) -> None:
         if not output.publisher.get_subscription_count():
             return
-        audience = self._audiences.get(name, Audience())
+        audience = self._audiences.get(name, Audience(self._now))
         with self._world.stopwatch.stage("publish"), undone(audience.missed):
             made = output.make()
             for message in made if isinstance(made, list) else [made]:

@@ -158,6 +158,7 @@ def _scan_entry(found: Any, place: int) -> ScanEntry:
 LONGEST_NAME = 256
 Durability = Literal["volatile", "transient_local"]
 Reliability = Literal["reliable", "best_effort"]
+Introspection = Literal["disabled", "metadata", "contents"]
 # Meaning of a change of height between maps; *auto*: a correction if sensors or mappers provide the terrain.
 TerrainChanges = Literal["auto", "motion", "correction"]
 
@@ -224,6 +225,7 @@ class Settings:
     raster: RasterConfig = field(default_factory=RasterConfig)
     robot: RobotConfig = field(default_factory=RobotConfig)
     simulation_interfaces: bool = False
+    service_introspection: Introspection = "disabled"
     poses: tuple[BodySource, ...] = ()
     odometry: tuple[BodySource, ...] = ()
     frames: tuple[BodySource, ...] = ()

@@ -173,6 +173,8 @@ SPECS = (
     _param("publish.odometry", "Rate of ~/odometry for each robot [Hz].", 0.0, 1000.0),
     _param("publish.contact_wrenches", "Rate of ~/contact_wrenches [Hz].", 0.0, 1000.0),
     _fixed("simulation_interfaces", "Serve the standard services of simulation_interfaces."),
+    _fixed("service_introspection", "What the node publishes of each call of its services, on "
+        "<service>/_service_event; with contents a bag holds the calls, and a replay repeats them."),
     _fixed("height_scans", "Height scans on ~/height_scan/<body>, each a YAML mapping such as {body: robot, layout: "
         "isaac_lab, rate: 50, noise: 0.01}; see docs/height_scan.md."),
     _fixed("frame_id", "Frame of the terrain; empty = the frame of the first map."),

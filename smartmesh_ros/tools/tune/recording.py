@@ -29,7 +29,8 @@ from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import transforms_from
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.timing.stamps import StampClock, stamp_seconds
-from smartmesh_ros.tools.testing.bags import Record, read
+from smartmesh_ros.tools.replay.bag import Record
+from smartmesh_ros.tools.testing.bags import read
 from smartmesh_ros.tools.tune.replay import BodiesCame, Change, Event, JointsCame, MapCame, RegionCame
 
 HEIGHTMAP, HEIGHTMAP_UPDATE = "smartmesh_msgs/msg/Heightmap", "smartmesh_msgs/msg/HeightmapUpdate"
