@@ -83,12 +83,12 @@ replay-speed:  ## how much faster than real time a replay runs: the table of doc
 	@$(RUN) replay -- $(STUDIES) replay
 
 tune:  ## parameters for a budget, on a scene that ships: SOURCE=stairs or a bag, ARGS="--budget 0.1 --jobs 2"
-	@$(RUN) tune -- install/smartmesh_ros/lib/smartmesh_ros/tune $(or $(SOURCE),waves_w04_maps_20) $(ARGS)
+	@$(RUN) replay -- install/smartmesh_ros/lib/smartmesh_ros/tune $(or $(SOURCE),waves_w04_maps_20) $(ARGS)
 
-tuning:  ## the table of docs/tuning.md: eight scenes and a bag of the demo, about half an hour
+tuning:  ## the table of docs/tuning.md: three scenes and a bag of the demo, about five minutes
 	@rm -rf out/demo_bag
-	@$(RUN) tune -- python scripts/make_demo_bag.py out/demo_bag
-	@$(RUN) tune -- python -m studies.tuning --bag out/demo_bag --params-file out/demo_bag.yaml
+	@$(RUN) replay -- python scripts/make_demo_bag.py out/demo_bag
+	@$(RUN) replay -- python -m studies.tuning --bag out/demo_bag --params-file out/demo_bag.yaml
 
 fuzz:  ## 120,000 spoilt messages for every topic, service and parameter (half an hour)
 	@$(RUN) dev -- python -m tests.fuzz.run --jobs 2

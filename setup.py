@@ -148,7 +148,7 @@ setup(
         "files": ["pillow", "rasterio"],
         "test": ["hypothesis", "pytest"],
         "replay": ["mcap", "rosbags"],
-        "tune": ["matplotlib", "optuna", "rosbags"],
+        "tune": ["matplotlib", "rosbags"],
         "view": ["viser[urdf]"],
     },
     zip_safe=False,

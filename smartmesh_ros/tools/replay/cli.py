@@ -72,7 +72,7 @@ def _run(options: argparse.Namespace) -> int:
     until = math.inf if options.until is None else options.until
     if not until > 0.0:
         raise InputError("parameter", f"--until is {until:g}; it must be a number of seconds above zero")
-    bag, names, line = Bag(options.bag), names_of(options.remap), ProgressLine()
+    bag, names, line = Bag(options.bag), Names(rules=rules_of(options.remap)), ProgressLine()
     parameters = read_parameters(options.params_file, options.param, names.node)
     file = None if options.output is None else new_file(options.output)
     if file is not None and options.output.exists() and options.output.samefile(bag.path):
@@ -122,15 +122,16 @@ def report(replay: Replay, speed: float, file: McapFile | None, check: str | Non
     return INTERRUPTED if interrupted else int(not same)
 
 
-def names_of(remaps: Sequence[str]) -> Names:
-    """Return the collider's names by ``from:=to``. Raises `InputError`."""
+def rules_of(remaps: Sequence[str]) -> list[tuple[str, str]]:
+    """Return remapping rules from texts ``from:=to``. Raises `InputError`."""
     rules = [(old, new) for old, _, new in (text.partition(":=") for text in remaps)]
     if wrong := [text for text, (old, new) in zip(remaps, rules, strict=True) if not (old and new)]:
         raise InputError("arguments", f"-r {wrong[0]!r} must be from:=to, as in -r ~/heightmap:=/maps")
     try:
-        return Names(rules=rules)
+        Names(rules=rules)
     except ValueError as error:
         raise InputError("arguments", f"-r: {str(error).partition(', at ')[0]}") from None
+    return rules
 
 
 class Interruption:

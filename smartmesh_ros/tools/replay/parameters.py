@@ -9,11 +9,15 @@ from typing import Any
 
 import yaml
 
+import smartmesh_ros
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.declaring import QOS, nearest
 from smartmesh_ros.node.parameters.helping import PARAMETERS, mismatch, pattern
-from smartmesh_ros.node.parameters.specifications import NAMES, REMOVED, SPECS
+from smartmesh_ros.node.parameters.settings import Settings
+from smartmesh_ros.node.parameters.specifications import NAMES, REMOVED, SPECS, settings_from
 
+PRESETS = ("accurate", "fast", "fleet", "quadruped", "rover")
+NODE = "/terrain_collider"
 DEFAULTS: Mapping[str, Any] = {spec.name: spec.default for spec in SPECS}
 
 
@@ -41,6 +45,30 @@ def read_file(path: Path, node: str) -> dict[str, Any]:
     if not found:
         raise InputError("file", f"{path} has no {PARAMETERS}; it must read '/**: {{{PARAMETERS}: {{name: value}}}}'")
     return found
+
+
+def settings_of(values: Mapping[str, Any]) -> Settings:
+    """Return settings with these parameters, and all others at their defaults; raise `InputError` if one is invalid."""
+    return settings_from({**DEFAULTS, **{name: value for name, value in values.items() if name in NAMES}})
+
+
+def preset_folder() -> Path | None:
+    """Return the folder of the presets in the source tree or in the installed share folder, None if not found."""
+    for above in Path(smartmesh_ros.__file__).parents[1:]:
+        for candidate in (above / "share" / "smartmesh_ros" / "config", above / "config"):
+            if (candidate / "fast.yaml").is_file():
+                return candidate
+    return None
+
+
+def preset_values(name: str) -> dict[str, Any]:
+    """Return the parameters of a preset; raise `InputError` with the known presets if it does not exist."""
+    found = preset_folder()
+    path = (found or Path()) / f"{name}.yaml"
+    if found is None or not path.is_file():
+        known = sorted(file.stem for file in found.glob("*.yaml")) if found else []
+        raise InputError("preset", f"there is no preset {name!r}; choose {', '.join(known) or 'a parameter file'}")
+    return read_file(path, NODE)
 
 
 def single_value(text: str) -> tuple[str, Any]:

@@ -16,12 +16,12 @@ from service_msgs.msg import ServiceEventInfo
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.cdr_reader import message_from
 from smartmesh_ros.node.parameters.declaring import plain_value
-from smartmesh_ros.node.parameters.specifications import NAMES, settings_from
+from smartmesh_ros.node.parameters.specifications import NAMES
 from smartmesh_ros.node.terrain_collider import Collider
 from smartmesh_ros.tools.replay.bag import EVENTS, Record, Source, type_of
 from smartmesh_ros.tools.replay.clock import ReplayClock
 from smartmesh_ros.tools.replay.digest import Digest
-from smartmesh_ros.tools.replay.parameters import DEFAULTS
+from smartmesh_ros.tools.replay.parameters import settings_of
 from smartmesh_ros.tools.replay.transport import InProcess, Log, Names, Publisher
 from smartmesh_ros.world.world import World
 
@@ -62,8 +62,8 @@ class Replay:
         self.names = names or Names()
         self._kept: dict[str, list[Any]] = {self.names.full(topic): [] for topic in keep}
         self._record = record
-        self._source, self._values = source, {**DEFAULTS, **(parameters or {})}
-        settings = settings_from({name: self._values[name] for name in NAMES})
+        self._source, self._values = source, dict(parameters or {})
+        settings = settings_of(self._values)
         self.clock = ReplayClock(0.0, simulated=bool(self._values.get("use_sim_time")) and CLOCK in source.topics)
         self.node = InProcess(self.names, Log(self.clock, say or self.log.append), source.topics, self._sink)
         self.collider = Collider(self.node, settings, self.clock)
@@ -161,7 +161,7 @@ class Replay:
 
     def _set(self, values: Mapping[str, Any]) -> None:
         changed = {**self._values, **values}
-        settings = settings_from({name: changed[name] for name in NAMES})
+        settings = settings_of(changed)
         self.collider.require_possible(settings)
         self._values = changed
         self.collider.configure(settings, set(values))

@@ -180,6 +180,22 @@ def test_own_frames_come_back_as_over_dds(replay: Make) -> None:
     assert {one.child_frame_id for message in run.received("/tf") for one in message.transforms} == {"ball"}
 
 
+def test_bodies_of_a_recorded_peer_are_met(replay: Make) -> None:
+    """Which a node finds by itself: a peer's ball stands where a ball of this node falls."""
+    peer = replay([level()], {"bodies.spawn": [BALL.replace("id: ball", "id: theirs")]}, keep=["body_states"])
+    peer.run(1.5)
+    states = [
+        ("/other/terrain_collider/body_states", 0.01 * k, one) for k, one in enumerate(peer.received("body_states"))
+    ]
+    for _, _, message in states:
+        message.header.stamp, message.bodies = stamp_of(0.0), peer.received("body_states")[-1].bodies
+    for peers in (["auto"], ["/other/terrain_collider"]):
+        run = replay([level(), *states], {"bodies.spawn": [BALL], "bodies.peers": peers})
+        run.run(0.8)
+        x, y, z = run.world.state("ball").position
+        assert z > 0.45 or np.hypot(x, y) > 0.05, "it stands on the peer's ball, or has rolled off it"
+
+
 def test_parameters_that_changed_while_recording_change_again(replay: Make) -> None:
     run = replay(in_order("calls"), {"bodies.most": 100})
     run.run(0.5)
