@@ -286,7 +286,7 @@ def test_two_blocks_drive_a_robot_on_the_topics_of_the_page(probe: Probe) -> Non
     )
     described = robot(*PARTS, arm, wheels)
     words = shlex.split(command.replace("\\\n", " "))
-    arguments = [*words[4:], "-p", "robot.above:=0.11", "-p", "robot.xy:=[5.0, 5.0]"]
+    arguments = [*words[4:], "-p", "robot.start:='{id: robot, xy: [5.0, 5.0], above: 0.11}'"]
     with Process("terrain_collider", arguments=arguments) as process:
         hardware = [Hardware(probe, arm), Hardware(probe, wheels)]
         probe.wait_for(probe.connected, watch=process)

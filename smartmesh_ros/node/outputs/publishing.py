@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import (
     ColliderPatchArray,
@@ -98,7 +98,7 @@ class Publishing:
         self._clock = ClockPublishing(session)
         self._transforms = TransformOutputs(session, transforms)
         self._descriptions = BodyDescriptions(session)
-        self._qos = QoSProfile(depth=10, durability=DurabilityPolicy[session.settings.output_durability.upper()])
+        self._qos = QoSProfile(depth=10)
         self._outputs = {
             "patches": self._output(MarkerArray, "~/patches", self._make_patches),
             "collider_patches": self._output(ColliderPatchArray, "~/collider_patches", self._make_collider_patches),

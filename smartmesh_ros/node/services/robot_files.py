@@ -64,7 +64,7 @@ class RobotPreparation:
 
     async def prepared(self, urdf: str, settings: Settings) -> PreparedRobot:
         """Return the robot of a URDF text or path that a peer sent. Raises `InputError`."""
-        rules = UrdfRules(folders=_folders(settings), longest=settings.longest_urdf)
+        rules = UrdfRules(folders=_folders(settings))
         future = self._threads.submit(lambda: prepare_robot(checked_urdf(with_package_paths(urdf), rules)))
         while not future.done():
             await NextTurn(waits=True)
