@@ -21,6 +21,7 @@ import core_build  # noqa: E402
 # For `ros2 run`. A wheel puts its commands onto everybody's path, where `view` is vim's: there it is smartmesh-view.
 IN_WORKSPACES = [
     f"fleet_front = {NAME}.startup.executables:fleet_front",
+    f"replay = {NAME}.startup.executables:replay",
     f"rover = {NAME}.startup.executables:rover",
     f"soil = {NAME}.startup.executables:soil",
     f"tune = {NAME}.startup.executables:tune",
@@ -146,7 +147,8 @@ setup(
         "bags": ["rosbags"],
         "files": ["pillow", "rasterio"],
         "test": ["hypothesis", "pytest"],
-        "tune": ["matplotlib", "optuna", "rosbags"],
+        "replay": ["mcap", "rosbags"],
+        "tune": ["matplotlib", "rosbags"],
         "view": ["viser[urdf]"],
     },
     zip_safe=False,
@@ -164,6 +166,7 @@ setup(
             f"terrain_source = {NAME}.startup.executables:terrain_source",
             f"smartmesh-demo = {NAME}.startup.executables:demo",
             f"smartmesh-fleet-front = {NAME}.startup.executables:fleet_front",
+            f"smartmesh-replay = {NAME}.startup.executables:replay",
             f"smartmesh-rover = {NAME}.startup.executables:rover",
             f"smartmesh-soil = {NAME}.startup.executables:soil",
             f"smartmesh-tune = {NAME}.startup.executables:tune",

@@ -11,7 +11,6 @@ from typing import Any
 import pybullet as pb
 from builtin_interfaces.msg import Time
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import InputError
@@ -24,8 +23,10 @@ from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings
 from smartmesh_ros.node.refusals import LOG_PERIOD, Refusals, shortened
 from smartmesh_ros.node.services.robot_files import RobotPreparation
 from smartmesh_ros.node.services.turns import Turns, Work
-from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, NodeClock, Pacer, stamp_of
+from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer, stamp_of
 from smartmesh_ros.node.timing.stamps import Placed
+from smartmesh_ros.node.transport import Clock, Transport
+from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.world.world import World
 
 # What is done with a request and its response, or with a response and its error.
@@ -54,7 +55,7 @@ def conclude(response: Any, error: Exception | None) -> None:
 
 
 class Session:
-    """One running node.
+    """One running node: ``node``, its topics and services, and its ``clock``, of DDS or of a recording.
 
     ``frame_id``: the terrain's frame, empty until a map sets it. ``last_map_time``: steady time of the last accepted
     terrain message [s], None before the first; ``maps``: number of accepted terrain messages. ``overtaken``: number of
@@ -67,10 +68,10 @@ class Session:
     robots for the world. ``lost``: why bodies were removed, by name, until a reset.
     """
 
-    def __init__(self, node: Node, settings: Settings) -> None:
-        self.node = node
+    def __init__(self, node: Transport, settings: Settings, clock: Clock) -> None:
+        self.node, self.clock = node, clock
         self.settings = settings
-        self.world = World(config=settings.world)
+        self.world = World(config=settings.world, stopwatch=Stopwatch(now=clock.steady))
         self.world.say, self.world.note = node.get_logger().warning, node.get_logger().info
         self.tracking = Tracking(self.world, settings.body_timeout, settings.max_velocity)
         self.robot_names = RobotNames(self.world, always=settings.robot_prefix)
@@ -79,12 +80,11 @@ class Session:
         self.stamp_ages: dict[str, float | None] = {}
         self.subscriptions: list[Any] = []
         self.topics = OwnTopics(node.resolve_topic_name, settings)
-        self.names = EndpointNames()
+        self.names = EndpointNames(clock.steady)
         self.terrain_subscriptions: list[Any] = []
         self.handled = 0
-        self.refusals = Refusals(node.get_logger())
+        self.refusals = Refusals(node.get_logger(), clock.steady)
         self.lock = RLock()
-        self.clock = NodeClock(node)
         self.pacer = Pacer(settings.world.physics.dt, now=self.clock.pace)
         self.configure_pacer()
         self.frame_id = settings.frame_id

@@ -35,7 +35,8 @@ REFUSED = {
 def test_a_refused_robot_changes_nothing_whichever_way_it_comes(probe: Probe, tmp_path: Path) -> None:
     """The robot of the topic stays, the refused name is free, and the node runs."""
     (tmp_path / "part.glb").write_bytes(b"glTF")
-    with probe.running(parameters={"bodies.urdf_folders": [str(tmp_path)], "robot.name": "good"}) as process:
+    parameters = {"bodies.urdf_folders": [str(tmp_path)], "robot.start": "{id: good, xy: [0, 0], above: 0.5}"}
+    with probe.running(parameters=parameters) as process:
         topic = probe.publisher(String, "robot_description", LATCHED)
         show_level_ground(probe)
         topic.publish(String(data=robot(link("base"))))
@@ -92,7 +93,8 @@ def test_the_packages_of_a_file_are_found_as_those_of_a_text(
     local = f"file://localhost{file}".replace(" ", "%20")
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"{os.environ['AMENT_PREFIX_PATH']}:{share.parent}")
     parameters = {
-        "bodies.urdf_folders": [str(tmp_path)], "robot.description": str(file), "robot.above": 1.0,
+        "bodies.urdf_folders": [str(tmp_path)], "robot.description": str(file),
+        "robot.start": "{id: robot, xy: [0, 0], above: 1.0}",
         "bodies.spawn": [f"{{id: spawned, urdf: {file}, xy: [4, 4], align: true}}"],
     }  # fmt: skip
     with probe.running(parameters=parameters) as process:

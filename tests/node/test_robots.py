@@ -26,9 +26,9 @@ SHARED = {"frame_id": "map", "bodies.urdf_folders": [str(ROVER.parent)]}
 YAW = 2.1
 # Of a node with the rover standing on its map.
 STANDING = {
-    "robot.description": str(ROVER), "robot.name": "rover", "robot.xy": [4.0, 4.0], "robot.above": 0.25,
-    "robot.yaw": YAW,
-}  # fmt: skip
+    "robot.description": str(ROVER),
+    "robot.start": f"{{id: rover, xy: [4.0, 4.0], above: 0.25, yaw: {YAW}}}",
+}
 LASTING = {"bodies.command_timeout": 0.0}
 
 

@@ -252,10 +252,12 @@ def test_a_refused_change_says_what_would_be_right(shared: Probe, name: str, wor
     assert words in result.reason
 
 
-def test_the_real_time_factor_is_of_the_time_that_the_loop_ran(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_real_time_factor_is_of_the_time_that_the_loop_ran() -> None:
     now = 100.0
-    monkeypatch.setattr(diagnostics, "monotonic", lambda: now)
-    session: Any = SimpleNamespace(world=SimpleNamespace(time=0.0), pacer=SimpleNamespace(misses=0, restarts=0))
+    session: Any = SimpleNamespace(
+        world=SimpleNamespace(time=0.0), pacer=SimpleNamespace(misses=0, restarts=0),
+        clock=SimpleNamespace(steady=lambda: now),
+    )  # fmt: skip
     window = diagnostics.Window(session)
     now += 0.1
     assert window.read()[:2] == pytest.approx((0.1, 1.0)), "too short to tell"

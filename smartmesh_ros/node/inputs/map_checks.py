@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from time import monotonic
 from typing import Any
 
@@ -22,8 +23,8 @@ class MapChecks:
 
     ``warning``: the suspected problem and which parameter to set, or that there is no ground; empty = none."""
 
-    def __init__(self, logger: Any) -> None:
-        self._logger = logger
+    def __init__(self, logger: Any, now: Callable[[], float] = monotonic) -> None:
+        self._logger, self._now = logger, now
         self._checks: dict[str, NoiseCheck] = {}
         self._times: dict[str, float] = {}  # of the last map of each tile [s]
         self._empty: dict[str, int] = {}  # numbers of samples of tiles without any ground
@@ -66,7 +67,7 @@ class MapChecks:
         """Updates ``warning``, and logs a new one."""
         seen = {tile: str(check.findings) for tile, check in self._checks.items() if check.findings != NO_FINDINGS}
         what = "; ".join(f"tile {tile!r}: {words}" if tile else words for tile, words in seen.items())
-        now, before = monotonic(), self.warning
+        now, before = self._now(), self.warning
         self.warning = f"maps look like those of a sensor or mapper ({what}) {ADVICE}" if what else ""
         for tile, samples in self._empty.items():
             place = f"tile {tile!r}" if tile else "the map"

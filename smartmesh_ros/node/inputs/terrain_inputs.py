@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from time import monotonic
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TerrainMesh, TerrainMeshUpdate
 
 from smartmesh_ros.errors import InputError
@@ -39,6 +38,8 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 DEFAULT_FRAME = "map"
 # Queue depths of the subscriptions to whole maps and to updates.
 MAPS, UPDATES = 2, 100
+# Most tiles; more are refused.
+MOST_TILES = 1000
 
 
 class TerrainInputs:
@@ -49,12 +50,9 @@ class TerrainInputs:
         self._terrain = session.world.terrain
         self._on_terrain = on_terrain
         self._clocks: dict[str, StampClock] = {}
-        self._rivals, self._checks = RivalMaps(session), MapChecks(session.node.get_logger())
+        self._rivals, self._checks = RivalMaps(session), MapChecks(session.node.get_logger(), session.clock.steady)
         settings = session.settings
-        durability = DurabilityPolicy[settings.durability.upper()]
-        reliability = ReliabilityPolicy[settings.reliability.upper()]
-        maps = QoSProfile(depth=MAPS, durability=durability, reliability=reliability)
-        updates = QoSProfile(depth=UPDATES, durability=durability, reliability=reliability)
+        maps, updates = QoSProfile(depth=MAPS), QoSProfile(depth=UPDATES)
         before = len(session.subscriptions)
         session.listen(Heightmap, "heightmap", self._on_map, maps, raw=True)
         session.listen(HeightmapUpdate, "heightmap_update", self._on_region, updates, raw=True)
@@ -205,7 +203,7 @@ class TerrainInputs:
             if tile in self._terrain.tiles:
                 self._terrain.tiles[tile].delay = clock.delay
             session.frame_id = session.frame_id or start.frame_id or DEFAULT_FRAME
-            session.last_map_time = monotonic()
+            session.last_map_time = session.clock.steady()
             session.maps += 1
             session.map_warning = self._checks.warning
         self._on_terrain()
@@ -219,8 +217,8 @@ def _start_of(header: Any) -> Stamped:
 def require_tile_fits(name: str, samples: int, terrain: Terrain, settings: Settings) -> None:
     """Raises `InputError` if the terrain with this tile would have too many tiles, or too many samples in all tiles."""
     others = [mesh for tile, mesh in terrain.tiles.items() if tile != name]
-    if len(others) >= settings.most_tiles:
-        raise InputError("size", f"{len(others) + 1} tiles are more than terrain.max_tiles = {settings.most_tiles}")
+    if len(others) >= MOST_TILES:
+        raise InputError("size", f"{len(others) + 1} tiles are more than {MOST_TILES}; remove some, or join them")
     total = samples + sum(mesh.size for mesh in others)
     if total > settings.max_samples:
         raise InputError("size", f"{total} samples in all are more than terrain.max_samples = {settings.max_samples}")

@@ -7,7 +7,6 @@ import array
 import math
 from contextlib import suppress
 from pathlib import Path
-from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -184,7 +183,7 @@ class BodyDescriptions:
 
     def publish(self) -> None:
         """Publishes the descriptions if they are due and have changed."""
-        now = monotonic()
+        now = self._session.clock.steady()
         if now < self._due:
             return
         self._due = now + PERIOD

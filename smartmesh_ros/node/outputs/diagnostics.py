@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from time import monotonic
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -35,13 +34,13 @@ class Window:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._read, self._misses = monotonic(), 0
-        self._start, self._time, self._factor = monotonic(), session.world.time, 1.0
+        self._read, self._misses = session.clock.steady(), 0
+        self._start, self._time, self._factor = self._read, session.world.time, 1.0
         self._restarts = session.pacer.restarts
 
     def read(self) -> tuple[float, float, int]:
         """Return time since the last reading [s], real-time factor, and deadlines missed since the last reading."""
-        now, world, pacer = monotonic(), self._session.world, self._session.pacer
+        now, world, pacer = self._session.clock.steady(), self._session.world, self._session.pacer
         length, misses = max(now - self._read, 1e-9), pacer.misses - self._misses
         if self._restarts != pacer.restarts:
             self._restarts, self._start, self._time, self._factor = pacer.restarts, now, world.time, 1.0
@@ -104,7 +103,7 @@ class Diagnostics:
         values |= {f"overtaken on {topic}": count for topic, count in sorted(session.overtaken.items())}
         if session.last_map_time is None:
             return DiagnosticStatus.WARN, "no map yet", values
-        age = monotonic() - session.last_map_time
+        age = session.clock.steady() - session.last_map_time
         values["age [s]"] = f"{age:.3f}"
         if age > STALE:
             text = f"the last map is {age:.1f} s old"

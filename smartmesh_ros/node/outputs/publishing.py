@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from time import monotonic
 from typing import Any, NamedTuple
 
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import (
     ColliderPatchArray,
@@ -49,9 +48,10 @@ DISCOVERY_TIME = 3.0
 
 class Audience:
     """Subscribers and publishers of an output. ``new``: True if some may have missed messages, or another publisher may
-    have made subscribers forget some."""
+    have made subscribers forget some. ``now``: a clock [s]."""
 
-    def __init__(self) -> None:
+    def __init__(self, now: Callable[[], float]) -> None:
+        self._now = now
         self._counts = (0, 0)
         self._new_until = -math.inf
         self._all_due = -math.inf
@@ -59,17 +59,17 @@ class Audience:
     def count(self, subscribers: int, publishers: int) -> None:
         """Note the numbers of subscribers and publishers."""
         if (subscribers, publishers) != self._counts:
-            self._counts, self._new_until = (subscribers, publishers), monotonic() + DISCOVERY_TIME
+            self._counts, self._new_until = (subscribers, publishers), self._now() + DISCOVERY_TIME
 
     @property
     def new(self) -> bool:
         """True if some may have missed messages."""
-        return monotonic() < self._new_until
+        return self._now() < self._new_until
 
     def needs_all(self) -> bool:
         """Return False if the next message may contain only changes. New subscribers, and every `ALL_PATCHES_PERIOD`
         all subscribers, receive everything."""
-        now = monotonic()
+        now = self._now()
         if self._new_until <= now < self._all_due:
             return False
         self._all_due = now + ALL_PATCHES_PERIOD
@@ -92,7 +92,7 @@ class RateTime:
         """Return the time."""
         session = self._session
         simulated = session.simulates_stamps and not (session.paused and session.settings.publish.clock)
-        now = session.state_time() if simulated else monotonic()
+        now = session.state_time() if simulated else session.clock.steady()
         if self._before[0] == simulated:
             self._time += max(now - self._before[1], 0.0)
         self._before = simulated, now
@@ -109,7 +109,7 @@ class Publishing:
 
     def __init__(self, session: Session, peers: PeerBodies, transforms: TransformInput) -> None:
         self._session = session
-        self._node, self._world = session.node, session.world
+        self._node, self._world, self._now = session.node, session.world, session.clock.steady
         self._markers = patch_outputs.PatchMarkers(session.settings.marker_namespace)
         self._collider_patches = patch_outputs.ColliderPatches()
         self._scene = SceneMarkers(session)
@@ -119,7 +119,7 @@ class Publishing:
         self._clock = ClockPublishing(session)
         self._transforms = TransformOutputs(session, transforms)
         self._descriptions = BodyDescriptions(session)
-        self._qos = QoSProfile(depth=10, durability=DurabilityPolicy[session.settings.output_durability.upper()])
+        self._qos = QoSProfile(depth=10)
         self._outputs = {
             "patches": self._output(MarkerArray, "~/patches", self._make_patches),
             "collider_patches": self._output(ColliderPatchArray, "~/collider_patches", self._make_collider_patches),
@@ -151,14 +151,14 @@ class Publishing:
         self._handled = 0  # messages and calls at the last time
         self._served = dict.fromkeys(self._outputs, 0)  # numbers of subscribers of the last messages
         self._timing_window = Window(session)
-        self._audiences = {name: Audience() for name in (*PATCH_OUTPUTS, "pressed_ground", "scene")}
+        self._audiences = {name: Audience(self._now) for name in (*PATCH_OUTPUTS, "pressed_ground", "scene")}
         self._shown = dict.fromkeys(PATCH_OUTPUTS, -1)  # the number of refreshes at the last message
 
     def publish(self, *, now: bool = False, idle: bool = False) -> None:
         """Publishes every output that has subscribers and is due. ``now``: due or not. ``idle``: without a step, also
         if there was a message or call since the last time, and what has subscribers that it had not before."""
         session = self._session
-        steady, time, enduring = monotonic(), self._time.read(), session.enduring
+        steady, time, enduring = self._now(), self._time.read(), session.enduring
         now, self._handled = now or (idle and session.handled != self._handled), session.handled
         self._publish(self._outputs, time, now=now, idle=idle)
         with enduring("height_scan"):
@@ -209,7 +209,7 @@ class Publishing:
         self._served[name] = output.publisher.get_subscription_count()
         if not self._served[name]:
             return
-        audience = self._audiences.get(name, Audience())
+        audience = self._audiences.get(name, Audience(self._now))
         with self._world.stopwatch.stage("publish"), undone(audience.missed):
             made = output.make()
             for message in made if isinstance(made, list) else [made]:

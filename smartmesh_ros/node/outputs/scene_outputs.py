@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from time import monotonic
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
@@ -128,7 +127,7 @@ class SceneMarkers:
 
     def _add_ground(self, header: Header, poses: FloatArray, *, again: bool) -> None:
         """Add the ground if it or the place of the bodies has changed, or ``again``."""
-        world, view, now = self._world, self._view, monotonic()
+        world, view, now = self._world, self._view, self._session.clock.steady()
         if not again and now < self._due:
             return
         self._due = now + view.period
@@ -192,7 +191,7 @@ class RobotModel:
 
     def publish(self) -> None:
         """Publish the URDF if it is due and has changed."""
-        now = monotonic()
+        now = self._session.clock.steady()
         if now < self._due:
             return
         self._due = now + PERIOD

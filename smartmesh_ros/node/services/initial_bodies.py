@@ -32,7 +32,8 @@ from smartmesh_ros.world.world import World
 
 # The C parser takes a tenth of the time, which matters for a thousand bodies.
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_KEYS = {"id", "shape", "size", "mass", "urdf", "xyz", "xy", "above", "clearance", "align", "yaw"}
+_BODY = {"shape", "size", "mass", "urdf"}
+_KEYS = {"id", "xyz", "xy", "above", "clearance", "align", "yaw"} | _BODY
 
 
 @dataclass(frozen=True)
@@ -61,18 +62,20 @@ class Entry:
         return self.xyz is None and self.above is None
 
 
-def entry_from_text(text: str) -> Entry:
-    """Return the entry of a YAML mapping. Raises `InputError` if the text is no valid entry."""
+def entry_from_text(text: str, urdf: str = "") -> Entry:
+    """Return the entry of a YAML mapping, of a robot if its ``urdf`` is given. Raises `InputError` if the text is no
+    valid entry."""
+    what, keys = ("robot.start", _KEYS - _BODY) if urdf else ("bodies.spawn entry", _KEYS)
     try:
         entry = yaml.load(text, Loader=_LOADER)
     except yaml.YAMLError as error:
-        raise InputError("spawn", f"bodies.spawn entry {text!r} is not YAML: {error}") from None
+        raise InputError("spawn", f"{what} {text!r} is not YAML: {error}") from None
     if not isinstance(entry, dict) or "id" not in entry:
-        raise InputError("spawn", f"bodies.spawn entry {text!r} must be a mapping with id and any of {sorted(_KEYS)}")
-    for key in entry.keys() - _KEYS:
-        words = f"{key!r} is unknown{suggestion(str(key), _KEYS)}; the keys are {', '.join(sorted(_KEYS))}"
-        raise InputError("spawn", f"bodies.spawn entry {text!r}: {words}")
-    urdf = str(entry.get("urdf", ""))
+        raise InputError("spawn", f"{what} {text!r} must be a mapping with id and any of {sorted(keys)}")
+    for key in entry.keys() - keys:
+        words = f"{key!r} is unknown{suggestion(str(key), keys)}; the keys are {', '.join(sorted(keys))}"
+        raise InputError("spawn", f"{what} {text!r}: {words}")
+    urdf = urdf or str(entry.get("urdf", ""))
     shape = None if urdf else _shape_of(entry, text)
     with _refused(text, ": mass and yaw must be numbers"):
         mass, yaw = float(entry.get("mass", 1.0)), float(entry.get("yaw", 0.0))
@@ -248,6 +251,7 @@ class RobotDescription:
         self._session, self._bodies = session, bodies
         self._urdf = ""
         self._received = self._applied = 0  # numbers of descriptions
+        self._entry = entry_from_text(session.settings.robot.start, "of the description")
         if session.settings.robot.description:
             self._take(prepare_robot(with_package_paths(session.settings.robot.description)))
         session.listen(String, "robot_description", self._on_description, LATCHED)
@@ -270,15 +274,13 @@ class RobotDescription:
             session.refusals.add("robot_description", error)
 
     def _take(self, robot: PreparedRobot) -> None:
-        settings, world = self._session.settings.robot, self._session.world
-        if robot.given == self._urdf and self._bodies.has(settings.name):
+        world = self._session.world
+        if robot.given == self._urdf and self._bodies.has(self._entry.name):
             return
-        entry = Entry(
-            settings.name, urdf=robot.given, robot=robot, xy=settings.xy, above=settings.above, yaw=settings.yaw
-        )
-        known = world.bodies.get(settings.name)
+        entry = replace(self._entry, urdf=robot.given, robot=robot)
+        known = world.bodies.get(entry.name)
         if self._urdf and known is not None and known.is_robot:
-            world.replace_robot(settings.name, robot)
+            world.replace_robot(entry.name, robot)
             self._bodies.replace(entry)
         else:
             self._bodies.add(entry)

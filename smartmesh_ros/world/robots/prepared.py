@@ -97,7 +97,9 @@ def _rewritten(urdf: str, robot: Description) -> PreparedRobot:
     starts |= {m.joint: m.multiplier * starts.get(m.leader, 0.0) + m.offset for m in mimics}
     note, warning = with_massive_root(robot)
     warnings = (mend_inertias(robot), warning, ignored_in(robot))
-    gears = (f"joint {m.joint!r} follows {m.leader!r} ({m.multiplier:g} times, {m.offset:+g}) by a gear" for m in mimics)
+    gears = (
+        f"joint {m.joint!r} follows {m.leader!r} ({m.multiplier:g} times, {m.offset:+g}) by a gear" for m in mimics
+    )
     notes = (note, *gears)
     made = ElementTree.Element("robot", name=robot.robot.get("name") or "robot")
     meshes = []
@@ -114,7 +116,8 @@ def _rewritten(urdf: str, robot: Description) -> PreparedRobot:
     return PreparedRobot(
         given=urdf, text=ElementTree.tostring(made, encoding="unicode"), meshes=tuple(meshes),
         collisions={name: len(robot.collisions(name)) for name in robot.links}, mimics=mimics,
-        notes=tuple(filter(None, notes)), warnings=tuple(filter(None, warnings)), surfaces=surface_drives_of(robot), starts=starts,
+        notes=tuple(filter(None, notes)), warnings=tuple(filter(None, warnings)),
+        surfaces=surface_drives_of(robot), starts=starts,
     )  # fmt: skip
 
 
