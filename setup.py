@@ -22,7 +22,6 @@ import core_build  # noqa: E402
 IN_WORKSPACES = [
     f"fleet_front = {NAME}.startup.executables:fleet_front",
     f"rover = {NAME}.startup.executables:rover",
-    f"soil = {NAME}.startup.executables:soil",
     f"tune = {NAME}.startup.executables:tune",
     f"view = {NAME}.startup.executables:view",
 ]
@@ -165,7 +164,6 @@ setup(
             f"smartmesh-demo = {NAME}.startup.executables:demo",
             f"smartmesh-fleet-front = {NAME}.startup.executables:fleet_front",
             f"smartmesh-rover = {NAME}.startup.executables:rover",
-            f"smartmesh-soil = {NAME}.startup.executables:soil",
             f"smartmesh-tune = {NAME}.startup.executables:tune",
             f"smartmesh-view = {NAME}.startup.executables:view",
             *([] if IS_WHEEL else IN_WORKSPACES),

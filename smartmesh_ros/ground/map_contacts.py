@@ -23,13 +23,16 @@ from smartmesh_ros.terrain.terrain import Terrain
 
 
 class SteppedSoil(Protocol):
-    """Soil that takes part in the steps of a ground, such as `ContactSoil`."""
+    """Soil that takes part in the steps of a ground, such as `Soil`."""
 
     core: Any  # of the C++ core
 
     @property
     def map(self) -> HeightMap:
         """The tile that gives way."""
+
+    def take_kinds(self) -> None:
+        """Take which soil each sample of the map is."""
 
     def show(self) -> int:
         """Write what was pressed into the map; returns the number of changed samples."""

@@ -33,16 +33,19 @@ def description(
     *more: Any,
     always: str = "",
     remap: Sequence[tuple[str, str]] = (),
+    settings: Callable[[Values], dict[str, Any]] | None = None,
     start: Callable[[Values], list[Any]] | None = None,
 ) -> LaunchDescription:
     """Return a launch description of the collider with the common arguments and ``more`` arguments.
 
-    ``always``: a preset that is read before the user's preset. ``remap``: pairs of a topic and the argument that holds
+    ``always``: a preset that is read before the user's preset. ``settings``: returns parameters of the collider for the
+    values of the arguments, read before the user's preset too. ``remap``: pairs of a topic and the argument that holds
     its new name. ``start``: returns further actions for the values of the arguments; creates nodes with `node`.
     """
 
     def nodes(value: Values) -> list[Any]:
-        files = parameter_files([always, value("preset")], value("config"))
+        own = [] if settings is None else [settings(value)]
+        files = [*parameter_files([always], ""), *own, *parameter_files([value("preset")], value("config"))]
         topics = [(topic, value(argument)) for topic, argument in remap]
         collider = _collider(value, files, topics, namespace=value("namespace"))
         return [collider, *(() if start is None else start(value))]

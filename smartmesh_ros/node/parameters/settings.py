@@ -22,7 +22,7 @@ from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.io.urdf import UrdfRules
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
-from smartmesh_ros.soil.soils import soil_named
+from smartmesh_ros.soil.soils import soils_from
 from smartmesh_ros.terrain.height_scan import HeightScan
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.world import WorldConfig
@@ -182,6 +182,11 @@ class PublishRates:
         """Prints are published with the patches that stand in them."""
         return self.patches
 
+    @property
+    def sinkage(self) -> float:
+        """The whole map is published once a second at most."""
+        return min(self.patches, 1.0)
+
 
 @dataclass(frozen=True, kw_only=True)
 class RobotConfig:
@@ -216,7 +221,8 @@ class Settings:
     reliability: Reliability = "reliable"
     input: str = "heightmap"
     file: str = ""
-    soil: str = ""
+    soil: tuple[str, ...] = ()
+    slip_sinkage: bool = True
     most_tiles: int = 1000
     most_bodies: int = 10_000
     longest_urdf: int = UrdfRules.longest
@@ -243,7 +249,7 @@ class Settings:
     def __post_init__(self) -> None:
         if not self.soil:
             return
-        soil_named(self.soil)
+        soils_from(self.soil)
         if self.world.patch.kind != "auto":
             raise InputError("parameter", "soil.type needs contacts from the map: set patch.kind to auto")
         if self.motion.corrects:

@@ -153,8 +153,7 @@ class Recording:
     def _take_map(self, record: Record, now: float) -> Iterator[Event]:
         """Convert a Heightmap."""
         new = map_from(record.data, self._settings.max_samples)
-        raster = None if new.geometry is None else Raster(new.geometry, new.heights, friction=new.friction)
-        yield MapCame(**self._placed(new.start, record, now), raster=raster, velocities=new.velocities)
+        yield MapCame(**self._placed(new.start, record, now), raster=new.raster, velocities=new.velocities)
 
     def _take_region(self, record: Record, now: float) -> Iterator[Event]:
         """Convert a HeightmapUpdate."""
