@@ -73,7 +73,7 @@ rover:  ## a wheeled robot drives an eight on soil and leaves ruts: out/rover.pn
 tracks:  ## a tracked machine drives, turns on the spot and climbs 20 degrees on soil: out/tracks.png, out/tracks.gif
 	@$(RUN) studies -- $(STUDIES) tracks
 
-soil:  ## soil against closed forms and a measured wheel, and its cost (ARGS="--only plates" for a part)
+soil:  ## soil against closed forms and a measured wheel, and its cost (ARGS="--only boxes" for a part)
 	@$(RUN) studies -- $(STUDIES) soil $(ARGS)
 
 load:  ## the node under load over DDS, about 15 minutes; LOAD=--quick for less than two

@@ -23,7 +23,6 @@ IN_WORKSPACES = [
     f"fleet_front = {NAME}.startup.executables:fleet_front",
     f"replay = {NAME}.startup.executables:replay",
     f"rover = {NAME}.startup.executables:rover",
-    f"soil = {NAME}.startup.executables:soil",
     f"tune = {NAME}.startup.executables:tune",
     f"view = {NAME}.startup.executables:view",
 ]
@@ -168,7 +167,6 @@ setup(
             f"smartmesh-fleet-front = {NAME}.startup.executables:fleet_front",
             f"smartmesh-replay = {NAME}.startup.executables:replay",
             f"smartmesh-rover = {NAME}.startup.executables:rover",
-            f"smartmesh-soil = {NAME}.startup.executables:soil",
             f"smartmesh-tune = {NAME}.startup.executables:tune",
             f"smartmesh-view = {NAME}.startup.executables:view",
             *([] if IS_WHEEL else IN_WORKSPACES),

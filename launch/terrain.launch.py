@@ -17,4 +17,4 @@ def source(value: Values) -> list[Any]:
 
 def generate_launch_description() -> LaunchDescription:
     """Return the launch description."""
-    return description(scene_argument(), always="bodies", parameters={"publish.tf": 50.0}, start=source)
+    return description(scene_argument(), always="bodies", settings=lambda _: {"publish.tf": 50.0}, start=source)

@@ -54,10 +54,11 @@ def test_all_launch_files_have_the_same_arguments_and_start_what_exists(launch: 
 
 def test_defaults_are_those_of_the_node(launch: Launch) -> None:
     collider, *_ = launch.of("Node")
-    *files, last = collider.kwargs["parameters"]
-    given = [file for file in files if isinstance(file, dict)]
-    assert given in ([], [{"publish.tf": 50.0}]), "frames for RViz, at once"
-    assert {Path(file).stem for file in files if file not in given} <= {"bodies", "elevation_mapping", "soil"}
+    *own, last = collider.kwargs["parameters"]
+    given = [each for each in own if isinstance(each, dict)]
+    frames, soil = [{"publish.tf": 50.0}], [{"soil.type": ["dry_sand"], "soil.slip_sinkage": True}]
+    assert given in ([], frames, soil), "frames for RViz, at once"
+    assert {Path(each).stem for each in own if each not in given} <= {"bodies", "elevation_mapping"}
     assert last == {"use_sim_time": False}
     assert collider.kwargs["namespace"] == ""
     variables = {item.args[0]: item.args[1] for item in launch.of("SetEnvironmentVariable")}
@@ -128,8 +129,12 @@ def test_a_fleet_shares_terrain_and_patches_and_knows_its_peers(fleet: Launch, r
 def test_the_rover_comes_when_it_is_asked_for(stand_ins: dict[str, type[Recorded]]) -> None:
     launch = Launch(LAUNCH / "soil.launch.py", stand_ins)
     kinds = [node.kwargs["executable"] for node in launch.of("Node")]
-    assert kinds == ["terrain_collider", "soil"]
+    assert kinds == ["terrain_collider"]
     assert [node.kwargs["executable"] for node in launch.of("Node", rover="true")] == [*kinds, "rover"]
+    [collider] = launch.of("Node", soil="clay, lunar", preset="fast")
+    own, preset, _ = collider.kwargs["parameters"]
+    assert own == {"soil.type": ["clay", "lunar"], "soil.slip_sinkage": True}
+    assert Path(preset).name == "fast.yaml"
 
 
 def test_rviz_shows_topics_of_the_node() -> None:

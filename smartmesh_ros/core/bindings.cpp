@@ -24,8 +24,7 @@ NB_MODULE(_core, m) {
       .def(nb::init<States, Array<double, 3>, States, States, Array<std::uint8_t, 2>, Whole2>(), "vertices"_a.noconvert(),
            "velocities"_a.noconvert(), "offsets"_a.noconvert(), "rates"_a.noconvert(), "clock"_a.noconvert(), "triangles"_a.noconvert())
       .def("set_motion", &Mesh::set_motion, "mode"_a, "max_velocity"_a, "smoothing"_a)
-      .def("moves", [](const Mesh& m, double time) { return m.surface.moves(time); }, "time"_a)
-      .def("update", &Mesh::update);
+      .def("moves", [](const Mesh& m, double time) { return m.surface.moves(time); }, "time"_a);
   add_ground(m);
   add_contacts(m);
   add_queries(m);

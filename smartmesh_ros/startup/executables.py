@@ -100,7 +100,6 @@ def _start(module: str, before: Callable[[], None] | None = silence_pybullet) ->
 terrain_collider = partial(_start, "smartmesh_ros.node.terrain_collider")
 terrain_source = partial(_start, "smartmesh_ros.tools.demo.terrain_source", None)
 terrain_sensor = partial(_start, "smartmesh_ros.node.sensor.terrain_sensor")
-soil = partial(_start, "smartmesh_ros.node.soil.soil_node")
 fleet_front = partial(_start, "smartmesh_ros.node.fleet.front")
 fleet = partial(_start, "smartmesh_ros.node.fleet.command", None)
 replay = partial(_start, "smartmesh_ros.tools.replay.cli")

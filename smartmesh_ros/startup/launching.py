@@ -7,9 +7,8 @@ starts it, and if the last is missing, the nodes started before keep running.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_directory
@@ -35,20 +34,20 @@ Values = Callable[[str], str]
 def description(
     *more: Any,
     always: str = "",
-    parameters: Mapping[str, Any] = MappingProxyType({}),
     remap: Sequence[tuple[str, str]] = (),
+    settings: Callable[[Values], dict[str, Any]] | None = None,
     start: Callable[[Values], list[Any]] | None = None,
 ) -> LaunchDescription:
     """Return a launch description of the collider with the common arguments and ``more`` arguments.
 
-    ``always``: a preset that is read before the user's preset, and ``parameters`` after it. ``remap``: pairs of a topic
-    and the argument that holds its new name. ``start``: returns further actions for the values of the arguments;
-    creates nodes with `node`.
+    ``always``: a preset that is read before the user's preset. ``settings``: returns parameters of the collider for the
+    values of the arguments, read before the user's preset too. ``remap``: pairs of a topic and the argument that holds
+    its new name. ``start``: returns further actions for the values of the arguments; creates nodes with `node`.
     """
 
     def nodes(value: Values) -> list[Any]:
-        own = [*parameter_files([always], ""), *([dict(parameters)] if parameters else [])]
-        files = [*own, *parameter_files([value("preset")], value("config"))]
+        own = [] if settings is None else [settings(value)]
+        files = [*parameter_files([always], ""), *own, *parameter_files([value("preset")], value("config"))]
         topics = [(topic, value(argument)) for topic, argument in remap]
         collider = _collider(value, files, topics, namespace=value("namespace"))
         return [collider, *(() if start is None else start(value))]

@@ -18,7 +18,7 @@ from packaging.requirements import Requirement
 
 from tests.newcomer.conftest import LONG, ROOT, copy_of_this
 
-OWN = ("demo", "fleet", "fleet-front", "replay", "rover", "soil", "tune", "view")
+OWN = ("demo", "fleet", "fleet-front", "replay", "rover", "tune", "view")
 CONSTRAINTS = ROOT / "requirements" / "constraints.txt"
 COMMANDS = {"terrain_collider", "terrain_sensor", "terrain_source", *(f"smartmesh-{name}" for name in OWN)}
 FORK, UPSTREAM = "pybullet-arm64", "pybullet"

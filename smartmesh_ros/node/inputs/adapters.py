@@ -42,8 +42,8 @@ def require_length(what: str, actual: int, wanted: int) -> None:
 
 
 def grid_map_raster(message: Any, config: RasterConfig, max_samples: int) -> Raster:
-    """Convert a grid_map_msgs/GridMap: the layer ``config.layer`` and, unless empty, ``config.variance_layer`` and
-    ``config.friction_layer``.
+    """Convert a grid_map_msgs/GridMap: the layer ``config.layer`` and, unless empty, ``config.variance_layer``,
+    ``config.friction_layer`` and ``config.soil_layer``.
 
     The map's orientation and z are ignored, as grid_map itself does.
     """
@@ -51,7 +51,7 @@ def grid_map_raster(message: Any, config: RasterConfig, max_samples: int) -> Ras
     layers = list(message.layers)
     for name, parameter in (
         (config.layer, "raster.layer"), (config.variance_layer, "raster.variance_layer"),
-        (config.friction_layer, "terrain.friction_layer"),
+        (config.friction_layer, "terrain.friction_layer"), (config.soil_layer, "soil.layer"),
     ):  # fmt: skip
         if name not in layers and (name or parameter == "raster.layer"):
             raise InputError("layer", f"there is no layer {name!r}; {parameter} may be one of {', '.join(layers)}")
@@ -60,9 +60,9 @@ def grid_map_raster(message: Any, config: RasterConfig, max_samples: int) -> Ras
     along_x = _whole_cells(info.length_x, info.resolution)
     along_y = _whole_cells(info.length_y, info.resolution)
     require_cells(along_x * along_y, max_samples)
-    variances, friction = (
+    variances, friction, soil = (
         _layer(message.data[layers.index(name)], along_x, along_y) if name else None
-        for name in (config.variance_layer, config.friction_layer)
+        for name in (config.variance_layer, config.friction_layer, config.soil_layer)
     )
     return from_grid_map(
         _layer(message.data[layers.index(config.layer)], along_x, along_y),
@@ -72,6 +72,7 @@ def grid_map_raster(message: Any, config: RasterConfig, max_samples: int) -> Ras
         config=config,
         variances=variances,
         friction=friction,
+        soil=soil,
     )
 
 
