@@ -3,16 +3,15 @@
 from typing import Any
 
 from launch import LaunchDescription
-from smartmesh_ros.startup.launching import Values, argument, description, is_true, node
+from smartmesh_ros.startup.launching import Values, argument, description, is_true, node, time_of
 
 
 def soil(value: Values) -> list[Any]:
     """Return the node soil, and the rover if it is asked for."""
-    time = {"use_sim_time": is_true(value("use_sim_time"))}
     common = {"output": "screen", "namespace": value("namespace")}
-    nodes = [node(executable="soil", parameters=[{"soil": value("soil"), **time}], **common)]
+    nodes = [node(executable="soil", parameters=[{"soil": value("soil")} | time_of(value)], **common)]
     if is_true(value("rover")):
-        nodes.append(node(executable="rover", parameters=[time], **common))
+        nodes.append(node(executable="rover", parameters=[time_of(value)], **common))
     return nodes
 
 

@@ -3,12 +3,12 @@
 from typing import Any
 
 from launch import LaunchDescription
-from smartmesh_ros.startup.launching import Values, description, is_true, node, scene_argument
+from smartmesh_ros.startup.launching import Values, description, node, scene_argument, time_of
 
 
 def source(value: Values) -> list[Any]:
     """Return the node terrain_source."""
-    parameters = {"scene": value("scene"), "use_sim_time": is_true(value("use_sim_time"))}
+    parameters = {"scene": value("scene")} | time_of(value)
     return [node(executable="terrain_source", output="screen", namespace=value("namespace"), parameters=[parameters])]
 
 
