@@ -91,7 +91,8 @@ def _fleet_nodes(value: Values) -> list[Any]:
     if value("scene"):
         nodes.append(
             node(
-                **common, executable="terrain_source", namespace=space, parameters=[{"scene": value("scene")} | time_of(value)],
+                **common, executable="terrain_source", namespace=space,
+                parameters=[{"scene": value("scene")} | time_of(value)],
                 remappings=fleet_layout.source_remappings(space),
             )
         )  # fmt: skip
@@ -124,8 +125,8 @@ def node(*, package: str = PACKAGE, executable: str, hint: str = "build and sour
 
 
 def time_of(value: Values) -> dict[str, bool]:
-    """Return the parameter ``use_sim_time`` if the launch argument has a value. Without one it is left to `SetParameter`
-    of an outer launch file, which a node's own parameters would override."""
+    """Return the parameter ``use_sim_time`` if the launch argument has a value. Without one it is left to
+    `SetParameter` of an outer launch file, which a node's own parameters would override."""
     return {"use_sim_time": is_true(value("use_sim_time"))} if value("use_sim_time") else {}
 
 
