@@ -40,8 +40,8 @@ class Placed(NamedTuple):
 
     ``stamp`` [s] of the source's clock, None = the message has none. ``time`` [s]: simulated time. ``own``: the source
     uses this node's clock. ``fresh``: no stamp before is on the same clock. ``lost`` [s]: simulated time that stalls of
-    the loop took out since the last stamp, negative if it made up for them. ``measured``, ``used`` [s]: steady age of the source's stamps, as
-    measured and as in use. ``late`` [s]: simulated time from ``time`` to the arrival.
+    the loop took out since the last stamp, negative if it made up for them. ``measured``, ``used`` [s]: steady age of
+    the source's stamps, as measured and as in use. ``late`` [s]: simulated time from ``time`` to the arrival.
     """
 
     stamp: float | None
