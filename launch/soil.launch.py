@@ -3,7 +3,7 @@
 from typing import Any
 
 from launch import LaunchDescription
-from smartmesh_ros.startup.launching import Values, argument, description, is_true, node
+from smartmesh_ros.startup.launching import Values, argument, description, is_true, node, time_of
 
 
 def soil(value: Values) -> dict[str, Any]:
@@ -16,8 +16,7 @@ def rover(value: Values) -> list[Any]:
     """Return the rover if it is asked for."""
     if not is_true(value("rover")):
         return []
-    time = {"use_sim_time": is_true(value("use_sim_time"))}
-    return [node(executable="rover", output="screen", namespace=value("namespace"), parameters=[time])]
+    return [node(executable="rover", output="screen", namespace=value("namespace"), parameters=[time_of(value)])]
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -59,11 +60,26 @@ def test_defaults_are_those_of_the_node(launch: Launch) -> None:
     frames, soil = [{"publish.tf": 50.0}], [{"soil.type": ["dry_sand"], "soil.slip_sinkage": True}]
     assert given in ([], frames, soil), "frames for RViz, at once"
     assert {Path(each).stem for each in own if each not in given} <= {"bodies", "elevation_mapping"}
-    assert last == {"use_sim_time": False}
+    assert last == {}
     assert collider.kwargs["namespace"] == ""
     variables = {item.args[0]: item.args[1] for item in launch.of("SetEnvironmentVariable")}
     assert Path(variables["FASTRTPS_DEFAULT_PROFILES_FILE"]).is_file()
     assert launch.of("SetEnvironmentVariable", dds="") == []
+
+
+def test_time_is_set_where_the_argument_asks_for_it(launch: Launch, fleet: Launch, rviz: None) -> None:
+    """Otherwise what an outer launch file sets, as by SetParameter, would be overridden."""
+
+    def times(which: Launch, **arguments: str) -> list[Any]:
+        nodes = which.of("Node", rviz="true", **arguments)
+        found = [{key: v for part in node.kwargs["parameters"] if isinstance(part, dict) for key, v in part.items()}
+                 for node in nodes]  # fmt: skip
+        return [parameters.get("use_sim_time") for parameters in found]
+
+    for which in (launch, fleet):
+        assert set(times(which)) == {None}
+        assert set(times(which, use_sim_time="true")) == {True}
+        assert set(times(which, use_sim_time="false")) == {False}
 
 
 def test_arguments_reach_every_node(launch: Launch, tmp_path: Path, rviz: None) -> None:

@@ -21,8 +21,6 @@ from smartmesh_ros.io.rasters import (
 )
 from smartmesh_ros.node.inputs.cdr_reader import FloatGrid, require_cells, yaw_from
 
-# Largest difference of a grid map's length from a whole number of cells [cells].
-OFF_GRID = 0.01
 # Types of pixels by encoding of an image.
 ENCODINGS = {"32FC1": "f4", "16UC1": "u2", "mono16": "u2", "mono8": "u1", "8UC1": "u1"}
 # Types of the fields of a point cloud: FLOAT32 and FLOAT64 of sensor_msgs/PointField.
@@ -57,8 +55,8 @@ def grid_map_raster(message: Any, config: RasterConfig, max_samples: int) -> Ras
             raise InputError("layer", f"there is no layer {name!r}; {parameter} may be one of {', '.join(layers)}")
     require_length("the list of layers' data", len(message.data), len(message.layers))
     require_resolution(info.resolution)
-    along_x = _whole_cells(info.length_x, info.resolution)
-    along_y = _whole_cells(info.length_y, info.resolution)
+    along_x = _cells_of(info.length_x, info.resolution)
+    along_y = _cells_of(info.length_y, info.resolution)
     require_cells(along_x * along_y, max_samples)
     variances, friction, soil = (
         _layer(message.data[layers.index(name)], along_x, along_y) if name else None
@@ -76,11 +74,12 @@ def grid_map_raster(message: Any, config: RasterConfig, max_samples: int) -> Ras
     )
 
 
-def _whole_cells(length: float, resolution: float) -> int:
+def _cells_of(length: float, resolution: float) -> int:
+    """Return the number of cells of a length [m], rounded as grid_map does; its layers have as many."""
     cells = length / resolution
-    if not (0.0 < cells < 2.0**31) or abs(cells - round(cells)) > OFF_GRID:
-        raise InputError("geometry", f"a length of {length} m is no whole number of cells of {resolution} m")
-    return round(cells)
+    if not 0.5 <= cells < 2.0**31:
+        raise InputError("geometry", f"a length of {length} m is no number of cells of {resolution} m")
+    return math.floor(cells + 0.5)
 
 
 def _layer(data: Any, along_x: int, along_y: int) -> NDArray[np.float32]:

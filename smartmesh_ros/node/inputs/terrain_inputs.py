@@ -189,12 +189,15 @@ class TerrainInputs:
             require_name(tile)
             clock = self._clocks.get(tile) or StampClock()
             longest = session.settings.motion.max_interval
-            placed = clock.place(stamp, session.clock_now(), session.time_at, longest if update else 0.0, longest)
+            placed = clock.place(
+                stamp, session.clock_now(), session.time_at, longest if update else 0.0, longest, session.pacer.pace
+            )
             # Else the motion of the source during a stall of the loop would count as fast motion of the ground, and so
             # would a jump of its clock.
             lost = longest if placed.fresh else placed.lost
-            if lost and tile in self._terrain.tiles:
-                self._terrain.tiles[tile].shift_time(-lost)
+            if (known := self._terrain.tiles.get(tile)) is not None and lost:
+                # What is blended in must not move into the future; it has no velocity.
+                known.shift_time(-max(lost, 0.0) if known.motion.corrects else -lost)
             yield placed
             session.note_clock(f"terrain, tile {tile!r}" if tile else "terrain", placed)
             clock.accept(placed)
