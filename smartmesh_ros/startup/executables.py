@@ -112,6 +112,23 @@ def tune() -> None:
         sys.exit(main())
 
 
+# Executables that `smartmesh run` starts.
+STARTED_BY_NAME: dict[str, Callable[[], None]] = {
+    "terrain_collider": terrain_collider, "terrain_source": terrain_source, "terrain_sensor": terrain_sensor,
+    "soil": soil, "fleet_front": fleet_front, "fleet": fleet, "rover": rover, "demo": demo, "view": view, "tune": tune,
+}  # fmt: skip
+
+
+def smartmesh() -> None:
+    """Do what a command line asks for, or start another executable: ``smartmesh run NAME ...``."""
+    match sys.argv[1:]:
+        case ["run", name, *rest] if name in STARTED_BY_NAME:
+            sys.argv = [name, *rest]
+            STARTED_BY_NAME[name]()
+        case _:
+            _start("smartmesh_ros.tools.client.command", None)
+
+
 def help_tune(options: Namespace, index: int) -> None:
     """Measure trials of a prepared search, as process number ``index`` of it. SIGTERM acts like Ctrl-C, which marks the
     open trial as failed."""
