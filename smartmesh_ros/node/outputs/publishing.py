@@ -237,7 +237,7 @@ class Publishing:
         return [] if region is None else [update_message(self._header(), "", region)]
 
     def _make_scene(self) -> bytes:
-        return self._scene.write(self._header(), clear=self._needs_all("scene") and self._audiences["scene"].new)
+        return self._scene.write(self._header(), clear=self._needs_all("scene"))
 
     def _make_timing(self) -> Timing:
         length, factor, misses = self._timing_window.read()
