@@ -22,7 +22,7 @@ renders:  ## the README's pictures that PyBullet draws: rising ground, and a lid
 	@$(RUN) -- $(STUDIES) rising
 	@$(RUN) -- $(STUDIES) lidar
 
-test:  ## lint, types, colcon build, and every test
+test:  ## lint, types, colcon build, and every test (after the build 7 minutes on two cores)
 	@$(RUN) dev view studies interop -- scripts/check
 
 docs-check:  ## the tables of docs/ whose figures are older than the code

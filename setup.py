@@ -139,6 +139,8 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", files("config", "*")),
         (f"share/{NAME}/launch", files("launch", "*.launch.py")),
+        # On the path of a sourced workspace, whose console scripts are not; a wheel puts those there.
+        *([] if IS_WHEEL or "editable_wheel" in sys.argv else [("bin", ["bin/smartmesh"])]),
     ],
     python_requires=">=3.10",
     install_requires=["numpy", *PYBULLET, "pyyaml"],
@@ -163,6 +165,7 @@ setup(
             f"smartmesh-fleet = {NAME}.startup.executables:fleet",
             f"terrain_sensor = {NAME}.startup.executables:terrain_sensor",
             f"terrain_source = {NAME}.startup.executables:terrain_source",
+            f"smartmesh = {NAME}.startup.executables:smartmesh",
             f"smartmesh-demo = {NAME}.startup.executables:demo",
             f"smartmesh-fleet-front = {NAME}.startup.executables:fleet_front",
             f"smartmesh-replay = {NAME}.startup.executables:replay",

@@ -108,3 +108,20 @@ tune = partial(_start, "smartmesh_ros.tools.tune.cli")
 rover = partial(_start, "smartmesh_ros.tools.demo.rover", import_pybullet_quietly)
 demo = partial(_start, "smartmesh_ros.tools.demo.demo", import_pybullet_quietly)
 view = partial(_start, "smartmesh_ros.tools.view.main", import_pybullet_quietly)
+
+# Executables that `smartmesh run` starts.
+STARTED_BY_NAME: dict[str, Callable[[], None]] = {
+    "terrain_collider": terrain_collider, "terrain_source": terrain_source, "terrain_sensor": terrain_sensor,
+    "fleet_front": fleet_front, "fleet": fleet, "replay": replay, "rover": rover, "demo": demo, "view": view,
+    "tune": tune,
+}  # fmt: skip
+
+
+def smartmesh() -> None:
+    """Do what a command line asks for, or start another executable: ``smartmesh run NAME ...``."""
+    match sys.argv[1:]:
+        case ["run", name, *rest] if name in STARTED_BY_NAME:
+            sys.argv = [name, *rest]
+            STARTED_BY_NAME[name]()
+        case _:
+            _start("smartmesh_ros.tools.client.command", None)

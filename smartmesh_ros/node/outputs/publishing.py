@@ -284,7 +284,7 @@ class Publishing:
         return [sinkage_message(kind, self._header(), soil)]
 
     def _make_scene(self) -> bytes:
-        return self._scene.write(self._header(), clear=self._needs_all("scene") and self._audiences["scene"].new)
+        return self._scene.write(self._header(), clear=self._needs_all("scene"))
 
     def _make_timing(self) -> Timing:
         length, factor, misses = self._timing_window.read()
