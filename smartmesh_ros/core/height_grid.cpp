@@ -93,8 +93,9 @@ Sample GridReader::read(int row, int column) {
   return {height + displacement(found, phase_), rise_of(found, phase_, ahead_)};
 }
 
-void GridReader::read_row(int row, int column, int count, double* heights) {
+void GridReader::read_row(int row, int column, int count, double* heights, double* rises) {
   std::fill(heights, heights + count, std::numeric_limits<double>::quiet_NaN());
+  if (rises != nullptr) std::fill(rises, rises + count, 0.0);
   if (row < 0 || row >= grid_.rows) return;
   const int last = std::min(column + count, grid_.columns);
   for (int c = std::max(column, 0), end; c < last; c = end) {
@@ -104,25 +105,32 @@ void GridReader::read_row(int row, int column, int count, double* heights) {
     const float* known = grid_.heights + grid_.index(row, c);
     double* out = heights + (c - column);
     for (int k = 0; k < end - c; ++k) out[k] = grid_.z + static_cast<double>(known[k]);
-    add_motion(row, c, end - c, out);
+    add_motion(row, c, end - c, out, rises == nullptr ? nullptr : rises + (c - column));
   }
 }
 
-// Adds corrections and motion to the heights of samples of one block.
-void GridReader::add_motion(int row, int column, int count, double* heights) const {
+// Adds corrections and motion to the heights of samples of one block, and writes their rises.
+void GridReader::add_motion(int row, int column, int count, double* heights, double* rises) const {
   const std::size_t i = grid_.index(row, column);
   if (left_ > 0.0)
     for (int k = 0; k < count; ++k) heights[k] += left_ * static_cast<double>(grid_.offsets[i + k]);
-  if (newest_ == nullptr || (phase_.along == 0.0 && phase_.bend == 0.0)) return;
+  if (newest_ == nullptr) return;
+  const Phase phase = phase_;  // a copy, which the arrays cannot overlap
+  const bool is_moved = phase.along != 0.0 || phase.bend != 0.0, rising = rises != nullptr && phase.left > 0.0;
   if (grid_.noise > 0.0) {
-    for (int k = 0; k < count; ++k)
-      heights[k] += displacement(motion_in_noise(grid_, row, column + k, *clock_, phase_), phase_);
+    for (int k = 0; k < count && (is_moved || rising); ++k) {
+      const Motion found = motion_in_noise(grid_, row, column + k, *clock_, phase);
+      heights[k] += displacement(found, phase);
+      if (rising) rises[k] = rise_of(found, phase, ahead_);
+    }
     return;
   }
   const float *v = newest_ + i, *v1 = second_ + i, *v2 = third_ + i;
-  const Phase phase = phase_;  // a copy, which `heights` cannot overlap
-  const double most = grid_.max_velocity;
-  for (int k = 0; k < count; ++k) heights[k] += displacement(motion_of(v[k], v1[k], v2[k], phase, most), phase);
+  const double most = grid_.max_velocity, ahead = ahead_;
+  if (is_moved)
+    for (int k = 0; k < count; ++k) heights[k] += displacement(motion_of(v[k], v1[k], v2[k], phase, most), phase);
+  if (rising)
+    for (int k = 0; k < count; ++k) rises[k] = rise_of(motion_of(v[k], v1[k], v2[k], phase, most), phase, ahead);
 }
 
 }  // namespace smartmesh

@@ -34,8 +34,8 @@ struct GridPose {
   }
   // Returns the pose of a window of the grid that starts at a place.
   GridPose from(const GridPoint& place, double resolution) const {
-    const Vec3 corner = point(place, resolution);
-    return {corner.x, corner.y, cos, sin, slide_x, slide_y, spin};
+    const Vec3 corner = point(place, resolution), velocity = slide(corner.x, corner.y);
+    return {corner.x, corner.y, cos, sin, velocity.x, velocity.y, spin};
   }
   // Returns true if the grid moves horizontally.
   bool slides() const { return slide_x != 0.0 || slide_y != 0.0 || spin != 0.0; }
@@ -118,13 +118,14 @@ class GridReader {
     return height + displacement(motion_of(newest_[i], second_[i], third_[i], phase_, grid_.max_velocity), phase_);
   }
 
-  // Writes the heights [m] of `count` samples of a row from a column on; NaN beyond the edge and in holes.
-  void read_row(int row, int column, int count, double* heights);
+  // Writes the heights [m] of `count` samples of a row from a column on; NaN beyond the edge and in holes. `rises` [m]: of
+  // these samples within the time ahead, unless null.
+  void read_row(int row, int column, int count, double* heights, double* rises = nullptr);
 
  private:
   void enter(const Clock& clock);
   Motion motion(int row, int column, std::size_t index) const;
-  void add_motion(int row, int column, int count, double* heights) const;
+  void add_motion(int row, int column, int count, double* heights, double* rises) const;
 
   const HeightGrid& grid_;
   double time_, ahead_;
