@@ -17,8 +17,9 @@ constexpr double SIDE = 0.5;
 
 // Least share of friction across the slip: solvers divide by its square.
 constexpr double LEAST_ACROSS = 0.01;
-// Speed above which a slip has a direction, not rounding alone [m/s].
-constexpr double SLOWEST_SLIP = 1e-7;
+// Speed above which a slip has a direction, not rounding alone [m/s], and share of what friction can hold from which on it
+// has one: less is what a solver leaves, and whatever comes next may come from anywhere.
+constexpr double SLOWEST_SLIP = 1e-7, LEAST_HELD = 0.1;
 
 // Returns what the friction of a contact in the last step leaves of the cone across its direction, as a share of the most.
 double across_slip(const OldContact* old, double friction) {
@@ -100,18 +101,18 @@ void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<
 }
 
 void find_slips(const std::vector<Contact>& contacts, const std::vector<OldContact>& before, const Approach& approach,
-                double mass, std::vector<ContactRow>& rows) {
-  const Vec3 fall = approach.gravity * approach.duration;
+                const Pull& pull, std::vector<ContactRow>& rows) {
   for (std::size_t k = 0; k < contacts.size(); ++k) {
     const Contact& contact = contacts[k];
     const auto along_ground = [&](const Vec3& v) { return v - contact.normal * dot(v, contact.normal); };
     const OldContact* old = matching(contact, before);
     const Vec3 slip = along_ground(approach.velocity_at(contact) + contact.ground.velocity - rows[k].slide);
-    // Gravity alone turns what slips. What does not slip would go where friction held it in the last step.
-    const bool slips = old == nullptr || norm2(slip) > norm2(fall);
-    const Vec3 change = slips ? fall : old->friction * (-static_cast<double>(contacts.size()) / mass);
-    const Vec3 along = slip + along_ground(change);
-    if (norm(along) > SLOWEST_SLIP) rows[k].slip = {along, across_slip(old, rows[k].friction.sliding)};
+    // What does not slip would go where friction held it in the last step, and where it is pulled since.
+    const bool slips = old == nullptr || norm2(slip) > norm2(pull.now);
+    const double share = static_cast<double>(contacts.size()) / pull.mass;
+    const Vec3 along = slip + along_ground(slips ? pull.now : pull.now - pull.before - old->friction * share);
+    const double holds = old == nullptr ? 0.0 : rows[k].friction.sliding * old->normal_impulse * share;
+    if (norm(along) > SLOWEST_SLIP + LEAST_HELD * holds) rows[k].slip = {along, across_slip(old, rows[k].friction.sliding)};
   }
 }
 

@@ -55,8 +55,14 @@ Vec3 surface_velocity(const Vec3& belt, const Vec3& normal);
 void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<Contact>& contacts, const Approach& approach,
                  std::vector<ContactRow>& rows);
 
-// Sets the slips of the rows of the contacts of a body of some `mass` [kg]; `before`: those of the last step.
+// What gravity and applied forces add to the velocity of a body in this step and in the last one [m/s], and its mass [kg].
+struct Pull {
+  Vec3 now, before;
+  double mass;
+};
+
+// Sets the slips of the rows of the contacts of a body; `before`: those of the last step.
 void find_slips(const std::vector<Contact>& contacts, const std::vector<OldContact>& before, const Approach& approach,
-                double mass, std::vector<ContactRow>& rows);
+                const Pull& pull, std::vector<ContactRow>& rows);
 
 }  // namespace smartmesh

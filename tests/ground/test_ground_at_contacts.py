@@ -211,8 +211,10 @@ def test_friction_against_spinning_is_that_with_the_ground(is_robot: bool) -> No
 
 @pytest.mark.parametrize(("is_robot", "error"), [(False, 0.03), (True, 0.15)], ids=["body", "robot"])
 def test_a_box_on_two_belts_that_run_apart_turns_on_the_spot(is_robot: bool, error: float) -> None:
-    """Until the slips of its corners, at +-a and +-b, have no moment: at v a / (a^2 + b^2). PyBullet's solver for robots
-    weighs slips by the mass that each axis meets."""
+    """Until the slips of its corners, at +-a and +-b, have no moment: at v a / (a^2 + b^2).
+
+    PyBullet's solver for robots weighs slips by the mass that each axis meets.
+    """
     speed, (a, b) = 0.5, (0.25, 0.2)
     vertices, triangles = mesh_parts.sheet(8.0, 16)
     belts = {side: TriangleMesh(vertices + (4.0 * side, 0.0, 0.0), triangles) for side in (-1, 1)}

@@ -38,6 +38,7 @@ struct Slot {
   std::unique_ptr<GroundShape> shape;
   Vec3 linear, angular;    // of the body [m/s], [rad/s]
   NearbyGround near;       // in this step
+  Vec3 pull;               // what gravity and applied forces added to a rigid body's velocity in the last step [m/s]
   Vec3 turning;            // of the ground at a contact that has friction against turning, in the last step [rad/s]
   Belt belt;
   std::vector<double> slept_on;  // the ground under a body that PyBullet put to sleep, as of `Surface::ground_under`

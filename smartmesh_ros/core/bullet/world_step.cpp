@@ -185,8 +185,11 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   }
   const bool resists_turning = !rows_.empty() && rows_[0].friction.rolling + rows_[0].friction.spinning > 0.0;
   slot.turning = resists_turning ? contacts_[0].ground.turning : Vec3{};
-  // Robots have a solver with a cone of its own.
-  if (btRigidBody::upcast(slot.object)) find_slips(contacts_, before_, approach, mass_of(*slot.object), rows_);
+  if (const auto* rigid = btRigidBody::upcast(slot.object)) {  // robots have a solver with a cone of its own
+    const Vec3 pull = from_bullet(rigid->getTotalForce() * (rigid->getInvMass() * step));
+    find_slips(contacts_, before_, approach, {pull, slot.pull, mass_of(*slot.object)}, rows_);
+    slot.pull = pull;
+  }
   const bool ground_is_b = manifold.getBody0() == slot.object;
   write_contacts(contacts_, rows_, before_,
                  {*slot.object, *slot.ground, ground_is_b, step, solver.m_linearSlop, anchor_time(step)}, manifold, told_);
