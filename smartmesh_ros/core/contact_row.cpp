@@ -14,11 +14,10 @@ constexpr double PUSH_OUT = 1.0;
 constexpr double PUSH_OUT_TIME = 0.014;
 // Sine of the angle between a belt's axis and a normal, below which the contact is at the side of the belt and stands still.
 constexpr double SIDE = 0.5;
-
 // Least share of friction across the slip: solvers divide by its square.
 constexpr double LEAST_ACROSS = 0.01;
-// Speed above which a slip has a direction, not rounding alone [m/s], and share of what friction can hold from which on it
-// has one: less is what a solver leaves, and whatever comes next may come from anywhere.
+// A slip has a direction if it is faster than rounding makes it [m/s], and than this share of what friction can stop in a
+// step: below it, the next push may come from anywhere.
 constexpr double SLOWEST_SLIP = 1e-7, LEAST_HELD = 0.1;
 
 // Returns what the friction of a contact in the last step leaves of the cone across its direction, as a share of the most.
@@ -83,18 +82,18 @@ Vec3 surface_velocity(const Vec3& belt, const Vec3& normal) {
   return share > SIDE ? along * (1.0 / share) : Vec3{};
 }
 
-void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<Contact>& contacts, const Approach& approach,
-                 std::vector<ContactRow>& rows) {
+void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<Contact>& contacts,
+                       const Approach& approach, std::vector<ContactRow>& rows) {
   // A point of a body that turns moves along an arc, and the solver takes its velocity for all of the step: that of the
-  // middle is right to second order. The rounding of a shape is the same however it is turned, and so is a cylinder.
-  Vec3 turns = approach.angular;
-  if (shape.kind == ShapeKind::Cylinder) {
-    const Vec3 axis = pose.turn * Vec3{0.0, 0.0, 1.0};
-    turns = turns - axis * dot(turns, axis);
-  }
+  // middle is right to second order.
+  const bool is_round = shape.kind == ShapeKind::Cylinder || shape.kind == ShapeKind::Capsule;
+  const Vec3 axis = pose.turn * Vec3{0.0, 0.0, 1.0};
   for (std::size_t k = 0; k < contacts.size(); ++k) {
     const Contact& contact = contacts[k];
     if (contact.distance <= 0.0) continue;
+    Vec3 turns = approach.angular;
+    // A round shape stays where it is if it spins: only what tilts its axis in the plane of the normal moves its surface.
+    if (const Vec3 tilts = unit(cross(contact.normal, axis)); is_round) turns = tilts * dot(turns, tilts);
     const Vec3 on_core = contact.point + contact.normal * (contact.distance + shape.rounding);
     rows[k].at = contact.point + cross(turns, on_core - approach.centre) * (0.5 * approach.duration);
   }
@@ -106,13 +105,13 @@ void find_slips(const std::vector<Contact>& contacts, const std::vector<OldConta
     const Contact& contact = contacts[k];
     const auto along_ground = [&](const Vec3& v) { return v - contact.normal * dot(v, contact.normal); };
     const OldContact* old = matching(contact, before);
+    const double friction = rows[k].friction.sliding, share = static_cast<double>(contacts.size()) / pull.mass;
     const Vec3 slip = along_ground(approach.velocity_at(contact) + contact.ground.velocity - rows[k].slide);
-    // What does not slip would go where friction held it in the last step, and where it is pulled since.
+    // Without friction, what does not slip would go where friction held it in the last step, and where it is pulled since.
     const bool slips = old == nullptr || norm2(slip) > norm2(pull.now);
-    const double share = static_cast<double>(contacts.size()) / pull.mass;
     const Vec3 along = slip + along_ground(slips ? pull.now : pull.now - pull.before - old->friction * share);
-    const double holds = old == nullptr ? 0.0 : rows[k].friction.sliding * old->normal_impulse * share;
-    if (norm(along) > SLOWEST_SLIP + LEAST_HELD * holds) rows[k].slip = {along, across_slip(old, rows[k].friction.sliding)};
+    const double holds = old == nullptr ? 0.0 : friction * old->normal_impulse * share;
+    if (norm(along) > SLOWEST_SLIP + LEAST_HELD * holds) rows[k].slip = {along, across_slip(old, friction)};
   }
 }
 

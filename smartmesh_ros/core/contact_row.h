@@ -52,8 +52,8 @@ void find_rows(const std::vector<Contact>& contacts, const Approach& approach, c
 Vec3 surface_velocity(const Vec3& belt, const Vec3& normal);
 
 // Moves the places of the rows of a shape at `pose` to where its points are in the middle of the step.
-void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<Contact>& contacts, const Approach& approach,
-                 std::vector<ContactRow>& rows);
+void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<Contact>& contacts,
+                       const Approach& approach, std::vector<ContactRow>& rows);
 
 // What gravity and applied forces add to the velocity of a body in this step and in the last one [m/s], and its mass [kg].
 struct Pull {

@@ -93,21 +93,16 @@ def test_a_map_that_is_sent_again_leaves_prints_and_what_stands_or_sleeps_in_the
     assert heights.min() < -5e-3
 
 
-@pytest.mark.parametrize("tilts", [False, True])
-def test_prints_under_a_body_and_the_body_move_with_the_ground(tilts: bool) -> None:
-    rises = 0.1 * (np.linspace(0.0, 4.0, 101) - 1.0 if tilts else np.ones(101)) * np.ones((101, 1))  # [m/s]
+def test_prints_under_a_body_and_the_body_move_with_the_ground() -> None:
     with with_box("dry_sand") as world:
         tile = map_from(world.terrain, "")
         world.step(240)
         sunk, low, start = -tile.heights.min(), world.state("box").position[2], world.time
-        step_on_moving(world, lambda time: rises * (time - start), 240, every=8)
-        state = world.state("box")
-        assert state.position[2] - low == pytest.approx(0.1, abs=0.01)
-        assert state.linear == pytest.approx((0.0, 0.0, 0.1), abs=5e-3)
+        step_on_moving(world, lambda time: 0.1 * (time - start), 240, every=8)
+        assert world.state("box").position[2] - low == pytest.approx(0.1, abs=0.01)
+        assert world.state("box").linear == pytest.approx((0.0, 0.0, 0.1), abs=1e-3)
         world.ground.refresh(world.time, world.dt)
-        prints = tile.heights - rises * 232.0 * world.dt
-        # On ground that tilts the box presses itself in by an edge, too.
-        assert prints.max() - prints.min() == pytest.approx(sunk, rel=1.0 if tilts else 0.3)
+        assert tile.heights.max() - tile.heights.min() == pytest.approx(sunk, rel=0.3)
 
 
 @pytest.mark.parametrize("grid", [0.01, 0.05])
