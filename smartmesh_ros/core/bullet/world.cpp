@@ -37,7 +37,10 @@ void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   slots_.clear();
   roles_.clear();
   slot_of_ground_.clear();
-  if (world != nullptr) register_algorithm(*world, this);
+  told_.clear();
+  if (world == nullptr) return;
+  register_algorithm(*world, this);
+  world->getSolverInfo().m_solverMode |= SOLVER_ENABLE_FRICTION_DIRECTION_CACHING;  // read the directions of our points
 }
 
 btCollisionObject* BulletWorld::find(int body, int link) const {

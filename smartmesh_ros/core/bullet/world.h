@@ -8,9 +8,9 @@
 
 #include <BulletDynamics/Dynamics/btDiscreteDynamicsWorld.h>
 
+#include "contact_points.h"
 #include "contact_search.h"
 #include "ground_shape.h"
-#include "manifold.h"
 #include "soil_in_step.h"
 #include "solid.h"
 
@@ -37,6 +37,9 @@ struct Slot {
   btCollisionShape* shape_before = nullptr;  // of the proxy
   std::unique_ptr<GroundShape> shape;
   Vec3 linear, angular;    // of the body [m/s], [rad/s]
+  NearbyGround near;       // in this step
+  Vec3 pull;               // what gravity and applied forces added to a rigid body's velocity in the last step [m/s]
+  Vec3 turning;            // of the ground at a contact that has friction against turning, in the last step [rad/s]
   Belt belt;
   std::vector<double> slept_on;  // the ground under a body that PyBullet put to sleep, as of `Surface::ground_under`
   long slept_at = -1;            // revision of the ground when it was read
@@ -111,12 +114,12 @@ class BulletWorld {
   // Returns the time in which the solver's friction closes a distance [s].
   double anchor_time(double step) const;
   static void wake(const Slot& slot);
-  // Returns true for the ground of a body whose surface moves.
-  bool is_driven(const btCollisionObject& ground) const;
   bool keeps_asleep(Slot& slot, const btVector3& low, const btVector3& high);
   // Returns `margin` and the way that gravity adds to the motion of a body in a step.
   double margin_in(double step) const;
-  Approach approach_of(const Slot& slot) const;
+  // Returns the time over which velocities of the ground are means in a step [s]; zero if they are not carried.
+  double ahead_in(double step) const;
+  Approach approach_of(const Slot& slot, double step) const;
   const Convex* convex_of_part(Slot& slot, const btCollisionShape& shape);
   // Returns the body in a slot as the soil sees it now, in a step of some duration [s].
   OnSoil on_soil(const Slot& slot, double step) const;
@@ -128,6 +131,8 @@ class BulletWorld {
   std::unordered_map<const btCollisionShape*, int> slot_of_ground_;
   std::vector<Contact> contacts_;
   std::vector<OldContact> before_;
+  std::vector<ContactRow> rows_;
+  std::vector<TruePoint> told_;  // in this step
   ContactSearch search_;
 };
 
