@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.body_shapes import links_with_shape, shape_of
+from smartmesh_ros.ground.body_shapes import shapes_of
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.bullet_sleep import SleepContacts, is_fixed
 from smartmesh_ros.ground.colliders.patch_contacts import PatchContacts
@@ -71,18 +71,15 @@ class AttachedBodies:
     ) -> Follower:
         """Put each link of ``body`` that has a collision shape onto the ground, or one ``link`` (-1 = the base).
 
-        Shapes are read from PyBullet, unless the base's or link's is given: as a ``shape`` about the centre of mass (or
-        one that was read before), or as the ``radius`` [m] of a bounding sphere. ``solid=False`` computes patches
-        without contacts. Returns the follower of the link, or of the first one; ``followers.of(body)`` lists all.
-        Raises `InputError`, and attaches nothing, if a link has no shape or is attached already.
+        Shapes are those that PyBullet collides, unless the base's or link's is given: as a ``shape`` about the centre
+        of mass (or one that was read before), or as the ``radius`` [m] of a bounding sphere. ``solid=False`` computes
+        patches without contacts. Returns the follower of the link, or of the first one; ``followers.of(body)`` lists
+        all.
+        Raises `InputError`, and attaches nothing, if the body is soft, or a link has no shape or is attached already.
         """
-        if link is not None or radius is not None or shape is not None:
-            links = [-1 if link is None else link]
-        else:
-            links = links_with_shape(self._client, body)
-        records = [shape_of(self._client, body, each, shape, radius) for each in links]
-        made = [Follower(body, each, record, solid) for each, record in zip(links, records, strict=True)]
-        self.followers.require_new(body, links)
+        shapes = shapes_of(self._client, body, link, shape, radius)
+        made = [Follower(body, each, record, solid) for each, record in shapes.items()]
+        self.followers.require_new(body, list(shapes))
         own = solid and not is_fixed(self._client, body)
         if not len(self.followers):
             self.contacts.set_time(self.time, time_step_of(self._client))

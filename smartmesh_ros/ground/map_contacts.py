@@ -7,10 +7,12 @@ Nothing here runs in a step.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pybullet as pb
+from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
@@ -59,37 +61,40 @@ def missing_for(client: Any) -> str:
     method = client.getConnectionInfo().get("connectionMethod")
     if method != pb.DIRECT:
         return "the PyBullet client is not a DIRECT one"
-    plugin = client.loadPlugin(CORE.__file__, POSTFIX)
-    if plugin < 0:
+    if client.loadPlugin(CORE.__file__, POSTFIX) < 0:
         return f"this PyBullet does not load the core {CORE.__file__}"
-    return "" if _reads_as_pybullet(client, plugin) else "the core was built for another PyBullet"
+    return "" if reads_as_pybullet() else "the core was built for another PyBullet"
 
 
-def ground_in(client: Any, plugin: int) -> Any:
+def number_in(client: Any) -> int:
+    """Return the core's number of the world of a client for which nothing is `missing_for`."""
+    return int(client.executePluginCommand(client.loadPlugin(CORE.__file__, POSTFIX), "number", []))
+
+
+def ground_in(client: Any) -> Any:
     """Return the core's ground in a client; raises `InputError` if the client has one already."""
     try:
-        return CORE.Ground(client.executePluginCommand(plugin, "number", []))
+        return CORE.Ground(number_in(client))
     except RuntimeError as error:
         raise InputError("client", str(error)) from None
 
 
-def _reads_as_pybullet(client: Any, plugin: int) -> bool:
+@cache
+def reads_as_pybullet() -> bool:
     """Return True if the core finds in Bullet's memory what PyBullet reports of a rigid body and a multibody."""
-    core, found = ground_in(client, plugin), np.zeros((2, 13))
+    client: Any = BulletClient(pb.DIRECT)
+    core, found = ground_in(client), np.zeros((2, 13))
     try:
         shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=0.1)
         for slot in range(2):
             body = client.createMultiBody(
                 1.0, shape, basePosition=PROBE[0], baseOrientation=PROBE[1], useMaximalCoordinates=slot
             )
-            with undone(lambda: client.removeBody(body)):  # noqa: B023
-                client.resetBaseVelocity(body, PROBE[2], PROBE[3])
-                core.attach(slot, body, -1, -1)
-                core.read(np.full(1, slot), found)
-                core.detach(slot)
-                client.removeBody(body)
+            client.resetBaseVelocity(body, PROBE[2], PROBE[3])
+            core.attach(slot, body, -1, -1)
+        core.read(np.arange(2), found)
     finally:
-        core.release()
+        client.disconnect()
     return np.allclose(found, np.concatenate(PROBE), rtol=0.0, atol=1e-9)
 
 
@@ -103,7 +108,7 @@ class MapContacts:
         self._client = client
         self._followers = followers
         self._terrain = terrain
-        self._core = ground_in(client, client.loadPlugin(CORE.__file__, POSTFIX))
+        self._core = ground_in(client)
         self._uids: dict[int, int] = {}  # of the proxies, by slot
         self._shape: int | None = None
         self._visual: int | None = None
@@ -117,10 +122,15 @@ class MapContacts:
 
     def attach(self, follower: Follower) -> None:
         """Give a follower a proxy if it is solid; other followers are only read."""
-        proxy = -1
+        proxy = self._new_body() if follower.solid else -1
+        try:
+            self._core.attach(follower.slot, follower.body, follower.link, proxy)
+        except ValueError as error:
+            if follower.solid:
+                self._client.removeBody(proxy)
+            raise InputError("geometry", f"body {follower.body} cannot stand on the ground: {error}") from None
         if follower.solid:
-            proxy = self._uids[follower.slot] = self._new_body()
-        self._core.attach(follower.slot, follower.body, follower.link, proxy)
+            self._uids[follower.slot] = proxy
         if follower.belt.speed:
             self.drive(follower)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.body_shapes import link_name, shape_of
+from smartmesh_ros.ground.body_shapes import link_name, read_shapes
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.bullet_sleep import is_fixed
 from smartmesh_ros.ground.config import PhysicsConfig
@@ -169,7 +169,7 @@ class BodyFactory:
                     command_joint(client, uid, index, JointCommand())
         if not links:
             raise InputError("urdf", "the URDF has no collision shape, so nothing could touch the ground")
-        shapes = {link: robot.shapes.get(link) or shape_of(client, uid, link, None, None) for link in links}
+        shapes = dict(robot.shapes) or read_shapes(client, uid)
         couple_joints(client, uid, joints, robot.mimics)
         body = Body(
             name, uid, next(iter(shapes.values())).radius, False, BodyState(), links, joints, urdf=robot.given,

@@ -200,11 +200,13 @@ def test_a_core_that_reads_bullets_memory_otherwise_is_not_used(client: Any, mon
     monkeypatch.setattr(map_contacts, "PROBE", ((1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0), (0.0,) * 3, (1e-3, 0.0, 0.0)))
     assert Ground(client, level()).no_proxies == ""
     monkeypatch.setattr(np, "allclose", lambda *_, **__: False)
+    map_contacts.reads_as_pybullet.cache_clear()
     ground = Ground(client, level())
     assert ground.no_proxies == "the core was built for another PyBullet"
     monkeypatch.undo()
     require_standing(client, ground, 1e-3)
     assert not ground.exact
+    map_contacts.reads_as_pybullet.cache_clear()
 
 
 def test_meshes_of_several_parts_are_ground_for_contacts_from_the_map_alone(client: Any) -> None:

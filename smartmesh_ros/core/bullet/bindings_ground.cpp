@@ -2,6 +2,10 @@
 #include <algorithm>
 #include <limits>
 
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/vector.h>
+
+#include "shape_parts.h"
 #include "tables.h"
 #include "world.h"
 
@@ -50,6 +54,26 @@ struct StepSoil {
     soil.lattice.read_sinkage(found.data());
   }
 };
+
+// Kind, half extents, rounding, offset and turn of a convex part of a shape, as in SHAPE, and the points (n, 3) of a hull.
+using PartOfShape = std::tuple<std::int64_t, std::vector<double>, double, std::vector<double>, std::vector<double>, NewTable>;
+
+// Returns the parts of the shapes of a PyBullet body by link; see link_shapes.
+std::map<int, std::vector<PartOfShape>> shapes_of(int number, int body) {
+  BulletWorld* world = world_of(number);
+  if (world == nullptr) throw std::runtime_error("the PyBullet client is disconnected");
+  std::map<int, std::vector<PartOfShape>> found;
+  for (const auto& [link, parts] : link_shapes(world->bullet(), body)) {
+    for (const auto& [shape, points] : parts) {
+      const auto& [half, offset, turn] = std::tie(shape.half, shape.offset, shape.turn);
+      NewTable corners = new_array<double, 2>({points.size(), 3});
+      std::copy(points.begin(), points.end(), reinterpret_cast<Vec3*>(corners.data()));
+      found[link].push_back({static_cast<std::int64_t>(shape.kind), {half.x, half.y, half.z}, shape.rounding,
+                             {offset.x, offset.y, offset.z}, {turn.x, turn.y, turn.z, turn.w}, corners});
+    }
+  }
+  return found;
+}
 
 // The ground in the client of one PyBullet server, by the number that its plugin gave.
 struct Ground {
@@ -145,6 +169,7 @@ struct Ground {
 }  // namespace
 
 void add_ground(nb::module_& m) {
+  m.def("shapes_of", &shapes_of, "number"_a, "body"_a);
   nb::class_<StepSoil>(m, "StepSoil")
       .def(nb::init<nb::object, Bytes2, Doubles2, double>(), "grid"_a, "kinds"_a.noconvert(), "soils"_a.noconvert(),
            "spacing"_a)

@@ -1,6 +1,7 @@
 #include "world.h"
 
 #include <algorithm>
+#include <stdexcept>
 
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
@@ -21,13 +22,13 @@ namespace {
 // Depth at which the bounds of proxies lie that are switched off [m].
 constexpr double FAR_AWAY = 1e6;
 
-bool is_of(const btCollisionObject& object, int body, int link) {
-  if (const auto* collider = btMultiBodyLinkCollider::upcast(&object))
-    return collider->m_multiBody->getUserIndex2() == body && collider->m_link == link;
-  return link < 0 && object.getUserIndex2() == body;
-}
-
 }  // namespace
+
+ObjectName name_of(const btCollisionObject& object) {
+  if (const auto* collider = btMultiBodyLinkCollider::upcast(&object))
+    return {collider->m_multiBody->getUserIndex2(), collider->m_link};
+  return {object.getUserIndex2(), -1};
+}
 
 void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   world_ = world;
@@ -40,10 +41,17 @@ void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   if (world != nullptr) register_algorithm(*world, this);
 }
 
+void require_rigid(const btCollisionObject& object) {
+  if (object.getInternalType() == btCollisionObject::CO_SOFT_BODY)
+    throw std::invalid_argument("it is soft, and only rigid bodies and robots collide with the map");
+}
+
 btCollisionObject* BulletWorld::find(int body, int link) const {
   auto& objects = world_->getCollisionObjectArray();
-  for (int k = 0; k < objects.size(); ++k)
-    if (is_of(*objects[k], body, link)) return objects[k];
+  for (int k = 0; k < objects.size(); ++k) {
+    const ObjectName name = name_of(*objects[k]);
+    if (name.body == body && name.link == link) return objects[k];
+  }
   return nullptr;
 }
 
@@ -65,6 +73,7 @@ bool BulletWorld::attach(int index, int body, int link, int proxy) {
   btCollisionObject* found = proxy < 0 ? nullptr : find(proxy, -1);
   btRigidBody* ground = found == nullptr ? nullptr : btRigidBody::upcast(found);
   if (object == nullptr || (proxy >= 0 && ground == nullptr)) return false;
+  require_rigid(*object);
   if (index >= static_cast<int>(slots_.size())) slots_.resize(index + 1);
   Slot& slot = slots_[index];
   slot = Slot{};
@@ -127,9 +136,7 @@ void BulletWorld::find_objects() {
   auto& objects = world_->getCollisionObjectArray();
   for (int k = 0; k < objects.size(); ++k) {
     btCollisionObject* object = objects[k];
-    int body = object->getUserIndex2(), link = -1;
-    if (auto* collider = btMultiBodyLinkCollider::upcast(object))
-      body = collider->m_multiBody->getUserIndex2(), link = collider->m_link;
+    const auto [body, link] = name_of(*object);
     if (body < 0 || body >= static_cast<int>(roles_.size())) continue;
     for (const Role& role : roles_[body]) {
       Slot& slot = slots_[role.slot];

@@ -26,6 +26,14 @@ struct Belt {
   double speed = 0.0;
 };
 
+// PyBullet's numbers of a body and its link, -1 = the base; `body` is -1 for what PyBullet did not make.
+struct ObjectName {
+  int body, link;
+};
+ObjectName name_of(const btCollisionObject& object);
+// Throws `std::invalid_argument` if a body is soft.
+void require_rigid(const btCollisionObject& object);
+
 // An attached body or link, by PyBullet's numbers, and its proxy, a body without mass.
 struct Slot {
   bool used = false, enabled = true;
@@ -58,6 +66,7 @@ class BulletWorld {
   // Detaches all bodies and forgets the tiles, which may go.
   void release();
   bool alive() const { return world_ != nullptr; }
+  btDiscreteDynamicsWorld& bullet() const { return *world_; }
   // Number of worlds that the client has had; `resetSimulation` makes a new one.
   int worlds() const { return worlds_; }
 
