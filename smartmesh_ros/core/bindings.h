@@ -92,7 +92,7 @@ struct Grid {
   Floats2 heights, offsets;
   Floats3 velocities;
   Bytes3 clocks;
-  std::optional<Floats2> friction;
+  std::optional<Floats2> friction, variances;
 
   Grid(Floats2 heights_rc, Floats3 velocities_krc, Floats2 offsets_rc, Bytes3 clocks_rc)
       : heights(heights_rc), offsets(offsets_rc), velocities(velocities_krc), clocks(clocks_rc) {
@@ -137,6 +137,12 @@ struct Grid {
     grid.friction = samples ? samples->data() : nullptr;
     grid.uniform_friction = uniform;
     ++grid.revision;
+  }
+  // Sets the variances of fused heights (rows, columns) [m^2]; none = they are exact.
+  void set_variances(std::optional<Floats2> samples) {
+    if (samples) check_table(*samples, heights.shape(0), heights.shape(1), "variances");
+    variances = samples;
+    grid.variances = samples ? samples->data() : nullptr;
   }
   void set_motion(int mode, double max_velocity, double settle, double noise, double shown) {
     grid.mode = mode_of(mode);

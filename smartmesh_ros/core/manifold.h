@@ -9,11 +9,12 @@ namespace smartmesh {
 
 constexpr int MOST_CONTACTS = 4;
 
-// A contact of the last step and its impulses [N s].
+// A contact of the last step, its impulses [N s], and the directions of the lateral ones.
 struct OldContact {
   int body_feature, ground_feature;
   Vec3 point;
   double normal_impulse, lateral_impulse[2];
+  Vec3 lateral[2];
 };
 
 // Reduces contacts to at most four: the one that closes the most, and those that span the largest area with it. Contacts

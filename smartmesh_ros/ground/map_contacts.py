@@ -7,6 +7,8 @@ Nothing here runs in a step.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple, Protocol
 
@@ -17,9 +19,10 @@ from pybullet_utils.bullet_client import BulletClient
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import undone
+from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -113,7 +116,7 @@ class MapContacts:
         self._shape: int | None = None
         self._visual: int | None = None
         self._layout = -1
-        self._wakes = -1
+        self._sleep_changes = -1
         self.configure(config)
 
     def configure(self, config: PatchConfig) -> None:
@@ -130,7 +133,7 @@ class MapContacts:
                 self._client.removeBody(proxy)
             raise InputError("geometry", f"body {follower.body} cannot stand on the ground: {error}") from None
         if follower.solid:
-            self._uids[follower.slot] = proxy
+            self._uids[follower.slot] = follower.collider = proxy
         if follower.belt.speed:
             self.drive(follower)
 
@@ -144,21 +147,59 @@ class MapContacts:
                         self._client.removeBody(self._uids[slot])
                     self._core.detach(slot)
                 self._uids.pop(slot, None)
+                self._followers[slot].collider = None
                 gone.append(slot)
 
-    def refresh(self, stopped: BoolArray) -> None:
-        """Collide the followers that are awake with the tiles of the terrain from now on. Those that are ``stopped``
-        (S,) in PyBullet are left to sleep, even if their ground changes."""
+    def refresh(self) -> None:
+        """Collide the followers with the tiles of the terrain from now on."""
         if self._layout != self._terrain.layout_revision:
             self._layout = self._terrain.layout_revision
             self._core.set_tiles(self._terrain.readers)
-        if self._wakes != self._followers.wakes:
-            self._wakes = self._followers.wakes
-            awake = self._followers.flags("awake")
-            self._core.enable(awake)
-            for slot, uid in self._uids.items():
-                self._followers[slot].collider = uid if awake[slot] else None
-        self._core.hold(stopped)
+
+    def let_sleep(self, config: SleepConfig | None) -> None:
+        """Wake all bodies; let those that are still sleep from now on that `put_to_sleep` names, None = none."""
+        self.require_client()
+        it = config or SleepConfig(after=math.inf)
+        self._core.set_sleep(it.after, it.distance, it.joint, it.ground, it.noise, it.most)
+        self.note_sleep()
+
+    def put_to_sleep(self, may_sleep: Callable[[int], bool]) -> None:
+        """Let the PyBullet bodies sleep that are still and rest on something, and for which ``may_sleep`` returns True.
+        The owner of a remote body knows on what it rests."""
+        self._core.put_to_sleep(
+            [body for body in self._core.find_resting(self._followers.flags("remote")) if may_sleep(body)]
+        )
+
+    def wake(self, slots: list[int] | None) -> None:
+        """Wake followers, None = all. What touches them wakes in the next step."""
+        if not self._core.is_there:
+            return
+        if slots is None:
+            self._core.wake_all()
+        for slot in slots or ():
+            self._core.wake(slot)
+        self.note_sleep()
+
+    def find_gone(self) -> list[int]:
+        """Return the slots whose bodies were removed from PyBullet."""
+        gone: list[int] = self._core.find_gone()
+        return gone
+
+    def wake_disturbed(self) -> None:
+        """Wake what something disturbed that PyBullet wakes nobody for, as each step does."""
+        self._core.wake_disturbed()
+        self.note_sleep()
+
+    def note_sleep(self) -> bool:
+        """Note which followers sleep, and where; returns True if that has changed."""
+        if self._sleep_changes == self._core.sleep_changes:
+            return False
+        self._sleep_changes = self._core.sleep_changes
+        asleep = np.zeros(self._followers.capacity, np.bool_)
+        self._core.read_asleep(asleep)
+        self._followers.set_asleep(asleep)
+        self._core.read(np.flatnonzero(asleep), self._followers.states)
+        return True
 
     def drive(self, follower: Follower) -> None:
         """Move the surface of a follower by its belt."""
@@ -197,14 +238,10 @@ class MapContacts:
 
     def close(self) -> None:
         """Remove all proxies."""
-        slots = list(self._uids)
-        self.detach(slots)
-        for slot in slots:
-            self._followers[slot].collider = None
+        self.detach(list(self._uids))
         self._core.release()
 
     def _attach_again(self, slots: list[int]) -> None:
-        self._wakes = -1  # new proxies are ground of sleeping bodies, too
         for slot in slots:
             self.attach(self._followers[slot])
 

@@ -12,8 +12,7 @@ import pybullet as pb
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.body_shapes import link_name, read_shapes
-from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.ground.bullet_sleep import is_fixed
+from smartmesh_ros.ground.bullet import is_fixed, undone
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.limits import MASSES, SIZES, require_between
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere

@@ -106,7 +106,8 @@ void read_contacts(const btPersistentManifold& manifold, std::vector<OldContact>
     const bool is_first = point.m_partId0 == 0;  // the ground is body B
     const btVector3& at = is_first ? point.m_positionWorldOnB : point.m_positionWorldOnA;
     before.push_back({point.m_index0, point.m_index1, from_bullet(at), point.m_appliedImpulse,
-                      {point.m_appliedImpulseLateral1, point.m_appliedImpulseLateral2}});
+                      {point.m_appliedImpulseLateral1, point.m_appliedImpulseLateral2},
+                      {from_bullet(point.m_lateralFrictionDir1), from_bullet(point.m_lateralFrictionDir2)}});
   }
 }
 
@@ -121,6 +122,8 @@ void write_contacts(const std::vector<Contact>& contacts, const std::vector<OldC
       point.m_appliedImpulse = old->normal_impulse;
       point.m_appliedImpulseLateral1 = old->lateral_impulse[0];
       point.m_appliedImpulseLateral2 = old->lateral_impulse[1];
+      // The solver chooses directions anew, but not in the step in which a body falls asleep.
+      point.m_lateralFrictionDir1 = to_bullet(old->lateral[0]), point.m_lateralFrictionDir2 = to_bullet(old->lateral[1]);
       point.m_lifeTime = 1;
     }
     manifold.getContactPoint(k) = point;

@@ -31,16 +31,29 @@ double mass_of(const btCollisionObject& object) {
 
 void BulletWorld::before_step() {
   if (world_ == nullptr) return;
+  stepping_ = true;
+  place_proxies();
+}
+
+void BulletWorld::before_query() {
+  if (!stepping_) place_proxies();
+}
+
+void BulletWorld::place_proxies() {
   find_objects();
-  for (Slot& slot : slots_)
-    if (slot.used && slot.ground != nullptr) place(slot);
+  wake_disturbed();
+  list_slots();
+  for (int k : awake_)
+    if (slots_[k].ground != nullptr) place(slots_[k]);
 }
 
 void BulletWorld::after_step() {
+  stepping_ = false;
   if (world_ == nullptr) return;
   duration = world_->getDispatchInfo().m_timeStep;
   time += duration;
   press_soil();
+  note_rest();
   if (std::none_of(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.belt.speed != 0.0; })) return;
   btDispatcher& dispatcher = *world_->getDispatcher();
   for (int k = 0; k < dispatcher.getNumManifolds(); ++k) {
@@ -54,7 +67,7 @@ void BulletWorld::press_soil() {
   if (soil == nullptr) return;
   for (Slot& slot : slots_) {
     if (slot.on_soil.empty() || slot.object == nullptr || slot.ground == nullptr) continue;
-    if (!slot.enabled || !slot.object->isActive()) continue;
+    if (!slot.object->isActive()) continue;
     read_velocity(slot);
     soil->press(on_soil(slot, duration), slot.on_soil);
   }
@@ -92,12 +105,11 @@ void BulletWorld::place(Slot& slot) {
   ground.setAngularVelocity(btVector3(0, 0, 0));
   slot.shape->low = slot.shape->high = btVector3(0, 0, 0);
   ground.forceActivationState(ISLAND_SLEEPING);  // Bullet wakes whatever lies on a kinematic body that is awake
-  if (slot.object == nullptr || !slot.enabled) return;
-  if (slot.belt.speed != 0.0) wake(slot);  // PyBullet would let it sleep while it creeps
+  if (slot.object == nullptr) return;
+  if (slot.belt.speed != 0.0) stir(slot);  // PyBullet would let it sleep while it creeps
   const btTransform& pose = slot.object->getWorldTransform();
   btVector3 low, high;
   slot.object->getCollisionShape()->getAabb(pose, low, high);
-  if (keeps_asleep(slot, low, high)) return;
   read_velocity(slot);
   const double half = 0.5 * std::max(high.x() - low.x(), high.y() - low.y());
   const Vec3 at = from_bullet(pose.getOrigin());
@@ -125,32 +137,7 @@ void BulletWorld::place(Slot& slot) {
   ground.setInterpolationWorldTransform(foot);
   ground.setLinearVelocity(to_bullet(motion.linear));
   ground.setAngularVelocity(to_bullet(motion.angular));
-  if (moved > 0.0 || norm2(motion.angular) > 0.0) wake(slot);
-}
-
-// Returns true if PyBullet put a body to sleep and the ground under it is what it fell asleep on; wakes it otherwise.
-bool BulletWorld::keeps_asleep(Slot& slot, const btVector3& low, const btVector3& high) {
-  if (slot.object->isActive()) {
-    slot.slept_on.clear();
-    slot.slept_at = -1;
-    return false;
-  }
-  if (slot.held) return true;
-  const bool moves = surface.moves(time);
-  if (!moves && slot.slept_at == surface.revision()) return true;
-  slot.slept_at = surface.revision();
-  std::vector<double> ground;
-  surface.ground_under({from_bullet(low), from_bullet(high)}, time, ground);
-  const bool same = slot.slept_on.empty() || slot.slept_on == ground;
-  if (slot.slept_on.empty()) slot.slept_on = ground;
-  if (same) return true;
-  wake(slot);
-  return false;
-}
-
-void BulletWorld::wake(const Slot& slot) {
-  if (auto* collider = btMultiBodyLinkCollider::upcast(slot.object)) collider->m_multiBody->wakeUp();
-  slot.object->activate();
+  if (moved > 0.0 || norm2(motion.angular) > 0.0) stir(slot);
 }
 
 const Convex* BulletWorld::convex_of_part(Slot& slot, const btCollisionShape& shape) {
@@ -167,7 +154,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
     return;
   }
   Slot& slot = slots_[found->second];
-  if (slot.object != body.getCollisionObject() || !slot.enabled) {
+  if (slot.object != body.getCollisionObject()) {
     manifold.setNumContacts(0);
     return;
   }

@@ -17,7 +17,7 @@ from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig, is_mesh, is_whole
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
 
@@ -110,12 +110,9 @@ class PatchContacts:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""
         self._time = time
 
-    def refresh(self, stopped: BoolArray) -> None:
-        """Set the colliders to the patches of the followers that are awake, and remove those of the others. Colliders
-        wake no body that is ``stopped`` (S,)."""
-        for follower in [follower for follower in self._held if not self._followers.table["awake"][follower.slot]]:
-            self._release(follower)
-        if not self._followers.awake.size:
+    def refresh(self) -> None:
+        """Set the colliders to the patches of the followers."""
+        if not len(self._followers):
             return
         batches, supports = self._patches.batches, self._patches.supports
         with self._patches.stopwatch.stage("collider"):
