@@ -53,14 +53,17 @@ void add_blocks_under(const HeightGrid& grid, double time, const Bounds& box, st
   if (samples.size() == 0) return;
   const Span down = blocks_of({samples.top, samples.bottom}), along = blocks_of({samples.left, samples.right});
   for (std::ptrdiff_t r = down.first; r < down.last; ++r)
-    for (std::ptrdiff_t c = along.first; c < along.last; ++c) found.push_back({&grid, grid.clocks + r * grid.block_columns + c});
+    for (std::ptrdiff_t c = along.first; c < along.last; ++c)
+      found.push_back({&grid, grid.clocks + r * grid.block_columns + c});
 }
 
 void Updates::add(const BlockUnder& block, double time) {
   const Clock& clock = *block.clock;
+  const HeightGrid& grid = *block.grid;
   count += clock.updates;
-  if (block.grid->mode == Mode::Correct) settles |= remaining(clock, block.grid->shown, block.grid->settle) > 0.0;
-  else moves |= block.grid->track.interval > 0.0 || (clock.known > 0 && goes_on(time, clock.time, clock.lifetime, clock.delay));
+  moves |= grid.track.interval > 0.0;
+  if (grid.mode == Mode::Correct) settles |= remaining(clock, grid.shown, grid.settle) > 0.0;
+  else moves |= clock.known > 0 && goes_on(time, clock.time, clock.lifetime, clock.delay);
 }
 
 bool differs(const GroundUnder& before, const GroundUnder& now, const Tolerance& tolerance) {

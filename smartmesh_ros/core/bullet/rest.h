@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include <BulletCollision/BroadphaseCollision/btBroadphaseProxy.h>
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
 #include "convert.h"
@@ -59,6 +60,12 @@ struct Sleeper {
   double followed = 0.0;
 };
 
+inline bool sleeps(const btCollisionObject& object) { return object.getActivationState() == ISLAND_SLEEPING; }
+// Returns the bounds of an object as Bullet knows them.
+inline Bounds bounds_of(const btCollisionObject& object) {
+  const btBroadphaseProxy& proxy = *object.getBroadphaseHandle();
+  return {from_bullet(proxy.m_aabbMin), from_bullet(proxy.m_aabbMax)};
+}
 // Returns the bounding radius of an object about its centre of mass [m].
 double bounding_radius(const btCollisionObject& object);
 // Returns the robot that an object is a link of; null if it is none.
