@@ -21,6 +21,7 @@ import core_build  # noqa: E402
 # For `ros2 run`. A wheel puts its commands onto everybody's path, where `view` is vim's: there it is smartmesh-view.
 IN_WORKSPACES = [
     f"fleet_front = {NAME}.startup.executables:fleet_front",
+    f"replay = {NAME}.startup.executables:replay",
     f"rover = {NAME}.startup.executables:rover",
     f"soil = {NAME}.startup.executables:soil",
     f"tune = {NAME}.startup.executables:tune",
@@ -68,7 +69,7 @@ if (there := installed_pybullet()) is not None:
 @cache
 def core() -> Path:
     """Builds the core in place and returns the library. Ends the build if that fails."""
-    library = ROOT / core_build.CORE / core_build.library_name()
+    library = ROOT / core_build.CORE / core_build.LIBRARY
     core_build.build(library)
     return library
 
@@ -88,7 +89,7 @@ class BuildWithCore(build_py):
 
     def get_outputs(self, include_bytecode: bool = True) -> list[str]:
         """All files that are copied, the core among them."""
-        library = Path(self.build_lib) / core_build.CORE / core_build.library_name()
+        library = Path(self.build_lib) / core_build.CORE / core_build.LIBRARY
         return [*super().get_outputs(include_bytecode), *([str(library)] if library.is_file() else [])]
 
 
@@ -146,7 +147,8 @@ setup(
         "bags": ["rosbags"],
         "files": ["pillow", "rasterio"],
         "test": ["hypothesis", "pytest"],
-        "tune": ["matplotlib", "optuna", "rosbags"],
+        "replay": ["mcap", "rosbags"],
+        "tune": ["matplotlib", "rosbags"],
         "view": ["viser[urdf]"],
     },
     zip_safe=False,
@@ -164,6 +166,7 @@ setup(
             f"terrain_source = {NAME}.startup.executables:terrain_source",
             f"smartmesh-demo = {NAME}.startup.executables:demo",
             f"smartmesh-fleet-front = {NAME}.startup.executables:fleet_front",
+            f"smartmesh-replay = {NAME}.startup.executables:replay",
             f"smartmesh-rover = {NAME}.startup.executables:rover",
             f"smartmesh-soil = {NAME}.startup.executables:soil",
             f"smartmesh-tune = {NAME}.startup.executables:tune",

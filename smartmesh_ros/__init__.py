@@ -63,6 +63,10 @@ __all__ = [
 ]
 
 
+def __dir__() -> list[str]:
+    return [*__all__, *globals()]
+
+
 def __getattr__(name: str) -> Any:
     """Import a public name at its first use, so that the terrain and patch rooms load without PyBullet."""
     if name not in _MODULE_OF:

@@ -40,7 +40,7 @@ SoilUpdate settings_of(nb::handle config, const HeightGrid& grid, double dt, std
 }
 
 void check_kind(const Shape& shape) {
-  if (shape.kind < ShapeKind::Box || shape.kind > ShapeKind::Capsule)
+  if (!is_primitive(shape.kind))
     throw std::invalid_argument("soil is pressed by boxes, balls, cylinders and capsules alone");
 }
 

@@ -63,7 +63,7 @@ void Updates::add(const BlockUnder& block, double time) {
   count += clock.updates;
   moves |= grid.track.interval > 0.0;
   if (grid.mode == Mode::Correct) settles |= remaining(clock, grid.shown, grid.settle) > 0.0;
-  else moves |= clock.known > 0 && goes_on(time, clock.time, clock.lifetime, clock.delay);
+  else moves |= may_move(clock, time, grid.mode);
 }
 
 bool differs(const GroundUnder& before, const GroundUnder& now, const Tolerance& tolerance) {

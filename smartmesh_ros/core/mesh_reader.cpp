@@ -44,8 +44,9 @@ class FacetTarget final : public RayTarget {
 }  // namespace
 
 MeshReader::MeshReader(const MeshSurface& mesh, double time, double ahead)
-    : mesh_(&mesh), phase_(block_phase(*mesh.clock, time, mesh.mode)), ahead_(ahead), age_(time - mesh.clock->time),
-      drift_(mesh.drift(time)), still_(phase_.along == 0.0 && phase_.bend == 0.0) {
+    : mesh_(&mesh), phase_(block_phase(*mesh.clock, time, mesh.mode)),
+      blend_(mesh.blends() && mesh.clock->known > 0 ? blend_of(*mesh.clock, time, ahead) : Blend{}), ahead_(ahead), age_(time - mesh.clock->time),
+      drift_(mesh.drift(time)), still_(phase_.along == 0.0 && phase_.bend == 0.0 && blend_.offset == 0.0) {
   const std::int64_t newest = mesh.clock->newest;
   if (mesh.clock->known == 0 || newest < 0 || newest >= KEPT) return;
   const std::size_t size = 3 * static_cast<std::size_t>(mesh.vertices);
@@ -57,7 +58,8 @@ MeshReader::MeshReader(const MeshSurface& mesh, double time, double ahead)
 Motion MeshReader::motion(int axis, int v) const {
   if (newest_ == nullptr) return {};
   const std::size_t i = static_cast<std::size_t>(axis) * mesh_->vertices + v;
-  return motion_of(newest_[i], second_[i], third_[i], phase_, mesh_->max_velocity);
+  const auto law = phase_.third == 0.0 ? motion_of : third_order_motion_of;
+  return law(newest_[i], second_[i], third_[i], phase_, mesh_->max_velocity);
 }
 
 void MeshReader::prepare(std::size_t count) {

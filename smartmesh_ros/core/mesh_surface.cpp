@@ -140,7 +140,7 @@ void MeshScratch::begin(std::size_t vertices, std::size_t edge_count) {
 }
 
 bool MeshSurface::moves(double time) const {
-  return clock->known > 0 && goes_on(time, clock->time, clock->lifetime, clock->delay);
+  return may_move(*clock, time, mode);
 }
 
 void MeshSurface::update() {
@@ -156,7 +156,11 @@ void MeshSurface::update() {
     boxes.push_back(box_of(topology_, static_cast<int>(f), points_));
   if (is_new || parted) tree_.build(boxes);
   else tree_.refit(boxes);
-  speed_ = acceleration_ = 0.0;
+  measure();
+}
+
+void MeshSurface::measure() {
+  speed_ = acceleration_ = offset_ = rate_ = 0.0;
   if (clock->known == 0) return;
   const MeshReader reader(*this, clock->time, 0.0);
   for (int v = 0; v < vertices; ++v) {
@@ -164,13 +168,16 @@ void MeshSurface::update() {
       const Motion motion = reader.motion(axis, v);
       speed_ = std::max(speed_, std::abs(motion.velocity));
       acceleration_ = std::max(acceleration_, std::abs(motion.acceleration));
+      const std::size_t i = static_cast<std::size_t>(axis) * vertices + v;
+      offset_ = std::max(offset_, std::abs(offsets[i])), rate_ = std::max(rate_, std::abs(rates[i]));
     }
   }
 }
 
 double MeshSurface::drift(double time) const {
   const Phase phase = block_phase(*clock, time, mode);
-  return speed_ * std::abs(phase.along) + acceleration_ * std::abs(phase.bend);
+  const Blend blend = blends() ? blend_of(*clock, time, 0.0) : Blend{};
+  return speed_ * std::abs(phase.along) + acceleration_ * std::abs(phase.bend) + offset_ * blend.offset + rate_ * blend.rate;
 }
 
 void MeshSurface::gather(const Bounds& bounds, double time, const Reach& reach, int number, MeshScratch& scratch,

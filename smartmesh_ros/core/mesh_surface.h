@@ -41,15 +41,21 @@ struct MeshScratch {
 struct MeshSurface {
   const double* now = nullptr;         // positions at the last update, (3, vertices)
   const double* velocities = nullptr;  // (KEPT, 3, vertices)
+  const double* offsets = nullptr;     // (3, vertices), as those of HeightGrid for each axis
+  const double* rates = nullptr;       // (3, vertices)
   const Clock* clock = nullptr;
   const std::int64_t* triangles = nullptr;
   int vertices = 0, triangle_count = 0;
   Mode mode = Mode::Extrapolate;
-  double max_velocity = 0.0;
+  double max_velocity = 0.0, smoothing = 0.0, shown = std::numeric_limits<double>::infinity();  // as in HeightGrid
   long revision = 0;  // grows with every update
+
+  bool blends() const { return mode == Mode::Interpolate || (mode == Mode::Extrapolate && smoothing > 0.0); }
 
   // Must be called once at first, and after the arrays have changed.
   void update();
+  // Measures the motion of the vertices; part of `update`.
+  void measure();
 
   // Returns true if any vertex may move at `time` [s].
   bool moves(double time) const;
@@ -66,7 +72,8 @@ struct MeshSurface {
   std::vector<Vec3> points_;  // positions at the last update, vertex by vertex
   MeshTopology topology_;
   BoxTree tree_;
-  double speed_ = 0.0, acceleration_ = 0.0;  // largest of a vertex along an axis [m/s], [m/s^2]
+  // Largest of a vertex along an axis [m/s], [m/s^2], [m], [m/s].
+  double speed_ = 0.0, acceleration_ = 0.0, offset_ = 0.0, rate_ = 0.0;
 };
 
 }  // namespace smartmesh

@@ -70,10 +70,16 @@ Bounds Surface::with_gaps(const Bounds& bounds) const {
   return tiles_.size() > 1 ? bounds.grown(widest_cell()) : bounds;
 }
 
-void Surface::set_tiles(const std::vector<const HeightGrid*>& tiles, const std::vector<const MeshSurface*>& meshes) {
+void Surface::set_tiles(const std::vector<HeightGrid*>& tiles, const std::vector<MeshSurface*>& meshes) {
   tiles_ = tiles;
   meshes_ = meshes;
   layout_ += NEW_LAYOUT;
+}
+
+void Surface::note_shown(double time) {
+  for (HeightGrid* grid : tiles_)
+    if (grid->mode != Mode::Correct) grid->shown = time;
+  for (MeshSurface* mesh : meshes_) mesh->shown = time;
 }
 
 long Surface::revision() const {

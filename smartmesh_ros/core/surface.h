@@ -47,7 +47,7 @@ class Surface {
  public:
   // The first height map that has ground at a point counts there. The seam between two meshes is an edge of both, which
   // bodies feel; the parts of one mesh join where they abut.
-  void set_tiles(const std::vector<const HeightGrid*>& tiles, const std::vector<const MeshSurface*>& meshes);
+  void set_tiles(const std::vector<HeightGrid*>& tiles, const std::vector<MeshSurface*>& meshes);
 
   // Fills `patch` with the ground of height maps, or of meshes, inside `bounds` at `time` [s], as far as it is in `reach`.
   void gather(const Bounds& bounds, double time, const Reach& reach, Patch& patch);
@@ -60,6 +60,8 @@ class Surface {
   // count. The gradient of height maps is taken over `half` [m] to each side.
   GroundMotion motion_at(double x, double y, double half, double time, double ahead, double z = ABOVE_ALL) const;
 
+  // Notes that bodies met the ground up to the instant `time` [s].
+  void note_shown(double time);
   // Returns a number that grows with every change of the tiles or their samples.
   long revision() const;
   // Returns a number that grows when the surface gets other tiles.
@@ -83,8 +85,8 @@ class Surface {
   Bounds with_gaps(const Bounds& bounds) const;
   void sample_across(const HeightGrid& finest, const Bounds& bounds, double time);
 
-  std::vector<const HeightGrid*> tiles_;
-  std::vector<const MeshSurface*> meshes_;
+  std::vector<HeightGrid*> tiles_;
+  std::vector<MeshSurface*> meshes_;
   Window window_;
   MeshScratch scratch_;
   long layout_ = 0;

@@ -19,7 +19,7 @@ double Tile::beyond(const GridPoint& p) const {
   return std::max({-p.row, -p.column, p.row - (grid->rows - 1), p.column - (grid->columns - 1)}) * grid->resolution;
 }
 
-TileReader::TileReader(const std::vector<const HeightGrid*>& grids, double time, double ahead)
+TileReader::TileReader(const std::vector<HeightGrid*>& grids, double time, double ahead)
     : time_(time), ahead_(ahead) {
   tiles_.reserve(grids.size());
   for (const HeightGrid* grid : grids) {

@@ -48,7 +48,7 @@ struct TileFacet {
 class TileReader {
  public:
   // Velocities are means over the time `ahead` [s].
-  TileReader(const std::vector<const HeightGrid*>& grids, double time, double ahead);
+  TileReader(const std::vector<HeightGrid*>& grids, double time, double ahead);
 
   // Returns the facet at (x, y). Ground above `z` [m] does not count.
   TileFacet at(double x, double y, double z = ABOVE_ALL);

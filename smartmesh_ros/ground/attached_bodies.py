@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.body_shapes import shapes_of
-from smartmesh_ros.ground.bullet import is_fixed, undone
+from smartmesh_ros.ground.body_shapes import require_body, shapes_of
+from smartmesh_ros.ground.bullet import NoClient, connected_client, is_fixed, undone
 from smartmesh_ros.ground.colliders.patch_contacts import PatchContacts
 from smartmesh_ros.ground.config import SleepConfig, time_step_of
 from smartmesh_ros.ground.followers import Belt, Follower, Followers
@@ -39,6 +39,7 @@ class AttachedBodies:
         *,
         gravity: float = 9.81,
     ) -> None:
+        client = connected_client(client)
         self.config = config or PatchConfig()
         self.terrain = Terrain.of(terrain)
         self.no_proxies = missing_for(client)
@@ -59,6 +60,22 @@ class AttachedBodies:
         self._stale = True  # the next step needs an update, even if the last one has not expired
         self._steps = 1  # lifetime of the last update [steps]
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy of the ground, or one in another process, is made of: its terrain and settings. PyBullet's
+        world and what is attached there cannot be copied. Raises `InputError` if there is soil, whose state would be
+        lost."""
+        if self.soil is not None:
+            raise InputError("soil", "a ground with soil cannot be copied; take the soil off by set_soil(None) before")
+        return {name: getattr(self, name) for name in ("terrain", "config", "gravity", "time")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make a ground that answers questions about its terrain, and refuses what needs a client."""
+        nobody: Any = NoClient()
+        vars(self).update(state, _client=nobody, patches=nobody, contacts=nobody)
+        self.followers, self.stopwatch, self.soil = Followers(), Stopwatch(), None
+        self.no_proxies, self._may_sleep, self._sleep = NoClient.WHY, None, SleepConfig()
+        self.refreshes, self.rescues, self._stale, self._steps = 0, 0, True, 1
+
     def attach(
         self,
         body: int,
@@ -73,9 +90,12 @@ class AttachedBodies:
         Shapes are those that PyBullet collides, unless the base's or link's is given: as a ``shape`` about the centre
         of mass (or one that was read before), or as the ``radius`` [m] of a bounding sphere. ``solid=False`` computes
         patches without contacts. Returns the follower of the link, or of the first one; ``followers.of(body)`` lists
-        all.
-        Raises `InputError`, and attaches nothing, if the body is soft, or a link has no shape or is attached already.
+        all. Raises `InputError`, and attaches nothing, if there is no such body or link, if the body is soft, or if a
+        link has no shape or is attached already.
         """
+        require_body(self._client, body, link)
+        if self.is_ground(body):
+            raise InputError("unknown_body", f"body {body} is a piece of this ground; attach what stands on it")
         self._drop_gone()
         shapes = shapes_of(self._client, body, link, shape, radius)
         made = [Follower(body, each, record, solid) for each, record in shapes.items()]
@@ -93,6 +113,10 @@ class AttachedBodies:
         self._stale = True
         return made[0]
 
+    def is_ground(self, body: int) -> bool:
+        """Return True if a PyBullet body stands for the ground, such as the other body of a contact point."""
+        return self.contacts.is_ground(body)
+
     def detach(self, body: int) -> None:
         """Take ``body`` and its links off the ground. A body that is removed from PyBullet is taken off by itself, but
         not where there are colliders of PyBullet's own."""
@@ -106,7 +130,7 @@ class AttachedBodies:
 
     def _drop_gone(self) -> None:
         """Take off what was removed from PyBullet, whose number another body may have by now."""
-        if isinstance(self.contacts, MapContacts) and (gone := self.contacts.find_gone()):
+        if gone := self.contacts.find_gone():
             self._take_off(gone)
 
     def _take_off(self, slots: list[int]) -> None:
@@ -152,14 +176,12 @@ class AttachedBodies:
     def wake(self, body: int | None = None) -> None:
         """Wake a body, or all (None), with what it touches. It must be still for `SleepConfig.after` before it
         sleeps."""
-        if isinstance(self.contacts, MapContacts):
-            self.contacts.wake(None if body is None else self.followers.of(body))
+        self.contacts.wake(None if body is None else self.followers.of(body))
         self._stale = True
 
     def is_asleep(self, body: int) -> bool:
         """Return True if a body sleeps with all its links."""
-        if isinstance(self.contacts, MapContacts):
-            self.contacts.note_sleep()
+        self.contacts.note_sleep()
         return not self.followers.table["awake"][self.followers.of(body)].any()
 
     def note_remote_states(self, bodies: list[int], states: FloatArray) -> None:
@@ -169,8 +191,7 @@ class AttachedBodies:
         slots = np.array([followers.of(body)[0] for body in bodies], np.int64)
         jumps = np.linalg.norm(states[:, :3] - followers.positions_w[slots], axis=1)
         active = slots[states[:, 7:13].any(axis=1) | ~(jumps <= followers.radii[slots])]
-        if isinstance(self.contacts, MapContacts):
-            self.contacts.wake(active.tolist())
+        self.contacts.wake(active.tolist())
 
     def configure(self, config: PatchConfig, *, gravity: float | None = None) -> None:
         """Replace the settings of patches, and ``gravity`` [m/s^2] unless it is None, from the next update on. Bodies
@@ -258,8 +279,7 @@ class AttachedBodies:
         self._set_sleep()
 
     def _set_sleep(self) -> None:
-        if isinstance(self.contacts, MapContacts):
-            self.contacts.let_sleep(self._sleep if self._may_sleep else None)
+        self.contacts.let_sleep(self._sleep if self._may_sleep else None)
 
     def _new_contacts(self, config: PatchConfig) -> MapContacts | PatchContacts:
         if self._is_exact(config):

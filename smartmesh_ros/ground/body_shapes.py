@@ -30,6 +30,30 @@ def read_shapes(client: Any, body: int) -> dict[int, BodyShape]:
     return {link: compound([part_of(*part) for part in parts]) for link, parts in found.items()}
 
 
+# Most bodies that a message lists.
+MOST_LISTED = 20
+
+
+def require_body(client: Any, body: int, link: int | None = None) -> None:
+    """Raise `InputError`, which lists what there is, if PyBullet has no such body, or the body no such ``link`` (-1 =
+    the base)."""
+    try:
+        client.getBodyInfo(body)
+    except (pb.error, TypeError):
+        bodies = [client.getBodyUniqueId(place) for place in range(client.getNumBodies())]
+        if body in bodies:
+            raise  # PyBullet failed
+        known = ", ".join(map(str, bodies[:MOST_LISTED])) + (" ..." if len(bodies) > MOST_LISTED else "")
+        there = f"there is {known}" if bodies else "there is none yet"
+        raise InputError(
+            "unknown_body", f"PyBullet has no body {body!r}; pass the number that loadURDF or createMultiBody "
+            f"returned: {there}"
+        ) from None  # fmt: skip
+    if link is not None and link not in range(-1, count := client.getNumJoints(body)):
+        links = f"-1 (the base) to {count - 1}" if count else "-1 (the base) alone"
+        raise InputError("unknown_body", f"body {body} has no link {link!r}; it has {links}")
+
+
 def shapes_of(
     client: Any, body: int, link: int | None, shape: Shape | BodyShape | None, radius: float | None
 ) -> dict[int, BodyShape]:

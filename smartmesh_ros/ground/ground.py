@@ -14,7 +14,7 @@ from smartmesh_ros.ground.attached_bodies import AttachedBodies, log
 from smartmesh_ros.ground.bullet import BulletCalls, is_fixed
 from smartmesh_ros.ground.config import gravity_of
 from smartmesh_ros.ground.followers import Followers
-from smartmesh_ros.ground.map_contacts import MapContacts
+from smartmesh_ros.terrain.checked_heights import checked_time
 from smartmesh_ros.terrain.grid import IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.surface_query import (
@@ -118,6 +118,7 @@ class Ground(AttachedBodies):
 
     def refresh(self, time: float, dt: float, *, behind_real_time: bool = False) -> None:
         """`update` for as many steps of ``dt`` [s] from ``time`` [s] on as the schedule allows."""
+        time = checked_time(time)
         self.refreshes += 1
         if self.soil is not None:
             self.soil.show()
@@ -128,17 +129,14 @@ class Ground(AttachedBodies):
     def update(self, time: float, dt: float, steps: int = 1) -> None:
         """Read the bodies at ``time`` [s], and do what holds for the next ``steps`` steps of ``dt`` [s]: move bodies
         with corrections of the ground, wake and put to sleep, take the terrain's tiles, replace colliders."""
+        time = checked_time(time)
         self.leave_lost_soil()
         duration, contacts = dt * steps, self.contacts
         self._stale = True  # until the end: an update that failed is made again before the next step
         contacts.set_time(time, dt)
         self._drop_gone()
         with self.stopwatch.stage("bodies"):
-            if isinstance(contacts, MapContacts):
-                contacts.refresh()
-                contacts.wake_disturbed()
-                if self._may_sleep is not None:
-                    contacts.put_to_sleep(self._may_sleep)
+            contacts.settle(self._may_sleep)
             corrections = show_corrections(self.terrain, time)
             if corrections and len(self.followers):
                 contacts.read(self.followers.states, 0.0)
@@ -161,6 +159,7 @@ class Ground(AttachedBodies):
     def go_on(self, time: float, dt: float) -> bool:
         """Go on from the last `update` for a further step of ``dt`` [s] from ``time`` [s] on. Returns True if it needed
         an `update`."""
+        time = checked_time(time)
         if not (self._stale or self._must_update(time, dt)):
             return False
         self.update(time, dt, self._steps)
@@ -173,8 +172,7 @@ class Ground(AttachedBodies):
         if contacts.exact and any(correcting(mesh) for mesh in self.terrain.tiles.values()):
             return True  # bodies move with the ground in every step of a correction
         contacts.set_time(time, dt)
-        if isinstance(contacts, MapContacts):
-            contacts.note_sleep()
+        contacts.note_sleep()
         if followers.has_remote:
             with self.stopwatch.stage("bodies"):
                 contacts.read(np.empty_like(followers.states), dt)

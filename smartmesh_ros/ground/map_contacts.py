@@ -113,6 +113,7 @@ class MapContacts:
         self._terrain = terrain
         self._core = ground_in(client)
         self._uids: dict[int, int] = {}  # of the proxies, by slot
+        self._proxies: set[int] = set()  # the same numbers
         self._shape: int | None = None
         self._visual: int | None = None
         self._layout = -1
@@ -134,6 +135,7 @@ class MapContacts:
             raise InputError("geometry", f"body {follower.body} cannot stand on the ground: {error}") from None
         if follower.solid:
             self._uids[follower.slot] = follower.collider = proxy
+            self._proxies.add(proxy)
         if follower.belt.speed:
             self.drive(follower)
 
@@ -146,7 +148,7 @@ class MapContacts:
                     if slot in self._uids:
                         self._client.removeBody(self._uids[slot])
                     self._core.detach(slot)
-                self._uids.pop(slot, None)
+                self._proxies.discard(self._uids.pop(slot, -1))
                 self._followers[slot].collider = None
                 gone.append(slot)
 
@@ -163,12 +165,16 @@ class MapContacts:
         self._core.set_sleep(it.after, it.distance, it.joint, it.ground, it.noise, it.most)
         self.note_sleep()
 
-    def put_to_sleep(self, may_sleep: Callable[[int], bool]) -> None:
-        """Let the PyBullet bodies sleep that are still and rest on something, and for which ``may_sleep`` returns True.
-        The owner of a remote body knows on what it rests."""
-        self._core.put_to_sleep(
-            [body for body in self._core.find_resting(self._followers.flags("remote")) if may_sleep(body)]
-        )
+    def settle(self, may_sleep: Callable[[int], bool] | None) -> None:
+        """Take the terrain's tiles, wake what something disturbed that PyBullet wakes nobody for, as each step does,
+        and let the PyBullet bodies sleep that are still and rest on something, and for which ``may_sleep`` returns
+        True; None = nobody. The owner of a remote body knows on what it rests."""
+        self.refresh()
+        self._core.wake_disturbed()
+        if may_sleep is not None:
+            resting = self._core.find_resting(self._followers.flags("remote"))
+            self._core.put_to_sleep([body for body in resting if may_sleep(body)])
+        self.note_sleep()
 
     def wake(self, slots: list[int] | None) -> None:
         """Wake followers, None = all. What touches them wakes in the next step."""
@@ -184,11 +190,6 @@ class MapContacts:
         """Return the slots whose bodies were removed from PyBullet."""
         gone: list[int] = self._core.find_gone()
         return gone
-
-    def wake_disturbed(self) -> None:
-        """Wake what something disturbed that PyBullet wakes nobody for, as each step does."""
-        self._core.wake_disturbed()
-        self.note_sleep()
 
     def note_sleep(self) -> bool:
         """Note which followers sleep, and where; returns True if that has changed."""
@@ -223,6 +224,10 @@ class MapContacts:
         """Raise `InputError` if the client was reset or closed."""
         if not self._core.is_there:
             raise InputError("client", "the PyBullet client was reset or closed: close this ground, and make another")
+
+    def is_ground(self, body: int) -> bool:
+        """Return True if a PyBullet body is a proxy."""
+        return body in self._proxies
 
     def read(self, states: FloatArray, dt: float) -> None:
         """Read the awake followers into ``states`` (S, 13), and note their places before a step of ``dt`` [s]."""

@@ -20,15 +20,15 @@ from smartmesh_ros.terrain.grid import FloatArray
 
 class ShapeKind(IntEnum):
     """Kind of a shape, by its core: BOX; BALL, a point; CYLINDER, about z; CAPSULE, a segment along z; HULL, the convex
-    hull of vertices; COMPOUND, several of these. Numbered as in smartmesh_msgs/TrackedBody."""
+    hull of vertices; COMPOUND, several of these. Numbered as in smartmesh_msgs/TrackedBody and BodyDescription."""
 
     NONE = 0
     BOX = 1
     BALL = 2
     CYLINDER = 3
-    CAPSULE = 4
-    HULL = 5
-    COMPOUND = 6
+    CAPSULE = 6
+    HULL = 8
+    COMPOUND = 9
 
 
 # ``kind``: a `ShapeKind`; ``half`` extents of the core along the shape's axes and ``rounding`` radius [m]; ``offset``

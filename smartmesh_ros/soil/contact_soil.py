@@ -14,7 +14,7 @@ from smartmesh_ros.soil.config import SoilType
 from smartmesh_ros.soil.layer import Region, soil_table
 from smartmesh_ros.soil.soils import kinds_from, map_from, soils_from
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.moving_heights import NOTHING, corners
+from smartmesh_ros.terrain.prints import NOTHING, corners
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 # Fewest samples of a soil along a cell of its map that are too many.
@@ -73,6 +73,11 @@ class ContactSoil:
         self.core: Any = CORE.StepSoil(self.map.core_reader, self._kinds, soil_table(self.soils), spacing)
         self.core.sinks_by_slip = slip_sinkage
         self._changed = NOTHING  # corners (2, 2) of what `show` wrote since the last `changes`
+
+    def __getstate__(self) -> None:
+        raise InputError(
+            "soil", "soil cannot be copied; make a ContactSoil anew on the copied map, with its ruts as ground"
+        )
 
     def set_kinds(self, kinds: ArrayLike) -> None:
         """Change which soil each sample is, as ``kinds`` at the start; sinkages stay. Raises `InputError`."""

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.soil.config import SoilType
 from smartmesh_ros.soil.layer import Bytes
+from smartmesh_ros.terrain.checked_heights import unmasked
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
@@ -82,7 +83,7 @@ def kinds_from(kinds: ArrayLike | None, shape: tuple[int, int], count: int) -> B
     """Return the map of soils; raises `InputError`."""
     if kinds is None:
         return np.zeros(shape, np.uint8)
-    array = np.asarray(kinds)
+    array = unmasked(kinds, "kinds of soil")
     if array.shape != shape or array.dtype.kind not in "iub":
         raise InputError("soil", f"kinds are {array.shape} of type {array.dtype}; they must be {shape} integers")
     if array.min() < 0 or array.max() >= count:

@@ -7,8 +7,9 @@ starts it, and if the last is missing, the nodes started before keep running.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_directory
@@ -24,6 +25,8 @@ from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE
 PACKAGE, NODE = "smartmesh_ros", "terrain_collider"
 # Parameter files in config/ that are not for terrain_collider.
 NO_PRESETS = ("diagnostic_aggregator",)
+# Topics of the node that RViz shows.
+SHOWN = ("patches", "scene", "robot_model")
 LOG_LEVELS = ("debug", "info", "warn", "error", "fatal")
 
 Values = Callable[[str], str]
@@ -32,17 +35,20 @@ Values = Callable[[str], str]
 def description(
     *more: Any,
     always: str = "",
+    parameters: Mapping[str, Any] = MappingProxyType({}),
     remap: Sequence[tuple[str, str]] = (),
     start: Callable[[Values], list[Any]] | None = None,
 ) -> LaunchDescription:
     """Return a launch description of the collider with the common arguments and ``more`` arguments.
 
-    ``always``: a preset that is read before the user's preset. ``remap``: pairs of a topic and the argument that holds
-    its new name. ``start``: returns further actions for the values of the arguments; creates nodes with `node`.
+    ``always``: a preset that is read before the user's preset, and ``parameters`` after it. ``remap``: pairs of a topic
+    and the argument that holds its new name. ``start``: returns further actions for the values of the arguments;
+    creates nodes with `node`.
     """
 
     def nodes(value: Values) -> list[Any]:
-        files = parameter_files([always, value("preset")], value("config"))
+        own = [*parameter_files([always], ""), *([dict(parameters)] if parameters else [])]
+        files = [*own, *parameter_files([value("preset")], value("config"))]
         topics = [(topic, value(argument)) for topic, argument in remap]
         collider = _collider(value, files, topics, namespace=value("namespace"))
         return [collider, *(() if start is None else start(value))]
@@ -155,7 +161,7 @@ def _arguments(preset: str = "") -> list[Any]:
         argument("config", "", "Path of your own parameter file, read after the preset."),
         argument("namespace", "", "Namespace of the nodes."),
         argument("use_sim_time", "false", "true = take the time from /clock."),
-        argument("rviz", "false", "true = start RViz with a view of the patches."),
+        argument("rviz", "false", "true = start RViz with a view of ground, bodies, robot and patches."),
         argument("dds", profile, "XML file of Fast DDS settings for large maps; empty = none."),
         argument("log_level", "info", f"{', '.join(LOG_LEVELS)}.", list(LOG_LEVELS)),
     ]
@@ -189,6 +195,6 @@ def _rviz(value: Values, shown: str) -> list[Any]:
             hint="apt install ros-jazzy-rviz2, or leave rviz:=true out",
             arguments=["-d", str(share() / "config" / "smartmesh.rviz")],
             parameters=[{"use_sim_time": is_true(value("use_sim_time"))}],
-            remappings=[(f"/{NODE}/patches", f"{there}/patches")],
+            remappings=[(f"/{NODE}/{topic}", f"{there}/{topic}") for topic in SHOWN],
         )
     ]

@@ -11,6 +11,28 @@ from numpy.typing import ArrayLike, NDArray
 from smartmesh_ros.errors import InputError
 
 
+def checked_time(time: float) -> float:
+    """Return a time [s]; raises `InputError` if it is no finite number."""
+    try:
+        seconds = float(time)
+    except (TypeError, ValueError):
+        seconds = math.nan
+    if not math.isfinite(seconds):
+        raise InputError("time", f"the time is {time!r}; it must be a finite number of seconds")
+    return seconds
+
+
+def checked_next_time(time: float, last: float) -> float:
+    """Return the time [s] of an update; raises `InputError` if it is before that of the ``last`` one [s]."""
+    seconds = checked_time(time)
+    if seconds < last:
+        raise InputError(
+            "time", f"an update of {seconds:g} s comes after one of {last:g} s; after the time was set back, call "
+            "shift_time of the map or the terrain, or make a new map"
+        )  # fmt: skip
+    return seconds
+
+
 def require_region(row: int, column: int, region: tuple[int, ...], size: tuple[int, int]) -> None:
     """Raise `InputError` unless a region of a shape (h, w), whose first sample is given, lies in a map of a ``size``
     (rows, columns)."""
@@ -80,7 +102,7 @@ def _has_infinity(values: NDArray[np.float32]) -> bool:
 
 
 def _as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float32]:
-    array = unmasked(values)
+    array = unmasked(values, what)
     if array.shape != shape:
         raise InputError("length", f"{what} have shape {array.shape}; it must be {shape}")
     if array.dtype.kind not in "fiu":
@@ -89,10 +111,14 @@ def _as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[
         return array.astype(np.float32, copy=False)
 
 
-def unmasked(values: ArrayLike) -> NDArray[Any]:
-    """Return values as a plain array, in which masked real numbers are NaN."""
+def unmasked(values: ArrayLike, what: str = "values") -> NDArray[Any]:
+    """Return values as a plain array, in which masked real numbers are NaN. Raises `InputError` if they are no array,
+    such as lists of different lengths."""
     if not isinstance(values, np.ma.MaskedArray):
-        return np.asarray(values)
+        try:
+            return np.asarray(values)
+        except ValueError:
+            raise InputError("length", f"{what} are no array: all rows must have the same length") from None
     if values.dtype.kind not in "fiu" or not np.ma.getmaskarray(values).any():
         return np.asarray(values.data)
     return np.where(np.ma.getmaskarray(values), np.nan, values.data)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -25,10 +24,14 @@ class Terrain:
     def __init__(self, single: MainMesh | None = None) -> None:
         self.tiles: dict[str, MainMesh] = {}
         self.numbers: dict[str, int] = {}  # of the tiles; a tile keeps its number, and no other one gets it
-        self._numbers = count()
+        self._next_number = 0
         self.layout_revision = next_revision()  # changes when a tile is added, removed or replaced
         if single is not None:
             self.put("", single)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self.layout_revision = next_revision()  # a copy is other ground
 
     @classmethod
     def of(cls, ground: MainMesh | Terrain) -> Terrain:
@@ -42,6 +45,11 @@ class Terrain:
         `HeightMap.replace`; velocities that were given with the map are kept. The ground keeps its friction unless the
         new map was given one, 1.0 included: what is new in a map are its heights.
         """
+        if not isinstance(mesh, MainMesh):
+            raise InputError(
+                "terrain", f"the terrain is of type {type(mesh).__name__}; pass HeightMap(heights, resolution=...), "
+                "a TriangleMesh, or a Terrain of several"
+            )  # fmt: skip
         old = self.tiles.get(name)
         if isinstance(old, HeightMap) and isinstance(mesh, HeightMap) and old is not mesh:
             carry_friction(old, mesh)
@@ -50,7 +58,8 @@ class Terrain:
             else:
                 follow_across(old, mesh)
         self.tiles[name] = mesh
-        self.numbers.setdefault(name, next(self._numbers))
+        if name not in self.numbers:
+            self.numbers[name], self._next_number = self._next_number, self._next_number + 1
         self.layout_revision = next_revision()
 
     def remove(self, name: str) -> None:

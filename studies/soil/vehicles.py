@@ -139,7 +139,7 @@ def set_down(number: int, soil: str, *, rate: float = 240.0) -> SetDown:
     random = np.random.default_rng(number)
     slope = math.tan(math.radians(random.uniform(0.0, 12.0)))
     heights = np.tile(-slope * 0.05 * np.arange(161), (81, 1)) + (number % 2) * random.normal(0.0, 0.01, (81, 161))
-    shapes: list[Shape] = [Box(0.3, 0.2, 0.15), Sphere(0.12), Cylinder(0.12, 0.1)]
+    shapes: list[Shape] = [Box(0.3, 0.2, 0.15), Sphere(0.12), Cylinder(radius=0.12, height=0.1)]
     config = WorldConfig(physics=PhysicsConfig(rate=rate))
     with World(HeightMap(heights, resolution=0.05), config) as world:
         world.ground.set_soil(ContactSoil(world.terrain, soil))

@@ -10,6 +10,7 @@ from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.ground.shapes import DIMENSIONS
 from smartmesh_ros.patches.shapes import SHAPE, ShapeKind, ball
 from smartmesh_ros.patches.supports import SUPPORT
+from smartmesh_ros.soil.bodies import PRESSING
 from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.soil import FOOT, NOWHERE
 from smartmesh_ros.terrain.trimesh import TriangleMesh
@@ -37,7 +38,7 @@ def test_shapes_that_name_what_is_not_there_are_refused(kind: ShapeKind, first: 
         find_below(table, np.zeros(4, SHAPE))
 
 
-@pytest.mark.parametrize("kind", [-1, 0, max(ShapeKind) + 1, 2**62, ShapeKind.COMPOUND])
+@pytest.mark.parametrize("kind", [-1, 0, 4, 5, 7, max(ShapeKind) + 1, 2**62, ShapeKind.COMPOUND])
 @pytest.mark.parametrize("is_part", [False, True])
 def test_shapes_of_no_kind_and_compounds_of_compounds_are_refused(kind: int, *, is_part: bool) -> None:
     table, parts = np.zeros(1, SHAPE), np.zeros(1, SHAPE)
@@ -129,7 +130,7 @@ def test_an_update_of_the_soil_refuses_what_is_out_of_range(name: str, value: An
         press(**(pressed() | {name: value}))
 
 
-@pytest.mark.parametrize("kind", [0, 5, 6, -1, 2**62, -(2**63)])
+@pytest.mark.parametrize("kind", [0, 4, 5, 8, 9, -1, 2**62, -(2**63)])
 def test_the_soil_refuses_shapes_that_it_does_not_know(kind: int) -> None:
     some = feet()
     some["shape"]["kind"][1] = kind
@@ -161,7 +162,7 @@ def numbers_of(some: Any, field: str) -> Any:
     return table[field][:, None] if table[field].ndim == 1 else table[field]
 
 
-@pytest.mark.parametrize("kind", [1, 2, 3, 4])
+@pytest.mark.parametrize("kind", PRESSING)
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300, -1e300, 1e-300, 0.0])
 @pytest.mark.parametrize(
     "field",

@@ -10,7 +10,7 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.terrain.motion import CLOCK, INTERVALS_KEPT, KEPT
+from smartmesh_ros.terrain.motion import INTERVALS_KEPT, KEPT
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts
 from tests.core.entries import COLUMNS, REFUSED, ROWS, arrays, clock_bytes, grid_of
@@ -48,11 +48,9 @@ def test_a_grid_has_a_finite_place_a_resolution_above_zero_and_a_known_motion(me
         getattr(CORE.Grid(**arrays()), method)(*values)
 
 
-def test_a_grid_reads_arrays_that_are_read_only_and_keeps_them() -> None:
+def test_a_grid_keeps_its_arrays() -> None:
     given = arrays()
     given["heights"][:] = 2.0
-    for array in given.values():
-        array.setflags(write=False)
     grid = CORE.Grid(**given)
     del given
     assert grid.sample(ROWS - 1, COLUMNS - 1, 0.0, 0.1) == (2.0, 0.0)
@@ -73,7 +71,7 @@ def test_a_clock_that_names_no_velocity_reads_none(newest: int) -> None:
         assert grid.sample(3, 3, 0.5, 0.1) == (0.0, 0.0)
         assert not call("grid_window", grid=grid, time=0.5)["heights"].any()
     mesh = CORE.Mesh(**mesh_arrays() | {"clock": clock_bytes(1, **fields)})
-    mesh.set_motion(1, 25.0)
+    mesh.set_motion(1, 25.0, 0.0)
     found = call(
         "sample_mesh", mesh=mesh, indices=np.arange(4), positions=np.empty((4, 3)), velocities=np.empty((4, 3))
     )
@@ -228,8 +226,7 @@ LATTICES = ("compare_maps", "moved_as_one")
     [
         *(("take_rectangles", "rectangles", np.array([place, [0, 0, 0, 5]])) for place in RECTANGLES),
         *((entry, "first", place) for entry in ("take_corrected", "fuse") for place in PLACES),
-        *((entry, "time", np.nan) for entry in ("take_rectangles", "take_corrected", "note_update")),
-        ("take_corrected", "shown", np.nan), ("take_corrected", "settle", 0.0), ("take_corrected", "settle", np.nan),
+        *((entry, "time", np.nan) for entry in ("take_rectangles", "take_corrected", "move_vertices")),
         ("cast", "origins", np.full((COUNT, 3), 1e10)),
         *(("cast", "directions", np.tile(way, (COUNT, 1))) for way in ((0.0, 0.0, 0.0), (0.0, 0.0, 2.0))),
         *((entry, "stride", s) for entry in LATTICES for s in ((0, 1), (1, 0), (-1, 1), (2**62, 1), (1, 2**62))),
@@ -241,16 +238,26 @@ def test_numbers_that_lead_out_of_a_map_are_refused(entry: str, name: str, value
         call(entry, **{name: value})
 
 
-@pytest.mark.parametrize(
-    ("entry", "name"), [("take_rectangles", "clocks"), ("take_corrected", "clocks"), ("note_update", "clock")]
-)
-def test_clocks_that_lead_out_of_an_array_are_refused(entry: str, name: str) -> None:
+@pytest.mark.parametrize("entry", ["take_rectangles", "take_corrected", "move_vertices"])
+def test_clocks_that_lead_out_of_an_array_are_refused(entry: str) -> None:
     wrong = [("newest", value) for value in (-1, KEPT, 2**62)]
     for field, value in [*wrong, *(("count", value) for value in (-1, INTERVALS_KEPT + 1, 2**62))]:
-        given = ENTRIES[entry].made()
-        given[name].view(CLOCK)[field] = value
+        if entry == "move_vertices":
+            ground = {"mesh": CORE.Mesh(**mesh_arrays() | {"clock": clock_bytes(1, **{field: value})})}
+        else:
+            grid = CORE.Grid(**(arrays() | {"clocks": clock_bytes(2, 3, **{field: value})}))
+            grid.set_motion(3, 25.0, 0.2, 0.0, 0.0)
+            ground = {"grid": grid}
         with pytest.raises(REFUSED):
-            ENTRIES[entry].function(**given)
+            call(entry, **ground)
+
+
+def test_corrections_need_a_time_to_settle() -> None:
+    for settle in (0.0, np.nan):
+        grid = CORE.Grid(**arrays())
+        grid.set_motion(3, 25.0, settle, 0.0, 0.0)
+        with pytest.raises(REFUSED):
+            call("take_corrected", grid=grid)
 
 
 def test_a_lattice_may_be_smaller_than_the_map_and_does_not_know_points_that_are_too_far_away() -> None:

@@ -15,7 +15,7 @@ from smartmesh_ros.patches.shapes import BodyShape, ShapeKind
 from tests import urdfs
 from tests.bodies import lowest_of, put
 
-SHAPES = (Sphere(0.2), Box(0.2, 0.4, 0.6), Cylinder(0.1, 0.5), Capsule(0.1, 0.5))
+SHAPES = (Sphere(0.2), Box(0.2, 0.4, 0.6), Cylinder(radius=0.1, height=0.5), Capsule(radius=0.1, height=0.5))
 # By which PyBullet's loader grows the hulls of links [m].
 HULL_MARGIN = 1e-3
 FLOOR = Box(100.0, 100.0, 100.0)  # whose top is at zero

@@ -15,7 +15,11 @@ from tests.urdfs import HUSKY
 
 CELLS, RESOLUTION = 61, 0.1
 AXIS = (np.arange(CELLS) - CELLS // 2) * RESOLUTION
-SHAPES: dict[str, Shape] = {"box": Box(0.4, 0.4, 0.3), "ball": Sphere(0.15), "cylinder": Cylinder(0.2, 0.3)}
+SHAPES: dict[str, Shape] = {
+    "box": Box(0.4, 0.4, 0.3),
+    "ball": Sphere(0.15),
+    "cylinder": Cylinder(radius=0.2, height=0.3),
+}
 
 
 def slope(angle: float) -> NDArray[np.float64]:

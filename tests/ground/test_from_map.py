@@ -21,9 +21,9 @@ LYING = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # with its axis along y
 SHAPES: list[tuple[Shape, tuple[float, ...], float]] = [
     (Sphere(0.2), (0.0, 0.0, 0.0, 1.0), 0.2),
     (Box(0.4, 0.3, 0.2), (0.0, 0.0, math.sin(0.3), math.cos(0.3)), 0.1),
-    (Cylinder(0.1, 0.3), (0.0, 0.0, 0.0, 1.0), 0.15),
-    (Cylinder(0.1, 0.3), LYING, 0.1),
-    (Capsule(0.1, 0.3), LYING, 0.1),
+    (Cylinder(radius=0.1, height=0.3), (0.0, 0.0, 0.0, 1.0), 0.15),
+    (Cylinder(radius=0.1, height=0.3), LYING, 0.1),
+    (Capsule(radius=0.1, height=0.3), LYING, 0.1),
 ]
 
 
@@ -35,7 +35,7 @@ def world_of(ground: HeightMap | TriangleMesh | Terrain, **physics: Any) -> Worl
 
 
 @pytest.mark.parametrize("speed", [0.01, 0.05, 2.0])
-@pytest.mark.parametrize("shape", [Sphere(0.2), Cylinder(0.1, 0.3), Capsule(0.1, 0.3)])
+@pytest.mark.parametrize("shape", [Sphere(0.2), Cylinder(radius=0.1, height=0.3), Capsule(radius=0.1, height=0.3)])
 def test_rollers_keep_their_speed_and_roll_straight(shape: Shape, speed: float) -> None:
     """For 10 s, up to 20 m."""
     radius = 0.2 if isinstance(shape, Sphere) else 0.1
@@ -62,7 +62,7 @@ def test_a_standing_cylinder_comes_to_rest(
 ) -> None:
     """Within 2 s of being dropped; on a collider of triangles it hardly moves."""
     with World(level(), WorldConfig(patch=PatchConfig(kind=kind))) as world:
-        world.spawn("can", Cylinder(0.15, height), 1.0, BodyState((0.0, 0.0, drop + 0.5 * height)))
+        world.spawn("can", Cylinder(radius=0.15, height=height), 1.0, BodyState((0.0, 0.0, drop + 0.5 * height)))
         world.step(2 * 240)
         for _ in range(2 * 240):
             world.step()
@@ -97,7 +97,7 @@ def test_ground_that_heaves_throws_nothing_however_short_the_step(rate: float) -
 
 @pytest.mark.parametrize("restitution", [0.0, 0.2, 0.5, 0.8, 0.9])
 def test_what_bounces_rises_as_high_as_its_restitution_says(restitution: float) -> None:
-    for shape, height in ((Sphere(0.2), 0.2), (Box(0.3, 0.3, 0.2), 0.1), (Cylinder(0.15, 0.2), 0.1)):
+    for shape, height in ((Sphere(0.2), 0.2), (Box(0.3, 0.3, 0.2), 0.1), (Cylinder(radius=0.15, height=0.2), 0.1)):
         with world_of(level(201, 0.05), restitution=restitution) as world:
             world.spawn("body", shape, 1.0, BodyState((0.01, 0.02, height + 1.0)))
             rising: list[float] = []

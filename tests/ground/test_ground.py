@@ -87,7 +87,7 @@ def test_a_patch_collides_with_its_own_body_only(client: Any, kind: PatchKind) -
 
 
 def test_bad_attachments_are_refused(client: Any) -> None:
-    ground = Ground(client, HeightMap(np.zeros((5, 5))))
+    ground = Ground(client, HeightMap(np.zeros((5, 5)), resolution=1.0))
     body = put(client, BALL, (2.0, 2.0, 1.0))
     ground.attach(body)
     with pytest.raises(InputError, match="attached already"):

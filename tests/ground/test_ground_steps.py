@@ -85,7 +85,7 @@ def test_a_step_of_another_length_than_pybullets_is_refused(client: Any) -> None
     ground.step(0.0, 0.01)
 
 
-SHAPES: tuple[Shape, ...] = (Sphere(0.15), Box(0.3, 0.2, 0.2), Cylinder(0.1, 0.3), Sphere(0.03))
+SHAPES: tuple[Shape, ...] = (Sphere(0.15), Box(0.3, 0.2, 0.2), Cylinder(radius=0.1, height=0.3), Sphere(0.03))
 STATES = st.tuples(
     st.sampled_from(SHAPES), st.floats(-0.2, 2.0), st.tuples(*[st.floats(-4.0, 4.0)] * 2, st.floats(-30.0, 2.0))
 )

@@ -42,7 +42,7 @@ def test_bodies_at_rest_sleep_and_keep_patches_contacts_and_wrenches() -> None:
     with flat_world() as world:
         world.spawn("ball", Sphere(0.1), 2.0, BodyState((-1.0, 0.0, 0.1)))
         world.spawn("box", BOX, 3.0, BodyState((0.0, 0.0, 0.1)))
-        world.spawn("can", Cylinder(0.1, 0.2), 4.0, BodyState((1.0, 0.0, 0.1)))
+        world.spawn("can", Cylinder(radius=0.1, height=0.2), 4.0, BodyState((1.0, 0.0, 0.1)))
         world.step(60)
         assert not asleep(world)
         awake = {batch.kind: len(batch.bodies) for batch in world.shown_batches()}
@@ -79,7 +79,7 @@ def test_without_the_setting_none_sleeps() -> None:
 def test_a_body_falls_asleep_only_with_all_that_it_may_touch() -> None:
     """A box beside one that spins in place stays awake, one apart from both sleeps."""
     with flat_world(friction=0.0) as world:
-        world.spawn("spins", Cylinder(0.1, 0.2), 1.0, BodyState((0.0, 0.0, 0.1), angular=(0.0, 0.0, 2.0)))
+        world.spawn("spins", Cylinder(radius=0.1, height=0.2), 1.0, BodyState((0.0, 0.0, 0.1), angular=(0.0, 0.0, 2.0)))
         world.spawn("beside", BOX, 1.0, BodyState((0.204, 0.0, 0.1)))
         world.spawn("apart", BOX, 1.0, BodyState((1.0, 0.0, 0.1)))
         world.step(2 * RATE)

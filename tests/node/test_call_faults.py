@@ -151,7 +151,7 @@ def test_a_tick_in_which_pybullet_fails_is_counted(node: TerrainCollider, monkey
     time = world.time
     node.tick()
     assert world.time > time
-    assert world.lost == []
+    assert not world.lost
 
 
 def test_a_call_in_which_pybullet_fails_is_answered(node: TerrainCollider, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -52,8 +52,8 @@ def test_a_peer_with_incompatible_qos_is_named_with_the_policy(probe: Probe) -> 
 def test_latched_outputs_reach_late_joiners(probe: Probe) -> None:
     """As many of the last messages as the depth says."""
     latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    overrides = {"/terrain_collider/timing": {"publisher": {"depth": 3}}}
-    with probe.running(parameters={"publish.durability": "transient_local", "qos_overrides": overrides}):
+    overrides = {"/terrain_collider/timing": {"publisher": {"depth": 3, "durability": "transient_local"}}}
+    with probe.running(parameters={"qos_overrides": overrides}):
         probe.publish_map(np.zeros((20, 20)))
         probe.publish_poses([(1.0, 1.0, 0.1)])
         assert probe.wait_for(probe.patches)

@@ -86,7 +86,8 @@ def test_a_node_that_was_killed_comes_back_with_the_latched_map(udp_only: None, 
     map_message = heightmap_message(rough(1))
     keeper = probe.node.create_publisher(Heightmap, f"{COLLIDER}/heightmap", LATCHED)
     keeper.publish(map_message)
-    settings = {"terrain.durability": "transient_local", "terrain.motion": "hold"}
+    overrides = {f"{COLLIDER}/heightmap": {"subscription": {"durability": "transient_local"}}}
+    settings = {"qos_overrides": overrides, "terrain.motion": "hold"}
     for _ in range(2):
         with Process("terrain_collider", settings) as process:
             probe.wait_for(on_map(probe, map_message), watch=process)

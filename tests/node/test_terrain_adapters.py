@@ -197,7 +197,8 @@ def test_occupancy_grids_and_their_updates_become_walls(domain: int) -> None:
 
 
 def test_organised_clouds_may_run_either_way(domain: int) -> None:
-    with fed({**HOLD, "terrain.input": "point_cloud", "terrain.reliability": "best_effort"}) as node:
+    reliability = "qos_overrides./terrain_collider/point_cloud.subscription.reliability"
+    with fed({**HOLD, "terrain.input": "point_cloud", reliability: "best_effort"}) as node:
         [clouds] = [found for found in node.node.session.subscriptions if found.topic_name.endswith("point_cloud")]
         assert clouds.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
         x, y = places()
@@ -253,7 +254,8 @@ def test_terrain_and_poses_on_topics_become_height_scans(
     options = {"size": (1.0, 0.5), "spacing": 0.25, "order": "yx", "values": "height", "scale": 1.0}
     written = "{body: rover, layout: isaac_lab, size: [1.0, 0.5], spacing: 0.25, order: yx, values: height, scale: 1}"
     parameters = {
-        **HOLD, **settings, "terrain.input": topic, "terrain.reliability": "best_effort", "frame_id": "map",
+        **HOLD, **settings, "terrain.input": topic, "frame_id": "map",
+        f"qos_overrides./terrain_collider/{topic}.subscription.reliability": "best_effort",
         "bodies.poses": ["rover=/rover/pose"], "height_scans": [written],
     }  # fmt: skip
     ground = Terrain(HeightMap(heights, resolution=RESOLUTION, origin=(1.0, -2.0)))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from smartmesh_msgs.srv import RemoveBody
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.errors import InputError
@@ -59,6 +60,22 @@ def test_a_lidar_on_a_body_sees_the_ground_and_not_its_body(shared: Probe) -> No
         assert np.linalg.norm(points, axis=1).max() <= 15.0 + 1e-3
         # The box may creep by a fraction of a millimetre between the look and its state, which flat rays enlarge.
         assert np.abs(errors(in_map(shared, points))).max() < 0.02
+
+
+def test_empty_clouds_are_told_once_and_so_is_their_end(shared: Probe) -> None:
+    """The node has been there all along: nothing is said of its service."""
+    publish_hills(shared)
+    spawn(shared, "post", (2.0, 1.0, 500.0), shape=box(0.5, 0.5, 0.4))
+    clouds = shared.listen("/shared/terrain_sensor/points", PointCloud2)
+    with shared.running("terrain_sensor", {"frame": "post", "through": ["post"], "rate": 50.0}) as process:
+        shared.wait_for(lambda: len(clouds) > 20)
+        assert all(cloud.width == 0 for cloud in clouds)
+        shared.call("remove_body", RemoveBody, id="post")
+        spawn_post(shared)
+        shared.wait_for(lambda: "rays meet something again" in process.output)
+        told = [line for line in process.output.splitlines() if "[WARN]" in line and "refused" not in line]
+        assert sum("no ray meets anything within 0.5 to 15 m around frame 'post'" in line for line in told) == 1
+        assert not any("there is no service" in line for line in told)
 
 
 def test_a_depth_camera_agrees_with_its_cloud(shared: Probe) -> None:

@@ -27,7 +27,7 @@ REST = (*(0.0,) * 6, 1.0, *(0.0,) * 6)  # of a body
 
 
 def of_kinds(kinds: np.ndarray) -> Soil:
-    return Soil(HeightMap(np.zeros((20, 20))), ["lunar", "clay"], GivenBodies(), kinds=kinds)
+    return Soil(HeightMap(np.zeros((20, 20)), resolution=1.0), ["lunar", "clay"], GivenBodies(), kinds=kinds)
 
 
 def with_shape(shape: BodyShape) -> None:

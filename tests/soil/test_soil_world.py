@@ -60,7 +60,7 @@ def test_a_box_sinks_to_the_closed_form_then_rests_and_sleeps(every: int) -> Non
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("shape", [Box(0.3, 0.3, 0.3), Sphere(0.15), Cylinder(0.15, 0.2)])
+@pytest.mark.parametrize("shape", [Box(0.3, 0.3, 0.3), Sphere(0.15), Cylinder(radius=0.15, height=0.2)])
 def test_a_heavy_body_dropped_from_a_metre_is_neither_lost_nor_thrown(shape: Shape, law: Law) -> None:
     with World(HeightMap(FLAT, resolution=0.04)) as world:
         world.spawn("heavy", shape, 40.0, BodyState((2.0, 2.0, 1.15)))
@@ -111,7 +111,7 @@ def test_lost_contact_and_removed_bodies_leave_their_print() -> None:
 
 def test_bodies_that_the_world_reads_at_once_are_those_that_pybullet_reports() -> None:
     with World(HeightMap(FLAT, resolution=0.04)) as world:
-        for k, shape in enumerate((Box(0.2, 0.1, 0.3), Sphere(0.1), Cylinder(0.1, 0.2))):
+        for k, shape in enumerate((Box(0.2, 0.1, 0.3), Sphere(0.1), Cylinder(radius=0.1, height=0.2))):
             world.spawn(f"b{k}", shape, 5.0, BodyState((1.0 + 0.5 * k, 2.0, 0.4), angular=(1.0, 2.0, 3.0)))
         bodies, names = BulletBodies(world.client, world), ["b2", "b0", "b1"]
         one_by_one = BulletBodies(world.client)

@@ -19,6 +19,11 @@ constexpr double ON_RIM = 0.97;
 constexpr double LEAST_DEPTH = 1e-3, MOST_DEPTH = 0.03;
 // Motion between two steps from which a body was moved by somebody else [m].
 constexpr double MOVED = 1e-4;
+// Speed of a body that appears near the soil from which it falls onto it [m/s]: that of a fall from 1 cm. A slower one is
+// set down.
+constexpr double FALLEN = 0.45;
+// Speed of a body that was set down at which it rests, as a share of that of a fall from the depth of its sinkage.
+constexpr double AT_REST = 0.005;
 // Largest distance of contacts from what Bullet keeps in a manifold [m]: none is dropped by its distance.
 constexpr double FARTHEST = 1e9;
 
@@ -108,10 +113,14 @@ void SoilInStep::touch(const btCollisionObjectWrapper& body, const btCollisionOb
   part.pose = seen_from(on.pose, now);
   const MovingSolid solid = moving(part, now, on);
   const SoilStep step{on.time, on.duration, step_};
-  Carried carried{on.mass, on.mass * on.gravity};
+  Carried carried{on.mass, on.mass * on.gravity, false};
   const int before = manifold.getNumContacts();
   const bool was_moved = part.step == 0 || !(norm(now.at - part.at) < MOVED);
-  if (was_moved) under_.make_room(lattice, solid, step), part.rim.reset();
+  if (was_moved) {
+    under_.make_room(lattice, solid, step), part.rim.reset();
+    part.is_set_down = norm(solid.linear) < FALLEN;
+  }
+  carried.is_set_down = part.is_set_down;
   if (was_near(part) && !was_moved && before > 0 && before == static_cast<int>(part.up.size())) {
     double up = 0.0;
     for (int k = 0; k < before; ++k) up += manifold.getContactPoint(k).m_appliedImpulse * part.up[k];
@@ -144,8 +153,10 @@ void SoilInStep::press(const OnSoil& on, SoilParts& parts) {
     }
     const Pose now = on.pose * part.pose;
     const SoilStep step{on.time, on.duration, step_};
-    part.sums = under_.press(lattice, moving(part, now, on), part.rim, step);
+    const MovingSolid solid = moving(part, now, on);
+    part.sums = under_.press(lattice, solid, part.rim, step);
     part.at = now.at;
+    if (std::abs(solid.linear.z) < AT_REST * std::sqrt(on.gravity * part.sums.sinkage)) part.is_set_down = false;
   }
 }
 

@@ -31,6 +31,7 @@ struct SoilPart {
   Vec3 at;                 // its middle after the last step [m]
   double speed = 0.0;      // of its middle, upwards, at the start of the last step [m/s]
   std::int32_t step = 0;   // in which it last was near the soil
+  bool is_set_down = false;  // put onto the soil without a fall, and not at rest there yet
   std::vector<double> up;  // vertical parts of the normals of its contacts
 };
 using SoilParts = std::unordered_map<const btCollisionShape*, SoilPart>;

@@ -52,6 +52,7 @@ void BulletWorld::after_step() {
   if (world_ == nullptr) return;
   duration = world_->getDispatchInfo().m_timeStep;
   time += duration;
+  surface.note_shown(time);
   press_soil();
   note_rest();
   if (std::none_of(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.belt.speed != 0.0; })) return;

@@ -9,7 +9,6 @@ asked for those alone that are given.
 from __future__ import annotations
 
 import copy
-import difflib
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,7 +25,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, suggestion
 
 NONE: Mapping[str, str] = MappingProxyType({})
 # Beginning of the names of parameters that change the QoS of topics.
@@ -77,8 +76,7 @@ def given_parameters(node: Node) -> Mapping[str, Parameter]:
 
 def nearest(name: str, specs: Sequence[Spec]) -> str:
     """Return a hint that suggests the most similar known name; empty if no name is similar."""
-    names = difflib.get_close_matches(name, [spec.name for spec in specs], n=1)
-    return f"; did you mean {names[0]!r}?" if names else ""
+    return suggestion(name, [spec.name for spec in specs])
 
 
 def current_values(node: Node, specs: Sequence[Spec]) -> dict[str, Any]:

@@ -44,9 +44,12 @@ class NodeClock:
         """True if time comes from ``/clock``."""
         return bool(self._clock.ros_time_is_active)
 
+    # Return the time for measurements and periods of outputs, which nobody sets [s].
+    steady = staticmethod(monotonic)
+
     def pace(self) -> float:
         """Return the time for deadlines, intervals and time-outs [s]."""
-        return self.stamp_now() if self.simulated else monotonic()
+        return self.stamp_now() if self.simulated else self.steady()
 
     def stamp_now(self) -> float:
         """Return the time that stamps are compared with [s]."""
@@ -188,7 +191,7 @@ class Pacer:
         the straight line through its last steps. If steps are skipped, or follow another simulator's clock, simulated
         time catches up at once and needs no limit.
         """
-        ahead = -min(self.remaining(), self.period)
+        ahead = 0.0 if self._waits_for_clock else -min(self.remaining(), self.period)
         if self.follows_clock or self.policy == "skip":
             return next_step + ahead - age
         if self.overloaded:

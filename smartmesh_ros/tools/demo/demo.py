@@ -21,13 +21,12 @@ from typing import Any
 import numpy as np
 import rclpy
 from ament_index_python.packages import get_package_prefix
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros.node.running import Stop
+from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.scenes.eight import robot_file
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -210,7 +209,7 @@ def main(args: list[str] | None = None) -> None:
 def run(seconds: float) -> tuple[list[Frame], int, dict[str, int]]:
     """Start the processes and run the demo for ``seconds`` [s]. Return frames to draw, the largest number of lost
     bodies, and the number of messages by output."""
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    init()
     try:
         with closing(Remote("/terrain_collider")) as remote, demo_running(remote) as demo:
             remote.watch(set(OUTPUTS))

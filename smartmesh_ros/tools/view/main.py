@@ -10,12 +10,10 @@ import sys
 from contextlib import closing, nullcontext
 from time import monotonic
 
-import rclpy
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from smartmesh_ros.node.parameters.helping import own_arguments
-from smartmesh_ros.node.running import Stop
+from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.tools.client.remote import Remote
 from smartmesh_ros.tools.demo.demo import demo_running
@@ -37,7 +35,7 @@ def main(args: list[str] | None = None) -> None:
         sys.exit(f"the view needs {error.name}, which is not installed; pip install 'viser[urdf]'")
     use_large_message_profile()
     with isolated_unless_chosen() if options.demo else nullcontext():
-        rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
+        init(given)
         stop = Stop()
         stop.starting = False  # what has begun to start is ended in order
         with (
