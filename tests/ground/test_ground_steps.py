@@ -36,7 +36,7 @@ def test_a_body_whose_middle_is_below_the_ground_is_pushed_up_and_not_down(devia
 
 
 @pytest.mark.parametrize("maximal", [False, True])
-@pytest.mark.parametrize("shape", [Box(0.5, 0.4, 0.02), Cylinder(0.2, 0.02), Sphere(0.01)])
+@pytest.mark.parametrize("shape", [Box(0.5, 0.4, 0.02), Cylinder(radius=0.2, height=0.02), Sphere(0.01)])
 @pytest.mark.parametrize("cover", [0.015, 0.03])
 def test_a_body_that_a_map_covers_is_lifted_onto_it_and_no_higher(
     client: Any, shape: Shape, maximal: bool, cover: float
