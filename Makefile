@@ -22,7 +22,7 @@ renders:  ## the README's pictures that PyBullet draws: rising ground, and a lid
 	@$(RUN) -- $(STUDIES) rising
 	@$(RUN) -- $(STUDIES) lidar
 
-test:  ## lint, types, colcon build, and every test
+test:  ## lint, types, colcon build, and every test (after the build 7 minutes on two cores)
 	@$(RUN) dev view studies interop -- scripts/check
 
 docs-check:  ## the tables of docs/ whose figures are older than the code
@@ -73,7 +73,7 @@ rover:  ## a wheeled robot drives an eight on soil and leaves ruts: out/rover.pn
 tracks:  ## a tracked machine drives, turns on the spot and climbs 20 degrees on soil: out/tracks.png, out/tracks.gif
 	@$(RUN) studies -- $(STUDIES) tracks
 
-soil:  ## soil against closed forms and a measured wheel, and its cost (ARGS="--only plates" for a part)
+soil:  ## soil against closed forms and a measured wheel, and its cost (ARGS="--only boxes" for a part)
 	@$(RUN) studies -- $(STUDIES) soil $(ARGS)
 
 load:  ## the node under load over DDS, about 15 minutes; LOAD=--quick for less than two

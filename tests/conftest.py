@@ -64,7 +64,7 @@ COSTS = {
     "node/test_markers.py": 10,
     "node/test_robot_outputs.py": 10,
     "node/test_terrain_sensor.py": 10,
-    "soil/test_contact_soil.py": 13,
+    "soil/test_plates_and_carts.py": 13,
 }
 
 

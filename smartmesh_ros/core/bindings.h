@@ -206,7 +206,6 @@ struct Mesh {
     update();
   }
 
-  // Must be called after the arrays have changed.
   void update() {
     for (std::size_t k = 0; k < now.size(); ++k)
       if (!std::isfinite(now.data()[k])) throw std::invalid_argument("vertices must be finite numbers");
@@ -220,7 +219,7 @@ struct Mesh {
   }
   void set_motion(int mode, double max_velocity, double smoothing) {
     surface.mode = mode_of(mode), surface.max_velocity = max_velocity, surface.smoothing = smoothing;
-    surface.update();
+    update();
   }
 };
 

@@ -12,58 +12,36 @@ namespace smartmesh {
 namespace {
 
 using Heights = Array<float, 2>;
-using Samples = Array<const float, 1>;
 using Pair = std::tuple<std::int64_t, std::int64_t>;
 
 constexpr std::size_t MOST_SIDE = 1u << 24;
 constexpr std::int64_t FARTHEST_SAMPLE = std::int64_t{1} << 52;
 
-// Returns the rectangles (n, 4) of a map, each given by its first row and column, last row and column.
-std::vector<Region> rectangles_of(const Whole2& numbers, const HeightGrid& map, std::size_t samples) {
-  check_alignment(numbers.data(), sizeof(std::int64_t));
-  if (numbers.shape(1) != 4) throw std::invalid_argument("rectangles must have the shape (n, 4)");
-  std::vector<Region> found;
-  std::size_t count = 0;
-  for (std::size_t k = 0; k < numbers.shape(0); ++k) {
-    const std::int64_t* n = numbers.data() + 4 * k;
-    if (!(0 <= n[0] && n[0] <= n[2] && n[2] < map.rows && 0 <= n[1] && n[1] <= n[3] && n[3] < map.columns))
-      throw std::invalid_argument("a rectangle is empty or leaves the map");
-    found.push_back({n[0], n[1], n[2] + 1, n[3] + 1});
-    count += static_cast<std::size_t>(found.back().size());
-    if (count > samples) break;
-  }
-  if (count != samples) throw std::invalid_argument("the rectangles need another number of samples");
-  return found;
+// Returns the rectangle of a map whose first sample is given, for samples (h, w).
+Region place_of(const HeightGrid& map, const Pair& first, const Floats2& samples) {
+  const auto [row, column] = first;
+  const auto high = static_cast<std::int64_t>(samples.shape(0)), wide = static_cast<std::int64_t>(samples.shape(1));
+  if (row < 0 || column < 0 || high < 1 || wide < 1 || high > map.rows - row || wide > map.columns - column)
+    throw std::invalid_argument("a rectangle is empty or leaves the map");
+  check_alignment(samples.data(), sizeof(float));
+  return {row, column, row + high, column + wide};
 }
 
-// Writes `fresh` heights and `given` velocities (N,), or none (0,), as `take_heights`: those of one of the `rectangles`
-// (n, 4) after the other, each row by row. `intervals`: as in Intervals [s].
-void take_rectangles(Grid& grid, Whole2 rectangles, Samples fresh, Samples given, double time,
-                     std::tuple<double, double> intervals) {
-  if (given.size() != 0 && given.size() != fresh.size())
-    throw std::invalid_argument("there must be as many velocities as heights, or none");
-  check_alignment(fresh.data(), sizeof(float)), check_alignment(given.data(), sizeof(float));
-  finite(time, "the time");
-  const auto [least, most] = intervals;
-  const std::vector<Region> places = rectangles_of(rectangles, grid.grid, fresh.size());
-  for (const Region& place : places) grid.arrays(place);  // checked before any is written
-  std::ptrdiff_t start = 0;
-  for (const Region& place : places) {
-    take_heights(grid.grid, grid.arrays(place), place,
-                 {fresh.data() + start, given.size() == 0 ? nullptr : given.data() + start, time}, {least, most});
-    start += place.size();
-  }
+// Writes `fresh` heights and `given` velocities (h, w), or None, of the rectangle whose first sample is `first`, as
+// `take_heights`. `intervals`: as in Intervals [s].
+void take_rectangle(Grid& grid, Pair first, Floats2 fresh, std::optional<Floats2> given, double time,
+                    std::tuple<double, double> intervals) {
+  if (given) check_table(*given, fresh.shape(0), fresh.shape(1), "velocities");
+  const Region place = place_of(grid.grid, first, fresh);
+  take_heights(grid.grid, grid.arrays(place), place,
+               {fresh.data(), given ? given->data() : nullptr, finite(time, "the time")},
+               {std::get<0>(intervals), std::get<1>(intervals)});
 }
 
 // Writes a new estimate (h, w) to the rectangle whose first sample is `first`, as `take_corrected`.
 void correct(Grid& grid, Pair first, Floats2 known, double time) {
-  const auto [row, column] = first;
-  const auto high = static_cast<std::int64_t>(known.shape(0)), wide = static_cast<std::int64_t>(known.shape(1));
-  if (row < 0 || column < 0 || high < 1 || wide < 1 || high > grid.grid.rows - row || wide > grid.grid.columns - column)
-    throw std::invalid_argument("the estimate is empty or leaves the map");
+  const Region place = place_of(grid.grid, first, known);
   if (!(grid.grid.settle > 0.0)) throw std::invalid_argument("settle must be above zero");
-  check_alignment(known.data(), sizeof(float));
-  const Region place = {row, column, row + high, column + wide};
   take_corrected(grid.arrays(place), place, {known.data(), finite(time, "the time"), grid.grid.shown, grid.grid.settle});
 }
 
@@ -153,8 +131,8 @@ bool map_moved_as_one(Cells cells, LastHeights last, Steps steps, Pair stride, F
 }  // namespace
 
 void add_updates(nb::module_& m) {
-  m.def("take_rectangles", &take_rectangles, "grid"_a, "rectangles"_a.noconvert(), "fresh"_a.noconvert(),
-        "given"_a.noconvert(), "time"_a, "intervals"_a);
+  m.def("take_rectangle", &take_rectangle, "grid"_a, "first"_a, "fresh"_a.noconvert(), "given"_a.noconvert().none(),
+        "time"_a, "intervals"_a);
   m.def("take_corrected", &correct, "grid"_a, "first"_a, "known"_a.noconvert(), "time"_a);
   m.def("fuse", &fuse_at, "heights"_a.noconvert(), "variances"_a.noconvert(), "first"_a, "measured"_a.noconvert(),
         "noises"_a.noconvert(), "grown"_a, "gate_squared"_a);

@@ -8,11 +8,17 @@
 #include <vector>
 
 #include "soil_lattice.h"
-#include "soil_layer.h"
 #include "soil_rim.h"
 #include "soil_shape.h"
 
 namespace smartmesh {
+
+// Rectangle of samples: first row and column, last row and column; none if `bottom` < `top`.
+struct SampleRectangle {
+  int top = 0, left = 0, bottom = -1, right = -1;
+
+  bool empty() const { return bottom < top || right < left; }
+};
 
 // A step of the world. `time` [s]: at its start; `dt` [s]: its duration; `number` of the step, from 1 on.
 struct SoilStep {

@@ -5,8 +5,8 @@
 
 namespace smartmesh {
 
-SoilLattice::SoilLattice(const HeightGrid& map, const SoilKinds& kinds, double spacing)
-    : map_(map), kinds_(kinds), refine_(std::max(1, static_cast<int>(std::ceil(map.resolution / spacing - 1e-9)))),
+SoilLattice::SoilLattice(const HeightGrid& map, const Soils& soils, double spacing)
+    : map_(map), soils_(soils), refine_(std::max(1, static_cast<int>(std::ceil(map.resolution / spacing - 1e-9)))),
       block_columns_((columns() >> SIDE_SHIFT) + 1) {
   reset();
 }
@@ -18,10 +18,21 @@ void SoilLattice::reset() {
   pressed_.clear();
 }
 
-int SoilLattice::kind(int row, int column) const {
+std::size_t SoilLattice::nearest(int row, int column) const {
   const int r = (row + refine_ / 2) / refine_, c = (column + refine_ / 2) / refine_;
-  return std::min<int>(kinds_.kinds[map_.index(std::min(r, map_.rows - 1), std::min(c, map_.columns - 1))],
-                       kinds_.count - 1);
+  return map_.index(std::min(r, map_.rows - 1), std::min(c, map_.columns - 1));
+}
+
+void SoilLattice::set_kinds(const std::uint8_t* kinds) {
+  for (std::size_t k = 0; !kinds_.empty() && k < blocks_.size(); ++k) {
+    if (blocks_[k] == nullptr) continue;
+    const int top = static_cast<int>(k / block_columns_) << SIDE_SHIFT, left = static_cast<int>(k % block_columns_) << SIDE_SHIFT;
+    for (int i = 0; i < SIDE * SIDE; ++i) {
+      const std::size_t at = nearest(top + i / SIDE, left + i % SIDE);
+      if (kinds_[at] != kinds[at]) (*blocks_[k])[i].yield.yielded = 0.0;
+    }
+  }
+  kinds_.assign(kinds, kinds + static_cast<std::size_t>(map_.rows) * static_cast<std::size_t>(map_.columns));
 }
 
 double SoilLattice::level_at(int row, int column) const {

@@ -52,6 +52,7 @@ class AttachedBodies:
         self.time = 0.0
         self.refreshes = self.rescues = 0
         self.soil: SteppedSoil | None = None
+        self._soil_revision = 0  # of the places of soils that bodies stand on
         self._client = client
         self.patches = ShownPatches(self.terrain, self.config, self.followers, self.stopwatch)
         self.contacts = self._new_contacts(self.config)
@@ -214,7 +215,7 @@ class AttachedBodies:
         self.contacts.close()
 
     def set_soil(self, soil: SteppedSoil | None) -> None:
-        """Let bodies stand on a soil of one of the terrain's height maps, such as a `ContactSoil`, from now on; None =
+        """Let bodies stand on a soil of one of the terrain's height maps, such as a `Soil`, from now on; None =
         on the map itself. Raises `InputError` and changes nothing if contacts do not come from the map."""
         self._require_exact_for(soil, self.config)
         if soil is not None and not self._has(soil.map):
@@ -222,7 +223,19 @@ class AttachedBodies:
         self.wake()
         if isinstance(self.contacts, MapContacts):
             self.contacts.set_soil(None if soil is None else soil.core)
-        self.soil = soil
+        self.soil, self._soil_revision = soil, 0 if soil is None else soil.map.soil_revision
+
+    def check_soil(self) -> None:
+        """Take the soil away if its map is gone; wake what rests on it if other soils lie there."""
+        if self.soil is None:
+            return
+        if not self._has(self.soil.map):
+            log.warning("the map of the soil is no tile any more: bodies stand on the maps themselves")
+            self.set_soil(None)
+        elif self.soil.map.soil_revision != self._soil_revision:
+            self._soil_revision = self.soil.map.soil_revision
+            self.soil.take_kinds()
+            self.wake()
 
     def on_soil(self) -> dict[str, SoilSupport]:
         """Return how the soil bore each body and link on it in the last step, by the names of the followers."""

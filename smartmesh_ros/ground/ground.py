@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE, as_bytes
-from smartmesh_ros.ground.attached_bodies import AttachedBodies, log
+from smartmesh_ros.ground.attached_bodies import AttachedBodies
 from smartmesh_ros.ground.bullet import BulletCalls, is_fixed
 from smartmesh_ros.ground.config import gravity_of
 from smartmesh_ros.ground.followers import Followers
@@ -82,9 +82,9 @@ FASTEST_RESCUED = 5.0
 class Ground(AttachedBodies):
     """The deforming terrain as ground of the attached bodies of a PyBullet world.
 
-    Contacts come from the map itself. Where that is impossible, because the client is not a DIRECT one, the C++ core
-    was built without Bullet's headers, or ``config.kind`` asks for it, each body has a small collider of PyBullet's own
-    instead; ``no_proxies`` tells why, empty if contacts can come from the map.
+    Contacts come from the map itself. Where that is impossible, because the client is not a DIRECT one, or
+    ``config.kind`` asks for it, each body has a small collider of PyBullet's own instead; ``no_proxies`` tells why,
+    empty if contacts can come from the map.
 
     ``client`` is a connected `pybullet_utils.bullet_client.BulletClient` or the module ``pybullet`` itself. `attach`
     bodies, and call `step` in place of ``stepSimulation``. If you call ``stepSimulation`` yourself, contacts come from
@@ -130,7 +130,7 @@ class Ground(AttachedBodies):
         """Read the bodies at ``time`` [s], and do what holds for the next ``steps`` steps of ``dt`` [s]: move bodies
         with corrections of the ground, wake and put to sleep, take the terrain's tiles, replace colliders."""
         time = checked_time(time)
-        self.leave_lost_soil()
+        self.check_soil()
         duration, contacts = dt * steps, self.contacts
         self._stale = True  # until the end: an update that failed is made again before the next step
         contacts.set_time(time, dt)
@@ -149,12 +149,6 @@ class Ground(AttachedBodies):
             self._require_usable(self.config)
             contacts.refresh()
         self._stale = False
-
-    def leave_lost_soil(self) -> None:
-        """Take the soil away if its map is gone."""
-        if self.soil is not None and not self._has(self.soil.map):
-            log.warning("the map of the soil is no tile any more: bodies stand on the maps themselves")
-            self.set_soil(None)
 
     def go_on(self, time: float, dt: float) -> bool:
         """Go on from the last `update` for a further step of ``dt`` [s] from ``time`` [s] on. Returns True if it needed

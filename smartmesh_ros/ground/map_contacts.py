@@ -28,13 +28,16 @@ from smartmesh_ros.terrain.terrain import Terrain
 
 
 class SteppedSoil(Protocol):
-    """Soil that takes part in the steps of a ground, such as `ContactSoil`."""
+    """Soil that takes part in the steps of a ground, such as `Soil`."""
 
     core: Any  # of the C++ core
 
     @property
     def map(self) -> HeightMap:
         """The tile that gives way."""
+
+    def take_kinds(self) -> None:
+        """Take which soil each sample of the map is."""
 
     def show(self) -> int:
         """Write what was pressed into the map; returns the number of changed samples."""
@@ -59,8 +62,6 @@ PROBE = ((1.0, -2.0, 3.0), (0.6, 0.0, 0.0, 0.8), (0.1, 0.2, -0.3), (-0.4, 0.5, 0
 
 def missing_for(client: Any) -> str:
     """Return why a client cannot have ground proxies, empty if it can."""
-    if not hasattr(CORE, "Ground"):
-        return "the core is built without Bullet's headers"
     method = client.getConnectionInfo().get("connectionMethod")
     if method != pb.DIRECT:
         return "the PyBullet client is not a DIRECT one"

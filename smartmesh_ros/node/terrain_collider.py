@@ -36,8 +36,8 @@ from smartmesh_ros.node.services.simulation_services import serve_simulation_int
 from smartmesh_ros.node.session import SERVICES, Session
 from smartmesh_ros.node.timing.pacing import NodeClock
 from smartmesh_ros.node.transport import Clock, Transport
-from smartmesh_ros.soil.contact_soil import ContactSoil
-from smartmesh_ros.soil.soils import soil_named
+from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros.soil.soils import soils_from
 from smartmesh_ros.startup.dds import send_without_waiting
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.world.world import World
@@ -265,8 +265,10 @@ def stand_on_soil(world: World, settings: Settings) -> None:
     if not settings.soil or not isinstance(tile, HeightMap):
         if known is not None:
             world.ground.set_soil(None)
-    elif not (isinstance(known, ContactSoil) and known.map is tile and known.soils == [soil_named(settings.soil)]):
-        world.ground.set_soil(ContactSoil(world.terrain, settings.soil))
+    elif isinstance(known, Soil) and known.map is tile and known.soils == soils_from(settings.soil):
+        known.slip_sinkage = settings.slip_sinkage
+    else:
+        world.ground.set_soil(Soil(world.terrain, settings.soil, slip_sinkage=settings.slip_sinkage))
 
 
 def main(args: list[str] | None = None) -> None:

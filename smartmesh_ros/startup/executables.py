@@ -100,7 +100,6 @@ def _start(module: str, before: Callable[[], None] | None = silence_pybullet) ->
 terrain_collider = partial(_start, "smartmesh_ros.node.terrain_collider")
 terrain_source = partial(_start, "smartmesh_ros.tools.demo.terrain_source", None)
 terrain_sensor = partial(_start, "smartmesh_ros.node.sensor.terrain_sensor")
-soil = partial(_start, "smartmesh_ros.node.soil.soil_node")
 fleet_front = partial(_start, "smartmesh_ros.node.fleet.front")
 fleet = partial(_start, "smartmesh_ros.node.fleet.command", None)
 replay = partial(_start, "smartmesh_ros.tools.replay.cli")
@@ -109,3 +108,20 @@ tune = partial(_start, "smartmesh_ros.tools.tune.cli")
 rover = partial(_start, "smartmesh_ros.tools.demo.rover", import_pybullet_quietly)
 demo = partial(_start, "smartmesh_ros.tools.demo.demo", import_pybullet_quietly)
 view = partial(_start, "smartmesh_ros.tools.view.main", import_pybullet_quietly)
+
+# Executables that `smartmesh run` starts.
+STARTED_BY_NAME: dict[str, Callable[[], None]] = {
+    "terrain_collider": terrain_collider, "terrain_source": terrain_source, "terrain_sensor": terrain_sensor,
+    "fleet_front": fleet_front, "fleet": fleet, "replay": replay, "rover": rover, "demo": demo, "view": view,
+    "tune": tune,
+}  # fmt: skip
+
+
+def smartmesh() -> None:
+    """Do what a command line asks for, or start another executable: ``smartmesh run NAME ...``."""
+    match sys.argv[1:]:
+        case ["run", name, *rest] if name in STARTED_BY_NAME:
+            sys.argv = [name, *rest]
+            STARTED_BY_NAME[name]()
+        case _:
+            _start("smartmesh_ros.tools.client.command", None)

@@ -7,9 +7,8 @@ starts it, and if the last is missing, the nodes started before keep running.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_directory
@@ -35,20 +34,20 @@ Values = Callable[[str], str]
 def description(
     *more: Any,
     always: str = "",
-    parameters: Mapping[str, Any] = MappingProxyType({}),
     remap: Sequence[tuple[str, str]] = (),
+    settings: Callable[[Values], dict[str, Any]] | None = None,
     start: Callable[[Values], list[Any]] | None = None,
 ) -> LaunchDescription:
     """Return a launch description of the collider with the common arguments and ``more`` arguments.
 
-    ``always``: a preset that is read before the user's preset, and ``parameters`` after it. ``remap``: pairs of a topic
-    and the argument that holds its new name. ``start``: returns further actions for the values of the arguments;
-    creates nodes with `node`.
+    ``always``: a preset that is read before the user's preset. ``settings``: returns parameters of the collider for the
+    values of the arguments, read before the user's preset too. ``remap``: pairs of a topic and the argument that holds
+    its new name. ``start``: returns further actions for the values of the arguments; creates nodes with `node`.
     """
 
     def nodes(value: Values) -> list[Any]:
-        own = [*parameter_files([always], ""), *([dict(parameters)] if parameters else [])]
-        files = [*own, *parameter_files([value("preset")], value("config"))]
+        own = [] if settings is None else [settings(value)]
+        files = [*parameter_files([always], ""), *own, *parameter_files([value("preset")], value("config"))]
         topics = [(topic, value(argument)) for topic, argument in remap]
         collider = _collider(value, files, topics, namespace=value("namespace"))
         return [collider, *(() if start is None else start(value))]
@@ -83,7 +82,6 @@ def _description(arguments: list[Any], nodes: Callable[[Values], list[Any]], sho
 def _fleet_nodes(value: Values) -> list[Any]:
     space, count = value("namespace"), int(value("nodes"))
     common: dict[str, Any] = {"output": "screen"}
-    time = {"use_sim_time": is_true(value("use_sim_time"))}
     level = ["--ros-args", "--log-level", value("log_level")]
     files = parameter_files([value("preset")], value("config"))
     nodes = []
@@ -92,11 +90,14 @@ def _fleet_nodes(value: Values) -> list[Any]:
         topics = fleet_layout.remappings(space)
         nodes.append(_collider(value, [*files, own], topics, namespace=its_space, respawn=True))
     front = {"nodes": fleet_layout.node_names(count, space), "spread": value("spread"), "respawn": value("respawn")}
-    nodes.append(node(**common, executable="fleet_front", namespace=space, parameters=[front, time], arguments=level))
+    nodes.append(
+        node(**common, executable="fleet_front", namespace=space, parameters=[front | time_of(value)], arguments=level)
+    )
     if value("scene"):
         nodes.append(
             node(
-                **common, executable="terrain_source", namespace=space, parameters=[{"scene": value("scene")}, time],
+                **common, executable="terrain_source", namespace=space,
+                parameters=[{"scene": value("scene")} | time_of(value)],
                 remappings=fleet_layout.source_remappings(space),
             )
         )  # fmt: skip
@@ -126,6 +127,12 @@ def node(*, package: str = PACKAGE, executable: str, hint: str = "build and sour
     if not there:
         raise FileNotFoundError(f"package {package} has no executable {executable}: {hint}")
     return Node(package=package, executable=executable, **more)
+
+
+def time_of(value: Values) -> dict[str, bool]:
+    """Return the parameter ``use_sim_time`` if the launch argument has a value. Without one it is left to
+    `SetParameter` of an outer launch file, which a node's own parameters would override."""
+    return {"use_sim_time": is_true(value("use_sim_time"))} if value("use_sim_time") else {}
 
 
 def is_true(text: str) -> bool:
@@ -160,7 +167,7 @@ def _arguments(preset: str = "") -> list[Any]:
         argument("preset", preset, "Name of a parameter file in config/; empty = the node's own defaults."),
         argument("config", "", "Path of your own parameter file, read after the preset."),
         argument("namespace", "", "Namespace of the nodes."),
-        argument("use_sim_time", "false", "true = take the time from /clock."),
+        argument("use_sim_time", "", "true = take the time from /clock; empty = as an outer launch file sets it."),
         argument("rviz", "false", "true = start RViz with a view of ground, bodies, robot and patches."),
         argument("dds", profile, "XML file of Fast DDS settings for large maps; empty = none."),
         argument("log_level", "info", f"{', '.join(LOG_LEVELS)}.", list(LOG_LEVELS)),
@@ -178,7 +185,7 @@ def _settings_of_dds(value: Values) -> list[Any]:
 def _collider(value: Values, files: Sequence[Any], remappings: Sequence[tuple[str, str]], **more: Any) -> Any:
     """Return the node terrain_collider, with parameters of ``files``."""
     return node(
-        executable=NODE, output="screen", parameters=[*files, {"use_sim_time": is_true(value("use_sim_time"))}],
+        executable=NODE, output="screen", parameters=[*files, time_of(value)],
         remappings=remappings, arguments=["--ros-args", "--log-level", value("log_level")], **more,
     )  # fmt: skip
 
@@ -194,7 +201,7 @@ def _rviz(value: Values, shown: str) -> list[Any]:
             executable="rviz2",
             hint="apt install ros-jazzy-rviz2, or leave rviz:=true out",
             arguments=["-d", str(share() / "config" / "smartmesh.rviz")],
-            parameters=[{"use_sim_time": is_true(value("use_sim_time"))}],
+            parameters=[time_of(value)],
             remappings=[(f"/{NODE}/{topic}", f"{there}/{topic}") for topic in SHOWN],
         )
     ]

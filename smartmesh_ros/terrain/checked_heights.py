@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.errors import InputError
 
+# Most soils of a map.
+MOST_SOILS = 255
+
 
 def checked_time(time: float) -> float:
     """Return a time [s]; raises `InputError` if it is no finite number."""
@@ -66,6 +69,19 @@ def checked_friction(friction: float | ArrayLike, shape: tuple[int, ...]) -> flo
         raise InputError("friction", "coefficients of friction must be zero or more, or NaN where they are unknown")
     samples.setflags(write=False)  # what is assigned is checked, and wakes bodies
     return samples
+
+
+def checked_soil(soil: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    """Return places of soils in a list as uint8 of the right shape."""
+    array = unmasked(soil, "places of soils")
+    if array.shape != shape:
+        raise InputError("length", f"places of soils have shape {array.shape}; it must be {shape}")
+    if array.dtype.kind not in "iub":
+        raise InputError("type", f"places of soils are of type {array.dtype}; they must be whole numbers")
+    if array.size and not 0 <= array.min() <= array.max() < MOST_SOILS:
+        found = f"{array.min()} to {array.max()}"
+        raise InputError("soil", f"places of soils are {found}; they must be 0 to {MOST_SOILS - 1}")
+    return array.astype(np.uint8)
 
 
 def deviation_of(variance: float | NDArray[np.float32]) -> float:

@@ -44,7 +44,8 @@ class HeightMap(MovingHeights):
     shape: vertical velocity of the ground; by default the difference quotient of successive heights. ``variance``
     [m^2]: of the heights, one number or one for each; by default that of ``motion.noise``. ``friction``: coefficient of
     the ground, by which that of a body is multiplied; one number or one for each sample (NaN = 1). By default it is 1,
-    or that of the map that this one replaces (see `Terrain.put`).
+    or that of the map that this one replaces (see `Terrain.put`). ``soil``: which soil each sample is, by its place in
+    the list of a `Soil` (rows, columns); by default the first, or as in the map that this one replaces.
 
     If changes are corrections (see `MotionConfig`), the ground has no velocity, heights with a variance are fused over
     time, and the shown heights approach the fused ones as `show` advances.

@@ -14,6 +14,7 @@ from smartmesh_ros.terrain.checked_heights import (
     checked,
     checked_friction,
     checked_next_time,
+    checked_soil,
     checked_time,
     checked_variance,
     dense,
@@ -22,17 +23,15 @@ from smartmesh_ros.terrain.checked_heights import (
     unmasked,
 )
 from smartmesh_ros.terrain.corrections import Corrections, untouched_zeros
-from smartmesh_ros.terrain.grid import GridGeometry, IntArray, geometry_of
+from smartmesh_ros.terrain.grid import GridGeometry, geometry_of
 from smartmesh_ros.terrain.grid_track import at_rest, follow
 from smartmesh_ros.terrain.motion import BLOCK, CLOCK, KEPT, MotionConfig, MovingGround, next_revision
 from smartmesh_ros.terrain.prints import Prints
 
-_NO_VELOCITIES = np.empty(0, np.float32)
-
 
 class MovingHeights(MovingGround):
-    """What a `HeightMap` stores: heights, their last velocities and update times, corrections, friction, and the motion
-    of the grid. All change in place; the core reads the same arrays."""
+    """What a `HeightMap` stores: heights, their last velocities and update times, corrections, friction, soil, and the
+    motion of the grid. All change in place; the core reads the same arrays."""
 
     def __init__(
         self,
@@ -46,6 +45,7 @@ class MovingHeights(MovingGround):
         velocities: ArrayLike | None = None,
         variance: float | ArrayLike | None = None,
         friction: float | ArrayLike | None = None,
+        soil: ArrayLike | None = None,
         motion: MotionConfig | None = None,
     ) -> None:
         if geometry is None:
@@ -70,6 +70,8 @@ class MovingHeights(MovingGround):
         self._deviation: float | None = None  # standard deviation by the last update's variances [m], None = not given
         self.version = 0  # number of updates
         self._friction = None if friction is None else checked_friction(friction, shape)
+        self._soil = None if soil is None else checked_soil(soil, shape)
+        self.soil_revision = 0  # changes with every assignment of the soil
         self.track = at_rest(geometry, time)  # pose and rigid motion of the grid
         self._tell_core()
         self._take(0, 0, new, speeds, time, checked_variance(variance, shape))
@@ -80,7 +82,12 @@ class MovingHeights(MovingGround):
         """Return what a copy of the map, or one in another process, is made of: arrays, and what they mean."""
         corrections, prints = self.corrections, self.prints
         return {
-            "map": {"geometry": self.geometry, "motion": self.motion, "friction": self._friction},
+            "map": {
+                "geometry": self.geometry,
+                "motion": self.motion,
+                "friction": self._friction,
+                "soil": self._soil,
+            },
             "heights": self._heights,
             "clocks": self._clocks,
             # Arrays of zeros take no memory, and no bytes.
@@ -134,6 +141,24 @@ class MovingHeights(MovingGround):
         self._tell_friction()
 
     @property
+    def soil(self) -> NDArray[np.uint8] | None:
+        """Which soil each sample is, by its place in the list of a `Soil` (rows, columns); None = the first everywhere;
+        read-only.
+
+        Assign others to replace them; raises `InputError` and then changes nothing. `Ground.update` tells its `Soil`.
+        """
+        if self._soil is None:
+            return None
+        view = self._soil.view()
+        view.setflags(write=False)
+        return view
+
+    @soil.setter
+    def soil(self, soil: ArrayLike) -> None:
+        self._soil = checked_soil(soil, (self.geometry.rows, self.geometry.columns))
+        self.soil_revision = self.revision = next_revision()
+
+    @property
     def arrays(self) -> tuple[NDArray[Any], ...]:
         """The arrays that change in place: heights (rows, columns) [m], NaN = hole;
         velocities (KEPT, rows, columns) [m/s], a ring buffer whose newest index is in the clock of each block; clocks,
@@ -163,15 +188,19 @@ class MovingHeights(MovingGround):
         velocities: ArrayLike | None = None,
         variance: float | ArrayLike | None = None,
         friction: float | ArrayLike | None = None,
+        soil: ArrayLike | None = None,
     ) -> None:
-        """Replace all heights (rows, columns) [m], and the friction unless it is None; raises `InputError` and then
-        changes nothing."""
+        """Replace all heights (rows, columns) [m], and the friction and the soil unless they are None; raises
+        `InputError` and then changes nothing."""
         shape = (self.geometry.rows, self.geometry.columns)
         time = checked_next_time(time, self.time)
         certainty = checked_variance(variance, shape)
         new, speeds = checked(heights, velocities, shape, "the map")
+        places = None if soil is None else checked_soil(soil, shape)
         if friction is not None:
             self.friction = friction
+        if places is not None:
+            self.soil = places
         self._take(0, 0, new, speeds, time, certainty)
         if not self.motion.corrects:
             self.follow(self, time)
@@ -198,26 +227,6 @@ class MovingHeights(MovingGround):
         certainty = checked_variance(variance, shape)
         new, speeds = checked(heights, velocities, shape, "the region")
         self._take(row, column, new, speeds, time, certainty)
-        self._tell_core()
-
-    def take_rectangles(
-        self, places: IntArray, new: NDArray[np.float32], speeds: NDArray[np.float32], time: float
-    ) -> None:
-        """Replace heights [m] and velocities [m/s] of several rectangles, as `update_region` for each, by arrays of the
-        core, which are not checked. ``places`` (n, 4): first row and column, last row and column; ``new``, ``speeds``
-        (N,): of the samples of one rectangle after the other, each row by row."""
-        if self.motion.corrects:
-            start = 0
-            for top, left, bottom, right in places.tolist():
-                shape = bottom - top + 1, right - left + 1
-                end = start + shape[0] * shape[1]
-                self._take(top, left, new[start:end].reshape(shape), None, time, None)
-                start = end
-        elif len(places):
-            self._write(places, new, speeds, time)
-            self.version += len(places)
-            self.revision = next_revision()
-            self._deviation = None
         self._tell_core()
 
     def follow(self, before: MovingHeights, time: float) -> None:
@@ -277,17 +286,10 @@ class MovingHeights(MovingGround):
         self, row: int, column: int, new: NDArray[np.float32], speeds: NDArray[np.float32] | None, time: float
     ) -> None:
         """Store heights of a rectangle that moves, and their velocities if they were given."""
-        high, wide = new.shape
-        place = np.array([[row, column, row + high - 1, column + wide - 1]], np.int64)
-        self._write(place, dense(new), _NO_VELOCITIES if speeds is None else dense(speeds), time)
-
-    def _write(self, places: IntArray, new: NDArray[np.float32], speeds: NDArray[np.float32], time: float) -> None:
-        """Write heights and velocities of rectangles (n, 4), as in `take_rectangles`."""
+        intervals = self.motion.min_interval, self.motion.max_interval
         with self.prints.lifted() if self.prints else nullcontext():
-            CORE.take_rectangles(
-                self.core_reader, places, new.reshape(-1), speeds.reshape(-1), time,
-                (self.motion.min_interval, self.motion.max_interval),
-            )  # fmt: skip
+            given = None if speeds is None else dense(speeds)
+            CORE.take_rectangle(self.core_reader, (row, column), dense(new), given, time, intervals)
 
     def _correct(self, row: int, column: int, known: NDArray[np.float32], time: float) -> None:
         """Store the new estimate of a rectangle of static ground."""

@@ -1,10 +1,12 @@
-"""Maps that replace another one: velocities, corrections and friction with respect to the map before."""
+"""Maps that replace another one: velocities, friction and soil with respect to the map before."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smartmesh_ros.terrain.grid import GridGeometry, overlap
 from smartmesh_ros.terrain.grid_track import cells_moved, follow
@@ -29,26 +31,33 @@ def cells_shared(before: HeightMap, after: HeightMap) -> tuple[int, int] | None:
     return follow(before.track, level, after.time, motion.max_interval, motion.max_velocity)[1]
 
 
-def carry_friction(before: HeightMap, after: HeightMap) -> None:
-    """Give a map whose friction was not given that of the map before it, which it replaces.
+def carry_layers(before: HeightMap, after: HeightMap) -> None:
+    """Give a map whose friction or soil was not given those of the map before it, which it replaces.
 
-    One coefficient for the whole map is that of the new map, too. Coefficients of samples stay with the ground: at
-    their places if the map was scrolled by whole cells, and on the samples of a map that slides. New ground has 1, and
-    so has a map on another grid.
+    One coefficient for the whole map is that of the new map, too. Coefficients and soils of samples stay with the
+    ground: at their places if the map was scrolled by whole cells, and on the samples of a map that slides. New ground
+    has the coefficient 1 and the first soil, and so has a map on another grid.
     """
-    known = before.friction
-    if after.has_friction or not before.has_friction:
-        return
-    if isinstance(known, float):
-        after.friction = known
-        return
+    if before.has_friction and not after.has_friction:
+        friction = before.friction if isinstance(before.friction, float) else _carried(before.friction, before, after)
+        if friction is not None:
+            after.friction = friction
+    if before.soil is not None and after.soil is None:
+        soil = _carried(before.soil, before, after)
+        if soil is not None:
+            after.soil = soil
+
+
+def _carried(layer: NDArray[Any], before: HeightMap, after: HeightMap) -> NDArray[Any] | None:
+    """Return a ``layer`` (rows, columns) of the map ``before`` on the samples of the map ``after``: NaN, or zero, on
+    new ground. None if the maps share no samples."""
     moved = cells_shared(before, after)
     if moved is None:
-        return
-    new, old = overlap(moved, known.shape)
-    friction = np.full(known.shape, np.nan, np.float32)
-    friction[new] = known[old]
-    after.friction = friction
+        return None
+    new, old = overlap(moved, layer.shape)
+    found = np.full(layer.shape, np.nan if layer.dtype.kind == "f" else 0, layer.dtype)
+    found[new] = layer[old]
+    return found
 
 
 def _levelled(before: GridGeometry, after: GridGeometry) -> GridGeometry:

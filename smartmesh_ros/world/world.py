@@ -210,7 +210,7 @@ class World(Population):
         robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
         if any(body.belts for body in snapshot.bodies):
             self.ground.require_belts()
-        self.ground.leave_lost_soil()
+        self.ground.check_soil()
         before = dict(vars(self))
         with undone(lambda: vars(self).update(before)):
             self._refreshes, self._rescues = self.refreshes, self.rescues

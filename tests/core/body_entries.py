@@ -1,4 +1,4 @@
-"""Functions of the core that take tables of bodies, and soil under them."""
+"""Functions of the core that take tables of bodies, and soil."""
 
 from typing import Any
 
@@ -8,9 +8,6 @@ from smartmesh_ros import HeightMap, MotionConfig
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.shapes import SHAPE, ball, box, compound, hull
 from smartmesh_ros.patches.supports import no_supports
-from smartmesh_ros.soil.config import SoilConfig
-from smartmesh_ros.soil.layer import LAYER_SAMPLE
-from smartmesh_ros.soil.soil import FOOT, with_room
 from smartmesh_ros.world.state_table import LIMITS
 from tests.bodies import TETRAHEDRON, shapes_of
 from tests.core.entries import COLUMNS, ROWS, Arguments, Entry, arrays
@@ -73,31 +70,9 @@ def near_any(states: Any, radii: Any, margins: Any, places: Any, speeds: Any, ot
 
 def soil() -> Arguments:
     return {
-        "samples": as_bytes(np.zeros((ROWS, COLUMNS), LAYER_SAMPLE)), "kinds": np.zeros((ROWS, COLUMNS), np.uint8),
-        "soils": np.array([[1e6, 0.0, 1.0, 0.0, 0.5, 0.01, 2e8, 3e4]]),
+        "grid": CORE.Grid(**arrays()), "kinds": np.zeros((ROWS, COLUMNS), np.uint8),
+        "soils": np.array([[1e6, 0.0, 1.0, 0.0, 0.5, 0.01, 2e8, 3e4]]), "spacing": 0.5,
     }  # fmt: skip
-
-
-def feet() -> Any:
-    found = with_room(np.zeros(0, FOOT), 2)
-    for row, place in enumerate(((3.0, 2.0), (9.0, 4.0))):
-        found["shape"][row] = box((0.4, 0.4, 0.4)).record
-        found["state"][row] = (*place, 0.2, 0.0, 0.0, 0.0, 1.0, *(0.0,) * 6)
-    found["force"] = 100.0
-    return found
-
-
-def pressed(some: Any = None) -> Arguments:
-    """Arguments of an update of the soil, which two feet press."""
-    ground = CORE.Grid(**arrays())
-    ground.place(0.0, 0.0, 0.0, 0.0, 0.1)
-    ground.set_motion(1, 25.0, 0.2, 0.0, 0.0)
-    records = as_bytes(feet() if some is None else some)
-    return {"grid": ground, "feet": records, "time": 0.0, "dt": 0.01, "number": 1, "config": SoilConfig()}
-
-
-def press(**given: Any) -> Any:
-    return CORE.Soil(**soil()).update(**given)
 
 
 def above_grid() -> Arguments:
@@ -147,7 +122,6 @@ ENTRIES = {
         lambda: {"content": np.ones(500, np.uint8), "at": 0, "rows": np.zeros((3, 140), np.uint8)},
         written=("rows",), any_shape=("content", "rows"),
     ),
-    "Soil": Entry(CORE.Soil, soil, written=("samples",)),
-    "Soil.update": Entry(press, pressed, written=("feet",), rows=("feet",)),
+    "Soil": Entry(CORE.Soil, soil, rows=("soils",)),
     "shape_above_grid": Entry(CORE.shape_above_grid, above_grid, rows=("points",)),
 }  # fmt: skip

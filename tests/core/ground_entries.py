@@ -104,10 +104,10 @@ ENTRIES = {
         CORE.sample_mesh, vertices, written=("positions", "velocities"), within=(("indices", 12),),
         finite=("time", "ahead"),
     ),
-    "take_rectangles": Entry(CORE.take_rectangles, lambda: {
-        "grid": CORE.Grid(**arrays()), "rectangles": np.array([[0, 0, 1, 2], [68, 127, 69, 129]]),
-        "fresh": floats(12), "given": floats(12), "time": 0.1, "intervals": (0.004, 0.25),
-    }, rows=("given",)),
+    "take_rectangle": Entry(CORE.take_rectangle, lambda: {
+        "grid": CORE.Grid(**arrays()), "first": (67, 126), "fresh": floats(3, 4), "given": floats(3, 4), "time": 0.1,
+        "intervals": (0.004, 0.25),
+    }, optional=("given",)),
     "take_corrected": Entry(CORE.take_corrected, lambda: {
         "grid": corrected(), "first": (67, 126), "known": floats(3, 4), "time": 0.1,
     }, any_shape=("known",)),

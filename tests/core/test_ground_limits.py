@@ -92,7 +92,7 @@ def test_arrays_that_are_no_mesh_are_refused_with_what_is_wrong() -> None:
     reader = mesh.core_reader
     mesh._now[0, 0] = np.inf
     with pytest.raises(ValueError, match="finite"):
-        reader.update()
+        reader.set_motion(1, 25.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -214,19 +214,14 @@ def test_windows_may_be_beyond_a_grid(place: tuple[int, int]) -> None:
 
 
 PLACES = ((-1, 0), (0, -1), (68, 0), (0, 127), (2**62, 0), (0, 2**63 - 1), (-(2**63), 0), (2**64, 0))
-RECTANGLES = (
-    [-1, 0, -1, 5], [0, -1, 0, 4], [70, 0, 70, 5], [0, 125, 0, 130], [0, 5, 0, 0], [5, 0, 0, 5], [0, 0, 2**62, 5],
-    [0, 0, 0, 2**63 - 1], [-(2**63), 0, 0, 5],
-)  # fmt: skip
 LATTICES = ("compare_maps", "moved_as_one")
 
 
 @pytest.mark.parametrize(
     ("entry", "name", "value"),
     [
-        *(("take_rectangles", "rectangles", np.array([place, [0, 0, 0, 5]])) for place in RECTANGLES),
-        *((entry, "first", place) for entry in ("take_corrected", "fuse") for place in PLACES),
-        *((entry, "time", np.nan) for entry in ("take_rectangles", "take_corrected", "move_vertices")),
+        *((entry, "first", place) for entry in ("take_rectangle", "take_corrected", "fuse") for place in PLACES),
+        *((entry, "time", np.nan) for entry in ("take_rectangle", "take_corrected", "move_vertices")),
         ("cast", "origins", np.full((COUNT, 3), 1e10)),
         *(("cast", "directions", np.tile(way, (COUNT, 1))) for way in ((0.0, 0.0, 0.0), (0.0, 0.0, 2.0))),
         *((entry, "stride", s) for entry in LATTICES for s in ((0, 1), (1, 0), (-1, 1), (2**62, 1), (1, 2**62))),
@@ -238,7 +233,7 @@ def test_numbers_that_lead_out_of_a_map_are_refused(entry: str, name: str, value
         call(entry, **{name: value})
 
 
-@pytest.mark.parametrize("entry", ["take_rectangles", "take_corrected", "move_vertices"])
+@pytest.mark.parametrize("entry", ["take_rectangle", "take_corrected", "move_vertices"])
 def test_clocks_that_lead_out_of_an_array_are_refused(entry: str) -> None:
     wrong = [("newest", value) for value in (-1, KEPT, 2**62)]
     for field, value in [*wrong, *(("count", value) for value in (-1, INTERVALS_KEPT + 1, 2**62))]:

@@ -13,7 +13,7 @@ from pybullet_utils.bullet_client import BulletClient
 import smartmesh_ros
 from smartmesh_ros import BodyState, Ground, HeightMap, InputError, Sphere, Terrain, World
 from smartmesh_ros.ground.shapes import Box
-from smartmesh_ros.soil.contact_soil import ContactSoil
+from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.grounds import level
 
@@ -156,7 +156,7 @@ def test_a_copied_world_goes_on_as_its_original() -> None:
 
 def test_soil_is_not_lost_in_a_copy() -> None:
     with World(level(resolution=0.05)) as world:
-        world.ground.set_soil(soil := ContactSoil(world.terrain, "clay"))
+        world.ground.set_soil(soil := Soil(world.terrain, "clay"))
         for whole in (world, world.ground, soil):
             with pytest.raises(InputError, match="soil cannot be copied"):
                 copy.deepcopy(whole)

@@ -18,9 +18,9 @@ from packaging.requirements import Requirement
 
 from tests.newcomer.conftest import LONG, ROOT, copy_of_this
 
-OWN = ("demo", "fleet", "fleet-front", "replay", "rover", "soil", "tune", "view")
+OWN = ("demo", "fleet", "fleet-front", "replay", "rover", "tune", "view")
 CONSTRAINTS = ROOT / "requirements" / "constraints.txt"
-COMMANDS = {"terrain_collider", "terrain_sensor", "terrain_source", *(f"smartmesh-{name}" for name in OWN)}
+COMMANDS = {"smartmesh", "terrain_collider", "terrain_sensor", "terrain_source", *(f"smartmesh-{name}" for name in OWN)}
 FORK, UPSTREAM = "pybullet-arm64", "pybullet"
 MACHINES = [("Linux", "x86_64"), ("Linux", "aarch64"), ("Darwin", "x86_64"), ("Darwin", "arm64"), ("Windows", "AMD64")]
 VERSIONS = ["3.10", "3.11", "3.12", "3.13", "3.14"]

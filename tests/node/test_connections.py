@@ -15,7 +15,6 @@ from smartmesh_msgs.msg import ContactArray, Heightmap, Timing
 from smartmesh_ros.node.endpoints import NAME_TIMEOUT, NAMELESS, UNKNOWN, EndpointNames, incompatible_peers
 from smartmesh_ros.node.fleet.front import Front
 from smartmesh_ros.node.sensor.terrain_sensor import TerrainSensor
-from smartmesh_ros.node.soil.soil_node import SoilNode
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE, use_large_message_profile
 from smartmesh_ros.tools.demo.rover import Rover
@@ -146,7 +145,6 @@ TOPICS = [
     (TerrainCollider, "/terrain_collider/body_states", "/terrain_collider/heightmap"),
     (TerrainSource, "/terrain_collider/heightmap", ""),
     (TerrainSensor, "/terrain_sensor/points", ""),
-    (SoilNode, "/terrain_collider/heightmap_update", "/soil/soils"),
     (Front, "/fleet/timing", "/fleet/node_0/terrain_collider/body_states"),
     (Rover, "/terrain_collider/joint_commands", "/terrain_collider/body_states"),
 ]

@@ -41,9 +41,10 @@ def test_a_map_is_what_was_sent(
     frame_id: str, tile: str, heights: np.ndarray, origin: tuple[float, ...], yaw: float, moving: bool, rubs: str
 ) -> None:
     friction = {"": None, "one": 0.25, "each": 3 * heights}[rubs]
+    soil = None if rubs == "one" else np.arange(heights.size).reshape(heights.shape) % 5
     message = heightmap_message(
         heights, frame_id=frame_id, tile=tile, origin=origin, yaw=yaw, velocities=2 * heights if moving else None,
-        friction=friction,
+        friction=friction, soil=soil,
     )  # fmt: skip
     message.header.stamp.sec, message.header.stamp.nanosec = 12, 34
     new = map_from(serialize_message(message), ROOM)
@@ -59,6 +60,9 @@ def test_a_map_is_what_was_sent(
     assert (new.friction is None) == (friction is None)
     if friction is not None:
         np.testing.assert_array_equal(new.friction, friction)
+    assert (new.soil is None) == (soil is None)
+    if soil is not None:
+        np.testing.assert_array_equal(new.soil, soil)
 
 
 def test_the_arrays_lie_over_the_message() -> None:

@@ -101,7 +101,7 @@ def test_a_signal_ends_a_program_and_the_nodes_that_it_started(
 
 
 @pytest.mark.parametrize(
-    "name", ["fleet_front", "rover", "smartmesh-demo", "smartmesh-fleet", "soil", "terrain_collider", "terrain_sensor"]
+    "name", ["fleet_front", "rover", "smartmesh-demo", "smartmesh-fleet", "terrain_collider", "terrain_sensor"]
 )
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_during_the_imports_ends_every_executable(domain: int, name: str, number: signal.Signals) -> None:
@@ -202,7 +202,6 @@ def test_a_source_may_be_killed_and_started_again(udp_only: None, probe: Probe) 
         ("terrain_collider", "bodies.spawn", ["{id: x}"], "cannot start: bodies.spawn"),
         ("terrain_source", "scene", "ocean", "cannot start: scene is 'ocean'; choose one of waves"),
         ("terrain_sensor", "rate", -1.0, "rate; it must be of type float, 0.01 to 200"),
-        ("soil", "flow", 2.0, "flow; it must be of type float, 0 to 1"),
         ("fleet_front", "spread", "widest", "cannot start: spread is 'widest'; choose one of fewest"),
         ("rover", "listeners", 0, "listeners; it must be of type int, 1 to 100"),
     ],

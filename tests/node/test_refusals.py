@@ -193,9 +193,9 @@ def test_bad_spawns_are_answered_with_what_is_wrong(shared: Probe) -> None:
         ({"terrain.file": "/nowhere/map.npy"}, "there is no file /nowhere/map.npy"),
         ({"raster.origin": [0.0, 0.0]}, "three finite numbers"),
         ({"raster.resolution": 0.0}, "raster.resolution"),
-        ({"soil.type": "porridge"}, "there is no soil 'porridge'"),
-        ({"soil.type": "lunar", "patch.kind": "heightfield"}, "patch.kind"),
-        ({"soil.type": "lunar", "terrain.changes": "correction"}, "terrain.changes"),
+        ({"soil.type": ["lunar", "porridge"]}, "there is no soil 'porridge'"),
+        ({"soil.type": ["lunar"], "patch.kind": "heightfield"}, "patch.kind"),
+        ({"soil.type": ["lunar"], "terrain.changes": "correction"}, "terrain.changes"),
         # Of earlier versions, with what replaces them.
         *[({name: 0.5}, f"{name} is gone: contacts from the map") for name in
           ("patch.tolerance", "patch.edge_filter", "physics.landing")],

@@ -116,9 +116,9 @@ def test_rviz_shows_the_ground_and_the_bodies_and_forgets_them(shared: Probe) ->
         assert (corners[..., 0].min() < body.pose.position.x < corners[..., 0].max()) and (
             corners[..., 1].min() < body.pose.position.y < corners[..., 1].max()
         )
-    shared.call("remove_bodies", RemoveBodies, ids=["pill", "ball"])
+    assert shared.call("remove_bodies", RemoveBodies, ids=["pill", "ball"]).success
     shared.wait_for(lambda: len(display.of("bodies")) == 3)  # the guide goes, too: nobody sends its pose
-    shared.wait_for(lambda: display.without_ground > 30)  # it is at rest, and nobody is new any more
+    shared.wait_for(lambda: display.without_ground > 15)  # it is at rest, and nobody is new any more
 
 
 def test_a_display_is_empty_once_its_node_has_ended(probe: Probe) -> None:

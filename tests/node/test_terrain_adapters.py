@@ -132,7 +132,7 @@ def test_grid_maps_of_both_orders_scroll_with_their_robot(domain: int) -> None:
             lambda: grid_map(surface(x, y) + 9.0, there),
             [
                 ("layer", set_to("layers", ["variance", "height"])),
-                ("geometry", set_to("info.resolution", 0.3)),
+                ("length", set_to("info.resolution", 0.3)),
                 ("geometry", set_to("info.resolution", 0.0)),
                 ("geometry", set_to("info.length_x", math.inf)),
                 ("geometry", set_to("info.pose.position.x", math.nan)),
@@ -146,6 +146,17 @@ def test_grid_maps_of_both_orders_scroll_with_their_robot(domain: int) -> None:
             ],
         )
         assert shows(node, there)
+
+
+@pytest.mark.parametrize("excess", [-0.45, 0.33, 0.499])
+def test_the_length_of_a_grid_map_is_rounded_to_cells(domain: int, excess: float) -> None:
+    """As grid_map does: 8.0 m of 0.06 m, of elevation_mapping_cupy, are 133 cells. The middle stays in the middle."""
+    with fed({**HOLD, "terrain.input": "grid_map"}) as node:
+        message = stamped(node, grid_map(surface(*places()), (1.0, -2.0), start=(5, 3)))
+        for length in ("length_x", "length_y"):
+            setattr(message.info, length, getattr(message.info, length) + excess * message.info.resolution)
+        node.give("grid_map", message)
+        assert shows(node)
 
 
 def test_images_are_placed_by_parameters(domain: int) -> None:

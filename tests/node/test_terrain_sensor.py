@@ -89,7 +89,7 @@ def test_a_depth_camera_agrees_with_its_cloud(shared: Probe) -> None:
         cloud = shared.wait_for(lambda: next((one for one in clouds if one.header.stamp == stamp), None))
         image, info = images[-1], infos[-1]
         assert (image.encoding, image.width, image.height, image.header.frame_id) == (
-            "32FC1", 40, 30, "terrain_sensor_optical",
+            "32FC1", 40, 30, "shared/terrain_sensor_optical",
         )  # fmt: skip
         depths = np.frombuffer(image.data, np.float32).reshape(30, 40).astype(np.float64)
         v, u = np.nonzero(~np.isnan(depths))
@@ -97,7 +97,7 @@ def test_a_depth_camera_agrees_with_its_cloud(shared: Probe) -> None:
         z = depths[v, u]
         optical = np.column_stack([(u - cx) / fx * z, (v - cy) / fy * z, z])
         transform = frames[-1].transforms[0]
-        assert (transform.header.frame_id, transform.child_frame_id) == ("post", "terrain_sensor_optical")
+        assert (transform.header.frame_id, transform.child_frame_id) == ("post", "shared/terrain_sensor_optical")
         q, t = transform.transform.rotation, transform.transform.translation
         projected = optical @ rotation(np.array([q.x, q.y, q.z, q.w])).T + (t.x, t.y, t.z)
         np.testing.assert_allclose(projected, points_of_cloud(cloud), atol=1e-4)

@@ -17,7 +17,7 @@ import yaml
 from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, PointCloud2
 from smartmesh_msgs.srv import QueryGround
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
@@ -25,6 +25,7 @@ from tf2_msgs.msg import TFMessage
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.inputs.adapters import grid_map_raster as raster_from
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.client import command
 from smartmesh_ros.tools.testing import Probe, Process, pose_message
 from tests.grid_maps import grid_map_message
 from tests.launch_files import Recorded, stand_ins
@@ -98,6 +99,38 @@ def test_an_elevation_map_becomes_patches_under_the_robot(probe: Probe, tmp_path
 
             probe.wait_for(patched_under_the_robot, watch=process)
         assert probe.diagnostics("terrain")["message"] == "maps arrive"
+
+
+def commands(language: str, beginning: str) -> list[list[str]]:
+    """The commands of all pages that begin so, as words, without comments; each once."""
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+    found = [block for page in pages for block in blocks(str(page.relative_to(ROOT)), language)]
+    lines = "\n".join(found).replace("\\\n", " ").splitlines()
+    words = [tuple(shlex.split(line, comments=True)) for line in lines if line.startswith(beginning)]
+    return [list(each) for each in dict.fromkeys(words)]
+
+
+def test_the_sensors_of_the_pages_see_the_ground_around_the_robot_of_the_launch(probe: Probe) -> None:
+    """`terrain.launch.py` starts a collider with these bodies."""
+    clouds = probe.listen("/terrain_sensor/points", PointCloud2)
+    found = commands("console", "ros2 run smartmesh_ros terrain_sensor")
+    assert len(found) >= 2
+    with probe.running(
+        "terrain_collider", arguments=["--ros-args", "--params-file", str(ROOT / "config/bodies.yaml"), "--"]
+    ):
+        probe.publish_map(np.zeros((101, 101)), origin=(-5.0, -5.0, 0.0))
+        for words in found:
+            clouds.clear()
+            with Process("terrain_sensor", arguments=words[4:]):
+                probe.wait_for(lambda: any(cloud.width > 100 for cloud in clouds))
+            assert {cloud.header.frame_id for cloud in clouds} == {"husky"}
+
+
+def test_the_pages_commands_of_smartmesh_are_ones() -> None:
+    found = commands("bash", "smartmesh ")
+    assert len(found) >= 5
+    for words in found:
+        command.parser().parse_args(words[1:])
 
 
 def test_the_readmes_publisher_moves_the_ground(probe: Probe) -> None:

@@ -22,6 +22,7 @@ MOTIONS = [
     MotionConfig(), MotionConfig(mode="interpolate"), MotionConfig(noise=0.01), MotionConfig(changes="correction"),
     MotionConfig(changes="correction", noise=0.01),
 ]  # fmt: skip
+CHANGES = ["whole", "region", "press", "show", "friction", "soil", "slide", "scroll"]
 
 
 def heights_of(seed: int) -> np.ndarray:
@@ -43,6 +44,8 @@ def change(ground: Terrain, what: str, time: float) -> None:
         tile.show(time)
     elif what == "friction":
         tile.friction = np.full((ROWS, COLUMNS), 0.01 * (seed % 90))
+    elif what == "soil":
+        tile.soil = np.random.default_rng(seed).integers(0, 9, (ROWS, COLUMNS))
     else:
         moved = tile.geometry.origin[0] + (0.013 if what == "slide" else 0.2)
         new = HeightMap(heights_of(seed), resolution=0.1, origin=(moved, 0.0), time=time, motion=tile.motion)
@@ -51,14 +54,18 @@ def change(ground: Terrain, what: str, time: float) -> None:
 
 def seen(ground: Terrain, time: float) -> list[np.ndarray]:
     points = np.stack(np.meshgrid(np.linspace(-0.2, 2.0, 25), np.linspace(-0.1, 0.9, 12)), axis=-1).reshape(-1, 2)
-    return [*ground.at(points, time), ground.friction_at(points)]
+    soil = ground.tile("").soil
+    return [
+        *ground.at(points, time), ground.friction_at(points),
+        np.empty(0) if soil is None else soil.copy(),
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("how", COPIES)
 @examples(30)
 @given(
     motion=st.sampled_from(MOTIONS),
-    before=st.lists(st.sampled_from(["whole", "region", "press", "show", "friction", "slide", "scroll"]), max_size=6),
+    before=st.lists(st.sampled_from(CHANGES), max_size=6),
     after=st.lists(st.sampled_from(["whole", "region", "press", "show"]), max_size=3),
 )
 def test_a_copied_terrain_is_the_same_and_goes_on_as_its_original(

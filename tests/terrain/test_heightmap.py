@@ -48,29 +48,6 @@ def test_regions_in_place_equal_a_map_built_anew(seed: int, count: int, shape: t
     np.testing.assert_array_equal(heightmap.heights, reference)
 
 
-@examples(40)
-@given(st.integers(0, 10**6), st.integers(0, 5), st.sampled_from([(3, 3), (40, 70), (130, 200)]), st.booleans())
-def test_rectangles_at_once_equal_regions_one_by_one(
-    seed: int, count: int, shape: tuple[int, int], corrects: bool
-) -> None:
-    rng = np.random.default_rng(seed)
-    motion = MotionConfig(changes="correction" if corrects else "motion")
-    at_once, one_by_one = (HeightMap(np.zeros(shape), resolution=1.0, motion=motion) for _ in range(2))
-    for time in (0.02, 0.04):
-        firsts = rng.integers(0, shape, (count, 2))
-        rectangles = np.hstack([firsts, rng.integers(firsts, shape)])
-        sizes = rectangles[:, 2:] - firsts + 1
-        heights, speeds = rng.normal(size=(2, int(sizes.prod(axis=1).sum()))).astype(np.float32)
-        at_once.take_rectangles(rectangles, heights, speeds, time)
-        for first, size, end in zip(firsts, sizes, sizes.prod(axis=1).cumsum(), strict=True):
-            part = slice(end - size.prod(), end)
-            region = heights[part].reshape(size)
-            one_by_one.update_region(*first.tolist(), region, time=time, velocities=speeds[part].reshape(size))
-    every = np.arange(at_once.size)
-    for left, right in zip(at_once.sample(every, 0.05), one_by_one.sample(every, 0.05), strict=True):
-        np.testing.assert_array_equal(left, right)
-
-
 def test_a_given_velocity_is_used_and_holds_for_one_map() -> None:
     rising = np.full((10, 10), 1.5)
     rising[3, 3] = np.nan

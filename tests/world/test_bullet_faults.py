@@ -12,7 +12,7 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, Ground, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
-from smartmesh_ros.soil.contact_soil import ContactSoil
+from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.world.joints import JointCommand
@@ -173,7 +173,7 @@ def test_what_wakes_a_body_is_done_or_has_changed_nothing(faults: Faults, change
     for number in faults.runs():
         with made(after=0.02) as world:
             fall_asleep(world)
-            soil = ContactSoil(world.terrain, "lunar")
+            soil = Soil(world.terrain, "lunar")
             changes = {
                 "surface": lambda: world.drive_surface("box", "", 0.3),
                 "soil": lambda: world.ground.set_soil(soil),  # noqa: B023

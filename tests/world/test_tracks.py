@@ -7,7 +7,6 @@ import pytest
 
 from smartmesh_ros import BodyState, GridGeometry, HeightMap, World
 from smartmesh_ros.scenes.tracks import ground as ramp
-from smartmesh_ros.soil.bodies import BulletBodies
 from smartmesh_ros.soil.soil import Soil
 from tests.grounds import moving
 from tests.tracked import FLAT_TRACKS, LEVEL, NAME, UNDERCARRIAGE, drive, slope, speed, standing, yaw
@@ -68,7 +67,7 @@ def test_it_climbs_20_degrees_with_enough_friction(urdf: str) -> None:
 
 def test_on_soil_it_climbs_20_degrees_and_leaves_ruts() -> None:
     with World(ramp()) as world:
-        soil = Soil(world.terrain, "lete_sand", BulletBodies(world.client, world))
+        world.ground.set_soil(soil := Soil(world.terrain, "lete_sand"))
         world.spawn_robot(NAME, UNDERCARRIAGE, BodyState((5.3, 0.0, 0.0)), on_ground=True, align=True)
         for step in range(720):
             if step == 120:
@@ -76,7 +75,6 @@ def test_on_soil_it_climbs_20_degrees_and_leaves_ruts() -> None:
             if step == 360:
                 before = world.state(NAME).position
             world.step()
-            soil.apply(world.contacts(), world.dt, world.time)
         x, _, z = np.array(world.state(NAME).position) - before
         assert 0.8 * 0.75 < math.hypot(x, z) < 0.75, "slower than its tracks"
         assert math.degrees(math.atan2(z, x)) == pytest.approx(20.0, abs=1.0)

@@ -15,29 +15,33 @@ namespace {
 constexpr int MOST_SLOTS = 1 << 24;
 
 // Soil of a map for the steps of a world; the arrays stay alive with it.
-struct StepSoil {
+struct Soil {
   nb::object grid;
-  Bytes2 kinds;
   Doubles2 soils;
   SoilInStep soil;
 
-  StepSoil(nb::object of, Bytes2 kinds_rc, Doubles2 soils_s, double spacing)
-      : grid(of), kinds(kinds_rc), soils(soils_s), soil(checked(of, kinds_rc, soils_s, spacing), kinds_of(kinds_rc, soils_s), spacing) {}
+  Soil(nb::object of, Bytes2 kinds, Doubles2 soils_s, double spacing)
+      : grid(of), soils(soils_s),
+        soil(checked(of, soils_s, spacing), {reinterpret_cast<const SoilType*>(soils_s.data()), static_cast<int>(soils_s.shape(0))},
+             spacing) {
+    set_kinds(kinds);
+  }
 
-  StepSoil(const StepSoil&) = delete;
+  Soil(const Soil&) = delete;
 
-  static const HeightGrid& checked(nb::handle of, const Bytes2& kinds, const Doubles2& soils, double spacing) {
+  static const HeightGrid& checked(nb::handle of, const Doubles2& soils, double spacing) {
     const HeightGrid& map = nb::cast<Grid&>(of).grid;
-    if (kinds.shape(0) != static_cast<std::size_t>(map.rows) || kinds.shape(1) != static_cast<std::size_t>(map.columns))
-      throw std::invalid_argument("kinds must have the rows and columns of the grid");
     if (soils.shape(0) < 1 || soils.shape(0) > 255 || soils.shape(1) * sizeof(double) != sizeof(SoilType))
       throw std::invalid_argument("soils must have the shape (S, 8), with 1 to 255 soils");
     check_alignment(soils.data(), sizeof(double));
     if (!(spacing > 0.0 && map.resolution / spacing < 1000.0)) throw std::invalid_argument("the spacing is out of its range");
     return map;
   }
-  static SoilKinds kinds_of(const Bytes2& kinds, const Doubles2& soils) {
-    return {kinds.data(), reinterpret_cast<const SoilType*>(soils.data()), static_cast<int>(soils.shape(0))};
+  // Takes which soil each sample of the map is (rows, columns).
+  void set_kinds(Bytes2 kinds) {
+    const HeightGrid& map = soil.lattice.map();
+    check_table(kinds, static_cast<std::size_t>(map.rows), static_cast<std::size_t>(map.columns), "kinds");
+    soil.lattice.set_kinds(kinds.data());
   }
   // Returns the rows and columns (n, 2), and the heights (n,) of the samples of the map that were pressed.
   auto take_pressed() {
@@ -50,7 +54,8 @@ struct StepSoil {
   }
   // Writes how far the ground of each sample of the map was pressed (rows, columns) [m].
   void sinkage(States found) {
-    check_table(found, kinds.shape(0), kinds.shape(1), "sinkage");
+    const HeightGrid& map = soil.lattice.map();
+    check_table(found, static_cast<std::size_t>(map.rows), static_cast<std::size_t>(map.columns), "sinkage");
     soil.lattice.read_sinkage(found.data());
   }
 };
@@ -108,7 +113,7 @@ struct Ground {
   }
   void set_tiles(nb::list parts) { tiles = set_tiles_of(world().surface, parts); }
   void set_soil(nb::object of) {
-    world().soil = of.is_none() ? nullptr : &nb::cast<StepSoil&>(of).soil;
+    world().soil = of.is_none() ? nullptr : &nb::cast<Soil&>(of).soil;
     world().wake_all();
     soil = of;
   }
@@ -188,15 +193,16 @@ struct Ground {
 
 void add_ground(nb::module_& m) {
   m.def("shapes_of", &shapes_of, "number"_a, "body"_a);
-  nb::class_<StepSoil>(m, "StepSoil")
+  nb::class_<Soil>(m, "Soil")
       .def(nb::init<nb::object, Bytes2, Doubles2, double>(), "grid"_a, "kinds"_a.noconvert(), "soils"_a.noconvert(),
            "spacing"_a)
-      .def("take_pressed", &StepSoil::take_pressed)
-      .def("sinkage", &StepSoil::sinkage, "found"_a.noconvert())
+      .def("set_kinds", &Soil::set_kinds, "kinds"_a.noconvert())
+      .def("take_pressed", &Soil::take_pressed)
+      .def("sinkage", &Soil::sinkage, "found"_a.noconvert())
       .def_prop_rw(
-          "sinks_by_slip", [](const StepSoil& s) { return s.soil.lattice.sinks_by_slip; },
-          [](StepSoil& s, bool on) { s.soil.lattice.sinks_by_slip = on; })
-      .def("reset", [](StepSoil& s) { s.soil.lattice.reset(); });
+          "sinks_by_slip", [](const Soil& s) { return s.soil.lattice.sinks_by_slip; },
+          [](Soil& s, bool on) { s.soil.lattice.sinks_by_slip = on; })
+      .def("reset", [](Soil& s) { s.soil.lattice.reset(); });
   nb::class_<Ground>(m, "Ground")
       .def("set_soil", &Ground::set_soil, "soil"_a.none())
       .def("on_soil", &Ground::on_soil, "slot"_a)

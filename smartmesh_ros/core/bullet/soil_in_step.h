@@ -47,7 +47,7 @@ struct OnSoil {
 
 class SoilInStep {
  public:
-  SoilInStep(const HeightGrid& map, const SoilKinds& kinds, double spacing) : lattice(map, kinds, spacing) {}
+  SoilInStep(const HeightGrid& map, const Soils& soils, double spacing) : lattice(map, soils, spacing) {}
 
   SoilLattice lattice;
 

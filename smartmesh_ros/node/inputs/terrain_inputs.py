@@ -80,11 +80,11 @@ class TerrainInputs:
         if self._overtaken("heightmap", new.start):
             return
         with self._ingesting(new.start) as placed:
-            if new.geometry is None:
+            raster = new.raster
+            if raster is None:
                 self._terrain.remove(tile)
                 self._checks.forget(tile)
             else:
-                raster = Raster(new.geometry, new.heights, friction=new.friction)
                 self._take_map(tile, raster, new.velocities, placed)
 
     def _on_raster(self, convert: Callable[..., Any], message: Any) -> None:
@@ -189,12 +189,15 @@ class TerrainInputs:
             require_name(tile)
             clock = self._clocks.get(tile) or StampClock()
             longest = session.settings.motion.max_interval
-            placed = clock.place(stamp, session.clock_now(), session.time_at, longest if update else 0.0, longest)
+            placed = clock.place(
+                stamp, session.clock_now(), session.time_at, longest if update else 0.0, longest, session.pacer.pace
+            )
             # Else the motion of the source during a stall of the loop would count as fast motion of the ground, and so
             # would a jump of its clock.
             lost = longest if placed.fresh else placed.lost
-            if lost and tile in self._terrain.tiles:
-                self._terrain.tiles[tile].shift_time(-lost)
+            if (known := self._terrain.tiles.get(tile)) is not None and lost:
+                # What is blended in must not move into the future; it has no velocity.
+                known.shift_time(-max(lost, 0.0) if known.motion.corrects else -lost)
             yield placed
             session.note_clock(f"terrain, tile {tile!r}" if tile else "terrain", placed)
             clock.accept(placed)
@@ -230,17 +233,20 @@ def take_map(
     """Puts a map of ``time`` [s] into the terrain.
 
     A map on the same grid replaces the heights of the last one, unless it is older, by its source's clock. If the grid
-    moved, samples that both grids share keep their velocities. The ground keeps its friction, unless the raster has
-    another. On `InputError` the terrain is unchanged.
+    moved, samples that both grids share keep their velocities. The ground keeps its friction and its soil, unless the
+    raster has others. On `InputError` the terrain is unchanged.
     """
-    geometry, heights, variances, friction = raster
+    geometry, heights, variances, friction, soil = raster
+    if soil is not None and settings.soil and soil.max() >= len(settings.soil):
+        last = len(settings.soil) - 1
+        raise InputError("soil", f"soils are up to {soil.max()}; they must be places in soil.type, 0 to {last}")
     known = terrain.tiles.get(tile)
     if isinstance(known, HeightMap) and known.geometry == geometry and time >= known.time:
-        known.replace(heights, time=time, velocities=velocities, variance=variances, friction=friction)
+        known.replace(heights, time=time, velocities=velocities, variance=variances, friction=friction, soil=soil)
         return
     require_tile_fits(tile, geometry.size, terrain, settings)
     new = HeightMap(
-        heights, geometry=geometry, time=time, velocities=velocities, variance=variances, friction=friction,
+        heights, geometry=geometry, time=time, velocities=velocities, variance=variances, friction=friction, soil=soil,
         motion=settings.motion,
     )  # fmt: skip
     require_usable(settings.world.patch, new, exact=False)

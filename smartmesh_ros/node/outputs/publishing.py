@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, NamedTuple
 
 from nav_msgs.msg import Odometry
@@ -24,16 +25,17 @@ from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.node.fleet.peers import PeerBodies
+from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.node.outputs.body_outputs import BodyDescriptions, ScanOutput
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
 from smartmesh_ros.node.outputs.scene_outputs import RobotModel, SceneMarkers
+from smartmesh_ros.node.outputs.soil_outputs import sinkage_message, update_message
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.node.soil.soil_messages import update_message
-from smartmesh_ros.soil.contact_soil import ContactSoil
+from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.world.states import SimulatedStates
 
 # Outputs that show patches. They are published only after the patches were refreshed.
@@ -138,6 +140,10 @@ class Publishing:
             "pressed_ground": self._output(HeightmapUpdate, "~/pressed_ground", self._make_pressed_ground),
             "scene": self._output(MarkerArray, "~/scene", self._make_scene),
         }
+        grid_map = find_message("grid_map_msgs", "GridMap")
+        if grid_map is not None:
+            self._outputs["sinkage"] = self._output(grid_map, "~/sinkage", partial(self._make_sinkage, grid_map))
+        self._sunk = -1  # revision of the map in the last message on ~/sinkage
         self._robot_model = RobotModel(session)
         self._scans = [ScanOutput(session, entry, self._qos) for entry in session.settings.height_scans]
         ends: list[Any] = [self._descriptions, self._robot_model, *self._scans, *self._outputs.values()]
@@ -151,7 +157,7 @@ class Publishing:
         self._handled = 0  # messages and calls at the last time
         self._served = dict.fromkeys(self._outputs, 0)  # numbers of subscribers of the last messages
         self._timing_window = Window(session)
-        self._audiences = {name: Audience(self._now) for name in (*PATCH_OUTPUTS, "pressed_ground", "scene")}
+        self._audiences = {name: Audience(self._now) for name in (*PATCH_OUTPUTS, "pressed_ground", "sinkage", "scene")}
         self._shown = dict.fromkeys(PATCH_OUTPUTS, -1)  # the number of refreshes at the last message
 
     def publish(self, *, now: bool = False, idle: bool = False) -> None:
@@ -264,11 +270,21 @@ class Publishing:
         """Return the message of what changed in the soil, if any did."""
         world, everything = self._world, self._needs_all("pressed_ground")
         soil = world.ground.soil
-        region = soil.changes(world.time, everything=everything) if isinstance(soil, ContactSoil) else None
+        region = soil.changes(world.time, everything=everything) if isinstance(soil, Soil) else None
         return [] if region is None else [update_message(self._header(), "", region)]
 
+    def _make_sinkage(self, kind: Any) -> list[Any]:
+        """Return the grid map of the soil, if it changed or somebody is new."""
+        soil, everything = self._world.ground.soil, self._needs_all("sinkage")
+        if not isinstance(soil, Soil):
+            return []
+        shown, self._sunk = self._sunk, soil.map.revision
+        if shown == soil.map.revision and not (everything and self._audiences["sinkage"].new):
+            return []
+        return [sinkage_message(kind, self._header(), soil)]
+
     def _make_scene(self) -> bytes:
-        return self._scene.write(self._header(), clear=self._needs_all("scene") and self._audiences["scene"].new)
+        return self._scene.write(self._header(), clear=self._needs_all("scene"))
 
     def _make_timing(self) -> Timing:
         length, factor, misses = self._timing_window.read()

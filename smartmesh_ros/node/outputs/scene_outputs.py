@@ -70,7 +70,8 @@ class SceneMarkers:
         self._due = 0.0
 
     def write(self, header: Header, *, clear: bool) -> bytes:
-        """Return the MarkerArray. ``clear``: first delete all markers of before, such as those of a node that ended."""
+        """Return the MarkerArray. ``clear``: first delete all markers of before, such as those of a node that ended, or
+        whose end a subscriber missed."""
         message, stamp, frame = self._message, stamp_fields(header), header.frame_id
         message.start("markers", MarkerArray)
         if clear:

@@ -113,6 +113,22 @@ def checked_value(spec: Spec, value: Any) -> Any:
     return items if many else items[0]
 
 
+def number_value(spec: Spec, value: Any) -> Any:
+    """Return the number, or the list of numbers, that a text for such a parameter says; other values as they are.
+
+    `ros2 param load` sends 1.0e-09 of a file as the text 1e-09, which is no number of YAML 1.1.
+    """
+    if _kind(spec) is not float or not isinstance(value, str):
+        return value
+    try:
+        numbers = [float(word) for word in value.strip("[] ").split(",")]
+    except ValueError:
+        return value
+    if isinstance(spec.default, list):
+        return numbers
+    return numbers[0] if len(numbers) == 1 else value
+
+
 def _kind(spec: Spec) -> type:
     """Return the type of a parameter's value, or of the entries of a list."""
     return type(next(iter(spec.default), "")) if isinstance(spec.default, list) else type(spec.default)
@@ -228,7 +244,12 @@ class ParameterNode(Node):
         self.values = checked(current_values(self, specs), specs)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Set parameters like rclpy, with refusals that say what would be right."""
+        """Set parameters like rclpy, with refusals that say what would be right, and numbers that are given as text."""
+        specs = {spec.name: spec for spec in self._specs}
+        parameter_list = [
+            Parameter(one.name, value=number_value(specs[one.name], one.value)) if one.name in specs else one
+            for one in parameter_list
+        ]
         for name in (parameter.name for parameter in parameter_list):
             if reason := self._objection(name):
                 return SetParametersResult(successful=False, reason=reason)

@@ -21,7 +21,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
-from smartmesh_ros.soil.soils import soil_named
+from smartmesh_ros.soil.soils import soils_from
 from smartmesh_ros.terrain.height_scan import HeightScan
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.world import WorldConfig
@@ -189,6 +189,11 @@ class PublishRates:
         return self.patches
 
     @property
+    def sinkage(self) -> float:
+        """The whole map is published once a second at most."""
+        return min(self.patches, 1.0)
+
+    @property
     def scene(self) -> float:
         """The scene is published with the patches."""
         return self.patches
@@ -214,7 +219,8 @@ class Settings:
     max_samples: int = 16_384**2
     input: str = "heightmap"
     file: str = ""
-    soil: str = ""
+    soil: tuple[str, ...] = ()
+    slip_sinkage: bool = True
     most_bodies: int = 10_000
     command_timeout: float = 0.5
     urdf_folders: tuple[str, ...] = ()
@@ -240,7 +246,7 @@ class Settings:
     def __post_init__(self) -> None:
         if not self.soil:
             return
-        soil_named(self.soil)
+        soils_from(self.soil)
         if self.world.patch.kind != "auto":
             raise InputError("parameter", "soil.type needs contacts from the map: set patch.kind to auto")
         if self.motion.corrects:

@@ -113,8 +113,13 @@ SPECS = (
     _fixed("terrain.file", "Terrain at start: a .npy, .png, .tif or .asc file; empty = none.", place="file"),
     _param("terrain.friction_layer", "Layer of a grid map that holds the ground's coefficients of friction, by which "
         "those of bodies are multiplied (NaN = 1); empty = none.", place="raster.friction_layer"),
-    _param("soil.type", "Soil that bodies stand on where the first tile is a height map, by its name in docs/soil.md; "
-        "empty = none.", place="soil"),
+    _param("soil.type", "Soils that bodies stand on where the first tile is a height map, by their names in "
+        "docs/soil.md; empty = none. The field soil of a map says which one each sample is; by default the first.",
+        place="soil"),
+    _param("soil.slip_sinkage", "Wheels that slip dig themselves in. false: for robots that turn by the slip of their "
+        "wheels, which dig in until they turn no more.", place="slip_sinkage"),
+    _param("soil.layer", "Layer of a grid map that holds the places of soils in soil.type, from 0 on (NaN = 0); empty "
+        "= none.", place="raster.soil_layer"),
     _param("raster.layer", "Layer of a grid map that holds the heights."),
     _param("raster.variance_layer", "Layer of a grid map that holds the variances of the heights [m^2], which weight "
         "their fusion; empty = none, use terrain.noise."),
@@ -153,7 +158,8 @@ SPECS = (
         "~/robot_description, if any."),
     _fixed("robot.start", "Name of that robot and where it starts, a YAML mapping as of bodies.spawn: {id: rover, "
         "xy: [0, 0], yaw: 0, above: 0.5}, or clearance and align in place of above."),
-    _param("publish.patches", "Rate of ~/patches and ~/pressed_ground [Hz]; 0 = never.", 0.0, 1000.0),
+    _param("publish.patches", "Rate of ~/patches and ~/pressed_ground, and of ~/sinkage up to 1 Hz [Hz]; 0 = never.",
+        0.0, 1000.0),
     _param("publish.collider_patches", "Rate of ~/collider_patches [Hz].", 0.0, 1000.0),
     _param("publish.body_states", "Rate of ~/body_states [Hz].", 0.0, 1000.0),
     _param("publish.contacts", "Rate of ~/contacts [Hz].", 0.0, 1000.0),

@@ -102,7 +102,7 @@ class TerrainSensor(ParameterNode):
         self._empty = 0  # looks without a return, one after the other
         self._client = self.create_client(CastRays, "terrain_collider/cast_rays")
         self._points = self.create_publisher(PointCloud2, "~/points", QoSProfile(depth=5))
-        self._optical = f"{self.get_name()}_optical"
+        self._optical = f"{self.get_fully_qualified_name().strip('/')}_optical"
         if isinstance(self.sensor, DepthCamera):
             self._image = self.create_publisher(Image, "~/image", QoSProfile(depth=5))
             self._info = self.create_publisher(CameraInfo, "~/camera_info", QoSProfile(depth=5))

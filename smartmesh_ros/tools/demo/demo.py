@@ -121,14 +121,16 @@ class Demo:
         return next(str(pair.value) for pair in self.remote.tasks[task].values if pair.key == key)
 
     def line(self) -> str:
-        """Return numbers of bodies and patches, real-time factor and stage times in one line."""
+        """Return numbers of bodies and patches, the time of a step and the real-time factor in one line."""
         _, timing = self.remote.timings[-1]
-        stages = "  ".join(f"{stage.stage} {stage.p50_us:.0f}" for stage in timing.stages)
+        step = next((stage.p50_us for stage in timing.stages if stage.stage == "total"), 0.0)
         bodies, shown = len(self.remote.sight.poses), len(self.remote.sight.patches)
-        return (
-            f"bodies {bodies}  patches {shown}  real-time {timing.real_time_factor:.2f}  "
-            f"missed {timing.deadline_misses}  lost {self.lost()}  put back {self.put_back()}  | us: {stages}"
-        )
+        words = [
+            f"{bodies} bodies", f"{shown} patches", f"a step takes {1e-3 * step:.2f} ms",
+            f"real-time factor {timing.real_time_factor:.2f}",
+        ]  # fmt: skip
+        counts = {"deadlines missed": timing.deadline_misses, "lost": self.lost(), "put back": self.put_back()}
+        return ", ".join([*words, *(f"{count} {what}" for what, count in counts.items() if count)])
 
     def _spawn(self, name: str, x: float, y: float, clearance: float, **what: Any) -> None:
         request = SpawnBody.Request(id=name, mass=5.0, on_ground=True, clearance=clearance, **what)
@@ -196,9 +198,9 @@ def main(args: list[str] | None = None) -> None:
     try:
         with isolated_unless_chosen():
             frames, lost, counts = run(options.seconds)
-        print("drawing ...", flush=True)
-        for path in demo_pictures.draw(frames, options.out):
-            print(f"wrote {path}")
+        print("drawing a picture, a strip and a clip, which takes up to a minute", flush=True)
+        for path in demo_pictures.draw(frames, options.out, say=lambda words: print(words, flush=True)):
+            print(f"wrote {path}", flush=True)
     except KeyboardInterrupt:
         sys.exit("demo was interrupted")
     if lost:

@@ -6,6 +6,7 @@ The view uses only the node's topics and services, so the node may run on anothe
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from contextlib import closing, nullcontext
 from time import monotonic
@@ -17,6 +18,9 @@ from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.tools.client.remote import Remote
 from smartmesh_ros.tools.demo.demo import demo_running
+
+# Time after which the view says that its node is not there [s].
+PATIENCE = 3.0
 
 
 def main(args: list[str] | None = None) -> None:
@@ -45,7 +49,12 @@ def main(args: list[str] | None = None) -> None:
         ):
             print(f"{remote.name} is shown at {page.url}", flush=True)
             due = monotonic()
+            patience = due + PATIENCE
             while not stop.asked:
+                if monotonic() > patience:
+                    patience = math.inf
+                    if remote.missing:
+                        print(f"{remote.missing}; waiting for it (--node names another)", file=sys.stderr, flush=True)
                 remote.spin(max(due - monotonic(), 0.0))
                 due = max(due + 1.0 / options.rate, monotonic())
                 page.refresh()
