@@ -68,12 +68,16 @@ class SoilLattice {
   // next step.
   std::vector<PressedNode> take_pressed();
   // Writes how far the ground of each sample of the map was pressed, where bodies have been [m].
-  void read_sinkage(double* sinkage);
+  void read_sinkage(double* sinkage) const;
   void reset();
 
  private:
   static constexpr int SIDE_SHIFT = 4, SIDE = 1 << SIDE_SHIFT;
   using Block = std::array<FineSample, SIDE * SIDE>;
+  // First and last rows and columns.
+  struct Around {
+    int top, left, bottom, right;
+  };
 
   std::int64_t node_index(int row, int column) const { return static_cast<std::int64_t>(row) * map_.columns + column; }
   float mapped(int row, int column) const { return map_.heights[map_.index(row, column)]; }
@@ -82,8 +86,12 @@ class SoilLattice {
   std::size_t nearest(int row, int column) const;
   // Returns true if the sample stays pressed.
   bool renew(int row, int column, std::int32_t last);
+  // Returns a fine sample, null if it was never looked at.
+  const FineSample* find(int row, int column) const;
+  // Returns the fine samples around a sample of the map.
+  Around around(int node_row, int node_column) const;
   // Returns the mean sinkage around a sample of the map [m].
-  double mean_around(int node_row, int node_column);
+  double mean_around(int node_row, int node_column) const;
 
   const HeightGrid& map_;
   Soils soils_;

@@ -80,7 +80,7 @@ class TriangleMesh(MovingGround):
         self.version = state["version"]
         for array, kept in zip(self._moving, state["moving"], strict=True):
             array[...] = kept
-        self.core_reader.update()
+        self._tell_core()
 
     @property
     def _moving(self) -> tuple[NDArray[Any], ...]:

@@ -117,7 +117,7 @@ def test_each_state_has_its_own_stamp_and_rates_count_simulated_time(
     monkeypatch.setattr(transform_outputs, "LISTENING_TIME", 0.0)
     parameters = {
         "use_sim_time": True, "physics.gravity": [0.0, 0.0, 0.0], "frame_id": "map", "publish.body_states": 50.0,
-        "publish.odometry": 1000.0, "publish.joint_states": 1000.0, "publish.tf": 20.0,
+        "publish.joint_states": 1000.0, "publish.tf": 20.0,
     }  # fmt: skip
     kinds = {"body_states": TrackedBodyArray, "odometry": Odometry, "joint_states": JointState, "/tf": TFMessage}
     with fed(parameters) as node:

@@ -139,7 +139,7 @@ def test_every_node_runs_without_a_folder_for_logs(
         monkeypatch.delenv(variable, raising=False)
     if home:
         monkeypatch.setenv("HOME", home)
-    nodes = {name: name for name in ("soil", "terrain_collider", "terrain_sensor", "terrain_source")}
+    nodes = {name: name for name in ("terrain_collider", "terrain_sensor", "terrain_source")}
     nodes["fleet_front"] = "fleet"
     with contextlib.ExitStack() as stack:
         running = [stack.enter_context(Process(name)) for name in nodes]

@@ -200,7 +200,7 @@ def test_bad_spawns_are_answered_with_what_is_wrong(shared: Probe) -> None:
         *[({name: 0.5}, f"{name} is gone: contacts from the map") for name in
           ("patch.tolerance", "patch.edge_filter", "physics.landing")],
         ({"bodies.longest_name": 20}, "at most 256 characters"),
-        ({"bodies.longest_urdf": 20}, "at most 10000000 bytes"),
+        ({"bodies.longest_urdf": 20}, "at most 10,000,000 bytes"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused_at_the_start(domain: int, parameters: dict[str, Any], words: str) -> None:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from smartmesh_ros import BodyState, PhysicsConfig, World, WorldConfig
@@ -67,6 +67,7 @@ def test_a_joint_that_may_be_faster_than_pybullet_lets_it_by_itself_is() -> None
     assert velocities(arm(limit(400.0)), JointCommand(velocity=300.0))[-1] == pytest.approx(300.0)
 
 
+@settings(max_examples=20)
 @given(st.floats(0.0, 3.0), st.floats(0.0, 8.0), st.sampled_from([-1.0, 1.0]))
 def test_friction_brakes_a_free_joint_as_coulomb_says(friction: float, speed: float, sign: float) -> None:
     found = velocities(arm(f'<dynamics friction="{friction}"/>'), JointCommand(), speed=sign * speed)
@@ -94,6 +95,7 @@ def test_friction_hinders_what_drives_a_joint_and_helps_what_stops_it(
     assert found[-1] - speed == pytest.approx(0.5 * net / MOMENT, rel=0.01, abs=0.01)
 
 
+@settings(max_examples=30)
 @given(st.floats(-3.0, 4.0), st.floats(-4.0, 1.0), st.sampled_from([60.0, 240.0, 1000.0]))
 def test_damping_never_diverges_and_is_exact_where_steps_bear_it(
     log_damping: float, log_moment: float, rate: float

@@ -158,8 +158,8 @@ SPECS = (
         "~/robot_description, if any."),
     _fixed("robot.start", "Name of that robot and where it starts, a YAML mapping as of bodies.spawn: {id: rover, "
         "xy: [0, 0], yaw: 0, above: 0.5}, or clearance and align in place of above."),
-    _param("publish.patches", "Rate of ~/patches and ~/pressed_ground, and of ~/sinkage up to 1 Hz [Hz]; 0 = never.",
-        0.0, 1000.0),
+    _param("publish.patches", "Rate of ~/patches, ~/scene and ~/pressed_ground, and of ~/sinkage up to 1 Hz [Hz]; "
+        "0 = never.", 0.0, 1000.0),
     _param("publish.collider_patches", "Rate of ~/collider_patches [Hz].", 0.0, 1000.0),
     _param("publish.body_states", "Rate of ~/body_states [Hz].", 0.0, 1000.0),
     _param("publish.contacts", "Rate of ~/contacts [Hz].", 0.0, 1000.0),
@@ -169,9 +169,9 @@ SPECS = (
         "topic.", place="marker_namespace"),
     _param("publish.clock", "Rate of /clock, which carries simulated time [Hz]; 0 = never.", 0.0, 10_000.0),
     _param("publish.joint_states", "Rate of ~/joint_states, ~/odometry and ~/contact_wrenches [Hz].", 0.0, 1000.0),
-    _fixed("publish.robot_prefix", "Joints and frames of every robot are named <robot>/<name>. false: those of the "
-        "first robot have the names of its URDF, as robot_state_publisher expects. Names do not change while their "
-        "robot is there.", place="robot_prefix"),
+    _fixed("publish.robot_prefix", "Joints and frames of every robot are named <robot>/<name>. false: a robot has the "
+        "names of its URDF, as robot_state_publisher expects, unless another has one of them already. Names do not "
+        "change while their robot is there.", place="robot_prefix"),
     _param("publish.tf", "Rate of the frames of simulated bodies and robots on /tf [Hz]; 0 = never. Frames that other "
         "nodes publish are left out.", 0.0, 1000.0),
     _fixed("simulation_interfaces", "Serve the standard services of simulation_interfaces."),

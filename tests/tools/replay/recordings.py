@@ -36,7 +36,7 @@ ORIGIN = (-0.5 * (SIDE - 1) * CELL, -0.5 * (SIDE - 1) * CELL, 0.0)
 X, Y = np.meshgrid(ORIGIN[0] + CELL * np.arange(SIDE), ORIGIN[1] + CELL * np.arange(SIDE))
 HUSKY = str(Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf")
 WHEELS = [f"{place}_wheel" for place in ("front_left", "front_right", "rear_left", "rear_right")]
-SHAPES = ("{shape: sphere, size: [0.12]", "{shape: box, size: [0.3, 0.2, 0.15]", "{shape: capsule, size: [0.1, 0.2]")
+SHAPES = ("{shape: sphere, size: [0.12]", "{shape: box, size: [0.3, 0.2, 0.15]", "{shape: capsule, size: [0.2, 0.1]")
 
 
 def bodies(count: int = 6) -> list[str]:
@@ -134,8 +134,8 @@ def robot() -> Iterator[Message]:
 
 
 def soil() -> Iterator[Message]:
-    """Bodies and a described robot on loam that sinks a little with each map."""
-    yield a_map(0.02 * np.sin(3.0 * X), 0.0)
+    """Bodies and a described robot on loam beside softer soil, in which they leave prints."""
+    yield a_map(0.02 * np.sin(3.0 * X), 0.0, soil=X > 0.3)
     yield "robot_description", BEGIN + 0.02, String(data=Path(HUSKY).read_text())
     for time in every(0.1, 0.8):
         yield "joint_commands", BEGIN + 0.1 + time, JointState(name=WHEELS, velocity=[5.0] * 4)
@@ -206,7 +206,7 @@ RECORDINGS: dict[str, tuple[dict[str, Any], Callable[[], Iterator[Message]]]] = 
     "scrolling": ({"bodies.spawn": bodies(5), "height_scans": ["{body: thing_0, noise: 0.01}"]}, scrolling),
     "tiles": ({"bodies.spawn": bodies(8)}, tiles),
     "robot": ({"bodies.spawn": [f"{{id: husky, urdf: {HUSKY}, xy: [0, 0], above: 0.3}}", *bodies(3)]}, robot),
-    "soil": ({"soil.type": "sandy_loam", "bodies.spawn": bodies(3)}, soil),
+    "soil": ({"soil.type": ["sandy_loam", "lunar"], "bodies.spawn": bodies(3)}, soil),
     "tracks": ({"bodies.spawn": [f"{{id: machine, urdf: {tracks.robot_file()}, xy: [0, 0]}}"]}, driven_tracks),
     "tracked": (
         {"bodies.poses": ["arm=/pose"], "bodies.frames": ["tool"], "bodies.spawn": bodies(7), "publish.tf": 20.0},

@@ -20,15 +20,18 @@ from std_msgs.msg import Header
 from std_srvs.srv import SetBool, Trigger
 from tf2_msgs.msg import TFMessage
 
+from smartmesh_ros import Soil
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.io.rasters import RasterConfig
+from smartmesh_ros.node.inputs.adapters import grid_map_raster
 from smartmesh_ros.node.outputs.cdr import bytes_of
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import bags, heightmap_message, pose_message, replay
 from tests.node.shared import made_with
-from tests.tools.replay.recordings import BEGIN, RECORDINGS, Message, digest_of, in_order
+from tests.tools.replay.recordings import BEGIN, RECORDINGS, Message, X, digest_of, in_order
 
 __all__ = ["replay"]
 
@@ -97,6 +100,22 @@ def test_outputs_change_nothing_and_are_of_the_right_time(replay: Make) -> None:
     for message in kept.received("timing"):  # of this machine there is nothing
         assert [stage.max_us for stage in message.stages] == pytest.approx([0.0] * len(message.stages), abs=1.0)
     assert len(kept.received("contacts")) == pytest.approx(30 * kept.time, abs=2)
+
+
+def test_prints_in_soils_by_place_come_with_a_replay(replay: Make) -> None:
+    messages, parameters = in_order("soil"), RECORDINGS["soil"][0]
+    alone, kept = (replay(messages, parameters, keep=keep) for keep in ((), ("sinkage", "pressed_ground", "scene")))
+    alone.run(1.2), kept.run(1.2)
+    assert alone.digest == kept.digest
+    soil = kept.world.ground.soil
+    assert isinstance(soil, Soil) and soil.map.soil is not None
+    np.testing.assert_array_equal(soil.map.soil, X > 0.3)
+    assert kept.received("scene")
+    update = kept.received("pressed_ground")[-1]
+    known = soil.map.heights[update.y : update.y + update.height, update.x : update.x + update.width]
+    np.testing.assert_allclose(np.reshape(update.heights, (update.height, update.width)), known, atol=1e-3)
+    shown = grid_map_raster(kept.received("sinkage")[-1], RasterConfig(layer="sinkage"), X.size).heights
+    assert 0.0 < shown.max() <= soil.sinkage().max() + 1e-6
 
 
 def test_a_ball_falls_as_it_must(replay: Make) -> None:

@@ -50,7 +50,7 @@ def test_what_is_better_is_chosen_and_said() -> None:
 
 
 def test_a_limit_that_nobody_asked_for_is_named_with_its_value() -> None:
-    found = result(Asked(budget=0.1), figures(cost=0.09, hover=5e-3), figures(cost=0.5))
+    found = result(Asked(budget=0.1), figures(cost=0.09, hover=6e-3), figures(cost=0.5))
     said = "\n".join(closing_lines(found))
     assert not found.keeps and "NOT POSSIBLE" in parameter_file(found)
     assert "Not possible here: cost at most 0.1 of a core" in said

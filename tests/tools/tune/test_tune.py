@@ -1,6 +1,7 @@
 """The measure is right, the command goes from its beginning to its file, and the node loads what it writes."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,13 @@ SPAWN = [
     "{id: crate, shape: box, size: [0.3, 0.2, 0.2], mass: 2.0, xy: [-1.0, 0.5], above: 0.2, yaw: 0.4}",
 ]
 MAP = "/terrain_collider/heightmap"
+
+
+@pytest.fixture
+def probe(domain: int) -> Iterator[Probe]:
+    """A probe in a namespace of its own: a node of the same name that another test left behind would be warned of."""
+    with Probe(namespace="tuned") as made:
+        yield made
 
 
 @pytest.fixture
