@@ -98,7 +98,7 @@ struct Grid {
   Array<float, 2> heights, offsets, rates;
   Array<float, 3> velocities;
   Array<std::uint8_t, 3> clocks;
-  std::optional<Floats2> friction;
+  std::optional<Floats2> friction, variances;
 
   Grid(Array<float, 2> heights_rc, Array<float, 3> velocities_krc, Array<float, 2> offsets_rc, Array<float, 2> rates_rc,
        Array<std::uint8_t, 3> clocks_rc)
@@ -156,6 +156,12 @@ struct Grid {
     grid.friction = samples ? samples->data() : nullptr;
     grid.uniform_friction = uniform;
     ++grid.revision;
+  }
+  // Sets the variances of fused heights (rows, columns) [m^2]; none = they are exact.
+  void set_variances(std::optional<Floats2> samples) {
+    if (samples) check_table(*samples, heights.shape(0), heights.shape(1), "variances");
+    variances = samples;
+    grid.variances = samples ? samples->data() : nullptr;
   }
   void set_motion(int mode, double max_velocity, double settle, double noise, double smoothing) {
     grid.mode = mode_of(mode);

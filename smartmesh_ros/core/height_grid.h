@@ -63,7 +63,8 @@ struct Sample {
 // `max_velocity` [m/s], `settle` [s]: see MotionConfig in terrain/motion.py. `noise` [m]: standard deviation of the heights
 // for the estimation of velocities. `smoothing` [map intervals]: see MotionConfig. `shown` [s]: instant up to which the
 // ground was shown to bodies, infinity before; corrections are blended in up to then. `friction` (rows,
-// columns): coefficient of each sample, NaN = 1; null: `uniform_friction` everywhere.
+// columns): coefficient of each sample, NaN = 1; null: `uniform_friction` everywhere. `variances` (rows, columns) [m^2]: of
+// fused heights; null: exact.
 struct HeightGrid {
   const float* heights = nullptr;
   const float* velocities = nullptr;
@@ -71,6 +72,7 @@ struct HeightGrid {
   const float* rates = nullptr;
   const Clock* clocks = nullptr;
   const float* friction = nullptr;
+  const float* variances = nullptr;
   double uniform_friction = 1.0;
   int rows = 0, columns = 0, block_columns = 0;
   double x = 0.0, y = 0.0, z = 0.0, yaw = 0.0, resolution = 1.0;

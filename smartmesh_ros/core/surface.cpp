@@ -98,20 +98,26 @@ bool Surface::moves(double time) const {
          std::any_of(meshes_.begin(), meshes_.end(), [&](const MeshSurface* mesh) { return mesh->moves(time); });
 }
 
-void Surface::ground_under(const Bounds& bounds, double time, std::vector<double>& found) {
+void Surface::ground_under(const Bounds& bounds, double time, GroundUnder& found) {
   found.clear();
   const Bounds grown = with_gaps(bounds);
-  for (const HeightGrid* grid : tiles_) {
-    const CellRange cells = cells_under(*grid, time, grown);
-    if (cells.empty()) continue;
-    read_window(*grid, cells, time, 0.0, window_);
-    for (double height : window_.heights) found.push_back(std::isnan(height) ? 1e300 : height);
-    for (int row = cells.top; row <= cells.bottom; ++row)
-      for (int column = cells.left; column <= cells.right; ++column) found.push_back(grid->friction_of(row, column));
-  }
+  for (const HeightGrid* grid : tiles_) add_ground_under(*grid, time, grown, found);
   Patch near;
   gather_meshes(bounds, time, 0.0, Everything{}, near);
-  for (const Vec3& p : near.points) found.insert(found.end(), {p.x, p.y, p.z});
+  for (const Vec3& p : near.points) found.vertices.insert(found.vertices.end(), {p.x, p.y, p.z});
+}
+
+void Surface::blocks_under(const Bounds& bounds, double time, std::vector<BlockUnder>& found) const {
+  found.clear();
+  const Bounds grown = with_gaps(bounds);
+  for (const HeightGrid* grid : tiles_) add_blocks_under(*grid, time, grown, found);
+}
+
+Updates Surface::updates_of(const std::vector<BlockUnder>& blocks, double time) const {
+  Updates found;
+  for (const BlockUnder& block : blocks) found.add(block, time);
+  for (const MeshSurface* mesh : meshes_) found.count += mesh->revision, found.moves |= mesh->moves(time);
+  return found;
 }
 
 void Surface::gather_meshes(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch) {

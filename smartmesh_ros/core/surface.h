@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "ground_under.h"
 #include "mesh_reader.h"
 #include "patch.h"
 #include "tile_reader.h"
@@ -70,9 +71,12 @@ class Surface {
   bool has_friction() const;
   // Returns true if any ground may move at `time` [s].
   bool moves(double time) const;
-  // Writes heights and friction of the samples inside `bounds` at `time` [s], and the coordinates of the vertices of facets
-  // there.
-  void ground_under(const Bounds& bounds, double time, std::vector<double>& found);
+  // Finds the ground inside `bounds` at `time` [s], and the blocks of samples there, which are known until the surface gets
+  // other tiles.
+  void ground_under(const Bounds& bounds, double time, GroundUnder& found);
+  void blocks_under(const Bounds& bounds, double time, std::vector<BlockUnder>& found) const;
+  // Returns the updates so far of some blocks, and of all meshes.
+  Updates updates_of(const std::vector<BlockUnder>& blocks, double time) const;
 
  private:
   double widest_cell() const;

@@ -296,4 +296,4 @@ class World(Population):
             self.ground.go_on(self.time, self.dt)
 
     def _let_sleep(self) -> None:
-        self.ground.let_sleep(self._may_sleep if self.config.physics.sleep else None, self.config.sleep)
+        self.ground.let_sleep((lambda _: True) if self.config.physics.sleep else None, self.config.sleep)

@@ -54,7 +54,7 @@ def test_rollers_keep_their_speed_and_roll_straight(shape: Shape, speed: float) 
     ("kind", "height", "drop", "speed", "turn"),
     [
         *(("auto", height, drop, 1e-4, 1e-3) for height, drop in ((0.3, 0.25), (0.3, 0.002), (0.05, 0.25))),
-        *((kind, 0.3, 0.25, 5e-3, 5e-2) for kind in ("trimesh", "prisms")),
+        *((kind, 0.3, 0.25, 1e-2, 7e-2) for kind in ("trimesh", "prisms")),
     ],
 )
 def test_a_standing_cylinder_comes_to_rest(

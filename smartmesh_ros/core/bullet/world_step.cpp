@@ -31,13 +31,25 @@ double mass_of(const btCollisionObject& object) {
 
 void BulletWorld::before_step() {
   if (world_ == nullptr) return;
+  stepping_ = true;
   told_.clear();
+  place_proxies();
+}
+
+void BulletWorld::before_query() {
+  if (!stepping_) place_proxies();
+}
+
+void BulletWorld::place_proxies() {
   find_objects();
-  for (Slot& slot : slots_)
-    if (slot.used && slot.ground != nullptr) place(slot);
+  wake_disturbed();
+  list_slots();
+  for (int k : awake_)
+    if (slots_[k].ground != nullptr) place(slots_[k]);
 }
 
 void BulletWorld::after_step() {
+  stepping_ = false;
   if (world_ == nullptr) return;
   duration = world_->getDispatchInfo().m_timeStep;
   time += duration;
@@ -45,13 +57,14 @@ void BulletWorld::after_step() {
   press_soil();
   for (const TruePoint& point : told_) restore(point);
   told_.clear();
+  note_rest();
 }
 
 void BulletWorld::press_soil() {
   if (soil == nullptr) return;
   for (Slot& slot : slots_) {
     if (slot.on_soil.empty() || slot.object == nullptr || slot.ground == nullptr) continue;
-    if (!slot.enabled || !slot.object->isActive()) continue;
+    if (!slot.object->isActive()) continue;
     read_velocity(slot);
     soil->press(on_soil(slot, duration), slot.on_soil);
   }
@@ -85,12 +98,11 @@ void BulletWorld::place(Slot& slot) {
   ground.setAngularVelocity(btVector3(0, 0, 0));
   slot.shape->low = slot.shape->high = btVector3(0, 0, 0);
   ground.forceActivationState(ISLAND_SLEEPING);  // Bullet wakes whatever lies on a kinematic body that is awake
-  if (slot.object == nullptr || !slot.enabled) return;
-  if (slot.belt.speed != 0.0) wake(slot);  // PyBullet would let it sleep while it creeps
+  if (slot.object == nullptr) return;
+  if (slot.belt.speed != 0.0) stir(slot);  // PyBullet would let it sleep while it creeps
   const btTransform& pose = slot.object->getWorldTransform();
   btVector3 low, high;
   slot.object->getCollisionShape()->getAabb(pose, low, high);
-  if (keeps_asleep(slot, low, high)) return;
   read_velocity(slot);
   const Vec3 at = from_bullet(pose.getOrigin());
   if (!std::isfinite(at.x + at.y + at.z + norm2(slot.linear) + norm2(slot.angular))) return;
@@ -116,32 +128,7 @@ void BulletWorld::place(Slot& slot) {
   ground.setInterpolationWorldTransform(foot);
   ground.setLinearVelocity(to_bullet(near.velocity));
   ground.setAngularVelocity(to_bullet(slot.turning));
-  if (moved > 0.0) wake(slot);
-}
-
-// Returns true if PyBullet put a body to sleep and the ground under it is what it fell asleep on; wakes it otherwise.
-bool BulletWorld::keeps_asleep(Slot& slot, const btVector3& low, const btVector3& high) {
-  if (slot.object->isActive()) {
-    slot.slept_on.clear();
-    slot.slept_at = -1;
-    return false;
-  }
-  if (slot.held) return true;
-  const bool moves = surface.moves(time);
-  if (!moves && slot.slept_at == surface.revision()) return true;
-  slot.slept_at = surface.revision();
-  std::vector<double> ground;
-  surface.ground_under({from_bullet(low), from_bullet(high)}, time, ground);
-  const bool same = slot.slept_on.empty() || slot.slept_on == ground;
-  if (slot.slept_on.empty()) slot.slept_on = ground;
-  if (same) return true;
-  wake(slot);
-  return false;
-}
-
-void BulletWorld::wake(const Slot& slot) {
-  if (auto* collider = btMultiBodyLinkCollider::upcast(slot.object)) collider->m_multiBody->wakeUp();
-  slot.object->activate();
+  if (moved > 0.0) stir(slot);
 }
 
 const Convex* BulletWorld::convex_of_part(Slot& slot, const btCollisionShape& shape) {
@@ -158,7 +145,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
     return;
   }
   Slot& slot = slots_[found->second];
-  if (slot.object != body.getCollisionObject() || !slot.enabled) {
+  if (slot.object != body.getCollisionObject()) {
     manifold.setNumContacts(0);
     return;
   }
