@@ -13,6 +13,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/tuple.h>
 
+#include "step_lock.h"
 #include "surface.h"
 
 namespace smartmesh {
@@ -117,14 +118,17 @@ struct Grid {
     if (!(resolution > 0.0 && std::isfinite(resolution)))
       throw std::invalid_argument("the resolution must be above zero and finite");
     if (!std::isfinite(x + y + z + yaw)) throw std::invalid_argument("the place of a grid must be finite");
+    const StepLock lock;
     grid.x = x, grid.y = y, grid.z = z, grid.yaw = yaw, grid.resolution = resolution;
   }
   void move(double time, double interval, double x, double y, double spin) {
     if (!std::isfinite(time + interval + x + y + spin)) throw std::invalid_argument("the motion of a grid must be finite");
+    const StepLock lock;
     grid.track = {time, interval, x, y, spin};
   }
   void show(double instant) {
     if (std::isnan(instant)) throw std::invalid_argument("the instant shown must be a number");
+    const StepLock lock;
     grid.show(instant);
   }
   // Sets the coefficient of friction of each sample (rows, columns), or a `uniform` one.
@@ -133,12 +137,14 @@ struct Grid {
     if (samples && (samples->shape(0) != heights.shape(0) || samples->shape(1) != heights.shape(1)))
       throw std::invalid_argument("friction must have the shape of heights");
     if (samples) check_alignment(samples->data(), sizeof(float));
-    friction = samples;
-    grid.friction = samples ? samples->data() : nullptr;
+    const StepLock lock;
+    std::swap(friction, samples);  // the one before goes after the lock
+    grid.friction = friction ? friction->data() : nullptr;
     grid.uniform_friction = uniform;
     ++grid.revision;
   }
   void set_motion(int mode, double max_velocity, double settle, double noise, double shown) {
+    const StepLock lock;
     grid.mode = mode_of(mode);
     grid.max_velocity = max_velocity, grid.settle = settle, grid.noise = noise, grid.shown = shown;
     ++grid.revision;
@@ -181,9 +187,11 @@ struct Mesh {
   void update() {
     for (std::size_t k = 0; k < now.size(); ++k)
       if (!std::isfinite(now.data()[k])) throw std::invalid_argument("vertices must be finite numbers");
+    const StepLock lock;
     surface.update();
   }
   void set_motion(int mode, double max_velocity) {
+    const StepLock lock;
     surface.mode = mode_of(mode), surface.max_velocity = max_velocity;
     surface.update();
   }
@@ -200,6 +208,7 @@ inline nb::list set_tiles_of(Surface& surface, const nb::list& tiles) {
     else grids.push_back(&nb::cast<Grid&>(tile).grid);
     kept.append(tile);
   }
+  const StepLock lock;
   surface.set_tiles(grids, meshes);
   return kept;
 }

@@ -88,6 +88,7 @@ void take_rectangles(Heights heights, Velocities velocities, Clocks clocks, Whol
   finite(time, "the time");
   const auto [least, most] = intervals;
   std::ptrdiff_t start = 0;
+  const StepLock lock;
   for (const Region& place : rectangles_of(rectangles, map, fresh.size())) {
     take_heights(map, place, {fresh.data() + start, given.size() == 0 ? nullptr : given.data() + start, time},
                  {least, most});
@@ -109,6 +110,7 @@ void correct(Heights heights, Heights offsets, Clocks clocks, Pair first, Floats
   const Region place = {row, column, row + high, column + wide};
   check_clocks(map, place);
   map.offsets = offsets.data();
+  const StepLock lock;
   take_corrected(map, place, {known.data(), finite(time, "the time"), shown, settle});
 }
 

@@ -146,6 +146,7 @@ class Ground(AttachedBodies):
         if not contacts.exact:
             self._require_usable(self.config)
         contacts.refresh(sleeping.stopping)
+        self._draw(time)
         self._stale = False
 
     def leave_lost_soil(self) -> None:
@@ -158,9 +159,14 @@ class Ground(AttachedBodies):
         """Go on from the last `update` for a further step of ``dt`` [s] from ``time`` [s] on. Wakes sleeping bodies
         that something may touch in this step. Returns True if it needed an `update`."""
         if not (self._stale or self._must_update(time, dt)):
+            self._draw(time)
             return False
         self.update(time, dt, self._steps)
         return True
+
+    def _draw(self, time: float) -> None:
+        if self._shown is not None:
+            self._shown.refresh(time)
 
     def _must_update(self, time: float, dt: float) -> bool:
         followers, contacts = self.followers, self.contacts

@@ -1,4 +1,4 @@
-"""Contacts straight from the map, in DIRECT clients.
+"""Contacts straight from the map.
 
 Each attached body or link has a ground proxy: a PyBullet body that stands for the ground near it. The C++ core, loaded
 into PyBullet as a plugin, works out the contacts of the two from height maps and meshes, in each ``stepSimulation``.
@@ -16,6 +16,8 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.followers import Follower, Followers
+from smartmesh_ros.ground.layout_probe import misread, number_of
+from smartmesh_ros.ground.shown_ground import FAR_AWAY, ShownGround
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -44,53 +46,29 @@ class SoilSupport(NamedTuple):
     carried: float
 
 
-# What the names of the plugin's functions end with.
-POSTFIX = "_smartmesh"
-
-
-# Pose and velocities of a body that is read both ways: (x, y, z) [m], quaternion (x, y, z, w), [m/s], [rad/s].
-PROBE = ((1.0, -2.0, 3.0), (0.6, 0.0, 0.0, 0.8), (0.1, 0.2, -0.3), (-0.4, 0.5, 0.6))
+# Kinds of clients whose server runs in another process, whose memory the core does not see.
+ELSEWHERE = (pb.SHARED_MEMORY, pb.UDP, pb.TCP)
 
 
 def missing_for(client: Any) -> str:
     """Return why a client cannot have ground proxies, empty if it can."""
     if not hasattr(CORE, "Ground"):
         return "the core is built without Bullet's headers"
-    method = client.getConnectionInfo().get("connectionMethod")
-    if method != pb.DIRECT:
-        return "the PyBullet client is not a DIRECT one"
-    plugin = client.loadPlugin(CORE.__file__, POSTFIX)
-    if plugin < 0:
+    if wrong := misread():
+        return f"the core was built for another PyBullet: the two differ in {wrong}"
+    if client.getConnectionInfo().get("connectionMethod") in ELSEWHERE:
+        return "the PyBullet server of this client runs in another process"
+    if number_of(client) < 0:
         return f"this PyBullet does not load the core {CORE.__file__}"
-    return "" if _reads_as_pybullet(client, plugin) else "the core was built for another PyBullet"
+    return ""
 
 
-def ground_in(client: Any, plugin: int) -> Any:
+def ground_in(client: Any) -> Any:
     """Return the core's ground in a client; raises `InputError` if the client has one already."""
     try:
-        return CORE.Ground(client.executePluginCommand(plugin, "number", []))
+        return CORE.Ground(number_of(client))
     except RuntimeError as error:
         raise InputError("client", str(error)) from None
-
-
-def _reads_as_pybullet(client: Any, plugin: int) -> bool:
-    """Return True if the core finds in Bullet's memory what PyBullet reports of a rigid body and a multibody."""
-    core, found = ground_in(client, plugin), np.zeros((2, 13))
-    try:
-        shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=0.1)
-        for slot in range(2):
-            body = client.createMultiBody(
-                1.0, shape, basePosition=PROBE[0], baseOrientation=PROBE[1], useMaximalCoordinates=slot
-            )
-            with undone(lambda: client.removeBody(body)):  # noqa: B023
-                client.resetBaseVelocity(body, PROBE[2], PROBE[3])
-                core.attach(slot, body, -1, -1)
-                core.read(np.full(1, slot), found)
-                core.detach(slot)
-                client.removeBody(body)
-    finally:
-        core.release()
-    return np.allclose(found, np.concatenate(PROBE), rtol=0.0, atol=1e-9)
 
 
 class MapContacts:
@@ -103,7 +81,7 @@ class MapContacts:
         self._client = client
         self._followers = followers
         self._terrain = terrain
-        self._core = ground_in(client, client.loadPlugin(CORE.__file__, POSTFIX))
+        self._core = ground_in(client)
         self._uids: dict[int, int] = {}  # of the proxies, by slot
         self._shape: int | None = None
         self._visual: int | None = None
@@ -154,6 +132,10 @@ class MapContacts:
         """Move the surface of a follower by its belt."""
         self._core.drive(follower.slot, follower.belt.axis, follower.belt.speed)
 
+    def shown(self, rate: float) -> ShownGround:
+        """Return the ground as PyBullet draws it and its rays meet it, not drawn yet."""
+        return ShownGround(self._client, self._core, self._terrain, rate)
+
     def set_soil(self, soil: Any) -> None:
         """Take contacts from a core's soil where its map is; None = from the map itself."""
         self.require_client()
@@ -168,10 +150,17 @@ class MapContacts:
         self.require_client()
         self._core.time, self._core.duration = time, dt
 
+    @property
+    def time(self) -> float:
+        """Time [s] at the start of the next step."""
+        return float(self._core.time)
+
     def require_client(self) -> None:
-        """Raise `InputError` if the client was reset or closed."""
+        """Raise `InputError` if the client was reset or closed, and PyBullet's error if a step failed in the core."""
         if not self._core.is_there:
             raise InputError("client", "the PyBullet client was reset or closed: close this ground, and make another")
+        if fault := self._core.take_fault():
+            raise pb.error(f"in a step of PyBullet a body had no contacts with the ground: {fault}")
 
     def read(self, states: FloatArray, dt: float) -> None:
         """Read the awake followers into ``states`` (S, 13), and note their places before a step of ``dt`` [s]."""
@@ -203,8 +192,8 @@ class MapContacts:
         client = self._client
         if self._shape is None or self._visual is None:
             self._shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=1e-3)
-            self._visual = client.createVisualShape(pb.GEOM_BOX, halfExtents=[1e-3] * 3)
-        uid = int(client.createMultiBody(0.0, self._shape, self._visual, useMaximalCoordinates=1))
+            self._visual = client.createVisualShape(pb.GEOM_BOX, halfExtents=[0.0] * 3)  # so that no picture has it
+        uid = int(client.createMultiBody(0.0, self._shape, self._visual, FAR_AWAY, useMaximalCoordinates=1))
         # PyBullet multiplies the coefficients of the two bodies, so 1 leaves the body's own coefficients in effect.
         with undone(lambda: client.removeBody(uid)):
             client.changeDynamics(uid, -1, lateralFriction=1.0, restitution=1.0)

@@ -5,7 +5,6 @@
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
-#include "ground_algorithm.h"
 #include "link_motion.h"
 
 // Bullet's own library, which defines this, exports nothing.
@@ -29,6 +28,14 @@ bool is_of(const btCollisionObject& object, int body, int link) {
 
 }  // namespace
 
+BulletWorld::BulletWorld(WorldPlace place) : place_(place) { look(); }
+
+void BulletWorld::look() {
+  btDiscreteDynamicsWorld* now = *place_;
+  // A new world may lie where the one before was; its dispatcher does not know the ground.
+  if (now != world_ || (now != nullptr && !algorithms_.are_in(*now))) enter(now);
+}
+
 void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   world_ = world;
   soil = nullptr;
@@ -37,7 +44,16 @@ void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   slots_.clear();
   roles_.clear();
   slot_of_ground_.clear();
-  if (world != nullptr) register_algorithm(*world, this);
+  if (world != nullptr) algorithms_.enter(*world);
+}
+
+bool BulletWorld::leave() {
+  look();
+  if (world_ == nullptr) return true;
+  release();
+  untouchable_.leave(*world_);
+  world_ = nullptr;
+  return false;
 }
 
 btCollisionObject* BulletWorld::find(int body, int link) const {
@@ -74,7 +90,7 @@ bool BulletWorld::attach(int index, int body, int link, int proxy) {
   roles_of(body).push_back({index, false});
   if (ground == nullptr) return true;
   roles_of(proxy).push_back({index, true});
-  slot.shape = std::make_unique<GroundShape>(&surface, &time);
+  slot.shape = std::make_unique<GroundShape>(this);
   slot_of_ground_[slot.shape.get()] = index;
   slot.shape_before = ground->getCollisionShape();
   ground->setCollisionShape(slot.shape.get());
@@ -107,6 +123,12 @@ void BulletWorld::enable(int index, bool enabled) {
   const btVector3 away(index, 0.0, -FAR_AWAY);
   world_->getBroadphase()->setAabb(bounds, away, away, world_->getDispatcher());
   world_->getPairCache()->removeOverlappingPairsContainingProxy(bounds, world_->getDispatcher());
+}
+
+bool BulletWorld::keep_apart(int body) {
+  btCollisionObject* object = find(body, -1);
+  if (object != nullptr) untouchable_.keep_apart(*world_, *object);
+  return object != nullptr;
 }
 
 void BulletWorld::drive(int index, const Belt& belt) {

@@ -1,18 +1,23 @@
 // The ground in one Bullet world: a ground proxy for each attached body or link, and its contacts.
 #pragma once
 
+#include <exception>
 #include <memory>
 #include <optional>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include <BulletDynamics/Dynamics/btDiscreteDynamicsWorld.h>
 
 #include "contact_search.h"
+#include "ground_algorithm.h"
 #include "ground_shape.h"
 #include "manifold.h"
+#include "server_world.h"
 #include "soil_in_step.h"
 #include "solid.h"
+#include "untouchable.h"
 
 class btMultiBody;
 
@@ -44,6 +49,13 @@ struct Slot {
   SoilParts on_soil;  // by their shapes
 };
 
+// What the ground reads of a world's solver: `duration` [s] of the last step, shares of a penetration and of a friction
+// anchor's distance that a step corrects, and the penetration [m] that is left.
+struct SolverSettings {
+  Vec3 gravity;
+  double duration, erp, friction_erp, slop;
+};
+
 class BulletWorld {
  public:
   Surface surface;
@@ -52,9 +64,14 @@ class BulletWorld {
   double margin = 0.001;  // distance up to which contacts are found beside the motion of a step [m]
   bool carry_velocity = true;
 
-  // Called by the plugin when PyBullet makes a world, at the start and at `resetSimulation`.
-  void enter(btDiscreteDynamicsWorld* world);
-  void leave() { world_ = nullptr; }
+  // Finds its Bullet world at a `place` of the server's memory.
+  explicit BulletWorld(WorldPlace place);
+  BulletWorld(const BulletWorld&) = delete;
+
+  // Takes the world that the server has now. Call it before anything else that is done from outside.
+  void look();
+  // Leaves the world for good. False if the world lives on, whose pairs then still name this object.
+  bool leave();
   // Detaches all bodies and forgets the tiles, which may go.
   void release();
   bool alive() const { return world_ != nullptr; }
@@ -69,6 +86,9 @@ class BulletWorld {
   void enable(int slot, bool enabled);
   // Sets whether a body that sleeps in PyBullet is left to sleep when its ground changes.
   void hold(int slot, bool held) { slots_[slot].held = held; }
+
+  // Lets nothing touch a body from now on, which rays still meet; false if PyBullet has no such body.
+  bool keep_apart(int body);
 
   // Moves the surface of the body in a slot, which wakes the body if it sleeps in PyBullet.
   void drive(int slot, const Belt& belt);
@@ -87,10 +107,27 @@ class BulletWorld {
   // Places the proxies under their bodies, before a step of the world.
   void before_step();
   void after_step();
+  bool stepping = false;  // true from before to after a step
+
+  // Runs what Bullet calls. An exception must not pass through PyBullet: it is kept for `take_fault`.
+  template <class Action>
+  void guarded(Action&& action) noexcept {
+    try {
+      action();
+    } catch (...) {
+      fault_ = std::current_exception();
+    }
+  }
+  // Returns the last exception since the call before; null if there was none.
+  std::exception_ptr take_fault() { return std::exchange(fault_, nullptr); }
 
   // Finds the contacts of a body's shape with the ground of its proxy.
   void touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground, btPersistentManifold& manifold,
              double duration);
+
+  // For a check of the memory's layout: what is read of the solver, and of the contacts of a slot in the last step.
+  SolverSettings settings() const;
+  std::vector<OldContact> contacts_of(int slot);
 
   bool owned = false;    // by a ground of Python
   SoilInStep* soil = nullptr;  // belongs to Python; null = none
@@ -101,6 +138,7 @@ class BulletWorld {
     int slot;
     bool is_proxy;
   };
+  void enter(btDiscreteDynamicsWorld* world);
   std::vector<Role>& roles_of(int body);
   btCollisionObject* find(int body, int link) const;
   void read_velocity(Slot& slot) const;
@@ -121,8 +159,12 @@ class BulletWorld {
   // Returns the body in a slot as the soil sees it now, in a step of some duration [s].
   OnSoil on_soil(const Slot& slot, double step) const;
 
+  WorldPlace place_;
+  GroundAlgorithms algorithms_{this};
+  UntouchableFilter untouchable_;
   btDiscreteDynamicsWorld* world_ = nullptr;
   int worlds_ = 0;
+  std::exception_ptr fault_;
   std::vector<Slot> slots_;
   std::vector<std::vector<Role>> roles_;  // by PyBullet body
   std::unordered_map<const btCollisionShape*, int> slot_of_ground_;
@@ -131,7 +173,8 @@ class BulletWorld {
   ContactSearch search_;
 };
 
-// Returns the world with the number that the plugin's command gave; null if its client was disconnected.
+// Returns the world with the number that the plugin's command gave; null if its client was disconnected, or its server runs
+// in another process.
 BulletWorld* world_of(int number);
 
 }  // namespace smartmesh

@@ -33,7 +33,7 @@ void BulletWorld::before_step() {
   if (world_ == nullptr) return;
   find_objects();
   for (Slot& slot : slots_)
-    if (slot.used && slot.ground != nullptr) place(slot);
+    if (slot.used && slot.ground != nullptr) guarded([&] { place(slot); });
 }
 
 void BulletWorld::after_step() {
@@ -154,8 +154,9 @@ void BulletWorld::wake(const Slot& slot) {
 }
 
 const Convex* BulletWorld::convex_of_part(Slot& slot, const btCollisionShape& shape) {
-  const auto [known, is_new] = slot.shapes.try_emplace(&shape);
-  if (is_new) known->second = convex_of(static_cast<const btConvexShape&>(shape));
+  auto known = slot.shapes.find(&shape);
+  if (known == slot.shapes.end())
+    known = slot.shapes.emplace(&shape, convex_of(static_cast<const btConvexShape&>(shape))).first;
   return known->second ? &*known->second : nullptr;
 }
 

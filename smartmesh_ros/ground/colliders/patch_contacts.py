@@ -11,9 +11,10 @@ import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.ground.bullet import BulletCalls, undone
-from smartmesh_ros.ground.colliders.made import Field, MeshCollider, make_field, make_mesh, quarter_turn
+from smartmesh_ros.ground.colliders.made import Field, MeshCollider, make_field, make_mesh
 from smartmesh_ros.ground.colliders.whole_mesh import WholeMesh
 from smartmesh_ros.ground.followers import Follower, Followers
+from smartmesh_ros.ground.height_field import quarter_turn
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig, is_mesh, is_whole
