@@ -89,10 +89,10 @@ def in_real_time(client: Any) -> tuple[int, bytes]:
     them."""
     scene = Scene(client)
     client.setRealTimeSimulation(1)
-    while scene.ground.contacts.time < 0.2:
+    while scene.ground.clock < 0.2:
         client.getNumBodies()
     client.setRealTimeSimulation(0)
-    return round(scene.ground.contacts.time / DT), scene.states()
+    return round(scene.ground.clock / DT), scene.states()
 
 
 def by_steps(client: Any, steps: int) -> bytes:

@@ -198,7 +198,7 @@ class AttachedBodies:
         if self._shown is None:
             self._shown = contacts.shown(rate)
         self._shown.rate = rate
-        self._shown.draw(contacts.time)
+        self._shown.draw(self.clock)
 
     def hide(self) -> None:
         """Remove what `show` draws."""
@@ -237,6 +237,12 @@ class AttachedBodies:
             for name, found in parts.items()
             if len(found)
         }
+
+    @property
+    def clock(self) -> float:
+        """Time [s] at the start of the next step. PyBullet's steps advance it, whoever calls them; with colliders of
+        PyBullet's own it is that of the last update."""
+        return self.contacts.time
 
     @property
     def exact(self) -> bool:

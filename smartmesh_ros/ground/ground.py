@@ -82,9 +82,9 @@ FASTEST_RESCUED = 5.0
 class Ground(AttachedBodies):
     """The deforming terrain as ground of the attached bodies of a PyBullet world.
 
-    Contacts come from the map itself. Where that is impossible, because the client is not a DIRECT one, the C++ core
-    was built without Bullet's headers, or ``config.kind`` asks for it, each body has a small collider of PyBullet's own
-    instead; ``no_proxies`` tells why, empty if contacts can come from the map.
+    Contacts come from the map itself. Where that is impossible, because the client's server runs in another process,
+    the C++ core was built without Bullet's headers, or ``config.kind`` asks for it, each body has a small collider of
+    PyBullet's own instead; ``no_proxies`` tells why, empty if contacts can come from the map.
 
     ``client`` is a connected `pybullet_utils.bullet_client.BulletClient` or the module ``pybullet`` itself. `attach`
     bodies, and call `step` in place of ``stepSimulation``. If you call ``stepSimulation`` yourself, contacts come from

@@ -79,7 +79,7 @@ class ShownGround:
 
     def draw(self, time: float) -> None:
         """Draw the tiles that have changed, as they are at ``time`` [s]."""
-        tiles = self._terrain.tiles
+        self._core.drawn, tiles = True, self._terrain.tiles
         for name in list(self._tiles):
             if name not in tiles or not _fits(self._tiles[name], tiles[name]):
                 self._remove(name)
@@ -97,9 +97,12 @@ class ShownGround:
         self._drawn = time
 
     def close(self) -> None:
-        """Remove the tiles."""
-        for name in list(self._tiles):
-            self._remove(name)
+        """Remove the tiles, unless the client was reset or closed."""
+        if self._core.is_there:
+            for name in list(self._tiles):
+                self._remove(name)
+            self._core.drawn = False
+        self._tiles.clear()
 
     def _draw_map(self, name: str, heightmap: HeightMap, time: float) -> None:
         geometry, client = heightmap.geometry, self._client

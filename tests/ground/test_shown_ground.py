@@ -174,6 +174,8 @@ def test_what_cannot_be_shown_is_refused(client: Any) -> None:
     client.resetSimulation()
     with pytest.raises(InputError, match="make another"):
         ground.show()
+    ground.close()
+    assert not ground.shown
 
 
 def test_a_restored_world_shows_its_ground() -> None:

@@ -21,6 +21,10 @@ Run = Callable[..., Any]
 PATIENCE = 120.0
 
 
+def _set(environment: dict[str, str]) -> None:
+    os.environ |= environment
+
+
 @cache
 def _window() -> Any:
     """The window of this process. It draws pictures alone, because a step waits for what else it draws."""
@@ -50,7 +54,7 @@ def in_window() -> Iterator[Run]:
             number = numbers.readline().strip()
         assert number, "Xvfb has not started"
         environment = {"DISPLAY": f":{number}", "LIBGL_ALWAYS_SOFTWARE": "1"}
-        with ProcessPoolExecutor(1, get_context("spawn"), os.environ.update, (environment,)) as process:
+        with ProcessPoolExecutor(1, get_context("spawn"), _set, (environment,)) as process:
             yield lambda function, *args: process.submit(_call, function, *args).result(PATIENCE)
         display.terminate()
 

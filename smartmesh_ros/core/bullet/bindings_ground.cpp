@@ -249,6 +249,7 @@ void add_ground(nb::module_& m) {
   add_number<&BulletWorld::time>(ground, "time");
   add_number<&BulletWorld::duration>(ground, "duration");
   add_number<&BulletWorld::margin>(ground, "margin");
+  add_number<&BulletWorld::drawn>(ground, "drawn");
   add_number<&BulletWorld::carry_velocity>(ground, "carry_velocity");
 }
 

@@ -1,12 +1,14 @@
 #include "ground_shape.h"
 
+#include "step_lock.h"
 #include "world.h"
 
 namespace smartmesh {
 
 void GroundShape::processAllTriangles(btTriangleCallback* callback, const btVector3& least,
                                       const btVector3& most) const {
-  if (!world_->stepping) return;
+  const StepLock lock;  // a window asks at any moment what lies under the mouse
+  if (world_->drawn && !world_->stepping) return;
   const Bounds bounds{from_bullet(least + origin), from_bullet(most + origin)};
   world_->guarded([&] {
     Patch maps, meshes;

@@ -15,7 +15,7 @@ class BulletWorld;
 constexpr int GROUND_SHAPE_TYPE = FAST_CONCAVE_MESH_PROXYTYPE;
 
 // Bounds follow the body; the surface and the time are the world's. Contacts come from `GroundAlgorithm`; the triangles
-// serve shapes of unknown kinds in a step. Rays find none.
+// serve whatever else asks Bullet, such as shapes of unknown kinds, and rays where the ground is not drawn.
 class GroundShape final : public btConcaveShape {
  public:
   explicit GroundShape(BulletWorld* world) : world_(world) {

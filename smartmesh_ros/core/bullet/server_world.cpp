@@ -3,6 +3,7 @@
 #include <malloc.h>
 
 #include <algorithm>
+#include <iterator>
 #include <vector>
 
 #include <examples/CommonInterfaces/CommonGUIHelperInterface.h>
@@ -32,12 +33,13 @@ WorldPlace world_place(PhysicsCommandProcessorInterface& server) {
   void** end = data + malloc_usable_size(data) / sizeof(void*);
   const std::vector<void*> before(data, end);
   server.setGuiHelper(catcher);
-  // The server's own helper draws its window, and is put back. It is found by what took its place.
-  void** helper = std::find(data, end, static_cast<void*>(static_cast<GUIHelperInterface*>(catcher)));
-  if (helper == end) return nullptr;
+  // The server's own helper, which draws its window, is where the catcher is now, and is put back.
+  void** helper = std::mismatch(data, end, before.begin()).first;
+  if (helper == end || *helper != static_cast<GUIHelperInterface*>(catcher)) return nullptr;
   *static_cast<void* volatile*>(helper) = before[helper - data];
-  void** place = std::find(data, end, static_cast<void*>(catcher->world));
-  return catcher->world == nullptr || place == end ? nullptr : reinterpret_cast<WorldPlace>(place);
+  // The world is kept in front of the helper. Memory farther away may hold the same address, left by another server.
+  const auto place = std::find(std::reverse_iterator(helper), std::reverse_iterator(data), catcher->world);
+  return place.base() == data ? nullptr : reinterpret_cast<WorldPlace>(place.base() - 1);
 }
 
 }  // namespace smartmesh

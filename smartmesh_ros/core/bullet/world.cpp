@@ -40,7 +40,7 @@ void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   world_ = world;
   soil = nullptr;
   ++worlds_;
-  owned = false;
+  owned = drawn = false;
   slots_.clear();
   roles_.clear();
   slot_of_ground_.clear();
@@ -68,7 +68,7 @@ void BulletWorld::release() {
     if (slots_[k].used) detach(static_cast<int>(k));
   surface.set_tiles({}, {});
   soil = nullptr;
-  owned = false;
+  owned = drawn = false;
 }
 
 std::vector<BulletWorld::Role>& BulletWorld::roles_of(int body) {

@@ -108,6 +108,7 @@ class BulletWorld {
   void before_step();
   void after_step();
   bool stepping = false;  // true from before to after a step
+  bool drawn = false;  // rays meet other bodies that stand for the ground
 
   // Runs what Bullet calls. An exception must not pass through PyBullet: it is kept for `take_fault`.
   template <class Action>

@@ -93,7 +93,7 @@ class PatchContacts:
         self._pairs = Pairs(client)
         self._held: dict[Follower, Field | MeshCollider] = {}
         self._whole = WholeMesh(client, terrain)
-        self._time = 0.0
+        self.time = 0.0
 
     def configure(self, config: PatchConfig) -> None:
         """Take settings from the next `refresh` on."""
@@ -109,7 +109,7 @@ class PatchContacts:
 
     def set_time(self, time: float, dt: float) -> None:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""
-        self._time = time
+        self.time = time
 
     def refresh(self, stopped: BoolArray) -> None:
         """Set the colliders to the patches of the followers that are awake, and remove those of the others. Colliders
@@ -121,7 +121,7 @@ class PatchContacts:
         batches, supports = self._patches.batches, self._patches.supports
         with self._patches.stopwatch.stage("collider"):
             if is_whole(self._config.kind):
-                self._whole.update(self._config.kind, self._time)
+                self._whole.update(self._config.kind, self.time)
             else:
                 self._whole.release()
             self._apply(batches, supports)
