@@ -14,7 +14,7 @@ import pybullet as pb
 import pytest
 
 from tests.clients import Client, by_steps, in_real_time, run
-from tests.ground.test_shown_ground import picture, rays
+from tests.ground.test_shown_ground import close_up, picture, rays
 
 Run = Callable[..., Any]
 # Longest time of one call in a window [s], drawn without a graphics card on a busy machine.
@@ -75,6 +75,7 @@ def test_a_window_shows_the_ground_as_a_picture_of_a_direct_client_does(in_windo
     """Holes and colours are at the same places, and proxies at none."""
     shown, wanted = in_window(picture, pb.ER_BULLET_HARDWARE_OPENGL), picture(client, pb.ER_TINY_RENDERER)
     assert np.mean(shown == wanted) > 0.98
+    assert in_window(close_up, pb.ER_BULLET_HARDWARE_OPENGL) == {-1, 0}
 
 
 def test_rays_in_a_window_meet_the_ground(in_window: Run, client: Any) -> None:

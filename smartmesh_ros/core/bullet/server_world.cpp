@@ -34,8 +34,10 @@ WorldPlace world_place(PhysicsCommandProcessorInterface& server) {
   const std::vector<void*> before(data, end);
   server.setGuiHelper(catcher);
   // The server's own helper, which draws its window, is where the catcher is now, and is put back.
-  void** helper = std::mismatch(data, end, before.begin()).first;
-  if (helper == end || *helper != static_cast<GUIHelperInterface*>(catcher)) return nullptr;
+  const void* caught = static_cast<GUIHelperInterface*>(catcher);
+  void** helper = data;
+  while (helper != end && (*helper != caught || before[helper - data] == caught)) ++helper;
+  if (helper == end) return nullptr;
   *static_cast<void* volatile*>(helper) = before[helper - data];
   // The world is kept in front of the helper. Memory farther away may hold the same address, left by another server.
   const auto place = std::find(std::reverse_iterator(helper), std::reverse_iterator(data), catcher->world);
