@@ -88,6 +88,7 @@ def in_real_time(client: Any) -> tuple[int, bytes]:
     """Let the server of a client step a scene on its own for a while; returns the steps, and the states after
     them."""
     scene = Scene(client)
+    assert scene.ground.exact
     client.setRealTimeSimulation(1)
     while scene.ground.clock < 0.2:
         client.getNumBodies()
