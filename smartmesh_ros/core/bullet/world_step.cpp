@@ -10,6 +10,7 @@
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
 #include "contact_points.h"
+#include "step_lock.h"
 
 namespace smartmesh {
 
@@ -37,7 +38,10 @@ void BulletWorld::before_step() {
 }
 
 void BulletWorld::before_query() {
-  if (!stepping_) place_proxies();
+  const StepLock lock;
+  guarded([&] {
+    if (world_ != nullptr && !stepping_) place_proxies();
+  });
 }
 
 void BulletWorld::place_proxies() {
@@ -45,7 +49,7 @@ void BulletWorld::place_proxies() {
   wake_disturbed();
   list_slots();
   for (int k : awake_)
-    if (slots_[k].ground != nullptr) place(slots_[k]);
+    if (slots_[k].ground != nullptr) guarded([&] { place(slots_[k]); });
 }
 
 void BulletWorld::after_step() {
@@ -132,8 +136,9 @@ void BulletWorld::place(Slot& slot) {
 }
 
 const Convex* BulletWorld::convex_of_part(Slot& slot, const btCollisionShape& shape) {
-  const auto [known, is_new] = slot.shapes.try_emplace(&shape);
-  if (is_new) known->second = convex_of(static_cast<const btConvexShape&>(shape));
+  auto known = slot.shapes.find(&shape);
+  if (known == slot.shapes.end())
+    known = slot.shapes.emplace(&shape, convex_of(static_cast<const btConvexShape&>(shape))).first;
   return known->second ? &*known->second : nullptr;
 }
 
