@@ -115,6 +115,7 @@ void ShownPatches::collect(const std::vector<std::int64_t>& slots, double time) 
     else if (on_map && patch.body.always && patch.highest > -1e300) patch.is_mesh = false, read_map(patch, tiles, time);
     else patch.is_shown = false;
     if (patch.is_shown) find_near(patch);
+    patch.is_shown = patch.is_shown && !patch.near.empty();
   }
 }
 

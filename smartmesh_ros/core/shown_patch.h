@@ -66,7 +66,8 @@ class ShownPatches {
 
   // Search: finds the cells under the bodies in `slots` on the maps at `time` [s], first on the map of before.
   void search(const std::vector<std::int64_t>& slots, const std::vector<ReachingBody>& bodies, double time);
-  // Collect: takes the samples of the patches in `slots`, from the cache while neither body nor ground changed.
+  // Collect: takes the samples of the patches in `slots`, from the cache while neither body nor ground changed. A body without
+  // a triangle in reach has no patch.
   void collect(const std::vector<std::int64_t>& slots, double time);
 
  private:

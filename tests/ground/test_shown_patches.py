@@ -168,6 +168,15 @@ def test_bodies_in_the_air_have_no_patch_unless_other_simulators_move_them() -> 
     assert not len(bodies.at(places))
 
 
+def test_over_a_hole_there_is_no_patch() -> None:
+    heights = np.zeros((60, 60))
+    heights[20:40, 20:40] = np.nan
+    heights[30, 30] = 0.0  # a sample, and no triangle
+    terrain = HeightMap(heights, resolution=0.1)
+    places = np.array([[3.0, 3.0, 0.1], [1.0, 1.0, 0.1], [3.9, 3.0, 0.1]])
+    assert balls_on(terrain, [0.2] * 3).at(places).slots.tolist() == [1, 2]
+
+
 def test_on_a_mesh_triangles_in_reach_are_shown() -> None:
     vertices, triangles = mesh_parts.sheet(4.0, 20, lambda x, y: 0.1 * np.sin(3.0 * x))
     bodies, middle = balls_on(TriangleMesh(vertices, triangles), [0.35]), np.array([[0.3, 0.4, 0.2]])
