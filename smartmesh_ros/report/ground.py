@@ -11,7 +11,7 @@ from smartmesh_ros.report.chosen_patches import ChosenPatches
 from smartmesh_ros.report.config import ReportConfig, require_usable
 from smartmesh_ros.report.patch_contacts import PatchContacts
 from smartmesh_ros.report.schedule import UpdateSchedule
-from smartmesh_ros.stopwatch import Stopwatch
+from smartmesh_ros.stopwatch import STAGES, Stopwatch
 from smartmesh_ros.terrain.checked_heights import checked_time
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.world.settings import WorldConfig
@@ -30,7 +30,7 @@ class ReportGround(Ground):
     ) -> None:
         self.config = config
         self._schedule, self._stale = UpdateSchedule(), True
-        super().__init__(client, terrain, stopwatch)
+        super().__init__(client, terrain, stopwatch or Stopwatch((*STAGES, "collider")))
         self._require_usable()
 
     def _new_contacts(self) -> Any:
@@ -43,7 +43,7 @@ class ReportGround(Ground):
         if self._stale or self._schedule.due(self.terrain):
             self.refresh(time, dt)
         elif self.followers.has_remote:
-            self.contacts.read(self.followers.states, dt)
+            self.contacts.read(self.followers.states)
 
     def refresh(self, time: float, dt: float) -> None:
         """Move bodies with corrections of maps, replace the colliders, and put bodies below the ground back onto it."""
@@ -53,17 +53,17 @@ class ReportGround(Ground):
         steps = self._schedule.begin(self.terrain, time, dt, self.config.rate)
         self.contacts.set_time(time, dt)
         with self.stopwatch.stage("bodies"):
-            self.contacts.read(self.followers.states, dt)
+            self.contacts.read(self.followers.states)
             corrections = show_corrections(self.terrain, time)
             if corrections and len(self.followers):
                 move_with_corrections(self._client, corrections, self.followers, self.contacts.touching(), time)
-                self.contacts.read(self.followers.states, dt)
+                self.contacts.read(self.followers.states)
         self.time = time
         self.chosen.begin(time, dt * steps, math.inf)
         self.colliders.refresh()
         self._stale = False
         if self.config.guard:
-            self.rescue(time, dt)
+            self.rescue(time)
 
     def wake(self, body: int | None = None) -> None:
         """Refresh the colliders before the next step."""
@@ -96,7 +96,7 @@ class ReportWorld(World):
         report: ReportConfig,
     ) -> None:
         self.report = report
-        super().__init__(terrain, config, stopwatch)
+        super().__init__(terrain, config, stopwatch or Stopwatch((*STAGES, "collider")))
 
     ground: ReportGround
 
