@@ -224,11 +224,6 @@ class Followers:
         """Slots of the followers that are awake and may be lifted out of the ground."""
         return np.flatnonzero(self.table["awake"] & self.table["solid"] & self.table["own"])
 
-    @property
-    def has_remote(self) -> bool:
-        """True if another node simulates any of the followers."""
-        return bool(self.table["remote"].any())
-
     @cached_property
     def tracked(self) -> IntArray:
         """Slots of the followers without colliders."""
