@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros import HeightMap
-from smartmesh_ros.core import CORE, as_bytes
+from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.patches.shapes import BodyShape, ShapeTable
-from smartmesh_ros.report.supports import no_supports
 
 TETRAHEDRON = np.array([[1.0, 0.0, -0.4], [-0.5, 0.8, -0.4], [-0.5, -0.8, -0.4], [0.0, 0.0, 1.0]])
 
@@ -44,14 +43,6 @@ def shapes_of(shapes: Iterable[BodyShape]) -> ShapeTable:
 def state_at(position: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """The table (1, 13) of a body at rest."""
     return np.concatenate([position, turn, np.zeros(6)])[None]
-
-
-def foot_on(corners: np.ndarray, shape: BodyShape, position: np.ndarray, turn: np.ndarray) -> Any:
-    """The support of a body on a mesh of triangles (T, 3, 3), or of one (3, 3), with its foot, normal and gap."""
-    points, supports = np.ascontiguousarray(corners, np.float64).reshape(-1, 3), no_supports(1)
-    triangles = np.arange(len(points), dtype=np.int32).reshape(-1, 3)
-    CORE.find_mesh_foot(points, triangles, shapes_of([shape]).core, state_at(position, turn), 0, as_bytes(supports))
-    return supports[0]
 
 
 def lowest_of(shape: BodyShape, position: np.ndarray, turn: np.ndarray) -> float:

@@ -4,7 +4,8 @@
 // is rotated as the first plane tilts and moved vertically by the second plane, about the foot below its middle.
 #pragma once
 
-#include "foot.h"
+#include "height_grid.h"
+#include "solid.h"
 
 namespace smartmesh {
 

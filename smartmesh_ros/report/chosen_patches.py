@@ -89,19 +89,18 @@ class ChosenPatches:
         before = self._known_batches() if self._config.search == "ray_cast" else []
         self._update_tiles()
         self._batches = None
-        shapes, bodies = self._followers.shape_table, self._followers.states
-        radii, duration = shapes.table["radius"], self._duration
+        bodies, radii, duration = self._followers.states, self._followers.shape_table.table["radius"], self._duration
         for name, found in self._on_tiles(chosen, bodies, radii):
             mesh = self._terrain.tiles[name]
             speeds = np.minimum(np.linalg.norm(bodies[found, 7:10], axis=1), FASTEST)
             reach = radii[found] + speeds * duration
             if isinstance(mesh, HeightMap):
                 self._fixed.select(
-                    mesh, found, shapes, bodies, reach, self._time, duration, self._config, self._supports, before
+                    mesh, found, bodies, reach, self._time, duration, self._config, self._supports, before
                 )
             else:
                 self._mesh_patches |= self._meshes[name].select(
-                    found, shapes, bodies, reach, self._time, duration, self._config, self._supports,
+                    found, bodies, reach, self._time, duration, self._config, self._supports,
                     self._mesh_patches,
                 )  # fmt: skip
 

@@ -7,12 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.core import CORE, as_bytes
-from smartmesh_ros.patches.shapes import ShapeTable
 from smartmesh_ros.patches.tables import with_rows
 from smartmesh_ros.report.batch import PatchBatch, rectangle_samples, samples_across
 from smartmesh_ros.report.collect import BFS, GridGraph
 from smartmesh_ros.report.config import MOST_GRID_RINGS, ReportConfig
+from smartmesh_ros.report.feet import write_feet
 from smartmesh_ros.report.search import Cells, nearest_cells
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
@@ -73,12 +72,12 @@ class FixedPatches:
         self._extents[bodies, 3] = -1.0
 
     def select(
-        self, heightmap: HeightMap, chosen: IntArray, shapes: ShapeTable, bodies: FloatArray, reach: FloatArray,
+        self, heightmap: HeightMap, chosen: IntArray, bodies: FloatArray, reach: FloatArray,
         time: float, duration: float, config: ReportConfig, supports: Any, before: list[PatchBatch],
     ) -> None:  # fmt: skip
         """Write the supports of the bodies in ``chosen`` (n,) on a map.
 
-        ``shapes``: of S slots; ``bodies`` (S, 13); ``supports`` (S,): records of ``SUPPORT``. ``reach`` (n,)
+        ``bodies`` (S, 13); ``supports`` (S,): records of ``SUPPORT``. ``reach`` (n,)
         [m]: radius about each body's centre within which it can touch ground until the next update; ``before``: the
         patches of the last update, for the ray-cast search.
         """
@@ -98,7 +97,7 @@ class FixedPatches:
             for size in np.unique(rings).tolist():
                 of_size = np.flatnonzero(rings == size)
                 part = Cells(cells.rows[of_size], cells.columns[of_size])
-                self._of_size(heightmap, size, chosen[of_size], part, shapes, bodies, time, duration, config, supports)
+                self._of_size(heightmap, size, chosen[of_size], part, bodies, time, duration, config, supports)
 
     def _set_extents(self, heightmap: HeightMap, chosen: IntArray, need: FloatArray, config: ReportConfig) -> None:
         """Grow patches at once, but shrink them only well below their size, so that no patch alternates between two
@@ -111,7 +110,7 @@ class FixedPatches:
         self._extents[chosen[outgrown]] = np.stack(extent, axis=1)
 
     def _of_size(
-        self, heightmap: HeightMap, rings: int, chosen: IntArray, cells: Cells, shapes: ShapeTable,
+        self, heightmap: HeightMap, rings: int, chosen: IntArray, cells: Cells,
         bodies: FloatArray, time: float, duration: float, config: ReportConfig, supports: Any,
     ) -> None:  # fmt: skip
         """Write the supports of the bodies in ``chosen`` (n,), whose patches have as many ``rings``."""
@@ -130,9 +129,9 @@ class FixedPatches:
         now, velocities = self._collect(heightmap, rings, supports[chosen], time, duration, config)
         whole = not config.rings and len(self._terrain.tiles) == 1 and not np.isnan(now).any()
         supports["deviation"][chosen] = np.where((stride == 1) & whole, 0.0, np.nan)
-        CORE.find_feet(
-            heightmap.core_reader, shapes.core, bodies, chosen, now.reshape(-1, size, size),
-            velocities.reshape(-1, size, size), time, as_bytes(supports),
+        write_feet(
+            heightmap, chosen, bodies[chosen], now.reshape(-1, size, size), velocities.reshape(-1, size, size), time,
+            supports,
         )  # fmt: skip
 
     def _collect(

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.core import CORE, as_bytes
-from smartmesh_ros.patches.shapes import ShapeTable
 from smartmesh_ros.report.batch import PatchBatch, twists_at
 from smartmesh_ros.report.collect import BFS, cached_topology, topology_around
 from smartmesh_ros.report.config import ANYWHERE, ReportConfig, require_search_on
@@ -33,7 +31,7 @@ class MeshPatches:
         self._table: IntArray | None = None
 
     def select(
-        self, chosen: IntArray, shapes: ShapeTable, bodies: FloatArray, reach: FloatArray, time: float,
+        self, chosen: IntArray, bodies: FloatArray, reach: FloatArray, time: float,
         duration: float, config: ReportConfig, supports: Any, before: dict[int, PatchBatch],
     ) -> dict[int, PatchBatch]:  # fmt: skip
         """Write the supports of the bodies in ``chosen`` (n,) and return their patches by body. Arguments as in
@@ -46,7 +44,7 @@ class MeshPatches:
         patches = {}
         with self._stopwatch.stage("collect"):
             for body, vertex, distance in zip(chosen.tolist(), found.tolist(), reach.tolist(), strict=True):
-                patches[body] = self._patch(body, vertex, distance, shapes, bodies, time, duration, config, supports)
+                patches[body] = self._patch(body, vertex, distance, bodies, time, duration, config, supports)
         return patches
 
     def _search(
@@ -84,7 +82,7 @@ class MeshPatches:
         return found
 
     def _patch(
-        self, body: int, vertex: int, reach: float, shapes: ShapeTable, bodies: FloatArray, time: float,
+        self, body: int, vertex: int, reach: float, bodies: FloatArray, time: float,
         duration: float, config: ReportConfig, supports: Any,
     ) -> PatchBatch:  # fmt: skip
         mesh = self.mesh
@@ -97,12 +95,12 @@ class MeshPatches:
         support = supports[body]
         support.row, support.column, support.rows, support.columns, support.stride = 0, vertex, 0, 0, 1
         support.state, support.deviation = Support.MESH, 0.0
-        CORE.find_mesh_foot(now.positions, topology.triangles, shapes.core, bodies, body, as_bytes(supports))
-        foot = np.array([support.foot_x, support.foot_y, support.foot_z])
+        centres = now.positions[np.searchsorted(topology.vertices, [vertex])]
+        foot = centres[0]
+        support.foot_x, support.foot_y, support.foot_z = foot.tolist()
         linear, angular = mesh_twist(now.positions - foot, now.velocities, bodies[body, :3] - foot, mesh.edge_length)
         support.slide_x, support.slide_y, support.rise = linear
         support.turn_x, support.turn_y, support.turn_z = angular
-        centres = now.positions[np.searchsorted(topology.vertices, [vertex])]
         linear_w, angular_w = twists_at(supports[body : body + 1], centres)
         return PatchBatch(
             tile=self._name, kind=config.mesh_kind, bodies=np.array([body]), triangles=topology.triangles,

@@ -22,8 +22,7 @@ class Support(IntEnum):
 
 # ``state``: a `Support`; ``tile``: index of the tile, -1 = none.
 # The rectangle: first sample ``row``, ``column``; ``rows`` x ``columns`` samples, ``stride`` samples of the map apart.
-# ``foot_*`` [m]: the ground's point nearest to the body; ``facet_*``: the ground's upward unit normal; ``gap`` [m]:
-# distance between ground and body, negative if they overlap.
+# ``foot_*`` [m]: the ground under the body's middle; on a general mesh the nearest vertex.
 # ``rise`` [m/s]: vertical velocity of the ground at the foot; ``slide_x``, ``slide_y`` [m/s]: horizontal velocity;
 # ``turn_*`` [rad/s]: angular velocity. All three are means until the next update.
 # ``deviation`` [m]: bound on the distance between the patch and the main mesh where the body can touch it; NaN =
@@ -39,8 +38,7 @@ SUPPORT = np.dtype(
             ("rows", np.int64),
             ("columns", np.int64),
             ("stride", np.int64),
-            *((name, np.float64) for name in ("foot_x", "foot_y", "foot_z", "gap")),
-            *((name, np.float64) for name in ("facet_x", "facet_y", "facet_z")),
+            *((name, np.float64) for name in ("foot_x", "foot_y", "foot_z")),
             *((name, np.float64) for name in ("rise", "turn_x", "turn_y", "turn_z", "slide_x", "slide_y", "deviation")),
         ],
     )
@@ -51,5 +49,5 @@ def no_supports(count: int) -> Any:
     """Return a table of ``count`` bodies without support."""
     table = np.zeros(count, SUPPORT)
     table["tile"] = -1
-    table["gap"], table["deviation"] = np.inf, np.nan
+    table["deviation"] = np.nan
     return table

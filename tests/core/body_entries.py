@@ -7,12 +7,11 @@ import numpy as np
 from smartmesh_ros import HeightMap, MotionConfig
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.shapes import SHAPE, ball, box, compound, hull
-from smartmesh_ros.report.supports import no_supports
 from smartmesh_ros.world.state_table import LIMITS
 from tests.bodies import TETRAHEDRON, shapes_of
 from tests.core.entries import COLUMNS, ROWS, Arguments, Entry, arrays
 
-BODIES, SIDE = 3, 5  # of tables of shapes, and of their patches
+BODIES = 3  # of tables of shapes
 SLOTS = 8  # of other tables
 
 
@@ -41,20 +40,8 @@ def grid() -> Any:
     return HeightMap(np.ones((9, 9)), resolution=0.1, origin=(-0.4, -0.4), motion=motion).core_reader
 
 
-def supports() -> np.ndarray:
-    table = no_supports(BODIES)
-    table["tile"], table["rows"], table["columns"], table["stride"] = 0, SIDE, SIDE, 1
-    return as_bytes(table)
-
-
 def below() -> Arguments:
     return bodies() | {"tiles": [grid()], "time": 0.0}
-
-
-def feet_on_patches() -> Arguments:
-    samples = np.ones((BODIES, SIDE, SIDE))
-    more = {"grid": grid(), "heights": samples, "velocities": samples, "time": 0.0, "supports": supports()}
-    return bodies() | more
 
 
 def faults() -> Arguments:
@@ -105,13 +92,6 @@ def markers(slots: Any, ids: Any, gone: Any) -> Any:
 OF_SLOTS = (("slots", BODIES),)
 ENTRIES = {
     "find_below": Entry(CORE.find_below, below, rows=("slots",), within=OF_SLOTS, finite=("time",)),
-    "find_feet": Entry(
-        CORE.find_feet, feet_on_patches, written=("supports",), rows=("slots",), within=OF_SLOTS, finite=("time",)
-    ),
-    "find_mesh_foot": Entry(CORE.find_mesh_foot, lambda: {
-        "shapes": bodies()["shapes"], "states": bodies()["states"], "points": np.eye(3), "slot": 1,
-        "triangles": np.array([[0, 1, 2], [2, 1, 0]], np.int32), "supports": supports(),
-    }, written=("supports",), rows=("states", "supports", "triangles"), within=(("slot", BODIES), ("triangles", 3))),
     "move_with_corrections": Entry(CORE.move_with_corrections, lambda: bodies() | {
         "tiles": [(grid(), 0.0)], "owners": np.array([0, 1, 1]), "standing": np.ones(BODIES, bool), "time": 0.0,
         "poses": np.tile([0.0] * 6 + [1.0], (2, 1)),

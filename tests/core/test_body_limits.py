@@ -9,12 +9,11 @@ from smartmesh_ros import BodyState, Box, HeightMap, Soil, World
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.ground.shapes import DIMENSIONS
 from smartmesh_ros.patches.shapes import SHAPE, ShapeKind, ball
-from smartmesh_ros.report.supports import SUPPORT
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.world.state_table import LIMITS
 from tests.bodies import shapes_of, state_at
 from tests.core import mesh_parts
-from tests.core.body_entries import above_grid, below, faults, feet_on_patches, soil, zeros
+from tests.core.body_entries import above_grid, below, faults, soil, zeros
 from tests.core.entries import REFUSED
 
 
@@ -43,14 +42,6 @@ def test_shapes_of_no_kind_and_compounds_of_compounds_are_refused(kind: int, *, 
     parts["kind"], parts["rows"] = kind, 1
     with pytest.raises(REFUSED):
         find_below(table, parts)
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e308])
-def test_samples_that_are_no_heights_are_no_ground(value: float) -> None:
-    given = feet_on_patches()
-    given["heights"] = np.full_like(given["heights"], value)
-    CORE.find_feet(**given)
-    assert np.isfinite(value) or not given["supports"].view(SUPPORT)["state"].ravel()[0]
 
 
 def test_a_body_below_the_ground_is_lifted_by_the_depth_of_its_lowest_point() -> None:
