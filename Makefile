@@ -18,9 +18,10 @@ view:  ## a page in the browser that shows the demo's terrain, until Ctrl-C
 pictures:  ## the pictures of the view and the demo in docs/, by a browser without a window
 	@$(RUN) dev view -- python -m scripts.view_pictures
 
-renders:  ## the README's pictures that PyBullet draws: rising ground, and a lidar (needs no browser)
+renders:  ## the pictures that need no browser: rising ground, a lidar, and how contacts work
 	@$(RUN) -- $(STUDIES) rising
 	@$(RUN) -- $(STUDIES) lidar
+	@$(RUN) -- $(STUDIES) contacts
 
 test:  ## lint, types, colcon build, and every test (after the build 7 minutes on two cores)
 	@$(RUN) dev view studies interop -- scripts/check
