@@ -20,17 +20,28 @@ struct Contact {
   double friction = 1.0;
 };
 
+// Largest speed of a point of a shape after an impact elsewhere, in terms of the speeds before. The end of a rod whose other
+// end hits the ground reaches 1.5 times its speed, the corner of a plate 1.7 times.
+constexpr double IMPACT = 2.0;
+
 // Motion of a body relative to the ground, and how far contacts are looked for.
 struct Approach {
   Vec3 linear, angular, centre;  // [m/s], [rad/s], and the point that moves at `linear` [m]
   double duration = 0.0;         // of the step [s]
   double margin = 0.0;           // distance up to which contacts are found beside the motion [m]
   Vec3 gravity{};                // [m/s^2]
+  // Of shapes that are touched at several places at once: IMPACT, the angle by which the shape turns [rad], and the bounding
+  // radius [m].
+  double impact = 1.0, turning = 0.0, size = 1e300;
 
   Vec3 velocity_at(const Vec3& p) const { return linear + cross(angular, p - centre); }
-  // Distance up to which any point of a ball around `p` may come to the ground in the step [m].
+  // Angle by which the shape may turn in the step, also after an impact along `n` [rad].
+  double turn(const Vec3& n) const { return turning + std::max(0.0, -dot(n, linear)) * duration / size; }
+  // Distance up to which a point that moves at `v` may come to the ground in the step [m], also after an impact elsewhere.
+  double reach(const Vec3& v) const { return margin + impact * norm(v) * duration; }
+  // The same for any point of a ball around `p`.
   double reach(const Vec3& p, double radius) const {
-    return margin + (norm(linear) + norm(angular) * (norm(p - centre) + radius)) * duration;
+    return margin + impact * (norm(linear) + norm(angular) * (norm(p - centre) + radius)) * duration;
   }
 };
 

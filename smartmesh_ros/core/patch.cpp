@@ -34,7 +34,10 @@ class CellAdder {
       : window_(window), first_row_(first_row), first_column_(first_column), reach_(reach), patch_(patch),
         index_(patch.index), active_(patch.active) {
     const std::size_t count = window.heights.size();
-    patch.index.assign(count, -1);
+    bottom_ = reach.bottom();
+    has_walls_ = bottom_ < 1e300 && std::any_of(window.heights.begin(), window.heights.end(),
+                                                [](double z) { return std::isnan(z); });
+    patch.index.assign(has_walls_ ? 2 * count : count, -1);
     patch.active.assign(count, 0);
   }
 
@@ -61,7 +64,9 @@ class CellAdder {
         cells.edges.push_back(static_cast<int>(patch_.edges.size()));
         cells.peaks.push_back(static_cast<int>(patch_.peaks.size()));
         for (const EdgeKind& kind : EDGES) add_edge(r, c, kind);
-        if (active_[at(r, c)] || active_[at(r - 1, c)] || active_[at(r, c - 1)] || active_[at(r - 1, c - 1)]) add_peak(r, c);
+        if (!(active_[at(r, c)] || active_[at(r - 1, c)] || active_[at(r, c - 1)] || active_[at(r - 1, c - 1)])) continue;
+        add_peak(r, c);
+        if (has_walls_) add_wall_corners(r, c);
       }
     }
     cells.facets.push_back(static_cast<int>(patch_.facets.size()));
@@ -71,10 +76,7 @@ class CellAdder {
 
  private:
   std::size_t at(int row, int column) const { return static_cast<std::size_t>(row) * window_.columns + column; }
-  bool inside(int row, int column) const {
-    return row >= 0 && column >= 0 && row < window_.rows && column < window_.columns;
-  }
-  double height(int row, int column) const { return inside(row, column) ? window_.at(row, column) : NAN; }
+  double height(int row, int column) const { return window_.at(row, column); }
 
   // Finds the cells that may be touched, and the rectangle that holds them.
   void find_active() {
@@ -95,20 +97,42 @@ class CellAdder {
     for (double z : {a, b, d, e})
       if (!std::isnan(z)) low = std::min(low, z), high = std::max(high, z);
     if (high < low) return false;
+    const bool has_walls = has_walls_ && is_at_rim(r, c);
+    if (has_walls) low = std::min(low, bottom_);
     const double size = window_.resolution, half = 0.5 * (high - low);
     const Vec3 centre = window_.pose.point({r + 0.5, c + 0.5}, size, low + half);
     if (!reach_.touches(centre, std::sqrt(0.5 * size * size + half * half))) return false;
-    return !reach_.is_clear_of({window_.point(r, c), window_.point(r, c + 1), window_.point(r + 1, c), window_.point(r + 1, c + 1)});
+    return has_walls || !reach_.is_clear_of({window_.point(r, c), window_.point(r, c + 1), window_.point(r + 1, c), window_.point(r + 1, c + 1)});
   }
 
-  // Returns the index of a sample in the patch, -1 for a hole.
+  // Returns the index of a sample in the patch, -1 for a hole. Samples around active cells are inside the window.
   int point(int row, int column) {
-    if (!inside(row, column)) return -1;
     int& known = index_[at(row, column)];
     if (known < 0 && !std::isnan(window_.at(row, column))) {
       known = static_cast<int>(patch_.points.size());
       patch_.points.push_back(window_.point(row, column));
       patch_.names.push_back(((first_row_ + row) << 24) + first_column_ + column);
+    }
+    return known;
+  }
+
+  bool is_at_rim(int r, int c) const {
+    for (int row = r - 1; row <= r + 2; ++row)
+      for (int column = c - 1; column <= c + 2; ++column)
+        if (std::isnan(height(row, column))) return true;
+    return false;
+  }
+
+  // Returns the index of the point at the foot of the wall under a sample, -1 if there is none in reach.
+  int foot(int row, int column) {
+    const int top = has_walls_ ? point(row, column) : -1;
+    if (top < 0 || !(patch_.points[top].z > bottom_)) return -1;
+    int& known = index_[window_.heights.size() + at(row, column)];
+    if (known < 0) {
+      known = static_cast<int>(patch_.points.size());
+      const Vec3 above = patch_.points[top];
+      patch_.points.push_back({above.x, above.y, bottom_});
+      patch_.names.push_back(-1 - patch_.names[top]);
     }
     return known;
   }
@@ -127,6 +151,50 @@ class CellAdder {
     const int a = point(r, c), b = point(r, c + 1), d = point(r + 1, c), e = point(r + 1, c + 1);
     add_facet(a, b, e);
     add_facet(a, e, d);
+    if (!has_walls_) return;
+    const auto wall = [&](int row, int column, int row2, int column2, double beyond) {
+      if (std::isnan(beyond)) add_wall(row, column, row2, column2);
+    };
+    if (a >= 0 && b >= 0 && e >= 0) {
+      wall(r, c, r, c + 1, height(r - 1, c));
+      wall(r, c + 1, r + 1, c + 1, height(r + 1, c + 2));
+      wall(r + 1, c + 1, r, c, height(r + 1, c));
+    }
+    if (a >= 0 && e >= 0 && d >= 0) {
+      wall(r, c, r + 1, c + 1, height(r, c + 1));
+      wall(r + 1, c + 1, r + 1, c, height(r + 2, c + 1));
+      wall(r + 1, c, r, c, height(r, c - 1));
+    }
+  }
+
+  // Adds the wall under an edge that has ground to its left alone.
+  void add_wall(int row, int column, int row2, int column2) {
+    const int a = point(row, column), b = point(row2, column2), under_a = foot(row, column), under_b = foot(row2, column2);
+    add_facet(a, under_a, b);
+    add_facet(under_a < 0 ? a : under_a, under_b, b);
+  }
+
+  // Adds the vertical edges at a sample where two walls meet and the ground is convex.
+  void add_wall_corners(int r, int c) {
+    constexpr int DEGREES[6] = {0, 45, 90, 180, 225, 270};
+    if (std::isnan(height(r, c))) return;
+    const auto has = [&](int k) { return !std::isnan(height(r + AROUND[k % 6][0], c + AROUND[k % 6][1])); };
+    for (int first = 0; first < 6; ++first) {  // of a gap between facets, seen counterclockwise
+      if (!has(first) || !has(first + 5) || has(first + 1)) continue;
+      int last = first + 2;
+      while (!(has(last) && has(last + 1))) ++last;
+      if ((DEGREES[last % 6] - DEGREES[first] + 360) % 360 <= 180) continue;
+      const int under = foot(r, c);
+      if (under < 0) continue;
+      Edge edge{{point(r, c), under}, {-1, -1}, {}};
+      const int ends[2] = {first, last % 6};
+      for (int k = 0; k < 2; ++k) {
+        edge.opposite[k] = point(r + AROUND[ends[k]][0], c + AROUND[ends[k]][1]);
+        edge.outward = edge.outward + normal_of(edge.end[1 - k], edge.end[k], edge.opposite[k]);
+      }
+      patch_.steepest = std::min(patch_.steepest, 0.0);
+      patch_.edges.push_back(edge);
+    }
   }
 
   // Adds an edge that starts at sample (r, c) if it belongs to a cell that may be touched and the ground is convex there.
@@ -141,10 +209,11 @@ class CellAdder {
     // The four corners are a parallelogram seen from above.
     if (std::isnan(thirds) ? std::isnan(third(left)) && std::isnan(third(right)) : !(thirds < ends - CONVEX)) return;
     Edge edge{{point(r, c), point(r2, c2)}, {-1, -1}, {}};
-    if (std::isnan(thirds)) patch_.steepest = -1.0;
     for (int k = 0; k < 2; ++k) {
       const Side& side = kind.sides[k];
-      const int corner = edge.opposite[k] = point(r + side.row, c + side.column);
+      const bool is_rim = std::isnan(third(side));
+      const int corner = edge.opposite[k] = is_rim ? foot(r, c) : point(r + side.row, c + side.column);
+      if (corner < 0) patch_.steepest = -1.0;
       if (corner < 0) continue;
       const Vec3 normal = normal_of(edge.end[k], edge.end[1 - k], corner);
       patch_.steepest = std::min(patch_.steepest, normal.z);
@@ -168,7 +237,9 @@ class CellAdder {
       const int other = point(r + step[0], c + step[1]);
       if (other >= 0) patch_.neighbours.push_back(other), ++peak.count;
     }
-    if (peak.count > 0) patch_.peaks.push_back(peak);
+    if (peak.count == 0) return;
+    if (const int under = peak.count < 6 ? foot(r, c) : -1; under >= 0) patch_.neighbours.push_back(under), ++peak.count;
+    patch_.peaks.push_back(peak);
   }
 
   const Window& window_;
@@ -178,6 +249,8 @@ class CellAdder {
   std::vector<int>& index_;
   std::vector<char>& active_;
   CellRange active_cells_;
+  double bottom_;  // of walls [m]
+  bool has_walls_;
 };
 
 }  // namespace
