@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures renders test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks laws
+.PHONY: help demo view pictures renders test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks laws tax replay-speed
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -22,7 +22,7 @@ renders:  ## the README's pictures that PyBullet draws: rising ground, and a lid
 	@$(RUN) -- $(STUDIES) rising
 	@$(RUN) -- $(STUDIES) lidar
 
-test:  ## lint, types, colcon build, and every test
+test:  ## lint, types, colcon build, and every test (after the build 7 minutes on two cores)
 	@$(RUN) dev view studies interop -- scripts/check
 
 docs-check:  ## the tables of docs/ whose figures are older than the code
@@ -49,6 +49,9 @@ studies:  ## speed against accuracy, and the stability matrix (about 40 minutes;
 laws:  ## laws of contact, and how far runs drift apart, in each engine (about four minutes)
 	@$(RUN) studies -- $(STUDIES) laws
 
+tax:  ## processor time of a step on the ground over one on PyBullet's plane (a minute; ARGS=--quick for a fifth)
+	@$(RUN) studies -- $(STUDIES) tax $(ARGS)
+
 before-after:  ## the code of another checkout against this one's: BEFORE=/path/to/it, ARGS=--quick for a few scenes
 	@$(RUN) studies -- $(STUDIES) accuracy --charts-only --before "$(BEFORE)" $(ARGS)
 
@@ -70,7 +73,7 @@ rover:  ## a wheeled robot drives an eight on soil and leaves ruts: out/rover.pn
 tracks:  ## a tracked machine drives, turns on the spot and climbs 20 degrees on soil: out/tracks.png, out/tracks.gif
 	@$(RUN) studies -- $(STUDIES) tracks
 
-soil:  ## soil against closed forms and a measured wheel, and its cost (ARGS="--only plates" for a part)
+soil:  ## soil against closed forms and a measured wheel, and its cost (ARGS="--only boxes" for a part)
 	@$(RUN) studies -- $(STUDIES) soil $(ARGS)
 
 load:  ## the node under load over DDS, about 15 minutes; LOAD=--quick for less than two
@@ -79,13 +82,16 @@ load:  ## the node under load over DDS, about 15 minutes; LOAD=--quick for less 
 soak:  ## ten minutes of everything changing; SOAK="--minutes 120" for two hours, --document for docs/
 	@$(RUN) load -- $(STUDIES) soak $(SOAK)
 
-tune:  ## parameters for a budget, on a scene that ships: SOURCE=stairs or a bag, ARGS="--budget 0.1 --jobs 2"
-	@$(RUN) tune -- install/smartmesh_ros/lib/smartmesh_ros/tune $(or $(SOURCE),waves_w04_maps_20) $(ARGS)
+replay-speed:  ## how much faster than real time a replay runs: the table of docs/replay.md
+	@$(RUN) replay -- $(STUDIES) replay
 
-tuning:  ## the table of docs/tuning.md: eight scenes and a bag of the demo, about half an hour
+tune:  ## parameters for a budget, on a scene that ships: SOURCE=stairs or a bag, ARGS="--budget 0.1 --jobs 2"
+	@$(RUN) replay -- install/smartmesh_ros/lib/smartmesh_ros/tune $(or $(SOURCE),waves_w04_maps_20) $(ARGS)
+
+tuning:  ## the table of docs/tuning.md: three scenes and a bag of the demo, about five minutes
 	@rm -rf out/demo_bag
-	@$(RUN) tune -- python scripts/make_demo_bag.py out/demo_bag
-	@$(RUN) tune -- python -m studies.tuning --bag out/demo_bag --params-file out/demo_bag.yaml
+	@$(RUN) replay -- python scripts/make_demo_bag.py out/demo_bag
+	@$(RUN) replay -- python -m studies.tuning --bag out/demo_bag --params-file out/demo_bag.yaml
 
 fuzz:  ## 120,000 spoilt messages for every topic, service and parameter (half an hour)
 	@$(RUN) dev -- python -m tests.fuzz.run --jobs 2

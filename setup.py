@@ -21,8 +21,8 @@ import core_build  # noqa: E402
 # For `ros2 run`. A wheel puts its commands onto everybody's path, where `view` is vim's: there it is smartmesh-view.
 IN_WORKSPACES = [
     f"fleet_front = {NAME}.startup.executables:fleet_front",
+    f"replay = {NAME}.startup.executables:replay",
     f"rover = {NAME}.startup.executables:rover",
-    f"soil = {NAME}.startup.executables:soil",
     f"tune = {NAME}.startup.executables:tune",
     f"view = {NAME}.startup.executables:view",
 ]
@@ -68,7 +68,7 @@ if (there := installed_pybullet()) is not None:
 @cache
 def core() -> Path:
     """Builds the core in place and returns the library. Ends the build if that fails."""
-    library = ROOT / core_build.CORE / core_build.library_name()
+    library = ROOT / core_build.CORE / core_build.LIBRARY
     core_build.build(library)
     return library
 
@@ -88,7 +88,7 @@ class BuildWithCore(build_py):
 
     def get_outputs(self, include_bytecode: bool = True) -> list[str]:
         """All files that are copied, the core among them."""
-        library = Path(self.build_lib) / core_build.CORE / core_build.library_name()
+        library = Path(self.build_lib) / core_build.CORE / core_build.LIBRARY
         return [*super().get_outputs(include_bytecode), *([str(library)] if library.is_file() else [])]
 
 
@@ -139,6 +139,8 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", files("config", "*")),
         (f"share/{NAME}/launch", files("launch", "*.launch.py")),
+        # On the path of a sourced workspace, whose console scripts are not; a wheel puts those there.
+        *([] if IS_WHEEL or "editable_wheel" in sys.argv else [("bin", ["bin/smartmesh"])]),
     ],
     python_requires=">=3.10",
     install_requires=["numpy", *PYBULLET, "pyyaml"],
@@ -146,7 +148,8 @@ setup(
         "bags": ["rosbags"],
         "files": ["pillow", "rasterio"],
         "test": ["hypothesis", "pytest"],
-        "tune": ["matplotlib", "optuna", "rosbags"],
+        "replay": ["mcap", "rosbags"],
+        "tune": ["matplotlib", "rosbags"],
         "view": ["viser[urdf]"],
     },
     zip_safe=False,
@@ -162,10 +165,11 @@ setup(
             f"smartmesh-fleet = {NAME}.startup.executables:fleet",
             f"terrain_sensor = {NAME}.startup.executables:terrain_sensor",
             f"terrain_source = {NAME}.startup.executables:terrain_source",
+            f"smartmesh = {NAME}.startup.executables:smartmesh",
             f"smartmesh-demo = {NAME}.startup.executables:demo",
             f"smartmesh-fleet-front = {NAME}.startup.executables:fleet_front",
+            f"smartmesh-replay = {NAME}.startup.executables:replay",
             f"smartmesh-rover = {NAME}.startup.executables:rover",
-            f"smartmesh-soil = {NAME}.startup.executables:soil",
             f"smartmesh-tune = {NAME}.startup.executables:tune",
             f"smartmesh-view = {NAME}.startup.executables:view",
             *([] if IS_WHEEL else IN_WORKSPACES),

@@ -1,24 +1,26 @@
-"""Starts the collider and the soil that gives way under its bodies, and with rover:=true a robot that leaves ruts."""
+"""Starts a collider whose ground gives way under its bodies, and with rover:=true a robot that leaves ruts."""
 
 from typing import Any
 
 from launch import LaunchDescription
-from smartmesh_ros.startup.launching import Values, argument, description, is_true, node
+from smartmesh_ros.startup.launching import Values, argument, description, is_true, node, time_of
 
 
-def soil(value: Values) -> list[Any]:
-    """Return the node soil, and the rover if it is asked for."""
-    time = {"use_sim_time": is_true(value("use_sim_time"))}
-    common = {"output": "screen", "namespace": value("namespace")}
-    nodes = [node(executable="soil", parameters=[{"soil": value("soil"), **time}], **common)]
-    if is_true(value("rover")):
-        nodes.append(node(executable="rover", parameters=[time], **common))
-    return nodes
+def soil(value: Values) -> dict[str, Any]:
+    """Return the parameters of the soil. The rover turns by the slip of its wheels, which would dig in."""
+    names = [name.strip() for name in value("soil").split(",")]
+    return {"soil.type": names, "soil.slip_sinkage": not is_true(value("rover"))}
+
+
+def rover(value: Values) -> list[Any]:
+    """Return the rover if it is asked for."""
+    if not is_true(value("rover")):
+        return []
+    return [node(executable="rover", output="screen", namespace=value("namespace"), parameters=[time_of(value)])]
 
 
 def generate_launch_description() -> LaunchDescription:
     """Return the launch description."""
-    name = argument("soil", "dry_sand", "Name of the soil, see docs/soil.md.")
+    name = argument("soil", "dry_sand", "Name of the soil, or several with commas, see docs/soil.md.")
     words = "true = a robot drives an eight on an elevation model; false = publish your own terrain and spawn bodies."
-    rover = argument("rover", "false", words)
-    return description(name, rover, always="soil", start=soil)
+    return description(name, argument("rover", "false", words), settings=soil, start=rover)

@@ -1,17 +1,20 @@
-"""Starts the collider and a terrain source for trying it."""
+"""Starts the collider with a few bodies and a robot, and a terrain source, for trying them."""
 
 from typing import Any
 
 from launch import LaunchDescription
-from smartmesh_ros.startup.launching import Values, description, is_true, node, scene_argument
+from smartmesh_ros.startup.launching import Values, description, node, scene_argument, time_of
+
+# Low and long waves, on which a robot with free wheels stays for minutes.
+WAVES = {"wave.amplitude": 0.1, "wave.number": 0.5, "wave.frequency": 2.0}
 
 
 def source(value: Values) -> list[Any]:
     """Return the node terrain_source."""
-    parameters = {"scene": value("scene"), "use_sim_time": is_true(value("use_sim_time"))}
+    parameters = {"scene": value("scene")} | WAVES | time_of(value)
     return [node(executable="terrain_source", output="screen", namespace=value("namespace"), parameters=[parameters])]
 
 
 def generate_launch_description() -> LaunchDescription:
     """Return the launch description."""
-    return description(scene_argument(), start=source)
+    return description(scene_argument(), always="bodies", settings=lambda _: {"publish.tf": 50.0}, start=source)

@@ -24,7 +24,7 @@ START = 1_700_000_000.0  # stamps in the past, like those of a recorded bag [s]
 SECONDS = 8.0  # length of the bag [s]
 COMMAND_RATE = 4.0
 WHEEL_SPEED = 6.0  # [rad/s]
-SHAPES = ("{shape: sphere, size: [0.25]", "{shape: box, size: [0.6, 0.4, 0.3]", "{shape: cylinder, size: [0.25, 0.4]")
+SHAPES = ("{shape: sphere, size: [0.25]", "{shape: box, size: [0.6, 0.4, 0.3]", "{shape: cylinder, size: [0.4, 0.25]")
 
 
 def defaults(specs: tuple[Spec, ...]) -> dict[str, Any]:

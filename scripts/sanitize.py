@@ -15,9 +15,6 @@ sys.path.insert(0, str(ROOT))
 
 import core_build  # noqa: E402
 
-# Bullet's classes carry no type information beyond the library that they come from, which `vptr` would need.
-EXTRA = ("-fsanitize=address,undefined", "-fno-sanitize=vptr", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer",
-         "-g1", "-UNDEBUG")  # fmt: skip
 PACKAGE = ROOT / "build" / "sanitize" / "smartmesh_ros"
 
 
@@ -28,7 +25,7 @@ def prepare() -> None:
         link = PACKAGE / path.relative_to(ROOT / "smartmesh_ros")
         if not link.exists():
             link.symlink_to(path)
-    core_build.build(PACKAGE / "core" / core_build.library_name(), EXTRA)
+    core_build.build(PACKAGE / "core" / core_build.LIBRARY, "-DSANITIZE=ON")
 
 
 def runtime(name: str) -> str:

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Sphere
     from smartmesh_ros.ground.state import BodyState
     from smartmesh_ros.patches.config import PatchConfig
+    from smartmesh_ros.soil.config import SoilType
+    from smartmesh_ros.soil.soil import Soil
     from smartmesh_ros.terrain.grid import GridGeometry
     from smartmesh_ros.terrain.height_scan import HeightScan
     from smartmesh_ros.terrain.heightmap import HeightMap
@@ -33,6 +35,8 @@ _MODULES = {
     "ground.shapes": ("Box", "Capsule", "Cylinder", "Sphere"),
     "ground.state": ("BodyState",),
     "world.world": ("World", "WorldConfig"),
+    "soil.config": ("SoilType",),
+    "soil.soil": ("Soil",),
     "terrain.grid": ("GridGeometry",),
     "terrain.height_scan": ("HeightScan",),
     "terrain.heightmap": ("HeightMap",),
@@ -56,11 +60,17 @@ __all__ = [
     "PatchConfig",
     "PhysicsConfig",
     "Snapshot",
+    "Soil",
+    "SoilType",
     "Sphere",
     "Terrain",
     "World",
     "WorldConfig",
 ]
+
+
+def __dir__() -> list[str]:
+    return [*__all__, *globals()]
 
 
 def __getattr__(name: str) -> Any:

@@ -1,6 +1,15 @@
-"""The package's one exception: refused input."""
+"""The package's one exception, refused input, and what helps to write its messages."""
 
 from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return a hint that suggests the known word that is most similar, empty if none is similar."""
+    similar = difflib.get_close_matches(word, [*known], n=1)
+    return f"; did you mean {similar[0]!r}?" if similar else ""
 
 
 class InputError(ValueError):

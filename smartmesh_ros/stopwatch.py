@@ -1,5 +1,6 @@
 """Running times of the stages of the pipeline."""
 
+from collections.abc import Callable
 from time import perf_counter
 from typing import NamedTuple
 
@@ -25,27 +26,29 @@ class StageTimes(NamedTuple):
 class _Stage:
     """Context manager that adds the time spent in its block to the stage's current run."""
 
-    def __init__(self) -> None:
+    def __init__(self, now: Callable[[], float]) -> None:
         self.pending = 0.0
         self.ran = False
         self._start = 0.0
+        self._now = now
 
     def __enter__(self) -> None:
-        self._start = perf_counter()
+        self._start = self._now()
 
     def __exit__(self, *_: object) -> None:
-        self.pending += perf_counter() - self._start
+        self.pending += self._now() - self._start
         self.ran = True
 
 
 class Stopwatch:
     """Collects running times by stage in preallocated ring buffers.
 
-    A stage may be entered several times in one run (once per batch of bodies). `lap` ends the run.
+    A stage may be entered several times in one run (once per batch of bodies). `lap` ends the run. ``now``: the clock
+    [s].
     """
 
-    def __init__(self, stages: tuple[str, ...] = STAGES) -> None:
-        self._stages = {stage: _Stage() for stage in stages}
+    def __init__(self, stages: tuple[str, ...] = STAGES, now: Callable[[], float] = perf_counter) -> None:
+        self._stages = {stage: _Stage(now) for stage in stages}
         self._times = {stage: np.zeros(WINDOW) for stage in stages}
         self._counts = dict.fromkeys(stages, 0)
 

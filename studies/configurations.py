@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.tools.tune.start import PRESETS, preset_folder, preset_values, settings_of
+from smartmesh_ros.tools.replay.parameters import PRESETS, preset_folder, preset_values, settings_of
 from studies.engines.engine import GroundSetup, build, missing
 
 Family = Literal["ours", "ours, less", "report", "whole map", "MuJoCo", "PhysX", "Rapier"]

@@ -27,7 +27,7 @@ SUBJECTS = {
     "core": _CORE,
     "soil": ("core", "terrain", "soil"),
     "node": (*_CORE, "node"),
-    "tuner": (*_CORE, "tools/evaluation", "tools/tune"),
+    "tuner": (*_CORE, "tools/evaluation", "tools/replay", "tools/tune"),
 }
 _MARK = re.compile(r"<!-- generated: (?P<name>[\w -]+?) of (?P<subject>\w+), code (?P<digest>\w+) -->\n")
 _END = "<!-- end -->"

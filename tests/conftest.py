@@ -44,7 +44,8 @@ COSTS = {
     "node/test_fleet.py": 18,
     "node/test_faults.py": 17,
     "node/test_body_inputs.py": 20,
-    "tools/tune/test_search.py": 15,
+    "tools/replay/test_replay.py": 25,
+    "tools/replay/test_command.py": 12,
     "node/test_real_maps.py": 15,
     "node/test_clock.py": 14,
     "fuzz/test_quick.py": 13,
@@ -63,7 +64,7 @@ COSTS = {
     "node/test_markers.py": 10,
     "node/test_robot_outputs.py": 10,
     "node/test_terrain_sensor.py": 10,
-    "soil/test_contact_soil.py": 13,
+    "soil/test_plates_and_carts.py": 13,
 }
 
 

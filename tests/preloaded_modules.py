@@ -5,7 +5,7 @@ from importlib import import_module
 from smartmesh_ros.startup.executables import silence_pybullet
 
 silence_pybullet()
-for name in ("fleet.front", "sensor.terrain_sensor", "soil.soil_node", "terrain_collider"):
+for name in ("fleet.front", "sensor.terrain_sensor", "terrain_collider"):
     import_module(f"smartmesh_ros.node.{name}")
 import_module("smartmesh_ros.tools.demo.terrain_source")
 # Tests wait for diagnostics, which a node publishes once a second [s].

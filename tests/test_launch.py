@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -54,13 +55,31 @@ def test_all_launch_files_have_the_same_arguments_and_start_what_exists(launch: 
 
 def test_defaults_are_those_of_the_node(launch: Launch) -> None:
     collider, *_ = launch.of("Node")
-    *files, last = collider.kwargs["parameters"]
-    assert {Path(file).stem for file in files} <= {"elevation_mapping", "soil"}
-    assert last == {"use_sim_time": False}
+    *own, last = collider.kwargs["parameters"]
+    given = [each for each in own if isinstance(each, dict)]
+    frames, soil = [{"publish.tf": 50.0}], [{"soil.type": ["dry_sand"], "soil.slip_sinkage": True}]
+    assert given in ([], frames, soil), "frames for RViz, at once"
+    assert {Path(each).stem for each in own if each not in given} <= {"bodies", "elevation_mapping"}
+    assert last == {}
     assert collider.kwargs["namespace"] == ""
     variables = {item.args[0]: item.args[1] for item in launch.of("SetEnvironmentVariable")}
     assert Path(variables["FASTRTPS_DEFAULT_PROFILES_FILE"]).is_file()
     assert launch.of("SetEnvironmentVariable", dds="") == []
+
+
+def test_time_is_set_where_the_argument_asks_for_it(launch: Launch, fleet: Launch, rviz: None) -> None:
+    """Otherwise what an outer launch file sets, as by SetParameter, would be overridden."""
+
+    def times(which: Launch, **arguments: str) -> list[Any]:
+        nodes = which.of("Node", rviz="true", **arguments)
+        found = [{key: v for part in node.kwargs["parameters"] if isinstance(part, dict) for key, v in part.items()}
+                 for node in nodes]  # fmt: skip
+        return [parameters.get("use_sim_time") for parameters in found]
+
+    for which in (launch, fleet):
+        assert set(times(which)) == {None}
+        assert set(times(which, use_sim_time="true")) == {True}
+        assert set(times(which, use_sim_time="false")) == {False}
 
 
 def test_arguments_reach_every_node(launch: Launch, tmp_path: Path, rviz: None) -> None:
@@ -70,7 +89,8 @@ def test_arguments_reach_every_node(launch: Launch, tmp_path: Path, rviz: None) 
     assert all(node.kwargs["parameters"][-1]["use_sim_time"] for node in nodes)
     *ours, rviz = sorted(nodes, key=lambda node: node.kwargs["package"] == "rviz2")
     assert all(node.kwargs["namespace"] == "robot" for node in ours)
-    assert ("/terrain_collider/patches", "/robot/terrain_collider/patches") in rviz.kwargs["remappings"]
+    for topic in ("patches", "scene", "robot_model"):
+        assert (f"/terrain_collider/{topic}", f"/robot/terrain_collider/{topic}") in rviz.kwargs["remappings"]
     *_, preset, mine, _ = launch.of("Node", config=str(config), preset="rover")[0].kwargs["parameters"]
     assert (Path(preset).name, mine) == ("rover.yaml", str(config)), "the user's file is read last, and wins"
 
@@ -111,7 +131,8 @@ def test_a_fleet_shares_terrain_and_patches_and_knows_its_peers(fleet: Launch, r
         assert {name, *own["bodies.peers"]} == set(names)
         assert time == {"use_sim_time": True}
         assert ("~/heightmap", "/site/fleet/heightmap") in node.kwargs["remappings"]
-        assert ("~/patches", "/site/fleet/patches") in node.kwargs["remappings"]
+        for topic in ("patches", "scene"):
+            assert (f"~/{topic}", f"/site/fleet/{topic}") in node.kwargs["remappings"]
     assert len({node.kwargs["parameters"][1]["publish.marker_namespace"] for node in colliders}) == 3
     assert front.kwargs["parameters"][0]["nodes"] == names
     assert front.kwargs["namespace"] == source.kwargs["namespace"] == "site"
@@ -124,13 +145,18 @@ def test_a_fleet_shares_terrain_and_patches_and_knows_its_peers(fleet: Launch, r
 def test_the_rover_comes_when_it_is_asked_for(stand_ins: dict[str, type[Recorded]]) -> None:
     launch = Launch(LAUNCH / "soil.launch.py", stand_ins)
     kinds = [node.kwargs["executable"] for node in launch.of("Node")]
-    assert kinds == ["terrain_collider", "soil"]
+    assert kinds == ["terrain_collider"]
     assert [node.kwargs["executable"] for node in launch.of("Node", rover="true")] == [*kinds, "rover"]
+    [collider] = launch.of("Node", soil="clay, lunar", preset="fast")
+    own, preset, _ = collider.kwargs["parameters"]
+    assert own == {"soil.type": ["clay", "lunar"], "soil.slip_sinkage": True}
+    assert Path(preset).name == "fast.yaml"
 
 
 def test_rviz_shows_topics_of_the_node() -> None:
     view = yaml.safe_load((ROOT / "config" / "smartmesh.rviz").read_text())
-    topics = [item["Topic"]["Value"] for item in view["Visualization Manager"]["Displays"] if "Topic" in item]
+    displays = view["Visualization Manager"]["Displays"]
+    topics = [item[key]["Value"] for item in displays for key in ("Topic", "Description Topic") if key in item]
     readme = (ROOT / "docs" / "interface.md").read_text()
     assert topics
     assert all(topic.replace("/terrain_collider", "`~") + "`" in readme for topic in topics)

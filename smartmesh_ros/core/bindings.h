@@ -13,6 +13,8 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/tuple.h>
 
+#include "map_arrays.h"
+#include "mesh_updates.h"
 #include "surface.h"
 
 namespace smartmesh {
@@ -31,12 +33,10 @@ template <class T, std::size_t N>
 using Array = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
 
 using Floats2 = Array<const float, 2>;
-using Floats3 = Array<const float, 3>;
 using Doubles2 = Array<const double, 2>;
 using Doubles3 = Array<const double, 3>;
 using Whole2 = Array<const std::int64_t, 2>;
 using Bytes2 = Array<const std::uint8_t, 2>;
-using Bytes3 = Array<const std::uint8_t, 3>;
 using Slots = Array<const std::int64_t, 1>;
 using Flags = Array<const bool, 1>;
 using States = Array<double, 2>;
@@ -86,21 +86,28 @@ inline Mode mode_of(int number) {
   return static_cast<Mode>(number);
 }
 
+// Refuses a clock whose numbers are no places in its arrays.
+inline void check_clock(const Clock& clock) {
+  if (clock.newest < 0 || clock.newest >= KEPT || clock.count < 0 || clock.count > INTERVALS_KEPT)
+    throw std::invalid_argument("a clock names a velocity or an interval that is not there");
+}
+
 // A height map's arrays, which stay alive with it.
 struct Grid {
   HeightGrid grid;
-  Floats2 heights, offsets;
-  Floats3 velocities;
-  Bytes3 clocks;
-  std::optional<Floats2> friction;
+  Array<float, 2> heights, offsets, rates;
+  Array<float, 3> velocities;
+  Array<std::uint8_t, 3> clocks;
+  std::optional<Floats2> friction, variances;
 
-  Grid(Floats2 heights_rc, Floats3 velocities_krc, Floats2 offsets_rc, Bytes3 clocks_rc)
-      : heights(heights_rc), offsets(offsets_rc), velocities(velocities_krc), clocks(clocks_rc) {
+  Grid(Array<float, 2> heights_rc, Array<float, 3> velocities_krc, Array<float, 2> offsets_rc, Array<float, 2> rates_rc,
+       Array<std::uint8_t, 3> clocks_rc)
+      : heights(heights_rc), offsets(offsets_rc), rates(rates_rc), velocities(velocities_krc), clocks(clocks_rc) {
     const std::size_t rows = heights.shape(0), columns = heights.shape(1);
     const std::size_t block_rows = (rows + 63) >> BLOCK_SHIFT, block_columns = (columns + 63) >> BLOCK_SHIFT;
     if (rows < 2 || columns < 2 || rows > (1u << 24) || columns > (1u << 24))
       throw std::invalid_argument("a grid has 2 to 2^24 rows and columns");
-    check_table(offsets, rows, columns, "offsets");
+    check_table(offsets, rows, columns, "offsets"), check_table(rates, rows, columns, "rates");
     if (velocities.shape(0) != KEPT || velocities.shape(1) != rows || velocities.shape(2) != columns)
       throw std::invalid_argument("velocities must have the shape (3, rows, columns)");
     if (clocks.shape(0) != block_rows || clocks.shape(1) != block_columns || clocks.shape(2) != sizeof(Clock))
@@ -108,11 +115,23 @@ struct Grid {
     check_alignment(heights.data(), sizeof(float));
     check_alignment(velocities.data(), sizeof(float)), check_alignment(clocks.data(), alignof(Clock));
     grid.heights = heights.data(), grid.velocities = velocities.data(), grid.offsets = offsets.data();
+    grid.rates = rates.data();
     grid.clocks = reinterpret_cast<const Clock*>(clocks.data());
     grid.rows = static_cast<int>(rows), grid.columns = static_cast<int>(columns);
     grid.block_columns = static_cast<int>(block_columns);
   }
 
+  // Returns the arrays as they are written, after a check of the clocks of the blocks that a rectangle touches. To check all
+  // of a large map takes longer than a small update.
+  MapArrays arrays(const Region& touched) {
+    const MapArrays map = {heights.data(), velocities.data(), offsets.data(), rates.data(),
+                           reinterpret_cast<Clock*>(clocks.data()), grid.rows, grid.columns, grid.block_columns};
+    const Span down = blocks_of({touched.top, touched.bottom}), along = blocks_of({touched.left, touched.right});
+    for (std::ptrdiff_t row = down.first; row < down.last; ++row)
+      for (std::ptrdiff_t column = along.first; column < along.last; ++column)
+        check_clock(map.clocks[row * map.block_columns + column]);
+    return map;
+  }
   void place(double x, double y, double z, double yaw, double resolution) {
     if (!(resolution > 0.0 && std::isfinite(resolution)))
       throw std::invalid_argument("the resolution must be above zero and finite");
@@ -138,9 +157,15 @@ struct Grid {
     grid.uniform_friction = uniform;
     ++grid.revision;
   }
-  void set_motion(int mode, double max_velocity, double settle, double noise, double shown) {
+  // Sets the variances of fused heights (rows, columns) [m^2]; none = they are exact.
+  void set_variances(std::optional<Floats2> samples) {
+    if (samples) check_table(*samples, heights.shape(0), heights.shape(1), "variances");
+    variances = samples;
+    grid.variances = samples ? samples->data() : nullptr;
+  }
+  void set_motion(int mode, double max_velocity, double settle, double noise, double smoothing) {
     grid.mode = mode_of(mode);
-    grid.max_velocity = max_velocity, grid.settle = settle, grid.noise = noise, grid.shown = shown;
+    grid.max_velocity = max_velocity, grid.settle = settle, grid.noise = noise, grid.smoothing = smoothing;
     ++grid.revision;
   }
 };
@@ -148,18 +173,21 @@ struct Grid {
 // A triangle mesh's arrays, which stay alive with it.
 struct Mesh {
   MeshSurface surface;
-  Doubles2 now;
-  Doubles3 velocities;
-  Bytes2 clocks;
+  States now, offsets, rates;
+  Array<double, 3> velocities;
+  Array<std::uint8_t, 2> clocks;
   Whole2 triangles;
 
-  Mesh(Doubles2 now_3v, Doubles3 velocities_k3v, Bytes2 clocks_1, Whole2 triangles_t3)
-      : now(now_3v), velocities(velocities_k3v), clocks(clocks_1), triangles(triangles_t3) {
+  Mesh(States now_3v, Array<double, 3> velocities_k3v, States offsets_3v, States rates_3v,
+       Array<std::uint8_t, 2> clocks_1, Whole2 triangles_t3)
+      : now(now_3v), offsets(offsets_3v), rates(rates_3v), velocities(velocities_k3v), clocks(clocks_1),
+        triangles(triangles_t3) {
     const std::size_t count = now.shape(1), most = 1u << 28;
     if (now.shape(0) != 3 || count < 3 || count > most)
       throw std::invalid_argument("vertices must have the shape (3, V), with 3 to 2^28 vertices");
     if (velocities.shape(0) != KEPT || velocities.shape(1) != 3 || velocities.shape(2) != count)
       throw std::invalid_argument("velocities must have the shape (3, 3, V)");
+    check_table(offsets, 3, count, "offsets"), check_table(rates, 3, count, "rates");
     if (clocks.shape(0) != 1 || clocks.shape(1) != sizeof(Clock))
       throw std::invalid_argument("the clock must be one record of CLOCK");
     if (triangles.shape(1) != 3 || triangles.shape(0) < 1 || triangles.shape(0) > most)
@@ -171,29 +199,35 @@ struct Mesh {
         throw std::invalid_argument("a triangle uses vertex " + std::to_string(triangles.data()[k]) + "; there are " +
                                     std::to_string(count) + ", counted from 0");
     surface.now = now.data(), surface.velocities = velocities.data();
+    surface.offsets = offsets.data(), surface.rates = rates.data();
     surface.clock = reinterpret_cast<const Clock*>(clocks.data());
     surface.triangles = triangles.data(), surface.triangle_count = static_cast<int>(triangles.shape(0));
     surface.vertices = static_cast<int>(count);
     update();
   }
 
-  // Must be called after the arrays have changed.
   void update() {
     for (std::size_t k = 0; k < now.size(); ++k)
       if (!std::isfinite(now.data()[k])) throw std::invalid_argument("vertices must be finite numbers");
     surface.update();
   }
-  void set_motion(int mode, double max_velocity) {
-    surface.mode = mode_of(mode), surface.max_velocity = max_velocity;
-    surface.update();
+  // Returns the arrays as they are written, after a check of the clock.
+  MeshArrays arrays() {
+    Clock* clock = reinterpret_cast<Clock*>(clocks.data());
+    check_clock(*clock);
+    return {now.data(), velocities.data(), offsets.data(), rates.data(), clock};
+  }
+  void set_motion(int mode, double max_velocity, double smoothing) {
+    surface.mode = mode_of(mode), surface.max_velocity = max_velocity, surface.smoothing = smoothing;
+    update();
   }
 };
 
 // Sets the tiles of a surface: grids and meshes of Python. Returns what must outlive the surface: a copy of the list, which
 // Python may change.
 inline nb::list set_tiles_of(Surface& surface, const nb::list& tiles) {
-  std::vector<const HeightGrid*> grids;
-  std::vector<const MeshSurface*> meshes;
+  std::vector<HeightGrid*> grids;
+  std::vector<MeshSurface*> meshes;
   nb::list kept;
   for (nb::handle tile : tiles) {
     if (nb::isinstance<Mesh>(tile)) meshes.push_back(&nb::cast<Mesh&>(tile).surface);
@@ -212,7 +246,6 @@ void add_bodies(nb::module_& m);
 void add_rows(nb::module_& m);
 void add_contacts(nb::module_& m);
 void add_scans(nb::module_& m);
-// In the folder bullet, which is compiled where Bullet's headers are.
 void add_ground(nb::module_& m);
 
 }  // namespace smartmesh

@@ -33,9 +33,7 @@ bool HeightGrid::moves(double time) const {
   if ((track.x != 0.0 || track.y != 0.0 || track.spin != 0.0) && goes_on(time, track.time, track.interval, clocks[0].delay))
     return true;
   for (int k = 0; k < blocks(); ++k) {
-    if (mode == Mode::Correct ? remaining(clocks[k], shown, settle) > 0.0
-                              : clocks[k].known > 0 && goes_on(time, clocks[k].time, clocks[k].lifetime, clocks[k].delay))
-      return true;
+    if (mode == Mode::Correct ? remaining(clocks[k], shown, settle) > 0.0 : may_move(clocks[k], time, mode)) return true;
   }
   return false;
 }
@@ -66,7 +64,8 @@ void GridReader::enter(const Clock& clock) {
   const bool same = clock_ != nullptr && same_times(clock, *clock_);
   clock_ = &clock;
   if (same) return;
-  left_ = grid_.mode == Mode::Correct ? remaining(clock, grid_.shown, grid_.settle) : 0.0;
+  blend_ = grid_.blends() && clock.known > 0 ? blend_of(clock, time_, ahead_) : Blend{};
+  if (grid_.mode == Mode::Correct) blend_.offset = remaining(clock, grid_.shown, grid_.settle);
   phase_ = block_phase(clock, time_, grid_.mode);
   newest_ = nullptr;
   if (grid_.mode == Mode::Correct || clock.known == 0 || clock.newest < 0 || clock.newest >= KEPT) return;
@@ -78,7 +77,8 @@ void GridReader::enter(const Clock& clock) {
 
 Motion GridReader::motion(int row, int column, std::size_t index) const {
   if (grid_.noise > 0.0) return motion_in_noise(grid_, row, column, *clock_, phase_);
-  return motion_of(newest_[index], second_[index], third_[index], phase_, grid_.max_velocity);
+  const auto law = phase_.third == 0.0 ? motion_of : third_order_motion_of;
+  return law(newest_[index], second_[index], third_[index], phase_, grid_.max_velocity);
 }
 
 Sample GridReader::read(int row, int column) {
@@ -87,42 +87,73 @@ Sample GridReader::read(int row, int column) {
   if (&clock != clock_) enter(clock);
   const std::size_t i = grid_.index(row, column);
   const double height = grid_.z + static_cast<double>(grid_.heights[i]);
-  if (grid_.mode == Mode::Correct) return {height + left_ * static_cast<double>(grid_.offsets[i]), 0.0};
-  if (newest_ == nullptr) return {height, 0.0};
+  if (newest_ == nullptr) return {height + deviation(i), 0.0};
   const Motion found = motion(row, column, i);
-  return {height + displacement(found, phase_), rise_of(found, phase_, ahead_)};
+  double rise = rise_of(found, phase_, ahead_);
+  if (blend_.offset_rise != 0.0)
+    rise += blend_.offset_rise * static_cast<double>(grid_.offsets[i]) + blend_.rate_rise * static_cast<double>(grid_.rates[i]);
+  return {height + displacement(found, phase_) + deviation(i), rise};
 }
 
 void GridReader::read_row(int row, int column, int count, double* heights) {
   std::fill(heights, heights + count, std::numeric_limits<double>::quiet_NaN());
+  each_block(row, column, count, [&](int c, int inside) {
+    const float* known = grid_.heights + grid_.index(row, c);
+    double* out = heights + (c - column);
+    for (int k = 0; k < inside; ++k) out[k] = grid_.z + static_cast<double>(known[k]);
+    if (phase_.along != 0.0 || phase_.bend != 0.0)
+      each_motion(row, c, inside,
+                  [out](int k, const Motion& motion, const Phase& phase) { out[k] += displacement(motion, phase); });
+    if (blend_.offset != 0.0)
+      for (int k = 0; k < inside; ++k) out[k] += deviation(grid_.index(row, c + k));
+  });
+}
+
+void GridReader::read_rises(int row, int column, int count, double* rises) {
+  std::fill(rises, rises + count, 0.0);
+  each_block(row, column, count, [&](int c, int inside) {
+    double* out = rises + (c - column);
+    const double ahead = ahead_;
+    each_motion(row, c, inside, [out, ahead](int k, const Motion& motion, const Phase& phase) {
+      out[k] = rise_of(motion, phase, ahead);
+    });
+    if (blend_.offset_rise == 0.0) return;
+    const std::size_t i = grid_.index(row, c);
+    for (int k = 0; k < inside; ++k)
+      out[k] += blend_.offset_rise * static_cast<double>(grid_.offsets[i + k]) +
+                blend_.rate_rise * static_cast<double>(grid_.rates[i + k]);
+  });
+}
+
+// Calls `use(column, count)` for the samples of a row inside the map that are in one block each.
+template <class Use>
+void GridReader::each_block(int row, int column, int count, const Use& use) {
   if (row < 0 || row >= grid_.rows) return;
   const int last = std::min(column + count, grid_.columns);
   for (int c = std::max(column, 0), end; c < last; c = end) {
     end = std::min(last, ((c >> BLOCK_SHIFT) + 1) << BLOCK_SHIFT);
     const Clock& clock = grid_.clock(row, c);
     if (&clock != clock_) enter(clock);
-    const float* known = grid_.heights + grid_.index(row, c);
-    double* out = heights + (c - column);
-    for (int k = 0; k < end - c; ++k) out[k] = grid_.z + static_cast<double>(known[k]);
-    add_motion(row, c, end - c, out);
+    use(c, end - c);
   }
 }
 
-// Adds corrections and motion to the heights of samples of one block.
-void GridReader::add_motion(int row, int column, int count, double* heights) const {
-  const std::size_t i = grid_.index(row, column);
-  if (left_ > 0.0)
-    for (int k = 0; k < count; ++k) heights[k] += left_ * static_cast<double>(grid_.offsets[i + k]);
-  if (newest_ == nullptr || (phase_.along == 0.0 && phase_.bend == 0.0)) return;
+// Calls `use(k, motion, phase)` for samples of one block, if it has velocities.
+template <class Use>
+void GridReader::each_motion(int row, int column, int count, const Use& use) const {
+  if (newest_ == nullptr) return;
   if (grid_.noise > 0.0) {
-    for (int k = 0; k < count; ++k)
-      heights[k] += displacement(motion_in_noise(grid_, row, column + k, *clock_, phase_), phase_);
+    for (int k = 0; k < count; ++k) use(k, motion_in_noise(grid_, row, column + k, *clock_, phase_), phase_);
     return;
   }
+  const std::size_t i = grid_.index(row, column);
   const float *v = newest_ + i, *v1 = second_ + i, *v2 = third_ + i;
-  const Phase phase = phase_;  // a copy, which `heights` cannot overlap
+  const Phase phase = phase_;  // a copy, which what `use` writes to cannot overlap
   const double most = grid_.max_velocity;
-  for (int k = 0; k < count; ++k) heights[k] += displacement(motion_of(v[k], v1[k], v2[k], phase, most), phase);
+  if (phase.third == 0.0)
+    for (int k = 0; k < count; ++k) use(k, motion_of(v[k], v1[k], v2[k], phase, most), phase);
+  else
+    for (int k = 0; k < count; ++k) use(k, third_order_motion_of(v[k], v1[k], v2[k], phase, most), phase);
 }
 
 }  // namespace smartmesh

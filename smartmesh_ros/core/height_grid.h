@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <limits>
 
 #include "motion.h"
 #include "vec3.h"
@@ -34,8 +35,8 @@ struct GridPose {
   }
   // Returns the pose of a window of the grid that starts at a place.
   GridPose from(const GridPoint& place, double resolution) const {
-    const Vec3 corner = point(place, resolution);
-    return {corner.x, corner.y, cos, sin, slide_x, slide_y, spin};
+    const Vec3 corner = point(place, resolution), velocity = slide(corner.x, corner.y);
+    return {corner.x, corner.y, cos, sin, velocity.x, velocity.y, spin};
   }
   // Returns true if the grid moves horizontally.
   bool slides() const { return slide_x != 0.0 || slide_y != 0.0 || spin != 0.0; }
@@ -56,22 +57,28 @@ struct Sample {
 // Samples of a height map and their motion; the arrays belong to Python.
 //
 // `heights` (rows, columns) [m], NaN = hole. `velocities` (KEPT, rows, columns) [m/s]: a ring buffer, whose newest index is
-// in the clock of each block. `offsets` (rows, columns) [m]: old minus new heights of corrections. `clocks`: one for each
-// block. `x`, `y`, `z` [m]: position of sample (0, 0) at the last map; z is added to every height. `yaw` [rad]: of the grid.
+// in the clock of each block. `offsets` (rows, columns) [m]: old minus new heights of corrections; of other ground, the
+// deviations when the last map came of what was shown from the motion of that map, and `rates` (rows, columns) [m/s] those
+// of its velocity, see Blend. `clocks`: one for each block. `x`, `y`, `z` [m]: position of sample (0, 0) at the last map; z is added to every height. `yaw` [rad]: of the grid.
 // `max_velocity` [m/s], `settle` [s]: see MotionConfig in terrain/motion.py. `noise` [m]: standard deviation of the heights
-// for the estimation of velocities. `shown` [s]: instant up to which corrections are blended in. `friction` (rows,
-// columns): coefficient of each sample, NaN = 1; null: `uniform_friction` everywhere.
+// for the estimation of velocities. `smoothing` [map intervals]: see MotionConfig. `shown` [s]: instant up to which the
+// ground was shown to bodies, infinity before; corrections are blended in up to then. `friction` (rows,
+// columns): coefficient of each sample, NaN = 1; null: `uniform_friction` everywhere. `variances` (rows, columns) [m^2]: of
+// fused heights; null: exact.
 struct HeightGrid {
   const float* heights = nullptr;
   const float* velocities = nullptr;
   const float* offsets = nullptr;
+  const float* rates = nullptr;
   const Clock* clocks = nullptr;
   const float* friction = nullptr;
+  const float* variances = nullptr;
   double uniform_friction = 1.0;
   int rows = 0, columns = 0, block_columns = 0;
   double x = 0.0, y = 0.0, z = 0.0, yaw = 0.0, resolution = 1.0;
   Mode mode = Mode::Extrapolate;
-  double max_velocity = 0.0, settle = 0.0, noise = 0.0, shown = 0.0;
+  double max_velocity = 0.0, settle = 0.0, noise = 0.0, smoothing = 0.0;
+  double shown = std::numeric_limits<double>::infinity();
   GridTrack track;
   long revision = 0;  // grows with every change
 
@@ -93,6 +100,8 @@ struct HeightGrid {
 
   // Blends corrections in up to the instant `shown` [s].
   void show(double shown);
+  // Returns true if ground goes on from what was shown when a map comes, and does not jump.
+  bool blends() const { return mode == Mode::Interpolate || (mode == Mode::Extrapolate && smoothing > 0.0); }
 
   // Returns true if any sample may move at `time` [s].
   bool moves(double time) const;
@@ -113,24 +122,36 @@ class GridReader {
     if (&clock != clock_) enter(clock);
     const std::size_t i = grid_.index(row, column);
     const double height = grid_.z + static_cast<double>(grid_.heights[i]);
-    if (newest_ == nullptr) return grid_.mode == Mode::Correct ? height + left_ * static_cast<double>(grid_.offsets[i]) : height;
-    if (grid_.noise > 0.0) return height + displacement(motion(row, column, i), phase_);
-    return height + displacement(motion_of(newest_[i], second_[i], third_[i], phase_, grid_.max_velocity), phase_);
+    if (newest_ == nullptr) return height + deviation(i);
+    if (grid_.noise > 0.0 || phase_.third != 0.0)
+      return height + displacement(motion(row, column, i), phase_) + deviation(i);
+    const Motion found = motion_of(newest_[i], second_[i], third_[i], phase_, grid_.max_velocity);
+    return height + displacement(found, phase_) + deviation(i);
   }
 
   // Writes the heights [m] of `count` samples of a row from a column on; NaN beyond the edge and in holes.
   void read_row(int row, int column, int count, double* heights);
+  // Writes the rises [m] of `count` samples of a row from a column on; zero beyond the edge.
+  void read_rises(int row, int column, int count, double* rises);
 
  private:
   void enter(const Clock& clock);
+  template <class Use>
+  void each_block(int row, int column, int count, const Use& use);
+  template <class Use>
+  void each_motion(int row, int column, int count, const Use& use) const;
   Motion motion(int row, int column, std::size_t index) const;
-  void add_motion(int row, int column, int count, double* heights) const;
+  double deviation(std::size_t i) const {
+    if (blend_.offset == 0.0) return 0.0;
+    const double offset = blend_.offset * static_cast<double>(grid_.offsets[i]);
+    return blend_.rate == 0.0 ? offset : offset + blend_.rate * static_cast<double>(grid_.rates[i]);
+  }
 
   const HeightGrid& grid_;
   double time_, ahead_;
   const Clock* clock_ = nullptr;
   Phase phase_;
-  double left_ = 0.0;  // share of the block's correction that is not blended in yet
+  Blend blend_;
   const float *newest_ = nullptr, *second_ = nullptr, *third_ = nullptr;  // velocities; null: the block has none
 };
 

@@ -11,6 +11,8 @@ namespace {
 constexpr double PREFERENCE = 1e-3;
 // Share by which a new contact must span a larger area.
 constexpr double AREA_PREFERENCE = 1.2;
+// Distance within which a contact of other features takes over impulses [m].
+constexpr double MATCHING = 0.05;
 // Distance below which contacts with one normal are the same [m].
 constexpr double SAME_PLACE = 1e-6;
 // Rounds in which the impulses of held contacts are found.
@@ -32,7 +34,7 @@ std::vector<Candidate> candidates_of(const Approach& approach, const std::vector
   std::vector<Candidate> found;
   double hardest = 0.0;
   for (const Contact& contact : contacts) {
-    const double closing = std::max(0.0, -dot(contact.normal, approach.velocity_at(contact.point))) * approach.duration;
+    const double closing = std::max(0.0, -dot(contact.normal, approach.velocity_at(contact))) * approach.duration;
     if (contact.distance <= closing) hardest = std::max(hardest, closing);
     const auto other = std::find_if(found.begin(), found.end(), [&](const Candidate& c) { return same(contact, c.contact); });
     const Candidate it{contact, contact.distance - closing};
@@ -64,7 +66,7 @@ class HeldBody {
 
   // Returns the distance of a contact at the end of the step [m].
   double distance(const Contact& contact) const {
-    return contact.distance + dot(contact.normal, motion_.velocity_at(contact.point)) * motion_.duration;
+    return contact.distance + dot(contact.normal, motion_.velocity_at(contact)) * motion_.duration;
   }
 
   void hold(const Contact& contact) {
@@ -185,9 +187,9 @@ void choose_contacts(const Convex& shape, const Pose& pose, const Approach& appr
   choice.write(contacts);
 }
 
-const OldContact* matching(const Contact& contact, const std::vector<OldContact>& before, double radius) {
+const OldContact* matching(const Contact& contact, const std::vector<OldContact>& before) {
   const OldContact* best = nullptr;
-  double nearest = radius * radius;
+  double nearest = MATCHING * MATCHING;
   for (const OldContact& old : before) {
     if (old.body_feature == contact.body_feature && old.ground_feature == contact.ground_feature) return &old;
     const double distance = norm2(old.point - contact.point);

@@ -13,6 +13,7 @@ struct MapArrays {
   float* heights = nullptr;
   float* velocities = nullptr;
   float* offsets = nullptr;
+  float* rates = nullptr;
   Clock* clocks = nullptr;
   std::ptrdiff_t rows = 0, columns = 0, block_columns = 0;
 };

@@ -1,6 +1,9 @@
 #include "map_updates.h"
 
+#include <optional>
 #include <vector>
+
+#include "blending.h"
 
 namespace smartmesh {
 
@@ -77,14 +80,22 @@ void take_part(const MapArrays& map, const Region& place, const NewSamples& samp
 
 }  // namespace
 
-void take_heights(const MapArrays& map, const Region& place, const NewSamples& samples, const Intervals& intervals) {
+void take_heights(const HeightGrid& grid, const MapArrays& map, const Region& place, const NewSamples& samples,
+                  const Intervals& intervals) {
   std::vector<BlockUpdate> blocks;
-  const Span touched = blocks_of({place.top, place.bottom});
+  const Span touched = blocks_of({place.top, place.bottom}), along = blocks_of({place.left, place.right});
+  const Span columns = {along.first << BLOCK_SHIFT, block_span(along.last - 1, map.columns).last};
+  const double instant = instant_of_update(samples.time, map.clocks[0].delay, grid.shown, intervals.most);
   for (std::ptrdiff_t block_row = touched.first; block_row < touched.last; ++block_row) {
-    note_blocks(map, place, samples, intervals, block_row, blocks);
     const Span rows = block_span(block_row, map.rows);
+    std::optional<ShownGround> shown;
+    if (grid.blends()) shown.emplace(grid, rows, columns, instant);
+    note_blocks(map, place, samples, intervals, block_row, blocks);
     for (std::ptrdiff_t row = rows.first; row < rows.last; ++row)  // in the order of memory
       for (const BlockUpdate& block : blocks) take_part(map, place, samples, row, block);
+    for (std::ptrdiff_t k = along.first; k < along.last; ++k)
+      set_blend(map.clocks[block_row * map.block_columns + k], instant, grid.mode, grid.smoothing);
+    if (shown) shown->write_deviations(grid, map);
   }
 }
 

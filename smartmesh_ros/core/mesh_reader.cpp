@@ -44,8 +44,9 @@ class FacetTarget final : public RayTarget {
 }  // namespace
 
 MeshReader::MeshReader(const MeshSurface& mesh, double time, double ahead)
-    : mesh_(&mesh), phase_(block_phase(*mesh.clock, time, mesh.mode)), ahead_(ahead), age_(time - mesh.clock->time),
-      drift_(mesh.drift(time)), still_(phase_.along == 0.0 && phase_.bend == 0.0) {
+    : mesh_(&mesh), phase_(block_phase(*mesh.clock, time, mesh.mode)),
+      blend_(mesh.blends() && mesh.clock->known > 0 ? blend_of(*mesh.clock, time, ahead) : Blend{}), ahead_(ahead), age_(time - mesh.clock->time),
+      drift_(mesh.drift(time)), still_(phase_.along == 0.0 && phase_.bend == 0.0 && blend_.offset == 0.0) {
   const std::int64_t newest = mesh.clock->newest;
   if (mesh.clock->known == 0 || newest < 0 || newest >= KEPT) return;
   const std::size_t size = 3 * static_cast<std::size_t>(mesh.vertices);
@@ -57,7 +58,8 @@ MeshReader::MeshReader(const MeshSurface& mesh, double time, double ahead)
 Motion MeshReader::motion(int axis, int v) const {
   if (newest_ == nullptr) return {};
   const std::size_t i = static_cast<std::size_t>(axis) * mesh_->vertices + v;
-  return motion_of(newest_[i], second_[i], third_[i], phase_, mesh_->max_velocity);
+  const auto law = phase_.third == 0.0 ? motion_of : third_order_motion_of;
+  return law(newest_[i], second_[i], third_[i], phase_, mesh_->max_velocity);
 }
 
 void MeshReader::prepare(std::size_t count) {
@@ -101,19 +103,7 @@ MeshPoint MeshReader::below(double x, double y, double z) {
   if (best < 0) return {};
   const auto& k = mesh_->topology_.facets[best];
   const Vec3 a = position(k[0]), normal = unit(cross(position(k[1]) - a, position(k[2]) - a));
-  return {height, (rise(k[0]) * weights[0] + rise(k[1]) * weights[1] + rise(k[2]) * weights[2]) * (1.0 / ahead_), normal,
-          best};
-}
-
-Vec3 MeshReader::turn(int facet) const {
-  const auto& k = mesh_->topology_.facets[facet];
-  const Vertex a = read(k[0]), b = read(k[1]), c = read(k[2]);
-  const Vec3 u = b.position - a.position, v = c.position - a.position, du = b.rise - a.rise, dv = c.rise - a.rise;
-  const double length = norm(u);
-  const Vec3 along = u * (1.0 / length), up = unit(cross(u, v)), across = cross(up, along);
-  const double spin = dot(du, across) / length, pitch = -dot(du, up) / length;
-  const double roll = (dot(dv, up) + dot(v, along) * pitch) / dot(v, across);
-  return (along * roll + across * pitch + up * spin) * (1.0 / ahead_);
+  return {height, (rise(k[0]) * weights[0] + rise(k[1]) * weights[1] + rise(k[2]) * weights[2]) * (1.0 / ahead_), normal};
 }
 
 }  // namespace smartmesh

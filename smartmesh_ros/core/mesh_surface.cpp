@@ -50,6 +50,7 @@ class MeshAdder {
       scratch_.stamp_of_vertex[v] = scratch_.stamp;
       scratch_.point_of[v] = static_cast<int>(patch_.points.size());
       patch_.points.push_back(reader_.position(v));
+      if (reader_.ahead() > 0.0) patch_.velocities.push_back(reader_.rise(v) * (1.0 / reader_.ahead()));
       patch_.names.push_back(first_name_ + v);
     }
     return scratch_.point_of[v];
@@ -140,7 +141,7 @@ void MeshScratch::begin(std::size_t vertices, std::size_t edge_count) {
 }
 
 bool MeshSurface::moves(double time) const {
-  return clock->known > 0 && goes_on(time, clock->time, clock->lifetime, clock->delay);
+  return may_move(*clock, time, mode);
 }
 
 void MeshSurface::update() {
@@ -156,7 +157,11 @@ void MeshSurface::update() {
     boxes.push_back(box_of(topology_, static_cast<int>(f), points_));
   if (is_new || parted) tree_.build(boxes);
   else tree_.refit(boxes);
-  speed_ = acceleration_ = 0.0;
+  measure();
+}
+
+void MeshSurface::measure() {
+  speed_ = acceleration_ = offset_ = rate_ = 0.0;
   if (clock->known == 0) return;
   const MeshReader reader(*this, clock->time, 0.0);
   for (int v = 0; v < vertices; ++v) {
@@ -164,21 +169,32 @@ void MeshSurface::update() {
       const Motion motion = reader.motion(axis, v);
       speed_ = std::max(speed_, std::abs(motion.velocity));
       acceleration_ = std::max(acceleration_, std::abs(motion.acceleration));
+      const std::size_t i = static_cast<std::size_t>(axis) * vertices + v;
+      offset_ = std::max(offset_, std::abs(offsets[i])), rate_ = std::max(rate_, std::abs(rates[i]));
     }
   }
 }
 
 double MeshSurface::drift(double time) const {
   const Phase phase = block_phase(*clock, time, mode);
-  return speed_ * std::abs(phase.along) + acceleration_ * std::abs(phase.bend);
+  const Blend blend = blends() ? blend_of(*clock, time, 0.0) : Blend{};
+  return speed_ * std::abs(phase.along) + acceleration_ * std::abs(phase.bend) + offset_ * blend.offset + rate_ * blend.rate;
 }
 
-void MeshSurface::gather(const Bounds& bounds, double time, const Reach& reach, int number, MeshScratch& scratch,
-                         Patch& patch) const {
+void MeshSurface::gather(const Bounds& bounds, double time, double ahead, const Reach& reach, int number,
+                         MeshScratch& scratch, Patch& patch) const {
   tree_.find(bounds.grown(drift(time)), scratch.found);
   if (scratch.found.empty()) return;
   scratch.begin(static_cast<std::size_t>(vertices), topology_.edges.size());
-  MeshAdder(topology_, MeshReader(*this, time, 0.0), number, reach, scratch, patch).run(bounds);
+  MeshAdder(topology_, MeshReader(*this, time, ahead), number, reach, scratch, patch).run(bounds);
+}
+
+void MeshSurface::add_velocities(const Bounds& bounds, double time, double ahead, MeshScratch& scratch,
+                                 Bounds& speeds) const {
+  const MeshReader reader(*this, time, ahead);
+  tree_.find(bounds.grown(drift(time) + drift(time + ahead)), scratch.found);
+  for (int f : scratch.found)
+    for (int v : topology_.facets[f]) speeds.add(reader.rise(v) * (1.0 / ahead));
 }
 
 }  // namespace smartmesh

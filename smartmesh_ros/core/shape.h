@@ -8,8 +8,12 @@
 
 namespace smartmesh {
 
-// Numbered as in smartmesh_msgs/TrackedBody.
-enum class ShapeKind : std::int64_t { Box = 1, Ball = 2, Cylinder = 3, Capsule = 4, Hull = 5, Compound = 6 };
+// Numbered as in smartmesh_msgs/TrackedBody and BodyDescription.
+enum class ShapeKind : std::int64_t { Box = 1, Ball = 2, Cylinder = 3, Capsule = 6, Hull = 8, Compound = 9 };
+
+inline bool is_primitive(ShapeKind kind) {
+  return kind == ShapeKind::Box || kind == ShapeKind::Ball || kind == ShapeKind::Cylinder || kind == ShapeKind::Capsule;
+}
 
 // A shape, with the layout of the NumPy type SHAPE in patches/shapes.py, which explains the fields.
 struct Shape {

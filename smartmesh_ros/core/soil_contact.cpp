@@ -125,6 +125,20 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
   }
 }
 
+// Adds the drag with which a `mass` [kg] on the soil as it is now sinks to rest without going beyond.
+void SoilUnderBody::damp_critically(double mass, double dt) {
+  double stiffness = 0.0, area = 0.0;
+  for (const Under& under : under_) {
+    const double sinkage = under.sample->level - under.low;
+    area += under.area;
+    if (!(sinkage > 0.0)) continue;
+    const PatchSoil& soil = *under.soil;
+    stiffness += under.area * std::min(soil.elastic, soil.exponent * soil.modulus * std::pow(sinkage, soil.exponent - 1.0));
+  }
+  if (!(stiffness > 0.0)) return;
+  for (PatchSoil& soil : soils_) soil.drag += 2.0 * std::sqrt(stiffness * mass) / (area * dt);
+}
+
 // Sets the loads of the samples for a part that went `down` [m].
 void SoilUnderBody::load(Span all, double down) {
   for (Under& under : all) {
@@ -237,6 +251,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
   const double turn = is_rolling ? 0.0 : norm(moving.angular) * placed.shape.solid.shape->extent({1.0, 1.0, 1.0});
   const double deepest = (std::max(0.0, -moving.linear.z) + turn + carried.load / carried.mass * step.dt) * step.dt;
   gather(soil, placed, rim.slip(), deepest, step);
+  if (carried.is_set_down) damp_critically(carried.mass, step.dt);
   const Span all{under_.data(), under_.data() + under_.size()};
   const double down = settle(all, carried, -moving.linear.z, step.dt);
   Quarter quarters[4];

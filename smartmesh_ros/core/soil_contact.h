@@ -8,11 +8,17 @@
 #include <vector>
 
 #include "soil_lattice.h"
-#include "soil_layer.h"
 #include "soil_rim.h"
 #include "soil_shape.h"
 
 namespace smartmesh {
+
+// Rectangle of samples: first row and column, last row and column; none if `bottom` < `top`.
+struct SampleRectangle {
+  int top = 0, left = 0, bottom = -1, right = -1;
+
+  bool empty() const { return bottom < top || right < left; }
+};
 
 // A step of the world. `time` [s]: at its start; `dt` [s]: its duration; `number` of the step, from 1 on.
 struct SoilStep {
@@ -20,9 +26,11 @@ struct SoilStep {
   std::int32_t number;
 };
 
-// What a part of a body carries: `mass` [kg], and the `load` that the soil bears of it, downwards [N].
+// What a part of a body carries: `mass` [kg], and the `load` that the soil bears of it, downwards [N]. `is_set_down`: the
+// soil damps it critically, as if a crane lowered it.
 struct Carried {
   double mass, load;
+  bool is_set_down = false;
 };
 
 // A spring between the soil and a body. `point` on the body [m]; `normal`: unit, into the body. Its force along the
@@ -76,6 +84,7 @@ class SoilUnderBody {
   static Placed place(const SoilLattice& soil, const MovingSolid& moving, double time);
   static SampleRectangle around(const SoilLattice& soil, const Placed& placed, double x, double y);
   void gather(SoilLattice& soil, const Placed& placed, double slip, double deepest, const SoilStep& step);
+  void damp_critically(double mass, double dt);
   static void load(Span under, double down);
   static double settle(Span under, const Carried& carried, double speed_down, double dt);
   bool find_quarters(const Placed& placed, Quarter (&quarters)[4]);

@@ -5,8 +5,8 @@
 
 namespace smartmesh {
 
-SoilLattice::SoilLattice(const HeightGrid& map, const SoilKinds& kinds, double spacing)
-    : map_(map), kinds_(kinds), refine_(std::max(1, static_cast<int>(std::ceil(map.resolution / spacing - 1e-9)))),
+SoilLattice::SoilLattice(const HeightGrid& map, const Soils& soils, double spacing)
+    : map_(map), soils_(soils), refine_(std::max(1, static_cast<int>(std::ceil(map.resolution / spacing - 1e-9)))),
       block_columns_((columns() >> SIDE_SHIFT) + 1) {
   reset();
 }
@@ -18,10 +18,21 @@ void SoilLattice::reset() {
   pressed_.clear();
 }
 
-int SoilLattice::kind(int row, int column) const {
+std::size_t SoilLattice::nearest(int row, int column) const {
   const int r = (row + refine_ / 2) / refine_, c = (column + refine_ / 2) / refine_;
-  return std::min<int>(kinds_.kinds[map_.index(std::min(r, map_.rows - 1), std::min(c, map_.columns - 1))],
-                       kinds_.count - 1);
+  return map_.index(std::min(r, map_.rows - 1), std::min(c, map_.columns - 1));
+}
+
+void SoilLattice::set_kinds(const std::uint8_t* kinds) {
+  for (std::size_t k = 0; !kinds_.empty() && k < blocks_.size(); ++k) {
+    if (blocks_[k] == nullptr) continue;
+    const int top = static_cast<int>(k / block_columns_) << SIDE_SHIFT, left = static_cast<int>(k % block_columns_) << SIDE_SHIFT;
+    for (int i = 0; i < SIDE * SIDE; ++i) {
+      const std::size_t at = nearest(top + i / SIDE, left + i % SIDE);
+      if (kinds_[at] != kinds[at]) (*blocks_[k])[i].yield.yielded = 0.0;
+    }
+  }
+  kinds_.assign(kinds, kinds + static_cast<std::size_t>(map_.rows) * static_cast<std::size_t>(map_.columns));
 }
 
 double SoilLattice::level_at(int row, int column) const {
@@ -81,20 +92,34 @@ void SoilLattice::note(int row, int column) {
   pressed_.insert(node_index((row + half) / refine_, (column + half) / refine_));
 }
 
-double SoilLattice::mean_around(int node_row, int node_column) {
+const FineSample* SoilLattice::find(int row, int column) const {
+  const auto& block = blocks_[static_cast<std::size_t>(row >> SIDE_SHIFT) * block_columns_ + (column >> SIDE_SHIFT)];
+  const FineSample* sample = block ? &(*block)[(row & (SIDE - 1)) * SIDE + (column & (SIDE - 1))] : nullptr;
+  return sample != nullptr && sample->step != 0 ? sample : nullptr;
+}
+
+SoilLattice::Around SoilLattice::around(int node_row, int node_column) const {
   const int half = refine_ / 2, row = node_row * refine_, column = node_column * refine_;
+  return {std::max(0, row - half), std::max(0, column - half), std::min(row + half, rows() - 1),
+          std::min(column + half, columns() - 1)};
+}
+
+double SoilLattice::mean_around(int node_row, int node_column) const {
+  const auto [top, left, bottom, right] = around(node_row, node_column);
   double sunk = 0.0;
   int count = 0;
-  for (int r = std::max(0, row - half); r <= std::min(row + half, rows() - 1); ++r) {
-    for (int c = std::max(0, column - half); c <= std::min(column + half, columns() - 1); ++c) {
-      const FineSample& sample = at(r, c);
-      if (!std::isnan(sample.level)) sunk += sample.yield.plastic, ++count;
+  for (int r = top; r <= bottom; ++r) {
+    for (int c = left; c <= right; ++c) {
+      const FineSample* sample = find(r, c);
+      if (std::isnan(sample != nullptr ? sample->level : level_at(r, c))) continue;
+      if (sample != nullptr) sunk += sample->yield.plastic;
+      ++count;
     }
   }
   return count > 0 ? sunk / count : 0.0;
 }
 
-void SoilLattice::read_sinkage(double* sinkage) {
+void SoilLattice::read_sinkage(double* sinkage) const {
   for (const auto& [node, height] : known_)
     sinkage[node] = mean_around(static_cast<int>(node / map_.columns), static_cast<int>(node % map_.columns));
 }
@@ -104,6 +129,10 @@ std::vector<PressedNode> SoilLattice::take_pressed() {
   std::set<std::int64_t> later;  // where others changed the map: `renew` has not yet moved the soil
   for (const std::int64_t node : pressed_) {
     const int row = static_cast<int>(node / map_.columns), column = static_cast<int>(node % map_.columns);
+    // The levels of all samples around are those of the map before it changes.
+    const auto [top, left, bottom, right] = around(row, column);
+    for (int r = top; r <= bottom; ++r)
+      for (int c = left; c <= right; ++c) at(r, c);
     const double level = at(row * refine_, column * refine_).level;
     const float height = static_cast<float>(level - mean_around(row, column));
     float& known = known_[node];

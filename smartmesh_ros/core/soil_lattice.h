@@ -4,6 +4,7 @@
 // sample.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -25,10 +26,9 @@ struct FineSample {
   std::int32_t step = 0;
 };
 
-// Soils of a map, and which one each of its samples is; the arrays belong to Python.
-struct SoilKinds {
-  const std::uint8_t* kinds = nullptr;
-  const SoilType* soils = nullptr;
+// Soils of a map; the array belongs to Python.
+struct Soils {
+  const SoilType* first = nullptr;
   int count = 0;
 };
 
@@ -41,7 +41,7 @@ struct PressedNode {
 class SoilLattice {
  public:
   // `spacing` [m]: largest of the fine samples.
-  SoilLattice(const HeightGrid& map, const SoilKinds& kinds, double spacing);
+  SoilLattice(const HeightGrid& map, const Soils& soils, double spacing);
 
   bool sinks_by_slip = true;  // wheels that slip dig themselves in
 
@@ -49,9 +49,11 @@ class SoilLattice {
   double spacing() const { return map_.resolution / refine_; }
   int rows() const { return (map_.rows - 1) * refine_ + 1; }
   int columns() const { return (map_.columns - 1) * refine_ + 1; }
-  int kind(int row, int column) const;
-  int soil_count() const { return kinds_.count; }
-  const SoilType& soil(int kind) const { return kinds_.soils[kind]; }
+  int kind(int row, int column) const { return std::min<int>(kinds_[nearest(row, column)], soils_.count - 1); }
+  int soil_count() const { return soils_.count; }
+  const SoilType& soil(int kind) const { return soils_.first[kind]; }
+  // Takes which soil each sample of the map is. Soil of another kind keeps its sinkage, but has borne nothing yet.
+  void set_kinds(const std::uint8_t* kinds);
 
   // Takes the ground from a row and column to others, all included, for new soil where others changed the map. What a
   // body pressed at the end of the `last` step keeps its sinkage: it moves with the ground.
@@ -66,23 +68,34 @@ class SoilLattice {
   // next step.
   std::vector<PressedNode> take_pressed();
   // Writes how far the ground of each sample of the map was pressed, where bodies have been [m].
-  void read_sinkage(double* sinkage);
+  void read_sinkage(double* sinkage) const;
   void reset();
 
  private:
   static constexpr int SIDE_SHIFT = 4, SIDE = 1 << SIDE_SHIFT;
   using Block = std::array<FineSample, SIDE * SIDE>;
+  // First and last rows and columns.
+  struct Around {
+    int top, left, bottom, right;
+  };
 
   std::int64_t node_index(int row, int column) const { return static_cast<std::int64_t>(row) * map_.columns + column; }
   float mapped(int row, int column) const { return map_.heights[map_.index(row, column)]; }
   double level_at(int row, int column) const;
+  // Returns the index of the map's sample that is nearest to a fine one.
+  std::size_t nearest(int row, int column) const;
   // Returns true if the sample stays pressed.
   bool renew(int row, int column, std::int32_t last);
+  // Returns a fine sample, null if it was never looked at.
+  const FineSample* find(int row, int column) const;
+  // Returns the fine samples around a sample of the map.
+  Around around(int node_row, int node_column) const;
   // Returns the mean sinkage around a sample of the map [m].
-  double mean_around(int node_row, int node_column);
+  double mean_around(int node_row, int node_column) const;
 
   const HeightGrid& map_;
-  SoilKinds kinds_;
+  Soils soils_;
+  std::vector<std::uint8_t> kinds_;  // of the samples of the map
   int refine_, block_columns_;
   std::vector<std::unique_ptr<Block>> blocks_;
   std::unordered_map<std::int64_t, float> known_;  // heights of the map where bodies have been [m]

@@ -14,14 +14,14 @@ struct SoilType {
   double kphi, kc, exponent, cohesion, friction, shear, elastic, damping;
 };
 
-// A soil under a contact patch in an update. `modulus`: Bekker's, with the width of the patch. `drag`: damping over the
-// duration [Pa/m].
+// A soil under a contact patch in a step. `modulus`: Bekker's, with the width of the patch. `drag`: damping over the
+// duration of the step [Pa/m].
 struct PatchSoil {
-  double modulus, exponent, elastic, damping, drag, cohesion, friction, shear;
+  double modulus, exponent, elastic, drag, cohesion, friction, shear;
 };
 
 inline PatchSoil under_patch(const SoilType& soil, double width, double dt) {
-  return {soil.kc / width + soil.kphi, soil.exponent, soil.elastic, soil.damping, soil.damping / dt, soil.cohesion,
+  return {soil.kc / width + soil.kphi, soil.exponent, soil.elastic, soil.damping / dt, soil.cohesion,
           soil.friction, soil.shear};
 }
 

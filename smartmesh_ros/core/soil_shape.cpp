@@ -178,23 +178,8 @@ double patch_width(const Underside& shape) {
   return half[0];
 }
 
-Slope slope_of(const Underside& shape) {
-  if (shape.kind == ShapeKind::Ball) return {0.0, 0.0};
-  if (shape.kind == ShapeKind::Box || shape.upright == 2) {
-    const Vec3& axis = shape.axis(shape.upright);
-    return {-axis.x / axis.z, -axis.y / axis.z};
-  }
-  const Vec3& axis = shape.axis(2);
-  const double rise = axis.z / (1.0 - axis.z * axis.z);
-  return {axis.x * rise, axis.y * rise};
-}
-
-double half_length(const Underside& shape, int along) {
-  return shape.solid.reach_along(along == 0 ? Vec3{1.0, 0.0, 0.0} : Vec3{0.0, 1.0, 0.0});
-}
-
 double reach(const Underside& shape, int along) {
-  const double half = half_length(shape, along);
+  const double half = shape.solid.reach_along(along == 0 ? Vec3{1.0, 0.0, 0.0} : Vec3{0.0, 1.0, 0.0});
   if (shape.kind == ShapeKind::Cylinder && shape.upright == 2) return half + SQRT2 * shape.spacing;
   if (shape.kind == ShapeKind::Cylinder) return half + shape.spacing * 2.0 * std::abs(along_grid(shape.axis(2), along));
   double found = half;
@@ -214,7 +199,7 @@ bool lies(const Solid& solid) {
   return (kind == ShapeKind::Cylinder || kind == ShapeKind::Capsule) && std::abs(solid.axes.row[2].z) < STANDS;
 }
 
-Slope reach_below(const Underside& shape, double below) {
+HalfLengths reach_below(const Underside& shape, double below) {
   const double x = reach(shape, 0), y = reach(shape, 1), radius = shape.half[0];
   const bool is_ball = shape.kind == ShapeKind::Ball;
   if (!is_ball && !lies(shape.solid)) return {x, y};

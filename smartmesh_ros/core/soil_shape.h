@@ -52,17 +52,6 @@ constexpr double STEEP = 0.05;
 // cylinder its height, of round shapes the radius.
 double patch_width(const Underside& shape);
 
-// Slope along columns and rows.
-struct Slope {
-  double x, y;
-};
-
-// Returns the slope of a flat underside; of a lying cylinder or capsule, that of its axis; of a sphere zero.
-Slope slope_of(const Underside& shape);
-
-// Returns half the length of the shape along columns (`along` = 0) or rows (1) [m].
-double half_length(const Underside& shape, int along);
-
 // Returns half the length of the rectangle around all places with an underside [m].
 double reach(const Underside& shape, int along);
 
@@ -72,7 +61,12 @@ bool stands_level(const Underside& shape);
 // Returns true if a cylinder or capsule lies on its side, so that it rolls about its own axis 2.
 bool lies(const Solid& solid);
 
+// Half lengths along columns and rows [m].
+struct HalfLengths {
+  double x, y;
+};
+
 // Returns how far from the middle, along columns and rows, a shape may be `below` a height above its middle [m].
-Slope reach_below(const Underside& shape, double below);
+HalfLengths reach_below(const Underside& shape, double below);
 
 }  // namespace smartmesh

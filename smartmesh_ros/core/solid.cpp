@@ -26,7 +26,7 @@ const Vec3& farthest_vertex(const Solid& solid, const Vec3& direction) {
 }  // namespace
 
 bool ShapeTable::has_all_of(const Shape& shape) const {
-  if (shape.kind < ShapeKind::Box || shape.kind > ShapeKind::Compound) return false;
+  if (!is_primitive(shape.kind) && shape.kind != ShapeKind::Hull && shape.kind != ShapeKind::Compound) return false;
   if (shape.kind == ShapeKind::Hull) return has_rows(shape, vertex_count);
   if (shape.kind != ShapeKind::Compound) return true;
   if (!has_rows(shape, part_count)) return false;

@@ -8,17 +8,67 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
+from inspect import isbuiltin
 from itertools import chain
 from typing import Any
 
 import numpy as np
 import pybullet as pb
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray
 
 
+class NumberedClient:
+    """PyBullet's functions for the client of a number, which whoever connected it disconnects."""
+
+    def __init__(self, number: int) -> None:
+        self._client = number
+
+    def __getattr__(self, name: str) -> Any:
+        """Return one of PyBullet's functions or constants."""
+        found = getattr(pb, name)
+        return partial(found, physicsClientId=self._client) if isbuiltin(found) else found
+
+
+class NoClient:
+    """Takes the place of the client, and of all that works in it, in a copy of a ground: refuses whatever is asked."""
+
+    WHY = (
+        "this ground is a copy, and PyBullet's world cannot be copied: make Ground(client, ground.terrain, "
+        "ground.config) and attach its bodies"
+    )
+
+    def __getattr__(self, name: str) -> Any:
+        """Raise `InputError`."""
+        if name.startswith("__"):
+            raise AttributeError(name)
+        raise InputError("client", self.WHY)
+
+    def close(self) -> None:
+        """There is nothing to close."""
+
+
+def connected_client(client: Any) -> Any:
+    """Return a client with PyBullet's functions as methods: a `BulletClient`, the module ``pybullet`` itself, or the
+    client of a number, as users of ``physicsClientId=`` have it. Raises `InputError` if it is none of these, or not
+    connected."""
+    if type(client) is int:
+        client = NumberedClient(client)
+    if not hasattr(client, "getConnectionInfo"):
+        raise InputError(
+            "client", f"the client is of type {type(client).__name__}; pass the module pybullet, a BulletClient, or "
+            "the number that pybullet.connect returned"
+        )  # fmt: skip
+    if not client.getConnectionInfo()["isConnected"]:
+        number = getattr(client, "_client", 0)
+        raise InputError("client", f"PyBullet's client {number} is not connected; call pybullet.connect before")
+    return client
+
+
 class BulletCalls:
-    """Calls on one client: a connected `BulletClient`, or the module ``pybullet`` itself."""
+    """Calls on one client; see `connected_client`."""
 
     def __init__(self, client: Any) -> None:
         self._client: int = getattr(client, "_client", 0)
@@ -42,6 +92,11 @@ class BulletCalls:
             return np.asarray(self.states([body])[0])
         found = pb.getLinkState(body, link, 1, 0, self._client)
         return np.array([*found[0], *found[1], *found[6], *found[7]])
+
+
+def is_fixed(client: Any, body: int) -> bool:
+    """Return True if the base of a body has no mass, so that physics does not move it."""
+    return float(client.getDynamicsInfo(body, -1)[0]) == 0.0
 
 
 @contextmanager

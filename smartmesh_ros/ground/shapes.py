@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, get_args
 
 import numpy as np
@@ -91,13 +91,13 @@ class Box(_Shape):
         return {"shapeType": pb.GEOM_BOX, "halfExtents": half, "collisionFramePosition": self.centre}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Cylinder(_Shape):
     """A cylinder along z."""
 
     kind: ClassVar[ShapeKind] = ShapeKind.CYLINDER
-    radius: float
     height: float
+    radius: float
 
     @property
     def body_shape(self) -> BodyShape:
@@ -108,13 +108,13 @@ class Cylinder(_Shape):
         return {"shapeType": pb.GEOM_CYLINDER, "radius": self.radius, "height": self.height}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Capsule(_Shape):
     """A capsule along z; ``height`` is the distance between the centres of its two half spheres."""
 
     kind: ClassVar[ShapeKind] = ShapeKind.CAPSULE
-    radius: float
     height: float
+    radius: float
 
     @property
     def body_shape(self) -> BodyShape:
@@ -134,6 +134,17 @@ DIMENSIONS = np.zeros(max(SHAPES) + 1, np.int64)
 DIMENSIONS[list(SHAPES)] = [len(_names(made)) for made in SHAPES.values()]
 
 
+def shape_from(made: type[Shape], dimensions: Sequence[float]) -> Shape:
+    """Return the shape with its ``dimensions`` [m] in the order of its class, which is that of the messages; raises
+    `InputError` if their number is another."""
+    names = _names(made)
+    if len(dimensions) != len(names):
+        name, order = made.__name__.upper(), ", ".join(names)
+        raise InputError("shape", f"{name} needs {len(names)} dimensions [{order}], not {len(dimensions)}")
+    sizes: dict[str, Any] = dict(zip(names, map(float, dimensions), strict=True))
+    return made(**sizes)
+
+
 def padded_dimensions(shape: Shape) -> list[float]:
     """Return the dimensions of a shape in the order of its class, padded with zeros (3,) [m]."""
     dimensions = [float(value) for value in shape.dimensions.values()]
@@ -142,8 +153,8 @@ def padded_dimensions(shape: Shape) -> list[float]:
 
 def shape_of(kind: ShapeKind, dimensions: Sequence[float], centre: Sequence[float]) -> Shape:
     """Return the shape of a kind with `padded_dimensions` (3,) [m]; ``centre`` (3,) [m]: of boxes."""
-    made, used = SHAPES[kind], dimensions[: int(DIMENSIONS[kind])]
-    if made is Box:
+    shape = shape_from(SHAPES[kind], dimensions[: int(DIMENSIONS[kind])])
+    if isinstance(shape, Box):
         x, y, z = centre
-        return Box(*used, centre=(x, y, z))
-    return made(*used)
+        return replace(shape, centre=(x, y, z))
+    return shape

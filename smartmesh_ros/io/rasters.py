@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.checked_heights import unmasked
+from smartmesh_ros.terrain.checked_heights import MOST_SOILS, unmasked
 from smartmesh_ros.terrain.grid import GridGeometry
 
 FloatGrid = NDArray[np.float32]
@@ -28,13 +28,15 @@ MAX_CONDITION = 1e12
 
 
 class Raster(NamedTuple):
-    """Geometry of a surface, its heights (rows, columns) [m], NaN = no ground, their variances [m^2] or None, and the
-    ground's coefficients of friction: one, those of the samples (NaN = 1), or None = unknown."""
+    """Geometry of a surface, its heights (rows, columns) [m], NaN = no ground, their variances [m^2] or None; the
+    ground's coefficients of friction: one, those of the samples (NaN = 1), or None = unknown; and the places of its
+    soils in a list (rows, columns), or None = unknown."""
 
     geometry: GridGeometry
     heights: FloatGrid
     variances: FloatGrid | None = None
     friction: float | FloatGrid | None = None
+    soil: NDArray[np.uint8] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,14 +45,16 @@ class RasterConfig:
 
     ``layer``: layer of a grid map with the heights. ``variance_layer``: layer with their variances [m^2 before
     scaling], empty = none. ``friction_layer``: layer with the ground's coefficients of friction (NaN = 1), empty =
-    none. ``resolution`` [m], ``origin`` (x, y, z) [m] of the sample in the bottom left corner, and
-    ``yaw`` [rad]: of images and plain files. ``first_row``: their first row is at the top (the largest y) or at the
-    bottom. ``zero_is_hole``: zero means no ground in images and plain files.
+    none. ``soil_layer``: layer with the places of soils in a list (NaN = 0), empty = none. ``resolution`` [m],
+    ``origin`` (x, y, z) [m] of the sample in the bottom left corner, and ``yaw`` [rad]: of images and plain files.
+    ``first_row``: their first row is at the top (the largest y) or at the bottom. ``zero_is_hole``: zero means no
+    ground in images and plain files.
     """
 
     layer: str = "elevation"
     variance_layer: str = ""
     friction_layer: str = ""
+    soil_layer: str = ""
     scale: float = 1.0
     offset: float = 0.0
     resolution: float = 0.1
@@ -109,9 +113,10 @@ def from_grid_map(
     config: RasterConfig,
     variances: NDArray[Any] | None = None,
     friction: NDArray[Any] | None = None,
+    soil: NDArray[Any] | None = None,
 ) -> Raster:
-    """Return a layer ``cells`` (along -x, along -y) of a grid map as a raster, optionally with ``variances`` and
-    ``friction``.
+    """Return a layer ``cells`` (along -x, along -y) of a grid map as a raster, optionally with ``variances``,
+    ``friction`` and ``soil``.
 
     A grid map is a circular buffer: ``start`` is the index of its first cell in space, and scrolling moves ``start``
     instead of the cells. ``centre`` (x, y) [m]: middle of the map. Heights belong to the centres of cells.
@@ -125,7 +130,17 @@ def from_grid_map(
     x = centre[0] - 0.5 * (along_x - 1) * resolution
     y = centre[1] - 0.5 * (along_y - 1) * resolution
     geometry = GridGeometry(rows=along_y, columns=along_x, resolution=resolution, origin=(x, y, 0.0))
-    return Raster(geometry, heights, certainty, None if friction is None else _unrolled(friction, start))
+    rubs = None if friction is None else _unrolled(friction, start)
+    return Raster(geometry, heights, certainty, rubs, None if soil is None else _soils_of(_unrolled(soil, start)))
+
+
+def _soils_of(layer: NDArray[Any]) -> NDArray[np.uint8]:
+    """Return the places of soils that a layer of numbers holds."""
+    places = np.where(np.isnan(layer), 0.0, layer)
+    if not (np.rint(places) == places).all() or not 0.0 <= places.min() <= places.max() < MOST_SOILS:
+        most = MOST_SOILS - 1
+        raise InputError("soil", f"the layer of soils holds numbers that are no places in a list, 0 to {most}, or NaN")
+    return places.astype(np.uint8)
 
 
 def _unrolled(cells: NDArray[Any], start: tuple[int, int]) -> NDArray[Any]:

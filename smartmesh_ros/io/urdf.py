@@ -9,11 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.world.robots.description import Description, is_text, named_file, read_description
-from smartmesh_ros.world.robots.quantities import check_quantities, mass_of, number_of
+from smartmesh_ros.world.robots.description import is_text, named_file, read_description
+from smartmesh_ros.world.robots.quantities import check_quantities
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,6 +22,10 @@ class UrdfRules:
     folders: tuple[Path, ...]
     longest: int = 10_000_000
     most_links: int = 1000
+
+
+# Most allowed folders that a refusal names.
+MOST_FOLDERS = 3
 
 
 def checked_urdf(urdf: str, rules: UrdfRules) -> str:
@@ -44,33 +46,12 @@ def checked_urdf(urdf: str, rules: UrdfRules) -> str:
     if len(robot.links) > rules.most_links:
         raise InputError("size", f"the URDF has {len(robot.links)} links; the maximum is {rules.most_links}")
     check_quantities(robot)
-    _check_inertia(robot)
     for link in robot.links:
         for collision in robot.collisions(link):
             for mesh in collision.iter("mesh"):
                 name = mesh.get("filename", "")
                 _require_inside(named_file(name, robot.folder), rules, f"the URDF names the file {name!r}, which")
     return urdf
-
-
-def _check_inertia(robot: Description) -> None:
-    """Raise `InputError` if no body can have the inertia of a robot's root link.
-
-    PyBullet replaces an impossible inertia by zero, and the position of a root without inertia may become NaN after a
-    step. Other links work with zero inertia, and some robots use that on purpose.
-    """
-    root = robot.links[robot.root]
-    inertia = root.find("inertial/inertia")
-    if inertia is None or not mass_of(root):
-        return
-    xx, yy, zz, xy, xz, yz = (number_of(inertia, key, 0.0) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
-    least, middle, most = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).tolist()
-    if least < 0.0 or most > least + middle:
-        raise InputError(
-            "urdf",
-            f"link {robot.root!r} has impossible principal moments of inertia {least:g}, {middle:g}, "
-            f"{most:g} kg m^2: none may be negative or greater than the sum of the other two",
-        )
 
 
 def _resolved(path: Path) -> Path:
@@ -82,8 +63,12 @@ def _resolved(path: Path) -> Path:
 
 def _require_inside(path: Path, rules: UrdfRules, what: str) -> None:
     if not any(path.is_relative_to(_resolved(folder)) for folder in rules.folders):
-        folders = ", ".join(map(str, rules.folders)) or "none"
-        raise InputError("folder", f"{what} is outside the allowed folders ({folders}); see bodies.urdf_folders")
+        folders = ", ".join(map(str, rules.folders[:MOST_FOLDERS])) or "none"
+        more = f" and {len(rules.folders) - MOST_FOLDERS} more" if len(rules.folders) > MOST_FOLDERS else ""
+        raise InputError(
+            "folder", f"{what} is not in bodies.urdf_folders: add its folder there, which takes effect at once, or "
+            f"send the text of the URDF; allowed now: {folders}{more}"
+        )  # fmt: skip
 
 
 def _require_length(length: int, rules: UrdfRules) -> None:

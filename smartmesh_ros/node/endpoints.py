@@ -11,11 +11,11 @@ from itertools import product
 from time import monotonic
 from typing import Any
 
-from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.settings import Settings
+from smartmesh_ros.node.transport import Transport
 
 # Name in the ROS graph of a node whose name has not arrived.
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
@@ -44,7 +44,7 @@ class EndpointNames:
         waited = self._now() - self._first_seen.setdefault(key, self._now())
         return NAMELESS if waited > NAME_TIMEOUT else None
 
-    def of_publishers(self, node: Node, topics: Iterable[str]) -> list[str] | None:
+    def of_publishers(self, node: Transport, topics: Iterable[str]) -> list[str] | None:
         """Return the distinct names of the nodes that publish on ``topics``, as ``node`` sees them, sorted; None while
         one of them may still arrive."""
         names = {self.of(peer) for topic in topics for peer in node.get_publishers_info_by_topic(topic)}
@@ -85,7 +85,7 @@ class OwnTopics:
 
 
 def incompatible_peers(
-    node: Node, subscriptions: Iterable[Any], publishers: Iterable[Any], names: EndpointNames
+    node: Transport, subscriptions: Iterable[Any], publishers: Iterable[Any], names: EndpointNames
 ) -> dict[str, str]:
     """Return a description of the peers whose QoS is incompatible with the node's, by topic.
 
@@ -115,7 +115,7 @@ def publishers_of(subscriptions: Iterable[Any]) -> dict[str, int]:
 class Namesakes:
     """Logs a warning whenever another node of the same full name appears, which hears and answers the same calls."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Transport) -> None:
         self._node, self._known = node, 0
 
     def check(self) -> None:

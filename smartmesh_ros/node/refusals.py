@@ -1,6 +1,7 @@
 """Refused input and failures, counted by reason and logged once per reason and period."""
 
 from collections import Counter
+from collections.abc import Callable
 from time import monotonic
 from typing import Any
 
@@ -26,10 +27,11 @@ def reason_of(error: Exception) -> str:
 
 
 class Refusals:
-    """Counts refused input and logs it at a limited rate."""
+    """Counts refused input and logs it at a limited rate, on the clock ``now`` [s]."""
 
-    def __init__(self, logger: Any) -> None:
+    def __init__(self, logger: Any, now: Callable[[], float] = monotonic) -> None:
         self.counts: Counter[str] = Counter()
+        self._now = now
         self._logger = logger
         self._logged: dict[str, tuple[float, int]] = {}
 
@@ -37,7 +39,7 @@ class Refusals:
         """Records that a message or call on ``source`` was refused, or that a part of the node failed."""
         key = f"{source}: {reason_of(error)}"
         self.counts[key] += 1
-        now = monotonic()
+        now = self._now()
         last, count = self._logged.get(key, (-LOG_PERIOD, 0))
         if now - last >= LOG_PERIOD:
             more = self.counts[key] - count - 1

@@ -60,10 +60,25 @@ class Stop:
             raise KeyboardInterrupt
 
 
+def init(args: Sequence[str] | None = None) -> None:
+    """Initialise rclpy without signal handlers; without log files if their folder is not writable, or there is no home
+    for it, because rclpy would not start."""
+    given = list(sys.argv if args is None else args)
+    try:
+        folder = Path(get_logging_directory())
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except (OSError, RuntimeError) as error:  # RuntimeError: no HOME
+        print(f"no log files: {error}; set ROS_LOG_DIR to a folder that can be written", file=sys.stderr)
+        given += ["--ros-args", "--disable-external-lib-logs"]
+    rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
+
+
 def spin(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> None:
     """Make a node without a loop of its own and handle its messages until SIGINT or SIGTERM; exits with 2 and the
     reason if the node refuses its settings."""
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    init(args)
     executor, stop, node = SingleThreadedExecutor(), Stop(), None
     try:
         node = make_node()
@@ -98,7 +113,7 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
     stop = Stop()
     try:
         try:
-            rclpy.init(args=_with_checked_log_folder(args), signal_handler_options=SignalHandlerOptions.NO)
+            init(args)
             node = make_node()
             stop.starting = False
         except KeyboardInterrupt:
@@ -148,19 +163,6 @@ def _handle_some(executor: Executor, node: Any) -> None:
         _handle(executor, node, 0.0)
         if node.handled == handled:
             return
-
-
-def _with_checked_log_folder(args: list[str] | None) -> list[str]:
-    """Return the arguments, with log files disabled if their folder is not writable, because rclpy would not start."""
-    given = sys.argv if args is None else args
-    folder = Path(get_logging_directory())
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return list(given)
-    except OSError as error:
-        print(f"no log files: {folder} cannot be written ({error}); set ROS_LOG_DIR to another", file=sys.stderr)
-        return [*given, "--ros-args", "--disable-external-lib-logs"]
 
 
 def _handle(executor: Executor, node: Any, seconds: float) -> None:

@@ -11,11 +11,10 @@ from typing import Any
 import pybullet as pb
 from builtin_interfaces.msg import Time
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.limits import FARTHEST_BODY
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.endpoints import EndpointNames, OwnTopics
 from smartmesh_ros.node.inputs.cdr_reader import MOST_ITEMS, message_from
 from smartmesh_ros.node.inputs.conversions import BodyInput, RobotNames
@@ -24,7 +23,10 @@ from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings
 from smartmesh_ros.node.refusals import LOG_PERIOD, Refusals, shortened
 from smartmesh_ros.node.services.robot_files import RobotPreparation
 from smartmesh_ros.node.services.turns import Turns, Work
-from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, NodeClock, Pacer, stamp_of
+from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer, stamp_of
+from smartmesh_ros.node.timing.stamps import Placed
+from smartmesh_ros.node.transport import Clock, Transport
+from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.world.world import World
 
 # What is done with a request and its response, or with a response and its error.
@@ -33,6 +35,8 @@ Act = Callable[[Any, Any], Any]
 SERVICES = QoSProfile(depth=2000)
 # Errors that end a message or call, and leave the world as it was.
 REFUSED = (InputError, pb.error)
+# Most lost bodies that a line of the log names.
+MOST_NAMED = 5
 # Errors of a step or an output that the node outlives.
 FAILED = (pb.error, rclpy_implementation.RCLError)
 
@@ -51,7 +55,7 @@ def conclude(response: Any, error: Exception | None) -> None:
 
 
 class Session:
-    """One running node.
+    """One running node: ``node``, its topics and services, and its ``clock``, of DDS or of a recording.
 
     ``frame_id``: the terrain's frame, empty until a map sets it. ``last_map_time``: steady time of the last accepted
     terrain message [s], None before the first; ``maps``: number of accepted terrain messages. ``overtaken``: number of
@@ -61,14 +65,14 @@ class Session:
     ``topics``: the node's inputs and outputs. ``jumps``: number of jumps of tracked bodies, by topic. ``unstamped``:
     number of transforms without stamp, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s],
     None = without stamps. ``names``: names of the peer nodes. ``turns``: answers under way. ``robots``: prepares
-    robots for the world.
+    robots for the world. ``lost``: why bodies were removed, by name, until a reset.
     """
 
-    def __init__(self, node: Node, settings: Settings) -> None:
-        self.node = node
+    def __init__(self, node: Transport, settings: Settings, clock: Clock) -> None:
+        self.node, self.clock = node, clock
         self.settings = settings
-        self.world = World(config=settings.world)
-        self.world.say = node.get_logger().warning
+        self.world = World(config=settings.world, stopwatch=Stopwatch(now=clock.steady))
+        self.world.say, self.world.note = node.get_logger().warning, node.get_logger().info
         self.tracking = Tracking(self.world, settings.body_timeout, settings.max_velocity)
         self.robot_names = RobotNames(self.world, always=settings.robot_prefix)
         self.jumps: Counter[str] = Counter()
@@ -76,12 +80,11 @@ class Session:
         self.stamp_ages: dict[str, float | None] = {}
         self.subscriptions: list[Any] = []
         self.topics = OwnTopics(node.resolve_topic_name, settings)
-        self.names = EndpointNames()
+        self.names = EndpointNames(clock.steady)
         self.terrain_subscriptions: list[Any] = []
         self.handled = 0
-        self.refusals = Refusals(node.get_logger())
+        self.refusals = Refusals(node.get_logger(), clock.steady)
         self.lock = RLock()
-        self.clock = NodeClock(node)
         self.pacer = Pacer(settings.world.physics.dt, now=self.clock.pace)
         self.configure_pacer()
         self.frame_id = settings.frame_id
@@ -92,6 +95,7 @@ class Session:
         self.map_warning = ""
         self.turns = Turns()
         self.robots = RobotPreparation()
+        self.lost: dict[str, str] = {}
 
     @property
     def paused(self) -> bool:
@@ -182,9 +186,21 @@ class Session:
         """Return the time to compare stamps with [s]: simulated time if the node publishes it, else its clock."""
         return self.time_at(0.0) if self.settings.publish.clock else self.clock.stamp_now()
 
+    @property
+    def simulates_stamps(self) -> bool:
+        """True if stamps are simulated times, of this node or of another."""
+        return self.settings.publish.clock > 0.0 or self.clock.simulated
+
+    def state_time(self) -> float:
+        """Return the time of the bodies' states on the clock that stamps are compared with [s]."""
+        if self.settings.publish.clock:
+            return self.world.time
+        return self.clock.stamp_now() + self.world.time - self.time_at(0.0)
+
     def stamp_now(self) -> Time:
-        """Return the stamp for messages published now."""
-        return stamp_of(self.world.time if self.settings.publish.clock else self.clock.stamp_now())
+        """Return the stamp for messages published now. Under simulated time it is that of the bodies' states, because
+        one message of ``/clock`` may release several steps."""
+        return stamp_of(self.state_time() if self.simulates_stamps else self.clock.stamp_now())
 
     def time_at(self, age: float) -> float:
         """Return the simulated time [s] of the instant ``age`` [s] ago on the clock that stamps are compared with."""
@@ -196,7 +212,7 @@ class Session:
 
     def ahead_of_stamps(self) -> float:
         """Return the lead of simulated time, at which the bodies are, over the stamp for messages published now [s]."""
-        return 0.0 if self.settings.publish.clock else self.world.time - self.time_at(0.0)
+        return 0.0 if self.simulates_stamps else self.world.time - self.time_at(0.0)
 
     def require_room(self, names: Iterable[str]) -> None:
         """Raises `InputError` if bodies of these names would be too many with those of the world."""
@@ -224,13 +240,45 @@ class Session:
             self.jumps[topic] += 1
             self.node.get_logger().warning(f"{topic}: {jump}", throttle_duration_sec=LOG_PERIOD)
 
-    def note_lost(self) -> None:
-        """Counts and logs the bodies that the world removed because their position was invalid or too far away."""
-        for name in self.world.lost:
-            error = InputError(
-                "lost", f"{name!r} was at no place or farther away than {FARTHEST_BODY:g} m, and was removed"
+    def note_clock(self, source: str, placed: Placed) -> None:
+        """Log a line if the stamps of a source, of which this is the first, are not on this node's clock."""
+        if not placed.fresh or placed.own or placed.stamp is None:
+            return
+        age = self.clock_now() - placed.stamp
+        where = f"{age:.3f} s old" if age > 0.0 else f"{-age:.3f} s ahead of this node's clock"
+        words = f"{source}: stamps are {where}, so they count as those of another clock, which hold when they arrive"
+        if age > 0.0:
+            self.node.get_logger().info(words)
+        else:
+            self.node.get_logger().warning(f"{words}; set use_sim_time, or synchronise the clocks")
+
+    def start_of(self, name: str, state: BodyState, *, on_ground: bool = False) -> str:
+        """Return how a body that was added starts otherwise than asked, and log it; empty if it does not."""
+        words, (x, y, z) = "", state.position
+        ground = float("nan") if on_ground else float(self.world.ground_at([[x, y]]).z[0])
+        if not on_ground and not self.world.terrain.tiles:
+            words = f"{name!r} falls, because there is no ground before the first map"
+        elif z < ground:
+            what = (
+                "and is put onto it" if self.settings.world.physics.guard else "and stays there: physics.guard is false"
             )
-            self.refusals.add("physics", error)
+            words = (
+                f"{name!r} starts {ground - z:.2f} m below the ground, which is at z = {ground:.2f} m there, {what}; "
+                "on_ground: true chooses the height"
+            )
+        if words:
+            self.node.get_logger().warning(words)
+        return words
+
+    def note_lost(self) -> None:
+        """Counts and logs the bodies that the world removed because they were far below the ground, or nowhere."""
+        lost = [f"{name!r} {why}, and was removed" for name, why in self.world.lost.items()]
+        if not lost:
+            return
+        self.refusals.counts["physics: lost"] += len(lost)
+        more = f"; and {len(lost) - MOST_NAMED} more" if len(lost) > MOST_NAMED else ""
+        self.node.get_logger().warning(f"{'; '.join(lost[:MOST_NAMED])}{more}; spawn again what is missed")
+        self.lost |= self.world.lost
         self.world.lost.clear()
 
     def require_frame(self, frame_id: str) -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 from rclpy.parameter import Parameter
+from rclpy.service_introspection import ServiceIntrospectionState
 from smartmesh_msgs.srv import StepPhysics
 from std_srvs.srv import SetBool, Trigger
 
@@ -32,9 +33,11 @@ from smartmesh_ros.node.services.body_services import BodyServices
 from smartmesh_ros.node.services.ground_services import GroundServices
 from smartmesh_ros.node.services.initial_bodies import InitialBodies, RobotDescription
 from smartmesh_ros.node.services.simulation_services import serve_simulation_interfaces
-from smartmesh_ros.node.session import Session
-from smartmesh_ros.soil.contact_soil import ContactSoil
-from smartmesh_ros.soil.soils import soil_named
+from smartmesh_ros.node.session import SERVICES, Session
+from smartmesh_ros.node.timing.pacing import NodeClock
+from smartmesh_ros.node.transport import Clock, Transport
+from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros.soil.soils import soils_from
 from smartmesh_ros.startup.dds import send_without_waiting
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.world.world import World
@@ -43,13 +46,12 @@ NAME = "terrain_collider"
 MOST_STEPS = 100_000
 
 
-class TerrainCollider(ParameterNode):
-    """Converts messages to calls of the core, steps the physics and publishes the results."""
+class Collider:
+    """Converts messages to calls of the core, steps the physics and publishes the results, over any transport."""
 
-    def __init__(self, **node_options: Any) -> None:
-        super().__init__(NAME, parameters.SPECS, removed=parameters.REMOVED, **node_options)
-        self.settings = parameters.current_settings(self)
-        self.session = session = Session(self, self.settings)
+    def __init__(self, node: Transport, settings: Settings, clock: Clock) -> None:
+        self.settings = settings
+        self.session = session = Session(node, settings, clock)
         self.pacer, self.refusals = session.pacer, session.refusals
         require_soil(session.world, self.settings)
         self._initial = InitialBodies(session)
@@ -67,12 +69,7 @@ class TerrainCollider(ParameterNode):
         session.serve(SetBool, "pause", self._on_pause)
         if self.settings.simulation_interfaces:
             serve_simulation_interfaces(session, self)
-        self.add_on_set_parameters_callback(
-            lambda changes: parameters.check_change(self, changes, self._check_settings)
-        )
-        self.add_post_set_parameters_callback(self._on_parameters_set)
         session.clock.on_set_back(self._forget_stamps)
-        parameters.announce(self, self.settings)
 
     @property
     def handled(self) -> int:
@@ -112,17 +109,14 @@ class TerrainCollider(ParameterNode):
         with self.session.lock:
             with self.session.enduring("physics"):
                 self.session.world.refresh()
-            self._outputs.publish()
+            self._outputs.publish(idle=True)
 
-    def destroy_node(self) -> None:
-        """Clears the patches that viewers show, closes the world, and destroys the node."""
-        if outputs := getattr(self, "_outputs", None):  # ROS 2 Kilted destroys nodes that could not start, too
-            outputs.close()
-        if session := getattr(self, "session", None):
+    def close(self) -> None:
+        """Gives up what is under way, and closes the world."""
+        if session := getattr(self, "session", None):  # ROS 2 Kilted destroys nodes that could not start, too
             session.turns.close()
             session.robots.close()
             session.world.close()
-        super().destroy_node()
 
     def pause(self, paused: bool) -> None:
         """Pauses or resumes the physics."""
@@ -153,6 +147,8 @@ class TerrainCollider(ParameterNode):
             self._forget_stamps()
         if bodies:
             world.reset_bodies()
+            self._initial.restore(self.session.lost)
+            self.session.lost.clear()
         if time and bodies and spawned:
             self._initial.restore()
 
@@ -194,20 +190,18 @@ class TerrainCollider(ParameterNode):
         except InputError as error:
             self.refusals.add("soil.type", error)
 
-    def _check_settings(self, settings: Settings) -> None:
+    def require_possible(self, settings: Settings) -> None:
         """Raises `InputError` if the settings do not fit the current terrain, or need a package that is missing."""
         require_transforms(settings.publish.tf)
         require_soil(self.session.world, settings)
         for mesh in self.session.world.terrain.tiles.values():
             self.session.world.ground.require_usable(mesh, settings.world.patch)
 
-    def _on_parameters_set(self, changes: list[Parameter]) -> None:
-        names = {change.name for change in changes}
-        if not names & {*parameters.NAMES, "use_sim_time"}:
-            return
+    def configure(self, settings: Settings, names: set[str]) -> None:
+        """Replaces the settings, in which the parameters ``names`` have changed."""
         session = self.session
         with session.lock:
-            self.settings = session.settings = parameters.current_settings(self)
+            self.settings = session.settings = settings
             if not self.settings.soil:
                 self._stand_on_soil()  # before its bodies get colliders that know no soil
             session.world.configure(self.settings.world)
@@ -218,6 +212,42 @@ class TerrainCollider(ParameterNode):
             session.tracking.max_velocity = self.settings.max_velocity
             if names & {"physics.rate", "physics.deadline", "use_sim_time"}:
                 session.configure_pacer()
+
+
+class TerrainCollider(ParameterNode, Collider):
+    """The collider as a node of rclpy, with parameters, which is its own transport."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__(NAME, parameters.SPECS, removed=parameters.REMOVED, **node_options)
+        Collider.__init__(self, self, parameters.current_settings(self), NodeClock(self))
+        self.add_on_set_parameters_callback(
+            lambda changes: parameters.check_change(self, changes, self.require_possible)
+        )
+        self.add_post_set_parameters_callback(self._on_parameters_set)
+        parameters.announce(self, self.settings)
+
+    def create_service(self, *arguments: Any, **options: Any) -> Any:
+        """Create a service like rclpy, with the introspection that the parameter gives it."""
+        service = super().create_service(*arguments, **options)
+        kind = self.settings.service_introspection if hasattr(self, "settings") else "disabled"
+        if kind != "disabled":
+            service.configure_introspection(
+                self.get_clock(), SERVICES, getattr(ServiceIntrospectionState, kind.upper())
+            )
+        return service
+
+    def destroy_node(self) -> None:
+        """Clears the patches that viewers show, closes the world, and destroys the node."""
+        if outputs := getattr(self, "_outputs", None):
+            outputs.close()
+        self.close()
+        super().destroy_node()
+
+    def _on_parameters_set(self, changes: list[Parameter]) -> None:
+        names = {change.name for change in changes}
+        if not names & {*parameters.NAMES, "use_sim_time"}:
+            return
+        self.configure(parameters.current_settings(self), names)
         before, self.values = self.values, declaring.current_values(self, parameters.SPECS)
         parameters.announce_changes(self, before, self.values)
 
@@ -235,8 +265,10 @@ def stand_on_soil(world: World, settings: Settings) -> None:
     if not settings.soil or not isinstance(tile, HeightMap):
         if known is not None:
             world.ground.set_soil(None)
-    elif not (isinstance(known, ContactSoil) and known.map is tile and known.soils == [soil_named(settings.soil)]):
-        world.ground.set_soil(ContactSoil(world.terrain, settings.soil))
+    elif isinstance(known, Soil) and known.map is tile and known.soils == soils_from(settings.soil):
+        known.slip_sinkage = settings.slip_sinkage
+    else:
+        world.ground.set_soil(Soil(world.terrain, settings.soil, slip_sinkage=settings.slip_sinkage))
 
 
 def main(args: list[str] | None = None) -> None:

@@ -20,15 +20,15 @@ from smartmesh_ros.terrain.grid import FloatArray
 
 class ShapeKind(IntEnum):
     """Kind of a shape, by its core: BOX; BALL, a point; CYLINDER, about z; CAPSULE, a segment along z; HULL, the convex
-    hull of vertices; COMPOUND, several of these. Numbered as in smartmesh_msgs/TrackedBody."""
+    hull of vertices; COMPOUND, several of these. Numbered as in smartmesh_msgs/TrackedBody and BodyDescription."""
 
     NONE = 0
     BOX = 1
     BALL = 2
     CYLINDER = 3
-    CAPSULE = 4
-    HULL = 5
-    COMPOUND = 6
+    CAPSULE = 6
+    HULL = 8
+    COMPOUND = 9
 
 
 # ``kind``: a `ShapeKind`; ``half`` extents of the core along the shape's axes and ``rounding`` radius [m]; ``offset``
@@ -118,6 +118,17 @@ def cylinder(
     """A cylinder along z."""
     half = (radius, radius, 0.5 * height)
     return _shape(ShapeKind.CYLINDER, half, 0.0, math.hypot(radius, 0.5 * height), offset, turn)
+
+
+def part_of(
+    kind: int, half: Sequence[float], rounding: float, offset: Sequence[float], turn: Sequence[float],
+    points: FloatArray,
+) -> BodyShape:  # fmt: skip
+    """A convex shape by the numbers of its record, or of a hull by its points (n, 3) [m]."""
+    if kind == ShapeKind.HULL:
+        return hull(points, rounding)
+    core = math.hypot(half[0], half[2]) if kind == ShapeKind.CYLINDER else math.hypot(*half)
+    return _shape(ShapeKind(kind), half, rounding, core, offset, turn)
 
 
 def primitive(

@@ -1,8 +1,7 @@
-"""Soils and settings of the soil model."""
+"""Parameters of soils."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields
 
 from smartmesh_ros.errors import InputError
@@ -52,44 +51,3 @@ class SoilType:
                 f"elastic_K is {self.elastic_K:g} Pa/m and not above Bekker_Kphi, {self.Bekker_Kphi:g}; unloading must "
                 "be stiffer than sinking, such as 2e8",
             )
-
-
-@dataclass(frozen=True, kw_only=True)
-class SoilConfig:
-    """Settings of the soil model.
-
-    ``flow``: share of the displaced volume that moves to the rim, 0 to 1; the rest is compacted. ``rim`` [samples]:
-    width of that rim. ``repose`` [degrees]: angle above which disturbed ground slides down. ``slides``: rounds of
-    sliding in an update, 0 = none; slopes of several samples need several. ``load_time`` [s]: time constant of the
-    filter on contact forces; raising it makes impacts milder and bodies sink later. ``lean_time`` [s]: the same for the
-    place of these forces, which decides how a body leans into the soil; noisy contacts need more. ``fastest`` [m/s]:
-    limit of the sinking speed. ``still`` [m/s]: ground that moves more slowly stays where it is, so that updates end;
-    raising it leaves more of the last sinkage out. ``flow_speed`` [m/s]: limit of the speed of samples that rise or
-    have no load; raising it lets the rim throw bodies. ``carried_speed`` [m/s]: samples that sink
-    faster jump, without a velocity: a collider has one velocity and spin for all its samples, and rut walls that
-    collapse would spin it. ``grip``: set the friction of bodies by the shear law, if the source of the bodies can.
-    """
-
-    flow: float = 0.0
-    rim: int = 2
-    repose: float = 32.0
-    slides: int = 0
-    load_time: float = 0.06
-    lean_time: float = 1.0
-    fastest: float = 2.0
-    still: float = 1e-3
-    flow_speed: float = 0.1
-    carried_speed: float = 0.3
-    grip: bool = True
-
-    def __post_init__(self) -> None:
-        limits = {
-            "flow": (0.0, 1.0), "rim": (1, 20), "repose": (1.0, 89.0), "slides": (0, 100), "load_time": (0.0, 10.0),
-            "lean_time": (0.0, 100.0),
-            "fastest": (1e-3, 100.0), "still": (0.0, 0.1),
-            "flow_speed": (1e-3, 100.0), "carried_speed": (0.0, 100.0),
-        }  # fmt: skip
-        for name, (low, high) in limits.items():
-            value = getattr(self, name)
-            if not (math.isfinite(value) and low <= value <= high):
-                raise InputError("soil", f"{name} is {value}; it must be {low:g} to {high:g}")

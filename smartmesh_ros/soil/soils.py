@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import fields
+from dataclasses import astuple, fields
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.soil.config import SoilType
-from smartmesh_ros.soil.layer import Bytes
+from smartmesh_ros.terrain.checked_heights import MOST_SOILS
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 KNOWN = Path(__file__).parent / "soils.yaml"
+# Column of the table of soils, in the order of `SoilType`.
+FRICTION = 4
 
 
 @cache
@@ -73,18 +75,13 @@ def soils_from(soil: SoilType | str | Sequence[SoilType | str]) -> list[SoilType
     chosen = list(soil) if isinstance(soil, Iterable) and not isinstance(soil, str) else [soil]
     if not all(isinstance(each, SoilType | str) for each in chosen):
         raise InputError("soil", f"{soil!r} is no soil; give a SoilType, its name, or a list of them")
-    if not 1 <= len(chosen) <= 255:
-        raise InputError("soil", f"{len(chosen)} soils; a map can have 1 to 255")
+    if not 1 <= len(chosen) <= MOST_SOILS:
+        raise InputError("soil", f"{len(chosen)} soils; a map can have 1 to {MOST_SOILS}")
     return [soil_named(each) if isinstance(each, str) else each for each in chosen]
 
 
-def kinds_from(kinds: ArrayLike | None, shape: tuple[int, int], count: int) -> Bytes:
-    """Return the map of soils; raises `InputError`."""
-    if kinds is None:
-        return np.zeros(shape, np.uint8)
-    array = np.asarray(kinds)
-    if array.shape != shape or array.dtype.kind not in "iub":
-        raise InputError("soil", f"kinds are {array.shape} of type {array.dtype}; they must be {shape} integers")
-    if array.min() < 0 or array.max() >= count:
-        raise InputError("soil", f"kinds are {array.min()} to {array.max()}; there are soils 0 to {count - 1}")
-    return array.astype(np.uint8)
+def soil_table(soils: list[SoilType]) -> FloatArray:
+    """Return parameters of soils (S, 8) in the order of `SoilType`, friction as its tangent."""
+    table = np.array([astuple(soil) for soil in soils], np.float64)
+    table[:, FRICTION] = np.tan(np.radians(table[:, FRICTION]))
+    return table

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import socket
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -41,6 +42,8 @@ def send_without_waiting() -> None:
 
 
 DOMAIN, DISCOVERY = "ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE"
+# Highest domain: the ports of higher ones do not exist.
+HIGHEST_DOMAIN = 232
 # Domains to choose from: not 0, the default domain, and none whose ports are in Linux's ephemeral range.
 CANDIDATES = range(1, 100)
 # First UDP port of domain 0 and number of UDP ports of each domain (RTPS standard). Participants bind some of them.
@@ -48,6 +51,18 @@ FIRST_PORT, PORTS = 7400, 250
 # First TCP port of the locks, one per domain. A process binds it while it uses the domain, so that processes that
 # choose at the same time choose different domains.
 LOCK_PORT = 24700
+
+
+def require_domain() -> None:
+    """Exit if ``ROS_DOMAIN_ID`` is no domain, with the reason, which neither rcl nor Fast DDS gives."""
+    given = os.environ.get(DOMAIN, "")
+    try:
+        if not given or 0 <= int(given, 0) <= HIGHEST_DOMAIN:
+            return
+    except ValueError:
+        pass
+    print(f"cannot start: {DOMAIN} is {given!r}; it must be a number from 0 to {HIGHEST_DOMAIN}", file=sys.stderr)
+    sys.exit(2)
 
 
 @contextmanager

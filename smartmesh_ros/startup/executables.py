@@ -8,9 +8,8 @@ import os
 import select
 import signal
 import sys
-from argparse import Namespace
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -78,44 +77,51 @@ def _exit_on_signals() -> None:
 
 
 def _start(module: str, before: Callable[[], None] | None = silence_pybullet) -> None:
-    """Run ``main`` of a module, which may import PyBullet after the call of ``before``."""
+    """Run ``main`` of a module, which may import PyBullet after the call of ``before``, and exit with its result."""
     _exit_on_signals()
     if before is not None:
         before()
     try:
+        importlib.import_module("smartmesh_ros.startup.dds").require_domain()
         main = importlib.import_module(module).main
     except ModuleNotFoundError as error:
         if find_spec("rclpy") and find_spec("smartmesh_msgs"):
             raise
         sys.exit(f"{Path(sys.argv[0]).name} needs ROS 2 and smartmesh_msgs ({error}); source your workspace")
-    with ending_with_reader():
-        main()
+    try:
+        with ending_with_reader():
+            sys.exit(main())
+    finally:
+        # What follows takes a moment, in which Python would let a further signal end the process as an error.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
 
 
 terrain_collider = partial(_start, "smartmesh_ros.node.terrain_collider")
 terrain_source = partial(_start, "smartmesh_ros.tools.demo.terrain_source", None)
 terrain_sensor = partial(_start, "smartmesh_ros.node.sensor.terrain_sensor")
-soil = partial(_start, "smartmesh_ros.node.soil.soil_node")
 fleet_front = partial(_start, "smartmesh_ros.node.fleet.front")
 fleet = partial(_start, "smartmesh_ros.node.fleet.command", None)
+replay = partial(_start, "smartmesh_ros.tools.replay.cli")
+tune = partial(_start, "smartmesh_ros.tools.tune.cli")
 # Their standard output stays usable for child processes.
 rover = partial(_start, "smartmesh_ros.tools.demo.rover", import_pybullet_quietly)
 demo = partial(_start, "smartmesh_ros.tools.demo.demo", import_pybullet_quietly)
 view = partial(_start, "smartmesh_ros.tools.view.main", import_pybullet_quietly)
 
+# Executables that `smartmesh run` starts.
+STARTED_BY_NAME: dict[str, Callable[[], None]] = {
+    "terrain_collider": terrain_collider, "terrain_source": terrain_source, "terrain_sensor": terrain_sensor,
+    "fleet_front": fleet_front, "fleet": fleet, "replay": replay, "rover": rover, "demo": demo, "view": view,
+    "tune": tune,
+}  # fmt: skip
 
-def tune() -> None:
-    """Search for parameters. Needs no ROS. PyBullet is silenced before measuring imports it."""
-    silence_pybullet()
-    main = importlib.import_module("smartmesh_ros.tools.tune.cli").main
-    with ending_with_reader():
-        sys.exit(main())
 
-
-def help_tune(options: Namespace, index: int) -> None:
-    """Measure trials of a prepared search, as process number ``index`` of it. SIGTERM acts like Ctrl-C, which marks the
-    open trial as failed."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    silence_pybullet()
-    with suppress(KeyboardInterrupt):
-        importlib.import_module("smartmesh_ros.tools.tune.session").open_search(options, index).run(options.trials)
+def smartmesh() -> None:
+    """Do what a command line asks for, or start another executable: ``smartmesh run NAME ...``."""
+    match sys.argv[1:]:
+        case ["run", name, *rest] if name in STARTED_BY_NAME:
+            sys.argv = [name, *rest]
+            STARTED_BY_NAME[name]()
+        case _:
+            _start("smartmesh_ros.tools.client.command", None)

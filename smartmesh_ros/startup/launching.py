@@ -24,6 +24,8 @@ from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE
 PACKAGE, NODE = "smartmesh_ros", "terrain_collider"
 # Parameter files in config/ that are not for terrain_collider.
 NO_PRESETS = ("diagnostic_aggregator",)
+# Topics of the node that RViz shows.
+SHOWN = ("patches", "scene", "robot_model")
 LOG_LEVELS = ("debug", "info", "warn", "error", "fatal")
 
 Values = Callable[[str], str]
@@ -33,16 +35,19 @@ def description(
     *more: Any,
     always: str = "",
     remap: Sequence[tuple[str, str]] = (),
+    settings: Callable[[Values], dict[str, Any]] | None = None,
     start: Callable[[Values], list[Any]] | None = None,
 ) -> LaunchDescription:
     """Return a launch description of the collider with the common arguments and ``more`` arguments.
 
-    ``always``: a preset that is read before the user's preset. ``remap``: pairs of a topic and the argument that holds
+    ``always``: a preset that is read before the user's preset. ``settings``: returns parameters of the collider for the
+    values of the arguments, read before the user's preset too. ``remap``: pairs of a topic and the argument that holds
     its new name. ``start``: returns further actions for the values of the arguments; creates nodes with `node`.
     """
 
     def nodes(value: Values) -> list[Any]:
-        files = parameter_files([always, value("preset")], value("config"))
+        own = [] if settings is None else [settings(value)]
+        files = [*parameter_files([always], ""), *own, *parameter_files([value("preset")], value("config"))]
         topics = [(topic, value(argument)) for topic, argument in remap]
         collider = _collider(value, files, topics, namespace=value("namespace"))
         return [collider, *(() if start is None else start(value))]
@@ -77,7 +82,6 @@ def _description(arguments: list[Any], nodes: Callable[[Values], list[Any]], sho
 def _fleet_nodes(value: Values) -> list[Any]:
     space, count = value("namespace"), int(value("nodes"))
     common: dict[str, Any] = {"output": "screen"}
-    time = {"use_sim_time": is_true(value("use_sim_time"))}
     level = ["--ros-args", "--log-level", value("log_level")]
     files = parameter_files([value("preset")], value("config"))
     nodes = []
@@ -86,11 +90,14 @@ def _fleet_nodes(value: Values) -> list[Any]:
         topics = fleet_layout.remappings(space)
         nodes.append(_collider(value, [*files, own], topics, namespace=its_space, respawn=True))
     front = {"nodes": fleet_layout.node_names(count, space), "spread": value("spread"), "respawn": value("respawn")}
-    nodes.append(node(**common, executable="fleet_front", namespace=space, parameters=[front, time], arguments=level))
+    nodes.append(
+        node(**common, executable="fleet_front", namespace=space, parameters=[front | time_of(value)], arguments=level)
+    )
     if value("scene"):
         nodes.append(
             node(
-                **common, executable="terrain_source", namespace=space, parameters=[{"scene": value("scene")}, time],
+                **common, executable="terrain_source", namespace=space,
+                parameters=[{"scene": value("scene")} | time_of(value)],
                 remappings=fleet_layout.source_remappings(space),
             )
         )  # fmt: skip
@@ -120,6 +127,12 @@ def node(*, package: str = PACKAGE, executable: str, hint: str = "build and sour
     if not there:
         raise FileNotFoundError(f"package {package} has no executable {executable}: {hint}")
     return Node(package=package, executable=executable, **more)
+
+
+def time_of(value: Values) -> dict[str, bool]:
+    """Return the parameter ``use_sim_time`` if the launch argument has a value. Without one it is left to
+    `SetParameter` of an outer launch file, which a node's own parameters would override."""
+    return {"use_sim_time": is_true(value("use_sim_time"))} if value("use_sim_time") else {}
 
 
 def is_true(text: str) -> bool:
@@ -154,8 +167,8 @@ def _arguments(preset: str = "") -> list[Any]:
         argument("preset", preset, "Name of a parameter file in config/; empty = the node's own defaults."),
         argument("config", "", "Path of your own parameter file, read after the preset."),
         argument("namespace", "", "Namespace of the nodes."),
-        argument("use_sim_time", "false", "true = take the time from /clock."),
-        argument("rviz", "false", "true = start RViz with a view of the patches."),
+        argument("use_sim_time", "", "true = take the time from /clock; empty = as an outer launch file sets it."),
+        argument("rviz", "false", "true = start RViz with a view of ground, bodies, robot and patches."),
         argument("dds", profile, "XML file of Fast DDS settings for large maps; empty = none."),
         argument("log_level", "info", f"{', '.join(LOG_LEVELS)}.", list(LOG_LEVELS)),
     ]
@@ -172,7 +185,7 @@ def _settings_of_dds(value: Values) -> list[Any]:
 def _collider(value: Values, files: Sequence[Any], remappings: Sequence[tuple[str, str]], **more: Any) -> Any:
     """Return the node terrain_collider, with parameters of ``files``."""
     return node(
-        executable=NODE, output="screen", parameters=[*files, {"use_sim_time": is_true(value("use_sim_time"))}],
+        executable=NODE, output="screen", parameters=[*files, time_of(value)],
         remappings=remappings, arguments=["--ros-args", "--log-level", value("log_level")], **more,
     )  # fmt: skip
 
@@ -188,7 +201,7 @@ def _rviz(value: Values, shown: str) -> list[Any]:
             executable="rviz2",
             hint="apt install ros-jazzy-rviz2, or leave rviz:=true out",
             arguments=["-d", str(share() / "config" / "smartmesh.rviz")],
-            parameters=[{"use_sim_time": is_true(value("use_sim_time"))}],
-            remappings=[(f"/{NODE}/patches", f"{there}/patches")],
+            parameters=[time_of(value)],
+            remappings=[(f"/{NODE}/{topic}", f"{there}/{topic}") for topic in SHOWN],
         )
     ]

@@ -10,6 +10,31 @@ from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.errors import InputError
 
+# Most soils of a map.
+MOST_SOILS = 255
+
+
+def checked_time(time: float) -> float:
+    """Return a time [s]; raises `InputError` if it is no finite number."""
+    try:
+        seconds = float(time)
+    except (TypeError, ValueError):
+        seconds = math.nan
+    if not math.isfinite(seconds):
+        raise InputError("time", f"the time is {time!r}; it must be a finite number of seconds")
+    return seconds
+
+
+def checked_next_time(time: float, last: float) -> float:
+    """Return the time [s] of an update; raises `InputError` if it is before that of the ``last`` one [s]."""
+    seconds = checked_time(time)
+    if seconds < last:
+        raise InputError(
+            "time", f"an update of {seconds:g} s comes after one of {last:g} s; after the time was set back, call "
+            "shift_time of the map or the terrain, or make a new map"
+        )  # fmt: skip
+    return seconds
+
 
 def require_region(row: int, column: int, region: tuple[int, ...], size: tuple[int, int]) -> None:
     """Raise `InputError` unless a region of a shape (h, w), whose first sample is given, lies in a map of a ``size``
@@ -46,6 +71,19 @@ def checked_friction(friction: float | ArrayLike, shape: tuple[int, ...]) -> flo
     return samples
 
 
+def checked_soil(soil: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    """Return places of soils in a list as uint8 of the right shape."""
+    array = unmasked(soil, "places of soils")
+    if array.shape != shape:
+        raise InputError("length", f"places of soils have shape {array.shape}; it must be {shape}")
+    if array.dtype.kind not in "iub":
+        raise InputError("type", f"places of soils are of type {array.dtype}; they must be whole numbers")
+    if array.size and not 0 <= array.min() <= array.max() < MOST_SOILS:
+        found = f"{array.min()} to {array.max()}"
+        raise InputError("soil", f"places of soils are {found}; they must be 0 to {MOST_SOILS - 1}")
+    return array.astype(np.uint8)
+
+
 def deviation_of(variance: float | NDArray[np.float32]) -> float:
     """Return the root mean square standard deviation [m]; negative and non-finite variances are ignored."""
     known = np.asarray(variance, np.float64)
@@ -80,7 +118,7 @@ def _has_infinity(values: NDArray[np.float32]) -> bool:
 
 
 def _as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float32]:
-    array = unmasked(values)
+    array = unmasked(values, what)
     if array.shape != shape:
         raise InputError("length", f"{what} have shape {array.shape}; it must be {shape}")
     if array.dtype.kind not in "fiu":
@@ -89,10 +127,14 @@ def _as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[
         return array.astype(np.float32, copy=False)
 
 
-def unmasked(values: ArrayLike) -> NDArray[Any]:
-    """Return values as a plain array, in which masked real numbers are NaN."""
+def unmasked(values: ArrayLike, what: str = "values") -> NDArray[Any]:
+    """Return values as a plain array, in which masked real numbers are NaN. Raises `InputError` if they are no array,
+    such as lists of different lengths."""
     if not isinstance(values, np.ma.MaskedArray):
-        return np.asarray(values)
+        try:
+            return np.asarray(values)
+        except ValueError:
+            raise InputError("length", f"{what} are no array: all rows must have the same length") from None
     if values.dtype.kind not in "fiu" or not np.ma.getmaskarray(values).any():
         return np.asarray(values.data)
     return np.where(np.ma.getmaskarray(values), np.nan, values.data)

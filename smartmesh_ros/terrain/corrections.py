@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.core import CORE, as_bytes
+from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.checked_heights import dense
-from smartmesh_ros.terrain.grid import FloatArray, IntArray, overlap
+from smartmesh_ros.terrain.grid import overlap
 from smartmesh_ros.terrain.motion import BLOCK
 
 FloatGrid = NDArray[np.float32]
@@ -49,6 +49,10 @@ class FusedMap(NamedTuple):
 
     heights: FloatGrid
     variances: FloatGrid
+
+    def copied(self) -> FusedMap:
+        """Return a state with arrays of its own."""
+        return FusedMap(self.heights.copy(), self.variances.copy())
 
 
 def nothing_known(rows: int, columns: int) -> FusedMap:
@@ -80,19 +84,20 @@ class Corrections:
     """The corrections of one map of a ``shape`` (rows, columns).
 
     ``offsets``: old minus new heights (rows, columns) [m]. ``shown`` [s]: instant up to which corrections are blended
-    in, infinity before the first. ``fused``: the estimate, None if heights are not fused.
+    in, infinity before the first. ``settled`` [s]: instant at which all of them are. ``fused``: the estimate, None if
+    heights are not fused.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.offsets = untouched_zeros(shape)
         self.shown = math.inf
         self.fused: FusedMap | None = None
-        self._settled = -math.inf  # instant at which all corrections are blended in [s]
+        self.settled = -math.inf
 
     @property
     def blending(self) -> bool:
         """True while corrections are being blended in."""
-        return self.shown < self._settled
+        return self.shown < self.settled
 
     def show(self, time: float) -> None:
         """Blend corrections in up to ``time`` [s]; earlier times than before have no effect."""
@@ -101,17 +106,16 @@ class Corrections:
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to all times."""
         self.shown += by
-        self._settled += by
+        self.settled += by
 
     def take(
-        self, heights: NDArray[np.float32], clocks: Any, first: tuple[int, int], known: NDArray[np.float32],
-        time: float, settle: float,
-    ) -> None:  # fmt: skip
+        self, core_reader: Any, first: tuple[int, int], known: NDArray[np.float32], time: float, settle: float
+    ) -> None:
         """Store the estimate ``known`` (h, w) [m] of ``time`` [s], of the rectangle whose ``first`` sample is given, in
-        the map's ``heights`` and ``clocks``; it is blended in within the time ``settle`` [s]."""
-        CORE.take_corrected(heights, self.offsets, as_bytes(clocks), first, dense(known), time, self.shown, settle)
+        the map; it is blended in within the time ``settle`` [s]."""
+        CORE.take_corrected(core_reader, first, dense(known), time)
         if self.shown < math.inf:
-            self._settled = self.shown + settle
+            self.settled = self.shown + settle
 
     def fuse(
         self, first: tuple[int, int], new: NDArray[np.float32], variance: float | NDArray[np.float32], time: float,
@@ -141,16 +145,6 @@ class Corrections:
         known.heights[new], known.variances[new] = before.fused.heights[old], before.fused.variances[old]
         fuse(known, measured.heights, measured.variances, elapsed, FusionConfig())
         self.fused = known
-
-    def deviations_at(self, cells: IntArray) -> FloatArray:
-        """Return the standard deviation of the estimate at samples (N, 2); zero outside the map, where nothing was
-        measured, and without an estimate (N,) [m]."""
-        deviations = np.zeros(len(cells))
-        if self.fused is not None:
-            inside = ((cells >= 0) & (cells < self.offsets.shape)).all(axis=1)
-            variances = self.fused.variances[cells[inside, 0], cells[inside, 1]]
-            deviations[inside] = np.sqrt(np.where(np.isfinite(variances), variances, 0.0))
-        return deviations
 
 
 def untouched_zeros(shape: tuple[int, ...]) -> NDArray[np.float32]:

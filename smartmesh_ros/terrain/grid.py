@@ -1,6 +1,7 @@
 """Positions of the samples of a height map."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -58,8 +59,11 @@ class GridGeometry:
                 f"resolution {self.resolution} m at origin {self.origin}: the resolution must be {finest:g} to "
                 f"{coarsest:g} m, and no coordinate of the origin above {MAX_COORDINATE:g} m",
             )
-        if not math.isfinite(self.yaw):
-            raise InputError("geometry", f"yaw is {self.yaw}; it must be a finite angle [rad]")
+        if not abs(self.yaw) <= math.tau:  # also True for NaN
+            raise InputError(
+                "geometry", f"yaw is {self.yaw} rad; it must be within a turn, -2 pi to 2 pi: convert degrees with "
+                "math.radians, and take whole turns off with math.remainder(yaw, math.tau)"
+            )  # fmt: skip
 
     @property
     def size(self) -> int:
@@ -95,6 +99,25 @@ class GridGeometry:
         x = self.origin[0] + np.multiply(columns, cos) - np.multiply(rows, sin)
         y = self.origin[1] + np.multiply(columns, sin) + np.multiply(rows, cos)
         return np.stack([x, y], axis=-1)
+
+
+def geometry_of(shape: tuple[int, ...], resolution: float | None, origin: Sequence[float], yaw: float) -> GridGeometry:
+    """Return the grid of an array of heights of a ``shape``; an ``origin`` of two numbers lies at z = 0. Raises
+    `InputError`."""
+    if len(shape) != 2:
+        raise InputError("length", f"heights have shape {shape}; it must be (rows, columns)")
+    if resolution is None:
+        raise InputError("geometry", "resolution is missing; pass resolution=..., the distance of the samples [m]")
+    try:
+        place, resolution, yaw = [float(value) for value in origin], float(resolution), float(yaw)
+    except (TypeError, ValueError):
+        raise InputError(
+            "geometry", f"resolution is {resolution!r}, origin {origin!r} and yaw {yaw!r}; they must be numbers"
+        ) from None
+    if len(place) not in (2, 3):
+        raise InputError("geometry", f"origin is {origin!r}; it must be x, y or x, y, z of sample (0, 0) [m]")
+    x, y, z = [*place, 0.0][:3]
+    return GridGeometry(rows=shape[0], columns=shape[1], resolution=resolution, origin=(x, y, z), yaw=yaw)
 
 
 def overlap(moved: tuple[int, int], shape: tuple[int, ...]) -> tuple[tuple[slice, ...], tuple[slice, ...]]:

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.checked_heights import checked_time, unmasked
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
@@ -114,7 +115,7 @@ class HeightScan:
     def read(self, terrain: MainMesh | Terrain, poses_w: ArrayLike, time: float) -> FloatArray:
         """Return the values (n, k) around ``poses_w`` (n, 4), each x, y, z [m] and yaw [rad], at ``time`` [s]. Raises
         `InputError` for another shape."""
-        poses_w = np.asarray(poses_w, np.float64)
+        poses_w, time = unmasked(poses_w, "poses").astype(np.float64), checked_time(time)
         if poses_w.ndim != 2 or poses_w.shape[1] != 4:
             raise InputError("length", f"poses have shape {poses_w.shape}; it must be (n, 4): x, y, z and yaw of each")
         found = np.empty((len(poses_w), len(self.points_b)))

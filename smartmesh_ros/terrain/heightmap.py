@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
+from smartmesh_ros.terrain.checked_heights import checked_time, unmasked
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray, overlap
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest
 from smartmesh_ros.terrain.motion import BLOCK, INSTANT, next_revision
-from smartmesh_ros.terrain.moving_heights import MovingHeights, Prints
+from smartmesh_ros.terrain.moving_heights import MovingHeights
+from smartmesh_ros.terrain.prints import Prints
 
 # Distance outside the map at which a point still counts as on the edge [samples].
 EDGE = 1e-6
@@ -27,7 +29,7 @@ class Samples(NamedTuple):
 def ground_heights(readers: list[Any], xy_w: ArrayLike, time: float) -> Samples:
     """Return the highest ground of maps and meshes, by their core's readers, under points (N, 2) [m] at ``time`` [s],
     shapes (N,); NaN = no ground."""
-    points = np.atleast_2d(np.ascontiguousarray(xy_w, np.float64))
+    points, time = np.atleast_2d(np.ascontiguousarray(unmasked(xy_w, "points"), np.float64)), checked_time(time)
     samples = Samples(np.empty(len(points)), np.empty(len(points)))
     CORE.ground_heights(readers, points, time, *samples)
     return samples
@@ -42,7 +44,8 @@ class HeightMap(MovingHeights):
     shape: vertical velocity of the ground; by default the difference quotient of successive heights. ``variance``
     [m^2]: of the heights, one number or one for each; by default that of ``motion.noise``. ``friction``: coefficient of
     the ground, by which that of a body is multiplied; one number or one for each sample (NaN = 1). By default it is 1,
-    or that of the map that this one replaces (see `Terrain.put`).
+    or that of the map that this one replaces (see `Terrain.put`). ``soil``: which soil each sample is, by its place in
+    the list of a `Soil` (rows, columns); by default the first, or as in the map that this one replaces.
 
     If changes are corrections (see `MotionConfig`), the ground has no velocity, heights with a variance are fused over
     time, and the shown heights approach the fused ones as `show` advances.
@@ -77,6 +80,7 @@ class HeightMap(MovingHeights):
         ``cells``: (rows, columns) by which the map was scrolled, None = the maps lie on different grids.
         """
         self.corrections.shown = before.corrections.shown
+        self._tell_core()
         if cells is None:
             rows, columns = np.mgrid[: self.geometry.rows, : self.geometry.columns]
             shown = before.at(self.geometry.to_world(rows, columns).reshape(-1, 2), before.time).heights
@@ -107,11 +111,6 @@ class HeightMap(MovingHeights):
             self.track = self.track._replace(motion=motion, interval=interval)
         self._tell_core()
 
-    def set_velocities(self, velocities: NDArray[np.float32]) -> None:
-        """Set the vertical velocities (rows, columns) [m/s] of the newest heights."""
-        self._store(0, 0, self._heights.copy(), velocities, self.time)
-        self._tell_core()
-
     def press(self, places: IntArray, heights: NDArray[np.float32]) -> None:
         """Write the ``heights`` (n,) [m] to which bodies pressed the samples at ``places`` (n, 2), rows and columns.
         Unlike an update they say nothing about how the ground moves, and they stay while others send the heights again
@@ -125,14 +124,27 @@ class HeightMap(MovingHeights):
         self._deviation = None
         self._tell_core()
 
-    def go_on_from(self, before: "HeightMap") -> None:
+    def go_on_from(self, before: "HeightMap", cells: tuple[int, int]) -> None:
         """Estimate vertical velocities as if these heights had replaced those of ``before``, a map on the same grid but
-        for the height of its origin."""
+        for the height of its origin and ``cells`` (rows, columns) back. New ground has no velocity."""
         new, time = self._heights.copy(), self.time
-        np.add(before._heights, np.float32(before.geometry.origin[2] - self.geometry.origin[2]), out=self._heights)
-        self._clocks[...] = before._clocks
+        here, there = overlap(cells, new.shape)
+        self._heights[...] = np.nan
+        rise = np.float32(before.geometry.origin[2] - self.geometry.origin[2])
+        np.add(before._heights[there], rise, out=self._heights[here])
+        first = before._clocks.flat[0]
+        if cells == (0, 0):
+            self._clocks[...] = before._clocks
+        elif (before._clocks == first).all():
+            self._clocks[...] = first
+        else:  # its blocks were updated at different times, and are not those of this map
+            self._clocks["time"] = before.track.time
         if before.has_velocities:
-            self._velocities[...] = before._velocities
+            self._velocities[:, *here] = before._velocities[:, *there]
+        if self.motion.blends:
+            self.corrections.offsets[here] = before.corrections.offsets[there]
+            self._rates[here] = before._rates[there]
+        self.core_reader.show(before.core_reader.shown)
         self._store(0, 0, new, None, time)
 
     def placed_at(self, time: float) -> GridGeometry:

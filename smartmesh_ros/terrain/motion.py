@@ -50,8 +50,9 @@ BLOCK = 1 << BLOCK_SHIFT
 # Update times of a block of samples. ``time`` [s]: last update. ``opened`` [s]: first update that contributes to the
 # newest velocity. ``lifetime`` [s]: longest expected time until the next update, 0 = at rest. ``delay`` [s]: expected
 # age of an update on arrival. ``middle``, ``middle_1``, ``middle_2`` [s]: instants at which the velocities hold, newest
-# first. ``known``: number of known velocities. ``newest``: index of the newest velocity in the ring buffer.
-# ``intervals`` [s]: between the last ``count`` updates. ``updates``: number of updates so far.
+# first. ``since``, ``until`` [s]: between these instants the ground goes over from what was shown before the last map
+# to the motion of that map. ``known``: number of known velocities. ``newest``: index of the newest velocity in the ring
+# buffer. ``intervals`` [s]: between the last ``count`` updates. ``updates``: number of updates so far.
 CLOCK = np.dtype(
     (
         np.record,
@@ -63,6 +64,8 @@ CLOCK = np.dtype(
             ("middle", np.float64),
             ("middle_1", np.float64),
             ("middle_2", np.float64),
+            ("since", np.float64),
+            ("until", np.float64),
             ("known", np.int64),
             ("newest", np.int64),
             ("intervals", np.float64, (INTERVALS_KEPT,)),
@@ -71,8 +74,11 @@ CLOCK = np.dtype(
         ],
     )
 )
-CLOCK_TIMES = ("time", "opened", "middle", "middle_1", "middle_2")  # fields that are instants
+CLOCK_TIMES = ("time", "opened", "middle", "middle_1", "middle_2", "since", "until")  # fields that are instants
 
+
+# Longest time in which ground may go over to the motion of a new map [map intervals]. Ground rests that much later.
+MOST_SMOOTHING = 10.0
 
 # A very short duration [s]. Instantaneous velocities are rises within it, divided by it.
 INSTANT = 1e-9
@@ -83,7 +89,11 @@ class MotionConfig:
     """Motion of the ground between maps, which arrive at 10-60 Hz while physics runs faster.
 
     ``mode``: *hold* keeps the last map's heights, with its velocity; *extrapolate* also moves the heights with the
-    velocity; *interpolate* moves from the second last to the last map, one map interval late.
+    velocity and acceleration; *interpolate* follows the maps one map interval late, on cubics through their heights and
+    velocities.
+    ``smoothing`` [map intervals]: time in which extrapolated ground goes over to the motion of a new map. At zero its
+    height and velocity jump with each map, and so do the forces on bodies; raising it makes the forces smoother and the
+    place of curved motion less exact.
     ``max_interval`` [s]: maps further apart than this give no velocity. The node does not extrapolate farther over a
     steady delay of maps either: the longer the extrapolation, the more it amplifies noise.
     ``max_velocity`` [m/s]: faster changes between two maps are jumps without velocity (a correction, a new crater).
@@ -98,6 +108,7 @@ class MotionConfig:
     """
 
     mode: MotionMode = "extrapolate"
+    smoothing: float = 0.0
     max_interval: float = 0.25
     max_velocity: float = 25.0
     changes: Changes = "motion"
@@ -110,6 +121,8 @@ class MotionConfig:
             raise InputError(
                 "parameter", f"terrain motion {self.mode!r} is unknown; choose {', '.join(get_args(MotionMode))}"
             )
+        if not 0.0 <= self.smoothing <= MOST_SMOOTHING:
+            raise InputError("parameter", f"terrain smoothing [map intervals] must be from 0 to {MOST_SMOOTHING}")
         if not self.max_interval > 0.0 or not self.max_velocity > 0.0:
             raise InputError("parameter", "terrain max_interval [s] and max_velocity [m/s] must be greater than zero")
         if self.changes not in get_args(Changes):
@@ -125,6 +138,11 @@ class MotionConfig:
     def corrects(self) -> bool:
         """True if a change of height is a correction."""
         return self.changes == "correction"
+
+    @property
+    def blends(self) -> bool:
+        """True if ground goes over to the motion of a new map in a while, and does not jump."""
+        return not self.corrects and (self.mode == "interpolate" or (self.mode == "extrapolate" and self.smoothing > 0))
 
     @cached_property
     def code(self) -> int:
@@ -164,6 +182,8 @@ class MovingGround(ABC):
 
     @motion.setter
     def motion(self, motion: MotionConfig) -> None:
+        if (motion.code, motion.smoothing) != (self._motion.code, self._motion.smoothing):
+            self._clocks["until"] = self._clocks["since"]  # what was shown by other settings is no part of the motion
         self._motion = motion
         self._tell_core()
 

@@ -2,120 +2,120 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE, as_bytes
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.checked_heights import (
     checked,
     checked_friction,
+    checked_next_time,
+    checked_soil,
+    checked_time,
     checked_variance,
     dense,
     deviation_of,
     require_region,
+    unmasked,
 )
 from smartmesh_ros.terrain.corrections import Corrections, untouched_zeros
-from smartmesh_ros.terrain.grid import GridGeometry, IntArray
+from smartmesh_ros.terrain.grid import GridGeometry, geometry_of
 from smartmesh_ros.terrain.grid_track import at_rest, follow
 from smartmesh_ros.terrain.motion import BLOCK, CLOCK, KEPT, MotionConfig, MovingGround, next_revision
-
-Heights = NDArray[np.float32]
-# Rows and columns of no samples.
-NOTHING = np.empty((0, 2), np.int64)
-
-
-def corners(places: IntArray, others: IntArray) -> IntArray:
-    """Return the first and the last row and column of all places (n, 2), as (2, 2)."""
-    both = np.vstack((places, others))
-    return np.stack((both.min(axis=0), both.max(axis=0)))
-
-
-class Prints:
-    """Prints: what bodies pressed into the heights (rows, columns) [m] of a map, over those that its sender knows.
-    ``corners`` (2, 2): of all prints so far."""
-
-    def __init__(self, heights: Heights) -> None:
-        self._heights = heights
-        self._given = np.full_like(heights, np.nan)  # what its sender sent for pressed samples
-        self.corners = NOTHING
-
-    def press(self, places: IntArray, heights: Heights) -> None:
-        """Write ``heights`` (n,) of the samples at ``places`` (n, 2), rows and columns."""
-        at = tuple(places.T)
-        given = self._given[at]
-        self._given[at] = np.where(np.isnan(given), self._heights[at], given)
-        self._heights[at] = heights
-        self.corners = corners(places, self.corners)
-
-    @contextmanager
-    def lifted(self) -> Iterator[None]:
-        """Take the prints out of the map for an update. Afterwards they are where its sender sent the same heights
-        again, and are forgotten elsewhere."""
-        box = tuple(slice(first, last + 1) for first, last in self.corners.T.tolist())
-        heights, given = self._heights[box], self._given[box]
-        pressed = ~np.isnan(given)
-        prints, before = heights[pressed], given[pressed]
-        heights[pressed] = before
-        yield
-        same = heights[pressed] == before
-        heights[pressed] = np.where(same, prints, heights[pressed])
-        given[pressed] = np.where(same, before, np.nan)
-
-
-_NO_VELOCITIES = np.empty(0, np.float32)
+from smartmesh_ros.terrain.prints import Prints
 
 
 class MovingHeights(MovingGround):
-    """What a `HeightMap` stores: heights, their last velocities and update times, corrections, friction, and the motion
-    of the grid. All change in place; the core reads the same arrays."""
+    """What a `HeightMap` stores: heights, their last velocities and update times, corrections, friction, soil, and the
+    motion of the grid. All change in place; the core reads the same arrays."""
 
     def __init__(
         self,
         heights: ArrayLike,
         *,
-        resolution: float = 1.0,
-        origin: tuple[float, ...] = (0.0, 0.0, 0.0),
+        resolution: float | None = None,
+        origin: Sequence[float] = (0.0, 0.0, 0.0),
         yaw: float = 0.0,
         geometry: GridGeometry | None = None,
         time: float = 0.0,
         velocities: ArrayLike | None = None,
         variance: float | ArrayLike | None = None,
         friction: float | ArrayLike | None = None,
+        soil: ArrayLike | None = None,
         motion: MotionConfig | None = None,
     ) -> None:
         if geometry is None:
-            shape = np.shape(heights)
-            if len(shape) != 2:
-                raise InputError("length", f"heights have shape {shape}; it must be (rows, columns)")
-            x, y, z = (*origin, 0.0)[:3]
-            place = float(x), float(y), float(z)
-            geometry = GridGeometry(rows=shape[0], columns=shape[1], resolution=resolution, origin=place, yaw=yaw)
+            heights = unmasked(heights, "heights of the map")
+            geometry = geometry_of(heights.shape, resolution, origin, yaw)
+        time = checked_time(time)
         self.geometry = geometry
         self._motion = motion or MotionConfig()
         shape = (geometry.rows, geometry.columns)
         new, speeds = checked(heights, velocities, shape, "the map")
         self._heights = np.array(new, order="C")
         self._velocities = untouched_zeros((KEPT, *shape))
+        self._rates = untouched_zeros(shape)
         self.prints: Prints | None = None  # made by the first `press` of a `HeightMap`
         self._clocks = np.zeros((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), CLOCK)
         self._clocks["time"] = -np.inf
         self.corrections = Corrections(shape)
         # The reader of this map in the C++ core.
         self.core_reader: Any = CORE.Grid(
-            self._heights, self._velocities, self.corrections.offsets, as_bytes(self._clocks)
+            self._heights, self._velocities, self.corrections.offsets, self._rates, as_bytes(self._clocks)
         )
         self._deviation: float | None = None  # standard deviation by the last update's variances [m], None = not given
         self.version = 0  # number of updates
         self._friction = None if friction is None else checked_friction(friction, shape)
+        self._soil = None if soil is None else checked_soil(soil, shape)
+        self.soil_revision = 0  # changes with every assignment of the soil
+        self.track = at_rest(geometry, time)  # pose and rigid motion of the grid
+        self._tell_core()
         self._take(0, 0, new, speeds, time, checked_variance(variance, shape))
-        self.track = at_rest(geometry, self.time)  # pose and rigid motion of the grid
         self._tell_core()
         self._tell_friction()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy of the map, or one in another process, is made of: arrays, and what they mean."""
+        corrections, prints = self.corrections, self.prints
+        return {
+            "map": {
+                "geometry": self.geometry,
+                "motion": self.motion,
+                "friction": self._friction,
+                "soil": self._soil,
+            },
+            "heights": self._heights,
+            "clocks": self._clocks,
+            # Arrays of zeros take no memory, and no bytes.
+            "others": tuple(array if array.any() else None for array in self._others),
+            "track": self.track,
+            "version": self.version,
+            "deviation": self._deviation,
+            "shown": self.core_reader.shown,
+            "corrections": (corrections.shown, corrections.settled),
+            "fused": corrections.fused,
+            "prints": None if prints is None else (prints.given, prints.corners),
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the map of such a state."""
+        MovingHeights.__init__(self, state["heights"], **state["map"])
+        self._clocks[...] = state["clocks"]
+        for array, kept in zip(self._others, state["others"], strict=True):
+            if kept is not None:
+                array[...] = kept
+        self.track, self.version, self._deviation = state["track"], state["version"], state["deviation"]
+        self.corrections.shown, self.corrections.settled = state["corrections"]
+        self.corrections.fused = None if state["fused"] is None else state["fused"].copied()
+        if state["prints"] is not None:
+            self.prints = Prints(self._heights)
+            self.prints.given[...], self.prints.corners = state["prints"]
+        self._tell_core()
+        self.core_reader.show(state["shown"])
 
     @property
     def heights(self) -> NDArray[np.float32]:
@@ -141,11 +141,34 @@ class MovingHeights(MovingGround):
         self._tell_friction()
 
     @property
-    def arrays(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.void], NDArray[np.float32]]:
+    def soil(self) -> NDArray[np.uint8] | None:
+        """Which soil each sample is, by its place in the list of a `Soil` (rows, columns); None = the first everywhere;
+        read-only.
+
+        Assign others to replace them; raises `InputError` and then changes nothing. `Ground.update` tells its `Soil`.
+        """
+        if self._soil is None:
+            return None
+        view = self._soil.view()
+        view.setflags(write=False)
+        return view
+
+    @soil.setter
+    def soil(self, soil: ArrayLike) -> None:
+        self._soil = checked_soil(soil, (self.geometry.rows, self.geometry.columns))
+        self.soil_revision = self.revision = next_revision()
+
+    @property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
         """The arrays that change in place: heights (rows, columns) [m], NaN = hole;
         velocities (KEPT, rows, columns) [m/s], a ring buffer whose newest index is in the clock of each block; clocks,
-        records of ``CLOCK``, one for each block; offsets (rows, columns) [m], old minus new heights of corrections."""
-        return self._heights, self._velocities, self._clocks, self.corrections.offsets
+        records of ``CLOCK``, one for each block; offsets (rows, columns) [m], old minus new heights of corrections, or
+        deviations of shown ground; rates (rows, columns) [m/s] of these."""
+        return self._heights, self._velocities, self._clocks, self.corrections.offsets, self._rates
+
+    @property
+    def _others(self) -> tuple[NDArray[np.float32], ...]:
+        return self._velocities, self.corrections.offsets, self._rates
 
     @property
     def noise(self) -> float:
@@ -154,7 +177,7 @@ class MovingHeights(MovingGround):
 
     def show(self, time: float) -> None:
         """Blend corrections in up to ``time`` [s]; earlier times than before have no effect."""
-        self.corrections.show(time)
+        self.corrections.show(checked_time(time))
         self.core_reader.show(self.corrections.shown)
 
     def replace(
@@ -165,14 +188,19 @@ class MovingHeights(MovingGround):
         velocities: ArrayLike | None = None,
         variance: float | ArrayLike | None = None,
         friction: float | ArrayLike | None = None,
+        soil: ArrayLike | None = None,
     ) -> None:
-        """Replace all heights (rows, columns) [m], and the friction unless it is None; raises `InputError` and then
-        changes nothing."""
+        """Replace all heights (rows, columns) [m], and the friction and the soil unless they are None; raises
+        `InputError` and then changes nothing."""
         shape = (self.geometry.rows, self.geometry.columns)
+        time = checked_next_time(time, self.time)
         certainty = checked_variance(variance, shape)
         new, speeds = checked(heights, velocities, shape, "the map")
+        places = None if soil is None else checked_soil(soil, shape)
         if friction is not None:
             self.friction = friction
+        if places is not None:
+            self.soil = places
         self._take(0, 0, new, speeds, time, certainty)
         if not self.motion.corrects:
             self.follow(self, time)
@@ -193,31 +221,12 @@ class MovingHeights(MovingGround):
         The cost depends on the size of the rectangle, not of the map. Other samples of the blocks that the rectangle
         touches count as at rest. Raises `InputError` and then changes nothing.
         """
-        shape = np.shape(heights)
+        time, heights = checked_next_time(time, self.time), unmasked(heights, "heights of the region")
+        shape = heights.shape
         require_region(row, column, shape, (self.geometry.rows, self.geometry.columns))
         certainty = checked_variance(variance, shape)
         new, speeds = checked(heights, velocities, shape, "the region")
         self._take(row, column, new, speeds, time, certainty)
-        self._tell_core()
-
-    def take_rectangles(
-        self, places: IntArray, new: NDArray[np.float32], speeds: NDArray[np.float32], time: float
-    ) -> None:
-        """Replace heights [m] and velocities [m/s] of several rectangles, as `update_region` for each, by arrays of the
-        core, which are not checked. ``places`` (n, 4): first row and column, last row and column; ``new``, ``speeds``
-        (N,): of the samples of one rectangle after the other, each row by row."""
-        if self.motion.corrects:
-            start = 0
-            for top, left, bottom, right in places.tolist():
-                shape = bottom - top + 1, right - left + 1
-                end = start + shape[0] * shape[1]
-                self._take(top, left, new[start:end].reshape(shape), None, time, None)
-                start = end
-        elif len(places):
-            self._write(places, new, speeds, time)
-            self.version += len(places)
-            self.revision = next_revision()
-            self._deviation = None
         self._tell_core()
 
     def follow(self, before: MovingHeights, time: float) -> None:
@@ -243,7 +252,11 @@ class MovingHeights(MovingGround):
         geometry, track, motion, core = self.geometry, self.track, self.motion, self.core_reader
         core.place(*geometry.origin, geometry.yaw, geometry.resolution)
         core.move(track.time, track.interval, *track.motion)
-        core.set_motion(motion.code, motion.max_velocity, motion.settle, self.noise, self.corrections.shown)
+        fused = self.corrections.fused
+        core.set_variances(None if fused is None else fused.variances)
+        core.set_motion(motion.code, motion.max_velocity, motion.settle, self.noise, motion.smoothing)
+        if motion.corrects:
+            core.show(self.corrections.shown)
 
     def _tell_friction(self) -> None:
         samples, uniform = (None, self.friction) if isinstance(self.friction, float) else (self.friction, 1.0)
@@ -273,18 +286,11 @@ class MovingHeights(MovingGround):
         self, row: int, column: int, new: NDArray[np.float32], speeds: NDArray[np.float32] | None, time: float
     ) -> None:
         """Store heights of a rectangle that moves, and their velocities if they were given."""
-        high, wide = new.shape
-        place = np.array([[row, column, row + high - 1, column + wide - 1]], np.int64)
-        self._write(place, dense(new), _NO_VELOCITIES if speeds is None else dense(speeds), time)
-
-    def _write(self, places: IntArray, new: NDArray[np.float32], speeds: NDArray[np.float32], time: float) -> None:
-        """Write heights and velocities of rectangles (n, 4), as in `take_rectangles`."""
+        intervals = self.motion.min_interval, self.motion.max_interval
         with self.prints.lifted() if self.prints else nullcontext():
-            CORE.take_rectangles(
-                self._heights, self._velocities, as_bytes(self._clocks), places, new.reshape(-1), speeds.reshape(-1),
-                time, (self.motion.min_interval, self.motion.max_interval),
-            )  # fmt: skip
+            given = None if speeds is None else dense(speeds)
+            CORE.take_rectangle(self.core_reader, (row, column), dense(new), given, time, intervals)
 
     def _correct(self, row: int, column: int, known: NDArray[np.float32], time: float) -> None:
         """Store the new estimate of a rectangle of static ground."""
-        self.corrections.take(self._heights, self._clocks, (row, column), known, time, self.motion.settle)
+        self.corrections.take(self.core_reader, (row, column), known, time, self.motion.settle)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.checked_heights import unmasked
+from smartmesh_ros.terrain.checked_heights import checked_time, unmasked
 from smartmesh_ros.terrain.grid import MAX_COORDINATE, FloatArray
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -31,7 +31,7 @@ class GroundSamples(NamedTuple):
 
 def checked_points(points: ArrayLike) -> FloatArray:
     """Return points as (N, 3) [m]; points (N, 2) get z = infinity. Raises `InputError`."""
-    array = unmasked(points)
+    array = unmasked(points, "points")
     if array.ndim != 2 or array.shape[1] not in (2, 3) or array.dtype.kind not in "fiu":
         raise InputError(
             "length", f"points have shape {array.shape}; they must be real numbers of shape (N, 2) or (N, 3)"
@@ -53,7 +53,7 @@ def ground_samples(terrain: Terrain, points_w: FloatArray, time: float) -> Groun
     above a point does not count, so z = infinity asks for the highest ground. Gaps of up to a cell between height maps
     are ground, as for bodies.
     """
-    count = len(points_w)
+    count, time = len(points_w), checked_time(time)
     found = GroundSamples(*(np.full(shape, np.nan) for shape in (count, (count, 3), (count, 3), count)))
     CORE.ground_samples(terrain.readers, np.ascontiguousarray(points_w), time, *found)
     return found
@@ -81,7 +81,10 @@ class Rays(NamedTuple):
 
 def checked_rays(origins: ArrayLike, directions: ArrayLike, reach: float) -> Rays:
     """Return rays with directions of length one. Raises `InputError`."""
-    starts, ways = (np.array(values, np.float64, order="C") for values in (origins, directions))
+    starts, ways = (
+        np.array(unmasked(values, what), np.float64, order="C")
+        for values, what in ((origins, "origins"), (directions, "directions"))
+    )
     if starts.ndim != 2 or starts.shape[1] != 3 or starts.shape != ways.shape:
         raise InputError(
             "length", f"origins have shape {starts.shape} and directions {ways.shape}; both must be (N, 3)"
@@ -114,5 +117,5 @@ class RayCaster:
         """Return where rays meet the ground at ``time`` [s], from either side. They pass through holes. Where tiles
         overlap, a ray meets the surface that it reaches first."""
         hits = GroundHits(np.empty(len(rays.origins)), np.full((len(rays.origins), 3), np.nan))
-        self._core.cast(self._terrain.readers, *rays, time, *hits)
+        self._core.cast(self._terrain.readers, *rays, checked_time(time), *hits)
         return hits

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.grid_track import cells_moved
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples, ground_heights
 from smartmesh_ros.terrain.motion import next_revision
-from smartmesh_ros.terrain.scrolling import carry_friction, follow_across
+from smartmesh_ros.terrain.scrolling import carry_layers, follow_across
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 MainMesh = HeightMap | TriangleMesh
@@ -25,10 +24,14 @@ class Terrain:
     def __init__(self, single: MainMesh | None = None) -> None:
         self.tiles: dict[str, MainMesh] = {}
         self.numbers: dict[str, int] = {}  # of the tiles; a tile keeps its number, and no other one gets it
-        self._numbers = count()
+        self._next_number = 0
         self.layout_revision = next_revision()  # changes when a tile is added, removed or replaced
         if single is not None:
             self.put("", single)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self.layout_revision = next_revision()  # a copy is other ground
 
     @classmethod
     def of(cls, ground: MainMesh | Terrain) -> Terrain:
@@ -39,18 +42,24 @@ class Terrain:
         """Add a tile or replace the tile of that name.
 
         If a height map replaces another one, its motion or correction is estimated from both, as by
-        `HeightMap.replace`; velocities that were given with the map are kept. The ground keeps its friction unless the
-        new map was given one, 1.0 included: what is new in a map are its heights.
+        `HeightMap.replace`; velocities that were given with the map are kept. The ground keeps its friction and its
+        soil unless the new map was given one, 1.0 included: what is new in a map are its heights.
         """
+        if not isinstance(mesh, MainMesh):
+            raise InputError(
+                "terrain", f"the terrain is of type {type(mesh).__name__}; pass HeightMap(heights, resolution=...), "
+                "a TriangleMesh, or a Terrain of several"
+            )  # fmt: skip
         old = self.tiles.get(name)
         if isinstance(old, HeightMap) and isinstance(mesh, HeightMap) and old is not mesh:
-            carry_friction(old, mesh)
+            carry_layers(old, mesh)
             if mesh.motion.corrects:
                 mesh.correct_from(old, cells_moved(old.geometry, mesh.geometry))
             else:
                 follow_across(old, mesh)
         self.tiles[name] = mesh
-        self.numbers.setdefault(name, next(self._numbers))
+        if name not in self.numbers:
+            self.numbers[name], self._next_number = self._next_number, self._next_number + 1
         self.layout_revision = next_revision()
 
     def remove(self, name: str) -> None:
@@ -117,13 +126,3 @@ class Terrain:
             found[here] = friction if isinstance(friction, float) else friction[rows[ground], columns[ground]]
         found[np.isnan(found)] = 1.0
         return found
-
-    def deviations_at(self, xy_w: FloatArray) -> FloatArray:
-        """Return the standard deviation of fused heights at points (N, 2) [m], zero where maps are not fused (N,)
-        [m]."""
-        deviations = np.zeros(len(xy_w))
-        for mesh in self.tiles.values():
-            if isinstance(mesh, HeightMap) and mesh.corrections.fused is not None:
-                cells = np.rint(mesh.geometry.to_grid(xy_w)).astype(np.int64)
-                deviations = np.maximum(deviations, mesh.corrections.deviations_at(cells))
-        return deviations

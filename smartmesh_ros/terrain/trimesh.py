@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.checked_heights import unmasked
+from smartmesh_ros.terrain.checked_heights import checked_next_time, checked_time, unmasked
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
 from smartmesh_ros.terrain.mesh_shape import MeshShape, TriangleGraph, count_parts, shape_of
@@ -42,15 +42,20 @@ class TriangleMesh(MovingGround):
         velocities: ArrayLike | None = None,
         motion: MotionConfig | None = None,
     ) -> None:
-        self.triangles = _checked_triangles(triangles, len(np.asarray(vertices)))
+        time, positions = checked_time(time), _checked_vectors(vertices, None, "vertices")
+        self.triangles = _checked_triangles(triangles, len(positions))
         # (3, V), so that the search reads each coordinate contiguously.
-        self._now = _checked_vectors(vertices, None, "vertices").T.copy()
+        self._now = positions.T.copy()
         self._velocities = np.zeros((KEPT, *self._now.shape))  # ring buffer, see CLOCK
+        self._offsets, self._rates = np.zeros(self._now.shape), np.zeros(self._now.shape)
         self._clocks = np.zeros(1, CLOCK)
         self._clocks["time"] = time
         # The reader of this mesh in the C++ core.
-        self.core_reader: Any = CORE.Mesh(self._now, self._velocities, as_bytes(self._clocks), self.triangles)
-        self.motion = motion or MotionConfig()
+        self.core_reader: Any = CORE.Mesh(
+            self._now, self._velocities, self._offsets, self._rates, as_bytes(self._clocks), self.triangles
+        )
+        self._motion = motion or MotionConfig()
+        self._tell_core()
         self.graph = TriangleGraph(self.triangles, self.size)
         first, second = self._now[:, self.triangles[:, 0]], self._now[:, self.triangles[:, 1]]
         self.edge_length = float(np.linalg.norm(first - second, axis=0).mean())
@@ -63,6 +68,24 @@ class TriangleMesh(MovingGround):
         if velocities is not None:
             self.move(vertices, time=time, velocities=velocities)
         self.triangles.setflags(write=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy of the mesh, or one in another process, is made of: arrays, and what they mean."""
+        mesh = {"vertices": self.vertices, "triangles": self.triangles, "motion": self.motion}
+        return {"mesh": mesh, "moving": self._moving, "version": self.version}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the mesh of such a state."""
+        TriangleMesh.__init__(self, **state["mesh"])
+        self.version = state["version"]
+        for array, kept in zip(self._moving, state["moving"], strict=True):
+            array[...] = kept
+        self._tell_core()
+
+    @property
+    def _moving(self) -> tuple[NDArray[Any], ...]:
+        """The arrays that updates change, beside the positions."""
+        return self._velocities, self._offsets, self._rates, self._clocks
 
     @property
     def size(self) -> int:
@@ -112,6 +135,7 @@ class TriangleMesh(MovingGround):
         ``check`` is called with the new shape of the mesh, and may raise to refuse it. Raises `InputError` and then
         changes nothing.
         """
+        time = checked_next_time(time, self.time)
         chosen = None if indices is None else _checked_indices(indices, self.size)
         count = self.size if chosen is None else len(chosen)
         new = _checked_vectors(vertices, count, "vertices").T
@@ -125,32 +149,15 @@ class TriangleMesh(MovingGround):
                 moved[:, target] = new
                 shape = shape_of(moved, self.triangles)
                 check(shape)
-        self._note_velocities(new, target, speeds, time)
-        self._now[:, target] = new
+        given = None if speeds is None else np.ascontiguousarray(speeds)
+        intervals = self.motion.min_interval, self.motion.max_interval
+        CORE.move_vertices(self.core_reader, chosen, np.ascontiguousarray(new), given, time, intervals)
         self._shape = shape
         self.version += 1
         self.revision = next_revision()
-        self.core_reader.update()
 
     def _tell_core(self) -> None:
-        self.core_reader.set_motion(self.motion.code, self.motion.max_velocity)
-
-    def _note_velocities(self, new: FloatArray, target: Any, speeds: FloatArray | None, time: float) -> None:
-        """Store the velocities of an update: given ones, or the difference quotient to the positions before."""
-        motion, newest = self.motion, self._clocks[0].newest
-        whole = isinstance(target, slice)
-        inverse, keep = CORE.note_update(
-            as_bytes(self._clocks), time, speeds is not None, whole, (motion.min_interval, motion.max_interval)
-        )
-        if self._clocks[0].newest != newest:
-            self._velocities[self._clocks[0].newest] = 0.0
-        velocities = self._velocities[self._clocks[0].newest]
-        if speeds is not None:
-            velocities[:, target] = speeds
-            return
-        rates = velocities[:, target] * keep + (new - self._now[:, target]) * inverse
-        velocities *= keep
-        velocities[:, target] = rates
+        self.core_reader.set_motion(self.motion.code, self.motion.max_velocity, self.motion.smoothing)
 
     @property
     def lifetime(self) -> float:
@@ -197,7 +204,7 @@ def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
 
 
 def _checked_triangles(triangles: ArrayLike, count: int) -> IntArray:
-    corners = np.asarray(triangles)
+    corners = unmasked(triangles, "triangles")
     if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) == 0:
         raise InputError(
             "length", f"triangles have shape {corners.shape}; it must be (T, 3) with at least one triangle"
@@ -215,7 +222,7 @@ def _checked_triangles(triangles: ArrayLike, count: int) -> IntArray:
 
 
 def _checked_vectors(values: ArrayLike, count: int | None, what: str) -> FloatArray:
-    array = unmasked(values)
+    array = unmasked(values, what)
     if array.ndim != 2 or array.shape[1] != 3 or (count is not None and len(array) != count):
         raise InputError("length", f"{what} have shape {array.shape}; it must be ({count or 'V'}, 3)")
     if array.dtype.kind not in "fiu":
@@ -226,7 +233,7 @@ def _checked_vectors(values: ArrayLike, count: int | None, what: str) -> FloatAr
 
 
 def _checked_indices(indices: ArrayLike, size: int) -> IntArray:
-    chosen = np.asarray(indices)
+    chosen = unmasked(indices, "indices")
     if chosen.ndim != 1 or chosen.dtype.kind not in "iu":
         raise InputError("length", f"indices have shape {chosen.shape}; they must be a list of whole numbers")
     chosen = chosen.astype(np.int64)

@@ -11,18 +11,23 @@ import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.body_shapes import link_name, shape_of
-from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.ground.bullet_sleep import is_fixed
+from smartmesh_ros.ground.body_shapes import link_name, read_shapes
+from smartmesh_ros.ground.bullet import is_fixed, undone
 from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.limits import MASSES, SIZES, require_between
+from smartmesh_ros.ground.limits import FASTEST_SPIN, MASSES, SIZES, require_between
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand, command_joint
 from smartmesh_ros.world.link_frames import InertialFrame
-from smartmesh_ros.world.robots.loading import couple_joints, load_robot, set_masses
+from smartmesh_ros.world.robots.loading import (
+    PYBULLETS_FASTEST,
+    couple_joints,
+    damp_joints,
+    load_robot,
+    set_masses,
+)
 from smartmesh_ros.world.robots.meaning import SurfaceDrive
 from smartmesh_ros.world.robots.prepared import PreparedRobot
 
@@ -34,6 +39,9 @@ ROUNDED = 1e-4
 # Use the URDF's inertias, which PyBullet otherwise computes from the collision shapes, and cylinders as they are, which
 # PyBullet otherwise replaces by hulls of 64 vertices. A cylinder rolls as truly on a field, at half the cost.
 URDF_FLAGS = pb.URDF_USE_INERTIA_FROM_FILE | pb.URDF_USE_IMPLICIT_CYLINDER | pb.URDF_IGNORE_VISUAL_SHAPES
+
+# Share of a joint's damping below which the user is told, and below which a robot's damping follows its posture.
+TOLD_SHARE, STIFF_SHARE = 0.5, 0.8
 
 
 class Surface(NamedTuple):
@@ -64,11 +72,14 @@ class Body:
     inertial: InertialFrame = field(default_factory=InertialFrame)  # of the base link
     owner: str = ""
     notes: tuple[str, ...] = ()  # what its description was taken as, for the user
+    warnings: tuple[str, ...] = ()  # what its author likely did not mean
     fixed: bool = False  # a robot whose base has no mass, so that physics does not move it
     hull: Box | None = None  # of a robot: the box around its links at joint positions zero, relative to its base
     shapes: dict[int, BodyShape] = field(default_factory=dict)  # of a robot's links
     surfaces: Mapping[str, SurfaceDrive] = field(default_factory=dict)  # of a robot, that are driven
-    starts: dict[str, float] = field(default_factory=dict)  # positions of joints that do not start at zero [rad, m]
+    starts: Mapping[str, float] = field(default_factory=dict)  # positions of joints that do not start at zero [rad, m]
+    damping: dict[int, float] = field(default_factory=dict)  # of the URDF, by PyBullet's joint [Nms/rad, Ns/m]
+    stiff: bool = False  # whether its damping depends on the posture
 
     @property
     def simulated(self) -> bool:
@@ -139,6 +150,10 @@ class BodyFactory:
             body.initial = state
             body.friction, body.restitution = surface or Surface(self.config.friction, self.config.restitution)
             self._set_contacts(body, robot.text)
+            shares = self.damp(body)
+            if less := [joint for joint, index in body.joints.items() if shares.get(index, 1.0) < TOLD_SHARE]:
+                words = f"joints that have less damping than given, as much as a step bears: {', '.join(less)}"
+                body.warnings = (*body.warnings, words)
             body.fixed = is_fixed(self._client, uid)
             self.place(body, BodyState())
             body.hull = _box_around(*bounds_of(self._client, body))
@@ -149,7 +164,7 @@ class BodyFactory:
         """Return the body of a robot that PyBullet has loaded. Raises `InputError`."""
         client = self._client
         client.changeDynamics(uid, -1, linearDamping=0.0, angularDamping=0.0)  # PyBullet's default is drag
-        links, joints = {}, {}
+        links, joints, damping, fastest = {}, {}, {}, PYBULLETS_FASTEST
         for index in range(-1, client.getNumJoints(uid)):
             link = link_name(client, uid, index)
             found = len(client.getCollisionShapeData(uid, index))
@@ -166,20 +181,30 @@ class BodyFactory:
                 info = client.getJointInfo(uid, index)
                 if info[2] in (pb.JOINT_REVOLUTE, pb.JOINT_PRISMATIC):
                     joints[info[1].decode()] = index
+                    damping[index], fastest = info[6], max(fastest, min(info[11], FASTEST_SPIN))
                     command_joint(client, uid, index, JointCommand())
         if not links:
             raise InputError("urdf", "the URDF has no collision shape, so nothing could touch the ground")
-        shapes = {link: robot.shapes.get(link) or shape_of(client, uid, link, None, None) for link in links}
+        shapes = dict(robot.shapes) or read_shapes(client, uid)
         couple_joints(client, uid, joints, robot.mimics)
         body = Body(
             name, uid, next(iter(shapes.values())).radius, False, BodyState(), links, joints, urdf=robot.given,
-            shapes=shapes, surfaces=robot.surfaces, starts={mimic.joint: mimic.offset for mimic in robot.mimics},
+            shapes=shapes, surfaces=robot.surfaces, starts=robot.starts, damping=damping,
         )  # fmt: skip
-        masses = set_masses(client, uid, robot.text)
-        body.notes = (*robot.notes, masses) if masses else robot.notes
+        client.changeDynamics(uid, -1, maxJointVelocity=fastest)
+        note, warning = set_masses(client, uid, robot.text)
+        body.notes = (*robot.notes, note) if note else robot.notes
+        body.warnings = (*robot.warnings, warning) if warning else robot.warnings
         body.inertial = InertialFrame(*client.getDynamicsInfo(uid, -1)[3:5])
         body.mass = sum(client.getDynamicsInfo(uid, index)[0] for index in range(-1, client.getNumJoints(uid)))
         return body
+
+    def damp(self, body: Body) -> dict[int, float]:
+        """Give a robot's joints the damping of its URDF, as far as the present steps bear it in the present posture;
+        return the shares that joints have of theirs."""
+        shares = damp_joints(self._client, body.uid, body.damping, self.config.dt)
+        body.stiff = min(shares.values(), default=1.0) < STIFF_SHARE
+        return shares
 
     def _set_contacts(self, body: Body, urdf: str) -> None:
         """Give the links of a robot its friction and restitution, unless the ``<contact>`` of its URDF gives theirs."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections import defaultdict
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from smartmesh_ros.errors import InputError
@@ -9,8 +12,11 @@ from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.quaternions import conjugate, rotate
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.world.bodies import Body
+from smartmesh_ros.world.bodies import Body, BodyFactory
 from smartmesh_ros.world.joints import JointCommand, JointReading, Motors, read_joints
+
+# Steps from one fit of joints' damping to the next, in which postures change little.
+DAMPED_STEPS = 8
 
 
 class SurfaceReading(NamedTuple):
@@ -23,23 +29,35 @@ class SurfaceReading(NamedTuple):
 
 
 class Driving:
-    """What drives the bodies of a world, by name."""
+    """What drives the bodies of a world, by name. ``say`` tells the user what stops because no command came."""
 
     bodies: dict[str, Body]
     client: Any
     ground: Ground
+    time: float
+    say: Callable[[str], object]
+    _factory: BodyFactory
     _motors: Motors
+    _stiff: dict[str, Body]  # robots whose damping depends on their posture
+    _undamped: int  # steps since it was fitted
+    _ends: dict[tuple[str, str], float]  # times at which velocities end [s], by robot and joint or surface
+    _next_end: float  # not after the first of them
 
     def drive(self, name: str, joint: str, velocity: float, force: float | None = None) -> None:
         """Drive a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N], None = the joint's
         limit; or one of its driven surfaces at ``velocity`` [m/s]."""
         self.command(name, joint, JointCommand(velocity=velocity, effort=force))
 
-    def command(self, name: str, joint: str, command: JointCommand) -> None:
+    def command(self, name: str, joint: str, command: JointCommand, lasts: float = math.inf) -> None:
         """Drive a robot's joint by a command from now on, or one of its driven surfaces by a velocity, which is limited
-        to that of the URDF. Raises `InputError` as `require_command` does."""
+        to that of the URDF. What a velocity drives stops after it ``lasts`` [s], unless the next command comes before.
+        Raises `InputError` as `require_command` does."""
         self.require_command(name, joint, command)
         body = self.bodies[name]
+        self._ends.pop((name, joint), None)
+        if command.velocity and command.position is None and lasts < math.inf:
+            self._ends[name, joint] = self.time + lasts
+            self._next_end = min(self._next_end, self.time + lasts)
         if surface := body.surfaces.get(joint):
             self.drive_surface(name, surface.link, surface.within(command.velocity or 0.0), surface.axis)
             return
@@ -47,6 +65,38 @@ class Driving:
             self.ground.wake(body.uid)
         self._motors.command(body.uid, body.joints[joint], command)
         body.commands[joint] = command
+
+    def _drive_all(self) -> None:
+        """Do what the drives and the damping of joints need before a step."""
+        self._stop_overdue()
+        self._undamped += 1
+        if self._undamped >= DAMPED_STEPS:
+            self._undamped = 0
+            for body in self._stiff.values():
+                if self.ground.followers.table["awake"][self.ground.followers.of(body.uid)].any():
+                    self._factory.damp(body)
+        self._motors.apply_efforts()
+
+    def _stop_overdue(self) -> None:
+        """Stop what is driven by velocities whose time is over."""
+        if self.time < self._next_end:
+            return
+        stopped = defaultdict(list)
+        for (name, joint), end in list(self._ends.items()):
+            if end <= self.time:
+                self.command(name, joint, JointCommand(velocity=0.0))
+                stopped[name].append(joint)
+        self._next_end = min(self._ends.values(), default=math.inf)
+        for name, joints in stopped.items():
+            self.say(f"no command came for {', '.join(joints)} of {name!r} in time: stopped")
+
+    def _ends_of(self, name: str) -> dict[str, float]:
+        """Return the times at which the velocities of a robot end [s], by joint or surface."""
+        return {joint: end for (robot, joint), end in self._ends.items() if robot == name}
+
+    def _set_ends(self, ends: dict[tuple[str, str], float]) -> None:
+        """Replace the times at which velocities end [s]."""
+        self._ends, self._next_end = ends, min(ends.values(), default=math.inf)
 
     def require_command(self, name: str, joint: str, command: JointCommand) -> None:
         """Raise `InputError` if there is no robot of that name with this joint or driven surface, or if the command is
@@ -99,14 +149,6 @@ class Driving:
         """Move surfaces as `_belts` returned them. Raises `InputError` if a link is not there."""
         for link, belt in belts.items():
             self.ground.drive(body.uid, link_of(body, link), belt.axis, belt.speed)
-
-    def _may_sleep(self, uid: int) -> bool:
-        """Return True if no joint of a PyBullet body is driven to move. Efforts are applied in each step, and PyBullet
-        sums those that a sleeping robot does not heed."""
-        slot = self.ground.followers.of(uid)[0]
-        body = self.bodies[self.ground.followers[slot].name.partition("/")[0]]
-        commands = body.commands.values()
-        return not any(command.velocity or (command.is_effort and command.effort) for command in commands)
 
     def _joint(self, body: Body, joint: str) -> int:
         """Return PyBullet's index of a joint; raises `InputError` if there is none."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,7 +23,9 @@ class JointCommand:
     - ``velocity`` alone: velocity control.
     - ``effort`` with either: effort limit of the controller; without it, the limit of the URDF or `DEFAULT_EFFORT`.
     - ``effort`` alone: this effort in every step, whatever the joint does.
-    - nothing: the joint turns freely.
+    - nothing: the joint turns freely, but for its friction.
+
+    With ``position`` or ``velocity`` the joint moves no faster than the URDF's limit of velocity.
     """
 
     position: float | None = None
@@ -59,20 +62,27 @@ class JointReading:
 
 
 def command_joint(client: Any, uid: int, joint: int, command: JointCommand) -> None:
-    """Pass a command to PyBullet. An effort must be applied again before each step, as `Motors` does."""
-    if command.has_target:
-        limit = client.getJointInfo(uid, joint)[10]
-        limit = limit if limit > 0.0 else DEFAULT_EFFORT  # PyBullet reports zero if the URDF gives no limit
-        force = limit if command.effort is None else command.effort
-        velocity = command.velocity or 0.0
-        if command.position is None:
-            client.setJointMotorControl2(uid, joint, pb.VELOCITY_CONTROL, targetVelocity=velocity, force=force)
-        else:
-            client.setJointMotorControl2(
-                uid, joint, pb.POSITION_CONTROL, targetPosition=command.position, targetVelocity=velocity, force=force
-            )
-    else:  # switch off the motor that PyBullet enables in every joint
-        client.setJointMotorControl2(uid, joint, pb.VELOCITY_CONTROL, force=0.0)
+    """Pass a command to PyBullet. An effort must be applied again before each step, as `Motors` does.
+
+    PyBullet ignores the URDF's friction and limit of velocity. Friction is a brake of a joint without target. A drive
+    that moves loses it from its effort, and one that stops gains it.
+    """
+    info = client.getJointInfo(uid, joint)
+    friction, limit, fastest = info[7], info[10] or DEFAULT_EFFORT, info[11] or math.inf  # zero = the URDF gives none
+    speed = min(max(command.velocity or 0.0, -fastest), fastest)
+    stops = command.position is None and not speed
+    force = limit if command.effort is None else command.effort
+    force = force + friction if stops else force - friction
+    if not command.has_target or force <= 0.0:  # a motor that holds; PyBullet enables one in every joint
+        held = friction if not command.has_target else -force
+        client.setJointMotorControl2(uid, joint, pb.VELOCITY_CONTROL, force=held)
+    elif command.position is None:
+        client.setJointMotorControl2(uid, joint, pb.VELOCITY_CONTROL, targetVelocity=speed, force=force)
+    else:
+        most = {} if math.isinf(fastest) else {"maxVelocity": fastest}
+        client.setJointMotorControl2(
+            uid, joint, pb.POSITION_CONTROL, targetPosition=command.position, targetVelocity=speed, force=force, **most
+        )
 
 
 class Motors:

@@ -98,7 +98,7 @@ def _moved(frame: LinkFrame, kind: int, axis: Vector, position: float) -> LinkFr
     """Return the frame of a link whose joint is at a ``position`` [rad, m] instead of zero."""
     x, y, z = axis
     if kind == pb.JOINT_REVOLUTE:
-        sine = math.sin(0.5 * position) / (math.hypot(x, y, z) or 1.0)  # PyBullet keeps an axis as the URDF gives it
+        sine = math.sin(0.5 * position)
         turn = (x * sine, y * sine, z * sine, math.cos(0.5 * position))
         return frame._replace(rotation=product(frame.rotation, turn))
     if kind == pb.JOINT_PRISMATIC:

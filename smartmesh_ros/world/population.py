@@ -32,12 +32,14 @@ from smartmesh_ros.world.standing import NO_TERRAIN, Parts, Stance, finished, st
 
 class Population(Driving):
     """The bodies of a world, by name, on its ``ground`` at the world's ``time`` [s]: spawned and tracked bodies,
-    robots, and remote bodies (``guests``). ``say`` tells the user what a robot's description was taken as."""
+    robots, and remote bodies (``guests``). ``note`` tells the user what a robot's
+    description was taken as, ``say`` what may be wrong."""
 
     time: float
     terrain: Terrain
     guests: Guests
     say: Callable[[str], object] = logging.getLogger("smartmesh_ros").warning
+    note: Callable[[str], object] = logging.getLogger("smartmesh_ros").info
 
     def _begin(self, client: Any, ground: Ground, physics: PhysicsConfig) -> None:
         """Start without bodies."""
@@ -46,6 +48,8 @@ class Population(Driving):
         self.ground = ground
         self._factory = BodyFactory(client, physics)
         self._motors = Motors(client)
+        self._stiff, self._undamped = {}, 0
+        self._set_ends({})
 
     def spawn(
         self,
@@ -174,13 +178,12 @@ class Population(Driving):
             self.ground.wake(body.uid)
 
     def wake(self, name: str | None = None) -> None:
-        """Wake a body, or all (None), with what it may touch. Only who pushes bodies through the ``client`` needs this:
-        PyBullet's forces and velocities do not wake a sleeping body."""
+        """Wake a body, or all (None), with what it touches; see `Ground.let_sleep`."""
         self.ground.wake(None if name is None else self._body(name).uid)
 
     def is_asleep(self, name: str) -> bool:
         """Return True if a body sleeps; raises `InputError` if there is none of that name."""
-        return not self.followers.table["awake"][self.followers.of(self._body(name).uid)].any()
+        return self.ground.is_asleep(self._body(name).uid)
 
     def state(self, name: str) -> BodyState:
         """Return the state of a body's centre of mass."""
@@ -246,6 +249,8 @@ class Population(Driving):
         with undone(lambda: self._put_on_ground(body, belts)):
             self.client.removeBody(body.uid)
         self._motors.forget(body.uid)
+        self._stiff.pop(body.name, None)
+        self._set_ends({key: end for key, end in self._ends.items() if key[0] != body.name})
 
     def _require_free(self, name: str) -> None:
         if not name or "/" in name:
@@ -263,8 +268,12 @@ class Population(Driving):
 
     def _enter(self, body: Body) -> None:
         self.bodies[body.name] = body
+        if body.stiff:
+            self._stiff[body.name] = body
         for note in body.notes:
-            self.say(f"robot {body.name!r}: {note}")
+            self.note(f"robot {body.name!r}: {note}")
+        for warning in body.warnings:
+            self.say(f"robot {body.name!r}: {warning}")
 
     def _put_on_ground(self, body: Body, belts: dict[str, Belt] | None = None) -> None:
         """Attach a body that PyBullet has to the ground; removes it from PyBullet if that fails."""

@@ -27,7 +27,8 @@ _SHAPES = {made.__name__: made for made in SHAPES.values()}
 class BodySnapshot:
     """One body. ``shape``: of a simulated body; ``urdf``: file or text of a robot; neither: a tracked body, a sphere of
     ``radius`` [m]. ``joints``: position and velocity by name [rad, rad/s or m, m/s]; ``commands``: current commands of
-    the joints; ``belts``: moving surfaces by link, "" = of a body that is no robot."""
+    the joints; ``belts``: moving surfaces by link, "" = of a body that is no robot; ``ends``: times at which the
+    velocities of joints and surfaces end [s]."""
 
     name: str
     state: BodyState
@@ -41,15 +42,18 @@ class BodySnapshot:
     joints: dict[str, tuple[float, float]]
     commands: dict[str, JointCommand]
     belts: dict[str, Belt] = field(default_factory=dict)
+    ends: dict[str, float] = field(default_factory=dict)
 
 
-def body_snapshot(client: Any, body: Body, state: BodyState, belts: dict[str, Belt]) -> BodySnapshot:
-    """Return a body in a ``state``, with its moving surfaces, as data."""
+def body_snapshot(
+    client: Any, body: Body, state: BodyState, belts: dict[str, Belt], ends: dict[str, float]
+) -> BodySnapshot:
+    """Return a body in a ``state``, with its moving surfaces and the ends of its velocities [s], as data."""
     joints = {name: client.getJointState(body.uid, index)[:2] for name, index in body.joints.items()}
     return BodySnapshot(
         name=body.name, state=state, initial=body.initial, radius=body.radius, mass=body.mass, shape=body.shape,
         urdf=body.urdf, friction=body.friction, restitution=body.restitution, joints=joints,
-        commands=dict(body.commands), belts=belts,
+        commands=dict(body.commands), belts=belts, ends=ends,
     )  # fmt: skip
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,34 +12,24 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls, undone
-from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig, set_up
+from smartmesh_ros.ground.config import set_up
 from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.ground.limits import FARTHEST_BODY
 from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.height_scan import HeightScan, yaws_of
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.world.bodies import Surface
 from smartmesh_ros.world.contacts import GroundContact, GroundWrench, ground_contacts, wrenches_of_step
-from smartmesh_ros.world.guest_config import GuestConfig
+from smartmesh_ros.world.falling import Falls
 from smartmesh_ros.world.guests import Guests
 from smartmesh_ros.world.link_frames import frame_pose
 from smartmesh_ros.world.population import Population
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
+from smartmesh_ros.world.settings import WorldConfig
 from smartmesh_ros.world.snapshot import Snapshot, body_snapshot
 
-
-@dataclass(frozen=True, kw_only=True)
-class WorldConfig:
-    """Settings of a world: its physics, its patches, when bodies ``sleep``, and remote bodies (``guests``), which other
-    nodes simulate."""
-
-    physics: PhysicsConfig = field(default_factory=PhysicsConfig)
-    patch: PatchConfig = field(default_factory=PatchConfig)
-    guests: GuestConfig = field(default_factory=GuestConfig)
-    sleep: SleepConfig = field(default_factory=SleepConfig)
+__all__ = ["World", "WorldConfig"]
 
 
 class World(Population):
@@ -62,7 +51,7 @@ class World(Population):
         self.stopwatch = stopwatch or Stopwatch()
         self.behind_real_time = False
         self._refreshes = self._rescues = 0  # of the grounds before `restore`
-        self.lost: list[str] = []  # bodies removed because their position became impossible; readers may clear the list
+        self.lost: dict[str, str] = {}  # why bodies were removed, by name; readers may clear it
         self._start()
 
     def _start(self) -> None:
@@ -74,7 +63,21 @@ class World(Population):
         ground = Ground(client, self.terrain, self.config.patch, self.stopwatch, gravity=gravity)
         self._begin(client, ground, self.config.physics)
         self.guests = Guests(self, self.config.guests)
+        self.falls = Falls(ground.followers, self.terrain, self.config.falls)
         self._let_sleep()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy of the world, or one in another process, is made of: its terrain, its settings and a
+        snapshot. Raises `InputError` if there is soil."""
+        if self.ground.soil is not None:
+            raise InputError("soil", "a world with soil cannot be copied; take it off by ground.set_soil(None) before")
+        return {"terrain": self.terrain, "config": self.config, "snapshot": self.snapshot()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make a world that evolves as one restored from the snapshot."""
+        World.__init__(self, state["terrain"], state["config"])
+        with undone(self.close):
+            self.restore(state["snapshot"])
 
     def __enter__(self) -> World:
         return self
@@ -94,7 +97,10 @@ class World(Population):
         if (config.physics.sleep, config.sleep) != (before.physics.sleep, before.sleep):
             self._let_sleep()
         self._factory.config = config.physics
-        self.guests.config = config.guests
+        if config.physics.dt != before.physics.dt:
+            for body in self.bodies.values():
+                self._factory.damp(body)
+        self.guests.config, self.falls.config = config.guests, config.falls
 
     @property
     def dt(self) -> float:
@@ -140,7 +146,7 @@ class World(Population):
                 self.prepare()
             prepared()
             with self.stopwatch.stage("total"), self.stopwatch.stage("step"):
-                self._motors.apply_efforts()
+                self._drive_all()
                 self.client.stepSimulation()
             self.time += self.config.physics.dt
             self.guests.note_contacts()
@@ -163,6 +169,7 @@ class World(Population):
         self.guests.clear()
         self.terrain.shift_time(-self.time)
         self.ground.stand_still(-self.time)
+        self._set_ends({key: end - self.time for key, end in self._ends.items()})
         self.time = 0.0
 
     def reset_bodies(self) -> None:
@@ -183,7 +190,7 @@ class World(Population):
         return Snapshot(
             time=self.time,
             bodies=tuple(
-                body_snapshot(self.client, body, self.state(name), self._belts(body))
+                body_snapshot(self.client, body, self.state(name), self._belts(body), self._ends_of(name))
                 for name, body in self.bodies.items()
                 if not body.owner
             ),
@@ -203,7 +210,7 @@ class World(Population):
         robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
         if any(body.belts for body in snapshot.bodies):
             self.ground.require_belts()
-        self.ground.leave_lost_soil()
+        self.ground.check_soil()
         before = dict(vars(self))
         with undone(lambda: vars(self).update(before)):
             self._refreshes, self._rescues = self.refreshes, self.rescues
@@ -232,6 +239,7 @@ class World(Population):
             for joint, command in body.commands.items():
                 self.command(body.name, joint, command)
             self._move_belts(new, body.belts)
+        self._set_ends({(body.name, joint): end for body in snapshot.bodies for joint, end in body.ends.items()})
 
     def shown_batches(self) -> list[PatchBatch]:
         """Return the patches as of the last update, without those of remote bodies, which their owners publish."""
@@ -273,20 +281,19 @@ class World(Population):
         return [followers[slot].name for slot, _, _ in self.ground.below(own, self.ground.time)]
 
     def _drop_lost(self) -> None:
-        """Remove bodies whose position is not finite or farther than `FARTHEST_BODY`."""
-        followers, awake = self.ground.followers, self.ground.followers.awake
-        positions = followers.positions_w[awake]
-        if np.abs(positions).max(initial=0.0) <= FARTHEST_BODY:  # False if any value is NaN
-            return
-        there = (np.abs(positions) <= FARTHEST_BODY).all(axis=1)
-        for name in sorted({followers[slot].name.partition("/")[0] for slot in awake[~there].tolist()}):
+        """Remove lost bodies, and tell of those that begin to fall."""
+        lines, gone = self.falls.check(self.time)
+        for line in lines:
+            self.say(line)
+        for name, why in gone.items():
             guest = self._is_guest(name)
             self._remove(name)
             if guest:
                 self.guests.dropped(name)
             else:
-                self.lost.append(name)
-        self.ground.go_on(self.time, self.dt)
+                self.lost[name] = why
+        if gone:
+            self.ground.go_on(self.time, self.dt)
 
     def _let_sleep(self) -> None:
-        self.ground.let_sleep(self._may_sleep if self.config.physics.sleep else None, self.config.sleep)
+        self.ground.let_sleep((lambda _: True) if self.config.physics.sleep else None, self.config.sleep)

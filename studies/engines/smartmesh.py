@@ -6,12 +6,17 @@ from dataclasses import replace
 from typing import Any
 
 from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.limits import FARTHEST_BODY
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.world.falling import FallConfig
 from smartmesh_ros.world.world import World, WorldConfig
 from studies.engines.bullet import BulletEngine
 from studies.engines.engine import GroundSetup, Setup
+
+# What falls off the ground is measured to the end, as in the other engines.
+NEVER_LOST = FallConfig(depth=FARTHEST_BODY)
 
 
 def world_on(
@@ -24,7 +29,7 @@ def world_on(
     """Return the map of a setup, and a world on it; the setup overrides step rate and gravity of ``physics``."""
     heightmap = HeightMap(setup.heights, resolution=setup.resolution, origin=setup.origin, motion=motion)
     physics = replace(physics or PhysicsConfig(), rate=1.0 / setup.dt, gravity=setup.gravity)
-    return heightmap, World(heightmap, WorldConfig(physics=physics, patch=patch or PatchConfig()))
+    return heightmap, World(heightmap, WorldConfig(physics=physics, patch=patch or PatchConfig(), falls=NEVER_LOST))
 
 
 class SmartMesh(BulletEngine):

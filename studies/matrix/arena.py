@@ -20,6 +20,7 @@ from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.grounds import Rigid, make_ground
 from smartmesh_ros.world.world import World, WorldConfig
+from studies.engines.smartmesh import NEVER_LOST
 from studies.robots import robot
 
 HUSKY = robot.HUSKY.urdf
@@ -61,7 +62,9 @@ class Arena:
             named = isinstance(ground, dict)
             self.ground = make_ground(self.geometry, **ground) if named else Rigid(self.geometry, ground)
         self.heightmap = HeightMap(self.ground.heights(0.0), geometry=self.geometry, motion=motion)
-        self.world = World(self.heightmap, WorldConfig(physics=physics or PhysicsConfig(), patch=method))
+        self.world = World(
+            self.heightmap, WorldConfig(physics=physics or PhysicsConfig(), patch=method, falls=NEVER_LOST)
+        )
         self.shapes: dict[str, Shape] = {}
         self._map_rate = map_rate
         self._map = 0

@@ -22,7 +22,11 @@ from studies.robots.robot import LAIKAGO
 CELLS, RESOLUTION = 61, 0.1
 STEP = 1.0 / 240.0
 NOISE_RATE = 20.0  # of noisy maps [Hz]
-SHAPES: dict[str, Shape] = {"box": Box(0.4, 0.4, 0.3), "ball": Sphere(0.15), "cylinder": Cylinder(0.2, 0.3)}
+SHAPES: dict[str, Shape] = {
+    "box": Box(0.4, 0.4, 0.3),
+    "ball": Sphere(0.15),
+    "cylinder": Cylinder(radius=0.2, height=0.3),
+}
 ROBOTS = {"wheeled robot": (HUSKY, 0.0), "robot on legs": (LAIKAGO.urdf, 0.46)}  # and how high they start [m]
 SIZES = (0.01, 0.03, 0.1, 0.3, -0.01, -0.03, -0.1, -0.3)
 ISSUE = "a correction gives no speed"

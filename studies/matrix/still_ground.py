@@ -22,7 +22,7 @@ from studies.matrix.arena import Arena, deepest
 from studies.matrix.row import Row
 
 SPEED = 3.0
-_CUBE, _SPHERE, _DRUM = Box(0.4, 0.4, 0.4), Sphere(0.2), Cylinder(0.2, 0.4)
+_CUBE, _SPHERE, _DRUM = Box(0.4, 0.4, 0.4), Sphere(0.2), Cylinder(radius=0.2, height=0.4)
 
 
 def _slid(method: PatchConfig, shape: Shape) -> tuple[FloatArray, FloatArray]:

@@ -12,9 +12,6 @@ from PIL import Image, ImageDraw, ImageFont
 
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.scenes import eight, tracks
-from smartmesh_ros.soil.bodies import BulletBodies
-from smartmesh_ros.soil.config import SoilConfig
-from smartmesh_ros.soil.contact_soil import ContactSoil
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.world.world import World
 from studies.progress import Progress
@@ -38,7 +35,7 @@ class RutPictures:
         names = [self.stage.client.getJointInfo(self.robot, joint)[1].decode() for joint in range(count)]
         self.joints = {name: joint for joint, name in enumerate(names)}
 
-    def shoot(self, world: World, soil: ContactSoil | Soil, title: str) -> Image.Image:
+    def shoot(self, world: World, soil: Soil, title: str) -> Image.Image:
         """Return a picture of the robot as it stands in a world."""
         state = world.base_state(self.name)
         self.stage.client.resetBasePositionAndOrientation(self.robot, state.position, state.orientation)
@@ -89,7 +86,7 @@ def drive_rover() -> None:
     camera = Camera((6.3, -1.6, 4.6), (6.15, 5.6, 0.0), 35.0, 800, 420)
     with World(eight.ground()) as world:
         # The robot turns by the slip of its wheels. With slip sinkage the outer ones dig in, and it turns no more.
-        soil = ContactSoil(world.terrain, name, slip_sinkage=False)
+        soil = Soil(world.terrain, name, slip_sinkage=False)
         world.ground.set_soil(soil)
         world.spawn_robot("rover", str(eight.robot_file()), BodyState((*eight.PLACE, 0.0)), on_ground=True, align=True)
         pictures, way = RutPictures(eight.robot_file(), "rover", camera), 0.0
@@ -112,7 +109,7 @@ def drive_tracks() -> None:
     name = "lete_sand"
     camera = Camera((1.6, -9.2, 4.2), (3.75, 0.0, 0.75), 35.0, 800, 420)
     with World(tracks.ground()) as world:
-        soil = Soil(world.terrain, name, BulletBodies(world.client, world), SoilConfig())
+        world.ground.set_soil(soil := Soil(world.terrain, name))
         world.spawn_robot("machine", tracks.robot_file().read_text(), BodyState(), on_ground=True, align=True)
         pictures = RutPictures(tracks.robot_file(), "machine", camera)
 
@@ -120,7 +117,6 @@ def drive_tracks() -> None:
             for track, speed in tracks.speeds(world.time).items():
                 world.drive("machine", track, speed)
             world.step()
-            soil.apply(world.contacts(), world.dt, world.time)
 
         def shoot() -> Image.Image:
             left, right = tracks.speeds(world.time).values()

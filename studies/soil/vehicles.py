@@ -1,4 +1,4 @@
-"""Boxes and carts on `ContactSoil` in PyBullet, and a wheel whose slip is forced, as in a single-wheel test bed."""
+"""Boxes and carts on `Soil` in PyBullet, and a wheel whose slip is forced, as in a single-wheel test bed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.soil.config import SoilType
-from smartmesh_ros.soil.contact_soil import ContactSoil
+from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.world.world import World, WorldConfig
 from studies.soil.arcs import WheelForces
@@ -97,7 +97,7 @@ def drive(cart: Cart, soil: SoilType | str, *, speed: float = 0.3, seconds: floa
     with World(HeightMap(np.zeros(shape), resolution=grid)) as world:
         place = (cart.base, 0.503 * grid * (shape[0] - 1), cart.radius + BELOW)
         world.spawn_robot("cart", cart.urdf, BodyState(place))
-        world.ground.set_soil(ContactSoil(world.terrain, soil, spacing=0.01))
+        world.ground.set_soil(Soil(world.terrain, soil, spacing=0.01))
         steps = round(seconds / world.dt)
         forces, ways = [], []
         for step in range(steps):
@@ -139,10 +139,10 @@ def set_down(number: int, soil: str, *, rate: float = 240.0) -> SetDown:
     random = np.random.default_rng(number)
     slope = math.tan(math.radians(random.uniform(0.0, 12.0)))
     heights = np.tile(-slope * 0.05 * np.arange(161), (81, 1)) + (number % 2) * random.normal(0.0, 0.01, (81, 161))
-    shapes: list[Shape] = [Box(0.3, 0.2, 0.15), Sphere(0.12), Cylinder(0.12, 0.1)]
+    shapes: list[Shape] = [Box(0.3, 0.2, 0.15), Sphere(0.12), Cylinder(radius=0.12, height=0.1)]
     config = WorldConfig(physics=PhysicsConfig(rate=rate))
     with World(HeightMap(heights, resolution=0.05), config) as world:
-        world.ground.set_soil(ContactSoil(world.terrain, soil))
+        world.ground.set_soil(Soil(world.terrain, soil))
         kind, flat = number // 2 % 4, number // 8 % 2 == 0
         x, y = 2.0 + random.uniform(-0.1, 0.1, 2)
         turn = random.normal(size=4)
@@ -223,7 +223,7 @@ def roll(
     for joint in (slide, lift, axle):
         client.setJointMotorControl2(rig, joint, pb.VELOCITY_CONTROL, force=0.0)
     ground.attach(rig, axle)
-    ground.set_soil(ContactSoil(ground.terrain, soil, spacing=0.005, slip_sinkage=slip_sinkage))
+    ground.set_soil(Soil(ground.terrain, soil, spacing=0.005, slip_sinkage=slip_sinkage))
     stand, steps = 120, round(way / speed / DT)
     sinkages, pulls = [], []
     for step in range(stand + steps):

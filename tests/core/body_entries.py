@@ -1,4 +1,4 @@
-"""Functions of the core that take tables of bodies, and soil under them."""
+"""Functions of the core that take tables of bodies, and soil."""
 
 from typing import Any
 
@@ -8,9 +8,6 @@ from smartmesh_ros import HeightMap, MotionConfig
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.shapes import SHAPE, ball, box, compound, hull
 from smartmesh_ros.patches.supports import no_supports
-from smartmesh_ros.soil.config import SoilConfig
-from smartmesh_ros.soil.layer import LAYER_SAMPLE
-from smartmesh_ros.soil.soil import FOOT, with_room
 from smartmesh_ros.world.state_table import LIMITS
 from tests.bodies import TETRAHEDRON, shapes_of
 from tests.core.entries import COLUMNS, ROWS, Arguments, Entry, arrays
@@ -60,16 +57,6 @@ def feet_on_patches() -> Arguments:
     return bodies() | more
 
 
-def asleep() -> Arguments:
-    return {"asleep": slots(), "boxes": zeros(6), "radii": np.ones(SLOTS), "near": 0.1, "share": 0.1}
-
-
-def under() -> Arguments:
-    boxes = np.tile([0.0, 0.0, 0.0, 1.0, 1.0, 1.0], (SLOTS, 1))
-    ground = HeightMap(np.zeros((ROWS, COLUMNS)), resolution=0.1).core_reader
-    return {"map": ground, "time": 0.1, "chosen": slots(), "boxes": boxes, "counts": np.zeros(3, np.int64)}
-
-
 def faults() -> Arguments:
     return {
         "states": zeros(13), "radii": np.ones(SLOTS), "kinds": np.ones(SLOTS, np.uint8), "dimensions": zeros(3),
@@ -83,31 +70,9 @@ def near_any(states: Any, radii: Any, margins: Any, places: Any, speeds: Any, ot
 
 def soil() -> Arguments:
     return {
-        "samples": as_bytes(np.zeros((ROWS, COLUMNS), LAYER_SAMPLE)), "kinds": np.zeros((ROWS, COLUMNS), np.uint8),
-        "soils": np.array([[1e6, 0.0, 1.0, 0.0, 0.5, 0.01, 2e8, 3e4]]),
+        "grid": CORE.Grid(**arrays()), "kinds": np.zeros((ROWS, COLUMNS), np.uint8),
+        "soils": np.array([[1e6, 0.0, 1.0, 0.0, 0.5, 0.01, 2e8, 3e4]]), "spacing": 0.5,
     }  # fmt: skip
-
-
-def feet() -> Any:
-    found = with_room(np.zeros(0, FOOT), 2)
-    for row, place in enumerate(((3.0, 2.0), (9.0, 4.0))):
-        found["shape"][row] = box((0.4, 0.4, 0.4)).record
-        found["state"][row] = (*place, 0.2, 0.0, 0.0, 0.0, 1.0, *(0.0,) * 6)
-    found["force"] = 100.0
-    return found
-
-
-def pressed(some: Any = None) -> Arguments:
-    """Arguments of an update of the soil, which two feet press."""
-    ground = CORE.Grid(**arrays())
-    ground.place(0.0, 0.0, 0.0, 0.0, 0.1)
-    ground.set_motion(1, 25.0, 0.2, 0.0, 0.0)
-    records = as_bytes(feet() if some is None else some)
-    return {"grid": ground, "feet": records, "time": 0.0, "dt": 0.01, "number": 1, "config": SoilConfig()}
-
-
-def press(**given: Any) -> Any:
-    return CORE.Soil(**soil()).update(**given)
 
 
 def above_grid() -> Arguments:
@@ -116,7 +81,6 @@ def above_grid() -> Arguments:
 
 
 OF_SLOTS = (("slots", BODIES),)
-CHOSEN = (("chosen", SLOTS),)
 ENTRIES = {
     "find_below": Entry(CORE.find_below, below, rows=("slots",), within=OF_SLOTS, finite=("time",)),
     "find_feet": Entry(
@@ -137,29 +101,6 @@ ENTRIES = {
     "Shapes": Entry(CORE.Shapes, lambda: {
         "shapes": as_bytes(np.zeros(2, SHAPE)), "parts": as_bytes(np.zeros(2, SHAPE)), "vertices": zeros(3, 2),
     }, rows=("shapes", "parts", "vertices")),
-    "note_motion": Entry(CORE.note_motion, lambda: {
-        "chosen": slots(), "shapes": as_bytes(np.zeros(SLOTS, SHAPE)), "states": zeros(13), "boxes": zeros(6),
-        "anchors": zeros(8), "time": 0.1, "distance": 0.001,
-    }, written=("boxes", "anchors"), rows=("chosen",), within=CHOSEN),
-    "islands": Entry(CORE.islands, lambda: {
-        "chosen": slots(), "owners": np.arange(SLOTS), "boxes": zeros(6), "radii": np.ones(SLOTS), "near": 0.1,
-        "share": 0.1,
-    }, rows=("chosen",), within=CHOSEN),
-    "Sleepers": Entry(CORE.Sleepers, asleep, rows=("asleep",), within=(("asleep", SLOTS),)),
-    "mark_near": Entry(
-        CORE.Sleepers(**asleep()).mark_near, lambda: {"slot": 1, "found": np.zeros(SLOTS, bool)}, written=("found",),
-        within=(("slot", SLOTS),),
-    ),
-    "mark_connected": Entry(
-        CORE.Sleepers(**asleep()).mark_connected, lambda: {"found": np.zeros(SLOTS, bool)}, written=("found",)
-    ),
-    "mark_reached": Entry(CORE.Sleepers(**asleep()).mark_reached, lambda: {
-        "movers": np.array([1, 2]), "states": zeros(13), "positions": zeros(3), "moved": zeros(3),
-        "anchors": zeros(8), "stillness": (1.0, 0.5, 0.001), "elapsed": 0.01, "found": np.zeros(SLOTS, bool),
-    }, written=("found",), rows=("movers",), within=(("movers", SLOTS),)),
-    "strayed": Entry(CORE.strayed, lambda: {"state": np.zeros(13), "anchor": np.zeros(7), "radius": 1.0}),
-    "count_updates": Entry(CORE.count_updates, under, written=("counts",), within=CHOSEN),
-    "samples_under": Entry(CORE.samples_under, under, written=("counts",), within=CHOSEN),
     "first_fault": Entry(CORE.first_fault, faults),
     "extrapolated": Entry(CORE.extrapolated, lambda: {"states": zeros(13), "duration": 0.1}, rows=("states",)),
     "blended": Entry(CORE.blended, lambda: {"states": zeros(13), "targets": zeros(13), "share": 0.5}),
@@ -181,7 +122,6 @@ ENTRIES = {
         lambda: {"content": np.ones(500, np.uint8), "at": 0, "rows": np.zeros((3, 140), np.uint8)},
         written=("rows",), any_shape=("content", "rows"),
     ),
-    "Soil": Entry(CORE.Soil, soil, written=("samples",)),
-    "Soil.update": Entry(press, pressed, written=("feet",), rows=("feet",)),
+    "Soil": Entry(CORE.Soil, soil, rows=("soils",)),
     "shape_above_grid": Entry(CORE.shape_above_grid, above_grid, rows=("points",)),
 }  # fmt: skip

@@ -73,6 +73,7 @@ def arrays(rows: int = ROWS, columns: int = COLUMNS) -> dict[str, np.ndarray]:
         "heights": np.zeros((rows, columns), np.float32),
         "velocities": np.zeros((KEPT, rows, columns), np.float32),
         "offsets": np.zeros((rows, columns), np.float32),
+        "rates": np.zeros((rows, columns), np.float32),
         "clocks": clock_bytes((rows + 63) // 64, (columns + 63) // 64),
     }
 

@@ -15,6 +15,7 @@ COUNT = 6  # of points, rays and scans
 def mesh_arrays() -> Arguments:
     return {
         "vertices": np.arange(12.0).reshape(3, 4) ** 2, "velocities": np.ones((KEPT, 3, 4)),
+        "offsets": np.zeros((3, 4)), "rates": np.zeros((3, 4)),
         "clock": clock_bytes(1, known=KEPT, newest=1, lifetime=1.0), "triangles": np.array([[0, 1, 2], [1, 2, 3]]),
     }  # fmt: skip
 
@@ -49,14 +50,27 @@ def lattice() -> Arguments:
     }  # fmt: skip
 
 
+def corrected() -> Any:
+    grid = CORE.Grid(**arrays())
+    grid.set_motion(3, 25.0, 0.2, 0.0, 0.0)
+    return grid
+
+
 def set_friction(friction: Any) -> None:
     CORE.Grid(**arrays()).set_friction(friction, 1.0)
+
+
+def set_variances(variances: Any) -> None:
+    CORE.Grid(**arrays()).set_variances(variances)
 
 
 ENTRIES = {
     "Grid": Entry(CORE.Grid, arrays),
     "Mesh": Entry(CORE.Mesh, mesh_arrays, rows=("triangles",), within=(("triangles", 4),), finite=("vertices",)),
     "set_friction": Entry(set_friction, lambda: {"friction": floats(ROWS, COLUMNS) + 1.0}, optional=("friction",)),
+    "set_variances": Entry(
+        set_variances, lambda: {"variances": floats(ROWS, COLUMNS) + 1.0}, optional=("variances",)
+    ),
     "hull": Entry(
         lambda points: CORE.Shape.hull(points, 0.0),
         lambda: {"points": np.random.default_rng(0).normal(size=(8, 3))},
@@ -90,22 +104,21 @@ ENTRIES = {
         CORE.sample_mesh, vertices, written=("positions", "velocities"), within=(("indices", 12),),
         finite=("time", "ahead"),
     ),
-    "take_rectangles": Entry(CORE.take_rectangles, lambda: {
-        "heights": floats(ROWS, COLUMNS), "velocities": floats(KEPT, ROWS, COLUMNS), "clocks": clock_bytes(2, 3),
-        "rectangles": np.array([[0, 0, 1, 2], [68, 127, 69, 129]]), "fresh": floats(12), "given": floats(12),
-        "time": 0.1, "intervals": (0.004, 0.25),
-    }, written=("heights", "velocities", "clocks"), rows=("given",)),
+    "take_rectangle": Entry(CORE.take_rectangle, lambda: {
+        "grid": CORE.Grid(**arrays()), "first": (67, 126), "fresh": floats(3, 4), "given": floats(3, 4), "time": 0.1,
+        "intervals": (0.004, 0.25),
+    }, optional=("given",)),
     "take_corrected": Entry(CORE.take_corrected, lambda: {
-        "heights": floats(ROWS, COLUMNS), "offsets": floats(ROWS, COLUMNS), "clocks": clock_bytes(2, 3),
-        "first": (67, 126), "known": floats(3, 4), "time": 0.1, "shown": 0.1, "settle": 0.2,
-    }, written=("heights", "offsets", "clocks"), any_shape=("known",)),
+        "grid": corrected(), "first": (67, 126), "known": floats(3, 4), "time": 0.1,
+    }, any_shape=("known",)),
     "fuse": Entry(CORE.fuse, lambda: {
         "heights": floats(ROWS, COLUMNS), "variances": floats(ROWS, COLUMNS), "first": (67, 126),
         "measured": floats(3, 4), "noises": floats(3, 4), "grown": 0.0, "gate_squared": 25.0,
     }, written=("heights", "variances")),
-    "note_update": Entry(CORE.note_update, lambda: {
-        "clock": clock_bytes(1), "time": 0.1, "given": False, "whole": True, "intervals": (0.004, 0.25),
-    }, written=("clock",)),
+    "move_vertices": Entry(CORE.move_vertices, lambda: {
+        "mesh": CORE.Mesh(**mesh_arrays()), "chosen": np.array([0, 3]), "fresh": np.ones((3, 2)),
+        "given": np.ones((3, 2)), "time": 0.1, "intervals": (0.004, 0.25),
+    }, optional=("chosen", "given"), within=(("chosen", 4),), finite=("fresh",)),
     "compare_maps": Entry(
         CORE.compare_maps, lattice, written=("cells", "last", "steps"), any_shape=("heights",)
     ),

@@ -10,7 +10,7 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.terrain.motion import CLOCK, INTERVALS_KEPT, KEPT
+from smartmesh_ros.terrain.motion import INTERVALS_KEPT, KEPT
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts
 from tests.core.entries import COLUMNS, REFUSED, ROWS, arrays, clock_bytes, grid_of
@@ -48,11 +48,9 @@ def test_a_grid_has_a_finite_place_a_resolution_above_zero_and_a_known_motion(me
         getattr(CORE.Grid(**arrays()), method)(*values)
 
 
-def test_a_grid_reads_arrays_that_are_read_only_and_keeps_them() -> None:
+def test_a_grid_keeps_its_arrays() -> None:
     given = arrays()
     given["heights"][:] = 2.0
-    for array in given.values():
-        array.setflags(write=False)
     grid = CORE.Grid(**given)
     del given
     assert grid.sample(ROWS - 1, COLUMNS - 1, 0.0, 0.1) == (2.0, 0.0)
@@ -73,7 +71,7 @@ def test_a_clock_that_names_no_velocity_reads_none(newest: int) -> None:
         assert grid.sample(3, 3, 0.5, 0.1) == (0.0, 0.0)
         assert not call("grid_window", grid=grid, time=0.5)["heights"].any()
     mesh = CORE.Mesh(**mesh_arrays() | {"clock": clock_bytes(1, **fields)})
-    mesh.set_motion(1, 25.0)
+    mesh.set_motion(1, 25.0, 0.0)
     found = call(
         "sample_mesh", mesh=mesh, indices=np.arange(4), positions=np.empty((4, 3)), velocities=np.empty((4, 3))
     )
@@ -94,7 +92,7 @@ def test_arrays_that_are_no_mesh_are_refused_with_what_is_wrong() -> None:
     reader = mesh.core_reader
     mesh._now[0, 0] = np.inf
     with pytest.raises(ValueError, match="finite"):
-        reader.update()
+        reader.set_motion(1, 25.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -138,6 +136,7 @@ def test_slots_that_nobody_has_are_refused(ground: Any, slot: int) -> None:
         lambda: ground.read(np.array([slot], np.int64), states),
         lambda: ground.attach(slot, 0, -1, 0),  # PyBullet has no body
         lambda: ground.drive(slot, (0.0, 1.0, 0.0), 1.0),
+        lambda: ground.wake(slot),
     ):
         with pytest.raises(REFUSED):
             wrong()
@@ -146,7 +145,9 @@ def test_slots_that_nobody_has_are_refused(ground: Any, slot: int) -> None:
 def test_flags_tiles_and_plugins_that_do_not_fit_are_refused(ground: Any) -> None:
     for flags in (np.zeros(3), np.zeros((2, 2), bool), np.zeros(6, bool)[::2], None):
         with pytest.raises(REFUSED):
-            ground.enable(flags)
+            ground.find_resting(flags)
+        with pytest.raises(REFUSED):
+            ground.read_asleep(flags)
     for tiles in NO_TILES:
         with pytest.raises((*REFUSED, RuntimeError)):
             ground.set_tiles(tiles)
@@ -155,8 +156,17 @@ def test_flags_tiles_and_plugins_that_do_not_fit_are_refused(ground: Any) -> Non
             CORE.Ground(number)
 
 
+@pytest.mark.parametrize("rules", [(-1.0, *(0.1,) * 5), (math.nan, *(0.1,) * 5), (0.5, math.nan, *(0.1,) * 4)])
+def test_rules_of_sleep_are_numbers(ground: Any, rules: tuple[float, ...]) -> None:
+    with pytest.raises(REFUSED):
+        ground.set_sleep(*rules)
+
+
 def test_flags_of_slots_that_nobody_has_do_no_harm(ground: Any) -> None:
-    ground.enable(np.ones(1000, bool))
+    asleep = np.ones(1000, bool)
+    ground.read_asleep(asleep)
+    assert not asleep.any() and not ground.find_resting(asleep)
+    ground.put_to_sleep([0, 1000])
     states = np.zeros((4, 13))
     ground.read(np.arange(4), states)
     assert np.isnan(states).all()
@@ -204,20 +214,14 @@ def test_windows_may_be_beyond_a_grid(place: tuple[int, int]) -> None:
 
 
 PLACES = ((-1, 0), (0, -1), (68, 0), (0, 127), (2**62, 0), (0, 2**63 - 1), (-(2**63), 0), (2**64, 0))
-RECTANGLES = (
-    [-1, 0, -1, 5], [0, -1, 0, 4], [70, 0, 70, 5], [0, 125, 0, 130], [0, 5, 0, 0], [5, 0, 0, 5], [0, 0, 2**62, 5],
-    [0, 0, 0, 2**63 - 1], [-(2**63), 0, 0, 5],
-)  # fmt: skip
 LATTICES = ("compare_maps", "moved_as_one")
 
 
 @pytest.mark.parametrize(
     ("entry", "name", "value"),
     [
-        *(("take_rectangles", "rectangles", np.array([place, [0, 0, 0, 5]])) for place in RECTANGLES),
-        *((entry, "first", place) for entry in ("take_corrected", "fuse") for place in PLACES),
-        *((entry, "time", np.nan) for entry in ("take_rectangles", "take_corrected", "note_update")),
-        ("take_corrected", "shown", np.nan), ("take_corrected", "settle", 0.0), ("take_corrected", "settle", np.nan),
+        *((entry, "first", place) for entry in ("take_rectangle", "take_corrected", "fuse") for place in PLACES),
+        *((entry, "time", np.nan) for entry in ("take_rectangle", "take_corrected", "move_vertices")),
         ("cast", "origins", np.full((COUNT, 3), 1e10)),
         *(("cast", "directions", np.tile(way, (COUNT, 1))) for way in ((0.0, 0.0, 0.0), (0.0, 0.0, 2.0))),
         *((entry, "stride", s) for entry in LATTICES for s in ((0, 1), (1, 0), (-1, 1), (2**62, 1), (1, 2**62))),
@@ -229,16 +233,26 @@ def test_numbers_that_lead_out_of_a_map_are_refused(entry: str, name: str, value
         call(entry, **{name: value})
 
 
-@pytest.mark.parametrize(
-    ("entry", "name"), [("take_rectangles", "clocks"), ("take_corrected", "clocks"), ("note_update", "clock")]
-)
-def test_clocks_that_lead_out_of_an_array_are_refused(entry: str, name: str) -> None:
+@pytest.mark.parametrize("entry", ["take_rectangle", "take_corrected", "move_vertices"])
+def test_clocks_that_lead_out_of_an_array_are_refused(entry: str) -> None:
     wrong = [("newest", value) for value in (-1, KEPT, 2**62)]
     for field, value in [*wrong, *(("count", value) for value in (-1, INTERVALS_KEPT + 1, 2**62))]:
-        given = ENTRIES[entry].made()
-        given[name].view(CLOCK)[field] = value
+        if entry == "move_vertices":
+            ground = {"mesh": CORE.Mesh(**mesh_arrays() | {"clock": clock_bytes(1, **{field: value})})}
+        else:
+            grid = CORE.Grid(**(arrays() | {"clocks": clock_bytes(2, 3, **{field: value})}))
+            grid.set_motion(3, 25.0, 0.2, 0.0, 0.0)
+            ground = {"grid": grid}
         with pytest.raises(REFUSED):
-            ENTRIES[entry].function(**given)
+            call(entry, **ground)
+
+
+def test_corrections_need_a_time_to_settle() -> None:
+    for settle in (0.0, np.nan):
+        grid = CORE.Grid(**arrays())
+        grid.set_motion(3, 25.0, settle, 0.0, 0.0)
+        with pytest.raises(REFUSED):
+            call("take_corrected", grid=grid)
 
 
 def test_a_lattice_may_be_smaller_than_the_map_and_does_not_know_points_that_are_too_far_away() -> None:

@@ -16,7 +16,12 @@ from tests.core.mesh_parts import Parts
 from tests.grounds import level
 
 STEP = 1.0 / 240.0
-BALL, BOX, CYLINDER, CAPSULE = Sphere(0.1), Box(0.2, 0.16, 0.12), Cylinder(0.1, 0.16), Capsule(0.06, 0.2)
+BALL, BOX, CYLINDER, CAPSULE = (
+    Sphere(0.1),
+    Box(0.2, 0.16, 0.12),
+    Cylinder(radius=0.1, height=0.16),
+    Capsule(radius=0.06, height=0.2),
+)
 SHAPES: dict[str, Shape] = {"ball": BALL, "box": BOX, "cylinder": CYLINDER, "capsule": CAPSULE}
 HEIGHTS = {BALL: 0.1, BOX: 0.06, CYLINDER: 0.08, CAPSULE: 0.16}  # of their middles at rest [m]
 # Bullet's solver leaves 10 um of penetration.

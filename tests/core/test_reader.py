@@ -21,6 +21,7 @@ class MovingMap(NamedTuple):
     heights: np.ndarray
     velocities: np.ndarray
     offsets: np.ndarray
+    rates: np.ndarray
     clocks: np.ndarray
     z: float
     mode: int
@@ -28,6 +29,7 @@ class MovingMap(NamedTuple):
     shown: float
     settle: float
     noise: float
+    smoothing: float
 
 
 def random_clocks(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
@@ -41,6 +43,8 @@ def random_clocks(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarra
     for name in ("middle", "middle_1", "middle_2"):
         before = before - rng.uniform(0.002, 0.2)
         clocks[name] = before
+    clocks["since"] = clocks["time"] + rng.uniform(-0.05, 0.1)
+    clocks["until"] = clocks["since"] + rng.choice([0.0, 1.0, 4.0]) * clocks["lifetime"]
     return clocks
 
 
@@ -55,15 +59,17 @@ def random_grid(mode: Mode, noise: float, rng: np.random.Generator) -> MovingMap
     return MovingMap(
         heights=heights, velocities=velocities, clocks=random_clocks(rng, ((rows + 63) // 64, (columns + 63) // 64)),
         offsets=rng.normal(size=(rows, columns)).astype(np.float32), z=float(rng.normal()), mode=int(mode),
-        max_velocity=25.0, shown=float(rng.uniform(-2.0, 2.0)), settle=0.2, noise=noise,
+        rates=rng.normal(size=(rows, columns)).astype(np.float32), max_velocity=25.0,
+        shown=float(rng.uniform(-2.0, 2.0)), settle=0.2, noise=noise, smoothing=float(rng.choice([0.0, 4.0])),
     )  # fmt: skip
 
 
 def core_grid(grid: MovingMap) -> _core.Grid:
     clocks = grid.clocks.view(np.uint8).reshape(*grid.clocks.shape, CLOCK.itemsize)
-    made = _core.Grid(grid.heights, grid.velocities, grid.offsets, clocks)
+    made = _core.Grid(grid.heights, grid.velocities, grid.offsets, grid.rates, clocks)
     made.place(0.0, 0.0, grid.z, 0.0, 0.1)
-    made.set_motion(grid.mode, grid.max_velocity, grid.settle, grid.noise, grid.shown)
+    made.set_motion(grid.mode, grid.max_velocity, grid.settle, grid.noise, grid.smoothing)
+    made.show(grid.shown)
     return made
 
 

@@ -36,6 +36,8 @@ class Oracle:
         friction = np.array(message.friction, np.float64)
         assert friction.size in (0, 1, grid.size), "a map with friction of the wrong length was taken"
         assert not ((friction < 0.0) | np.isinf(friction)).any(), "a map with impossible friction was taken"
+        assert len(message.soil) in (0, grid.size), "a map with soils of the wrong length was taken"
+        assert 255 not in message.soil, "a map with impossible soils was taken"
         assert math.isfinite(info.resolution), "a map of infinite resolution was taken"
         assert info.resolution > 0.0, "a map of no resolution was taken"
         q = info.origin.orientation

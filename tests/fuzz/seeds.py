@@ -56,7 +56,8 @@ def _heightmap(rng: np.random.Generator) -> Any:
     speeds = rng.normal(size=(ROWS, COLUMNS)) if rng.random() < 0.3 else None
     friction = [None, None, rng.uniform(0.0, 2.0), rng.uniform(0.0, 2.0, (ROWS, COLUMNS))][int(rng.integers(4))]
     return heightmap_message(heights(rng), resolution=RESOLUTION, origin=origin, tile=tile, velocities=speeds,
-                             friction=friction, yaw=float(rng.choice([0.0, 0.4])))  # fmt: skip
+                             friction=friction, yaw=float(rng.choice([0.0, 0.4])),
+                             soil=rng.integers(0, 3, (ROWS, COLUMNS)) if rng.random() < 0.3 else None)  # fmt: skip
 
 
 def _update(rng: np.random.Generator) -> Any:

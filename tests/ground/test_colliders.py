@@ -168,7 +168,10 @@ def test_what_a_terrain_does_not_allow_is_refused_and_nothing_changes() -> None:
         with pytest.raises(InputError):
             world.configure(config("whole_heightfield", search="brute_force"))
         assert world.ground.config.kind == "auto"
-    with World(HeightMap(np.zeros((600, 600)))) as world, pytest.raises(InputError, match="PyBullet takes no trimesh"):
+    with (
+        World(HeightMap(np.zeros((600, 600)), resolution=1.0)) as world,
+        pytest.raises(InputError, match="PyBullet takes no trimesh"),
+    ):
         world.configure(config("whole_trimesh"))
 
 

@@ -37,7 +37,7 @@ def trench(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 # What stands where, and the height of its middle at rest [m]; NaN = it falls in.
 BOX, WIDE = Box(0.6, 0.36, 0.3), Box(0.6, 0.4, 0.3)
-WHEEL = Cylinder(0.2, 0.3)
+WHEEL = Cylinder(radius=0.2, height=0.3)
 CASES: dict[str, tuple[Hole, Shape, BodyState, float]] = {
     "box over the rim": (half_plane, WIDE, BodyState((0.08, 0.0, 0.15)), math.nan),
     "box before the rim": (half_plane, WIDE, BodyState((-0.08, 0.0, 0.15)), 0.15),

@@ -221,7 +221,7 @@ def test_a_cylinder_rides_on_a_plane_that_starts_to_rise_at_once(slope: float) -
     start = BodyState((-0.0501 * math.sin(angle), 0.0, 0.0501 * math.cos(angle)), turn)
     plane = np.tile(slope * (0.1 * np.arange(SIDE) - 2.0), (SIDE, 1))
     # Its contacts take some steps to form anew after sleep.
-    found = clearances_where_ground_starts(Cylinder(0.15, 0.1), start, 1.5, plane, sleep=False)
+    found = clearances_where_ground_starts(Cylinder(radius=0.15, height=0.1), start, 1.5, plane, sleep=False)
     assert np.abs(found).max() < 1e-3
 
 

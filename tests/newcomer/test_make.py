@@ -32,7 +32,16 @@ sleep "$SLOW"
 def checkout(tmp_path: Path) -> Path:
     """A checkout without sources, with a sourced ROS 2 Jazzy: the script that ships, and stand-ins for its tools."""
     shutil.copytree(ROOT / "requirements", tmp_path / "requirements")
-    for name in ("msg_defs/cmake", "smartmesh_ros", "launch", "config", "resource", "tests/interfaces", "scripts"):
+    for name in (
+        "msg_defs/cmake",
+        "smartmesh_ros",
+        "bin",
+        "launch",
+        "config",
+        "resource",
+        "tests/interfaces",
+        "scripts",
+    ):
         (tmp_path / name).mkdir(parents=True)
     for name in ("setup.py", "core_build.py", "setup.cfg", "package.xml", "tests/interfaces/package.xml"):
         (tmp_path / name).touch()

@@ -18,10 +18,9 @@ from packaging.requirements import Requirement
 
 from tests.newcomer.conftest import LONG, ROOT, copy_of_this
 
-OWN = ("demo", "fleet", "fleet-front", "rover", "soil", "tune", "view")
+OWN = ("demo", "fleet", "fleet-front", "replay", "rover", "tune", "view")
 CONSTRAINTS = ROOT / "requirements" / "constraints.txt"
-COMMANDS = {"terrain_collider", "terrain_sensor", "terrain_source", *(f"smartmesh-{name}" for name in OWN)}
-WITHOUT_ROS = {"smartmesh-tune"}
+COMMANDS = {"smartmesh", "terrain_collider", "terrain_sensor", "terrain_source", *(f"smartmesh-{name}" for name in OWN)}
 FORK, UPSTREAM = "pybullet-arm64", "pybullet"
 MACHINES = [("Linux", "x86_64"), ("Linux", "aarch64"), ("Darwin", "x86_64"), ("Darwin", "arm64"), ("Windows", "AMD64")]
 VERSIONS = ["3.10", "3.11", "3.12", "3.13", "3.14"]
@@ -149,12 +148,11 @@ def test_only_names_that_say_where_they_are_from_land_on_the_path(environment: P
     assert names == COMMANDS
     here = {entry.value for entry in importlib.metadata.distribution("smartmesh_ros").entry_points}
     assert functions == here, "each command of a workspace"
-    for command in COMMANDS - WITHOUT_ROS:
+    for command in COMMANDS:
         without_ros = run(environment / "bin" / command)
         assert without_ros.returncode == 1
         assert f"{command} needs ROS 2" in without_ros.stderr
         assert "Traceback" not in without_ros.stderr
-    assert "--budget" in run(environment / "bin" / "smartmesh-tune", "--help").stdout
 
 
 def entry_points(python: Path) -> tuple[set[str], set[str]]:

@@ -95,5 +95,5 @@ def test_a_bag_gives_back_what_was_written(probe: Probe, tmp_path: Path) -> None
         records = list(bags.read(tmp_path / storage))
         assert [(record.topic, record.time) for record in records] == [("/a", 1.0), ("/b", 1.5)]
         for record, (_, _, message) in zip(records, written, strict=True):
-            assert bags.message_class(record.type_name) is Heightmap
+            assert bags.class_of(record.type_name) is Heightmap
             assert deserialize_message(record.data, Heightmap) == message

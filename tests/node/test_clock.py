@@ -9,13 +9,23 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from tf2_msgs.msg import TFMessage
 
+from smartmesh_ros import BodyState
+from smartmesh_ros.node.outputs import transform_outputs
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, heightmap_message
+from smartmesh_ros.world.joints import JointCommand
 from tests.node.shared import changed, fed, seconds, set_parameters, spawn
+from tests.urdfs import joint, link, robot
 
 HEIGHT, GRAVITY, STEP = 1000.0, 9.81, 1 / 240
+# A body with a joint that moves along its x.
+SLED = robot(
+    link("base", mass=1e4, moment=1e4), link("arm", "", 1.0, 1.0),
+    joint("j", "prismatic", "base", "arm", '<limit lower="-9" upper="9" effort="10" velocity="9"/>', axis="1 0 0"),
+)  # fmt: skip
 
 
 def stamp_of(time: float) -> Time:
@@ -42,10 +52,11 @@ def test_with_use_sim_time_the_physics_follows_the_clock(probe: Probe) -> None:
         publisher.publish(Clock(clock=stamp_of(now[0])))
 
     def set_clock(time: float) -> None:
-        """Sets the clock to another time [s] and waits until the node has it."""
+        """Sets the clock to another time [s] and lets it run until the node has it."""
         now[0] = time
 
         def taken() -> bool:
+            now[0] += 0.001
             publish_clock()
             probe.spin()
             return abs(seconds(states[-1].header.stamp) - time) < 1.0
@@ -66,28 +77,27 @@ def test_with_use_sim_time_the_physics_follows_the_clock(probe: Probe) -> None:
 
         return probe.wait_for(condition)
 
+    def reached() -> Any:
+        """The state at the clock's time, which is the last: no step comes before the clock goes on."""
+        probe.wait_for(lambda: seconds(states[-1].header.stamp) > now[0] - 1e-6)
+        probe.latest("/diagnostics")
+        assert seconds(states[-1].header.stamp) <= now[0] + STEP + 1e-6
+        return states[-1]
+
     with probe.running(parameters={"use_sim_time": True, "publish.body_states": 1000.0}):
         probe.wait_for(publisher.get_subscription_count)
         spawn_falling(probe)
         states = probe.received[f"{COLLIDER}/body_states"]
         # Time stands still until the clock runs: the ball hangs in the air.
-        seen = len(states)
-        probe.wait_for(lambda: len(states) > seen + 3)
-        assert states[-1].bodies[0].pose.position.z == HEIGHT
+        assert (states[-1].header.stamp, states[-1].bodies[0].pose.position.z) == (Time(), HEIGHT)
         set_clock(5000.0)
         spun_on(lambda: fallen(states[-1]) > 0.2)
         # Neither the time before the first message of the clock nor the bursts that its messages bring are delays.
         assert probe.diagnostics("physics")["deadline misses"] == "0"
         # It stands still again when the clock does, at the clock's time.
-        probe.latest("/diagnostics")
-        probe.latest("/diagnostics")
-        start = states[-1]
-        assert seconds(start.header.stamp) == pytest.approx(now[0], abs=1e-6)
+        start = reached()
         spun_on(lambda: fallen(states[-1]) > fallen(start) + 0.5)
-        probe.latest("/diagnostics")
-        probe.latest("/diagnostics")
-        end = states[-1]
-        assert seconds(end.header.stamp) == pytest.approx(now[0], abs=1e-6)
+        end = reached()
         passed = seconds(end.header.stamp) - seconds(start.header.stamp)
         assert fallen(end) - fallen(start) == pytest.approx(passed, abs=3 * STEP)
         # A simulator that starts anew sets its clock back; the physics goes on from there.
@@ -96,6 +106,73 @@ def test_with_use_sim_time_the_physics_follows_the_clock(probe: Probe) -> None:
         spun_on(lambda: fallen(states[-1]) > before + 0.2)
         probe.latest("/diagnostics")
         assert fallen(states[-1]) - before <= now[0] - 10.0 + 3 * STEP
+
+
+@pytest.mark.parametrize("interval", [0.001, 0.025, 0.1])
+def test_each_state_has_its_own_stamp_and_rates_count_simulated_time(
+    probe: Probe, monkeypatch: pytest.MonkeyPatch, interval: float
+) -> None:
+    """What flies at 1 m/s is where its stamps say, however many steps a message of the clock releases; as fast as the
+    machine can."""
+    monkeypatch.setattr(transform_outputs, "LISTENING_TIME", 0.0)
+    parameters = {
+        "use_sim_time": True, "physics.gravity": [0.0, 0.0, 0.0], "frame_id": "map", "publish.body_states": 50.0,
+        "publish.joint_states": 1000.0, "publish.tf": 20.0,
+    }  # fmt: skip
+    kinds = {"body_states": TrackedBodyArray, "odometry": Odometry, "joint_states": JointState, "/tf": TFMessage}
+    with fed(parameters) as node:
+        found = {topic: probe.listen(topic, kind, 1000) for topic, kind in kinds.items()}
+        node.world.spawn_robot("sled", SLED)
+        node.world.move("sled", BodyState((0.0, 0.0, 2.0), linear=(1.0, 0.0, 0.0)))
+        node.world.command("sled", "j", JointCommand(velocity=0.5))
+        topics = {probe.topic(topic) for topic in kinds}
+
+        def set_clock(time: float) -> None:
+            node.node._time_source.clock_callback(Clock(clock=stamp_of(time)))
+            while node.node.pacer.remaining() <= 0.0:
+                node.node.tick(node.node.pacer.advance())
+
+        def matched() -> bool:
+            set_clock(1000.0)
+            ends = [end for end in node.node.publishers if end.topic_name in topics]
+            return len(ends) == len(topics) and all(end.get_subscription_count() for end in ends)
+
+        node.run(30)  # until the joint has its speed
+        probe.wait_for(matched)
+        for k in range(round(2.0 / interval)):
+            set_clock(1000.0 + (k + 1) * interval)
+            probe.spin(0.0)
+        probe.wait_for(lambda: seconds(found["odometry"][-1].header.stamp) > 1002.0 - STEP)
+        probe.wait_for(lambda: seconds(found["/tf"][-1].transforms[0].header.stamp) > 1001.9)
+
+        def require(stamps: list[Any], x: list[float], speed: float, rate: float) -> None:
+            t = np.array([seconds(stamp) for stamp in stamps])
+            assert np.ptp(np.array(x) - speed * t) < 1e-4
+            assert np.diff(t)[1:] == pytest.approx(1.0 / rate, abs=1.01 * STEP if rate < 240.0 else 1e-6)
+            assert len(t) == pytest.approx(2.0 * rate, abs=2)
+
+        poses, joints, frames = found["odometry"], found["joint_states"], [m.transforms[0] for m in found["/tf"]]
+        states = [message for message in found["body_states"] if message.bodies]
+        require([m.header.stamp for m in poses], [m.pose.pose.position.x for m in poses], 1.0, 240.0)
+        require([m.header.stamp for m in joints], [m.position[0] for m in joints], 0.5, 240.0)
+        require([m.header.stamp for m in frames], [m.transform.translation.x for m in frames], 1.0, 20.0)
+        require([m.header.stamp for m in states], [m.bodies[0].pose.position.x for m in states], 1.0, 50.0)
+        assert {message.ahead for message in states} == {0.0}
+
+
+def test_a_clock_that_stands_still_publishes_to_new_subscribers_and_after_calls_alone(domain: int) -> None:
+    """No state is told twice. Whoever comes while a simulator is paused sees what is there."""
+    with Probe() as first, first.running(parameters={"use_sim_time": True}):
+        spawn(first, "ball", (0.0, 0.0, HEIGHT))
+        seen = first.received[f"{COLLIDER}/body_states"]
+        first.wait_for(lambda: seen and seen[-1].bodies)
+        with Probe() as second:
+            second.wait_for(lambda: second.received[f"{COLLIDER}/body_states"])
+            count = len(seen)
+            for _ in range(3):
+                first.latest("/diagnostics")
+            assert len(seen) <= count + 1
+            assert second.received[f"{COLLIDER}/body_states"][-1].bodies
 
 
 def test_what_waits_for_a_clock_that_nobody_publishes_says_so(probe: Probe) -> None:

@@ -15,7 +15,6 @@ from smartmesh_msgs.msg import ContactArray, Heightmap, Timing
 from smartmesh_ros.node.endpoints import NAME_TIMEOUT, NAMELESS, UNKNOWN, EndpointNames, incompatible_peers
 from smartmesh_ros.node.fleet.front import Front
 from smartmesh_ros.node.sensor.terrain_sensor import TerrainSensor
-from smartmesh_ros.node.soil.soil_node import SoilNode
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE, use_large_message_profile
 from smartmesh_ros.tools.demo.rover import Rover
@@ -52,8 +51,8 @@ def test_a_peer_with_incompatible_qos_is_named_with_the_policy(probe: Probe) -> 
 def test_latched_outputs_reach_late_joiners(probe: Probe) -> None:
     """As many of the last messages as the depth says."""
     latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    overrides = {"/terrain_collider/timing": {"publisher": {"depth": 3}}}
-    with probe.running(parameters={"publish.durability": "transient_local", "qos_overrides": overrides}):
+    overrides = {"/terrain_collider/timing": {"publisher": {"depth": 3, "durability": "transient_local"}}}
+    with probe.running(parameters={"qos_overrides": overrides}):
         probe.publish_map(np.zeros((20, 20)))
         probe.publish_poses([(1.0, 1.0, 0.1)])
         assert probe.wait_for(probe.patches)
@@ -146,7 +145,6 @@ TOPICS = [
     (TerrainCollider, "/terrain_collider/body_states", "/terrain_collider/heightmap"),
     (TerrainSource, "/terrain_collider/heightmap", ""),
     (TerrainSensor, "/terrain_sensor/points", ""),
-    (SoilNode, "/terrain_collider/heightmap_update", "/soil/soils"),
     (Front, "/fleet/timing", "/fleet/node_0/terrain_collider/body_states"),
     (Rover, "/terrain_collider/joint_commands", "/terrain_collider/body_states"),
 ]

@@ -14,15 +14,18 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
-from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import BodyDescription, TrackedBody, TrackedBodyArray
 
 from smartmesh_ros import InputError
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
-from smartmesh_ros.node.fleet.calls import primitive_of
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.fleet.peers import PeerReader
 from smartmesh_ros.node.inputs.cdr_reader import map_from
-from smartmesh_ros.node.inputs.conversions import odometry_from, shape_from
+from smartmesh_ros.node.inputs.conversions import odometry_from, primitive_of, shape_of_primitive
+from smartmesh_ros.node.outputs.body_outputs import description
 from smartmesh_ros.tools.testing import heightmap_message, pose_message
+from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.state_table import require_valid
 
 ROOM = 10_000
@@ -38,9 +41,10 @@ def test_a_map_is_what_was_sent(
     frame_id: str, tile: str, heights: np.ndarray, origin: tuple[float, ...], yaw: float, moving: bool, rubs: str
 ) -> None:
     friction = {"": None, "one": 0.25, "each": 3 * heights}[rubs]
+    soil = None if rubs == "one" else np.arange(heights.size).reshape(heights.shape) % 5
     message = heightmap_message(
         heights, frame_id=frame_id, tile=tile, origin=origin, yaw=yaw, velocities=2 * heights if moving else None,
-        friction=friction,
+        friction=friction, soil=soil,
     )  # fmt: skip
     message.header.stamp.sec, message.header.stamp.nanosec = 12, 34
     new = map_from(serialize_message(message), ROOM)
@@ -56,6 +60,9 @@ def test_a_map_is_what_was_sent(
     assert (new.friction is None) == (friction is None)
     if friction is not None:
         np.testing.assert_array_equal(new.friction, friction)
+    assert (new.soil is None) == (soil is None)
+    if soil is not None:
+        np.testing.assert_array_equal(new.soil, soil)
 
 
 def test_the_arrays_lie_over_the_message() -> None:
@@ -65,9 +72,27 @@ def test_the_arrays_lie_over_the_message() -> None:
     assert np.shares_memory(new.heights, np.frombuffer(data, np.uint8))
 
 
-@pytest.mark.parametrize("shape", [Sphere(0.2), Box(0.1, 0.2, 0.3), Cylinder(0.1, 0.5), Capsule(0.1, 0.5)])
-def test_a_shape_that_is_asked_for_again_is_the_same_but_a_capsule_the_cylinder_around_it(shape: Shape) -> None:
-    assert shape_from(primitive_of(shape)) == (Cylinder(0.1, 0.7) if isinstance(shape, Capsule) else shape)
+SHAPES = [Sphere(0.2), Box(0.1, 0.2, 0.3), Cylinder(radius=0.1, height=0.5), Capsule(radius=0.1, height=0.5)]
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: type(shape).__name__)
+def test_a_shape_has_one_number_and_one_order_of_dimensions_in_all_messages(shape: Shape) -> None:
+    """They are those of SolidPrimitive, which `SpawnBody` takes."""
+    name, asked = type(shape).__name__.upper(), primitive_of(shape)
+    assert shape_of_primitive(asked) == shape
+    numbers = [getattr(BodyDescription, name), getattr(TrackedBody, f"SHAPE_{name}")]
+    assert numbers == [asked.type] * 2
+    assert asked.type == getattr(SolidPrimitive, name, numbers[0])
+    described = description(Body("it", 0, 1.0, False, BodyState(), {}, {}, shape=shape))
+    assert (described.shape, [*described.dimensions]) == (asked.type, [*asked.dimensions])
+    for number, size in shape.dimensions.items():
+        place = getattr(SolidPrimitive, f"{name}_{number.upper()}", None)
+        assert place is None or asked.dimensions[place] == size
+
+
+def test_no_number_of_a_shape_is_that_of_another_in_a_solid_primitive() -> None:
+    others = {SolidPrimitive.CONE, SolidPrimitive.PRISM}
+    assert not others & {BodyDescription.CAPSULE, BodyDescription.ROBOT, TrackedBody.SHAPE_CAPSULE}
 
 
 def test_the_twist_of_odometry_is_turned_from_its_bodys_frame_into_that_of_its_pose() -> None:

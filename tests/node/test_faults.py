@@ -16,7 +16,6 @@ from rcl_interfaces.srv import SetParameters
 from smartmesh_msgs.msg import Heightmap
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros.node.timing.stamps import STALL_RATIO
 from smartmesh_ros.tools.client import Patch, PatchClient, TrackedLink
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, assert_on_map, heightmap_message
 from tests.node.shared import LATCHED, refusals, seconds
@@ -86,7 +85,8 @@ def test_a_node_that_was_killed_comes_back_with_the_latched_map(udp_only: None, 
     map_message = heightmap_message(rough(1))
     keeper = probe.node.create_publisher(Heightmap, f"{COLLIDER}/heightmap", LATCHED)
     keeper.publish(map_message)
-    settings = {"terrain.durability": "transient_local", "terrain.motion": "hold"}
+    overrides = {f"{COLLIDER}/heightmap": {"subscription": {"durability": "transient_local"}}}
+    settings = {"qos_overrides": overrides, "terrain.motion": "hold"}
     for _ in range(2):
         with Process("terrain_collider", settings) as process:
             probe.wait_for(on_map(probe, map_message), watch=process)
@@ -156,7 +156,9 @@ def test_a_parameter_of_no_type_is_refused_and_the_node_lives(
 
 
 def test_ground_that_rises_slowly_throws_nothing_when_a_stalled_node_goes_on(probe: Probe) -> None:
-    """The node stands still while its ground rises by 10 cm, which it must not take for the motion of some steps."""
+    """The node stands still while its ground rises by 10 cm, which it must not take for the motion of some steps: that
+    would be 3 m/s. On a machine that is too busy ground moves faster by as much as simulated time is slower. How exact
+    velocities are where it is not: test_pacing.py."""
     speed, start = 0.1, seconds(probe.now())
     link = TrackedLink(name="wheel", position=(2.0, 2.0, 0.0), radius=0.3)
 
@@ -193,4 +195,4 @@ def test_ground_that_rises_slowly_throws_nothing_when_a_stalled_node_goes_on(pro
                 return len(seen) > 10 and rises(found)  # noqa: B023
 
             probe.wait_for(goes_on, watch=node)
-            assert max(seen) <= STALL_RATIO * speed
+            assert max(seen) <= 10.0 * speed

@@ -1,15 +1,17 @@
 """The loop's deadlines under load, on a clock of the test's own."""
 
 import itertools
+from collections import deque
 from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from smartmesh_ros import HeightMap
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, DeadlinePolicy, Pacer
 from smartmesh_ros.node.timing.stamps import OLDEST, Placed, StampClock
@@ -182,6 +184,48 @@ def test_a_loop_is_late_after_a_missed_deadline_but_not_for_following_a_clock(
         now[0] = pacer.deadline + lateness * PERIOD
         pacer.advance()
         assert pacer.deadline_missed == (late and not follows)
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+@settings(max_examples=10)
+@given(st.integers(0, 2**32), st.sampled_from([(0.002, 0.5), (0.02, 0.03), (0.05, 0.01)]))
+def test_stalls_of_the_loop_give_the_ground_no_velocity(
+    policy: DeadlinePolicy, seed: int, stalls: tuple[float, float]
+) -> None:
+    """In a loop that has time otherwise, stalls of a mean length [s] come with a probability, before a step and before
+    a map. The velocity of ground that rises evenly is its rise by the time between stamps, nearly."""
+    speed, start, rng = 0.1, 1000.0, np.random.default_rng(seed)
+    now, time, sent = [start], 0.0, start
+    pacer, clock, queue = Pacer(PERIOD, policy, lambda: now[0]), StampClock(), deque[float](maxlen=10)
+    tile = HeightMap(np.zeros((6, 6)), resolution=0.1)
+
+    def stall() -> None:
+        now[0] += rng.exponential(stalls[1]) if rng.random() < stalls[0] else 0.0
+
+    while now[0] < start + 3.0:
+        stall()
+        while True:
+            while sent <= now[0]:
+                queue.append(sent)
+                sent += rng.choice([0.02, 0.03, 0.05])
+            left = pacer.remaining()
+            if not queue:
+                if left <= 0.0:
+                    break
+                now[0] += min(left, sent - now[0]) + 1e-6
+                continue
+            stamp = queue.popleft()
+            heights = np.full((6, 6), speed * (stamp - start))
+            placed = clock.place(stamp, now[0], lambda age: pacer.simulated_at(age, time), pace=pacer.pace)  # noqa: B023
+            tile.shift_time(-placed.lost)
+            tile.replace(heights, time=placed.time)
+            clock.accept(placed)
+            now[0] += rng.uniform(0.0002, 0.002)
+            stall()
+        velocity = float(tile.at([[0.2, 0.2]], time).velocities[0])
+        assert abs(velocity) < 2.0 * speed
+        time += (1 + pacer.advance()) * PERIOD
+        now[0] += rng.uniform(0.1, 0.8) * PERIOD
 
 
 def placed_at(clock: StampClock, stamp: float, now: float, gained: float = 0.0) -> Placed:

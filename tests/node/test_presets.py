@@ -11,6 +11,7 @@ import pytest
 import yaml
 from grid_map_msgs.msg import GridMap
 from rcl_interfaces.msg import ParameterType
+from rclpy.parameter import Parameter, parameter_dict_from_yaml_file
 
 from smartmesh_ros.node.parameters.declaring import plain_value
 from smartmesh_ros.node.parameters.specifications import SPECS
@@ -202,3 +203,19 @@ def test_an_input_on_a_topic_that_the_node_publishes_is_refused_with_both_named(
 ) -> None:
     reason = refusal_at_start(parameters, [part for rule in remap for part in ("-r", rule)])
     assert all(word in reason for word in words), reason
+
+
+def test_a_running_node_takes_its_own_dump(domain: int, tmp_path: Path) -> None:
+    """As `ros2 param dump` writes it and `ros2 param load` reads it: numbers without a point are texts there."""
+    small = {"physics.solver_residual": 1e-9, "terrain.noise": 2e-5, "physics.gravity": [0.0, 1e-7, -9.81]}
+    names = [spec.name for spec in SPECS if not spec.read_only]
+    with made_with(TerrainCollider, small) as node:
+        before, file = values(node, names), tmp_path / "dump.yaml"
+        file.write_text(yaml.dump({"/terrain_collider": {"ros__parameters": before}}))
+        loaded = [Parameter.from_parameter_msg(one) for one in parameter_dict_from_yaml_file(str(file)).values()]
+        assert {one.name for one in loaded if one.type_ == Parameter.Type.STRING} >= small.keys()
+        # As rclpy's services set them.
+        assert [node.set_parameters_atomically([one]).reason for one in loaded] == [""] * len(names)
+        assert values(node, names) == before
+        for wrong in ("2e-5 m", "[1, 2]"):
+            assert not node.set_parameters_atomically([Parameter("terrain.noise", value=wrong)]).successful

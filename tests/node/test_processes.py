@@ -1,5 +1,6 @@
 """Starting, stopping and restarting processes."""
 
+import contextlib
 import re
 import resource
 import signal
@@ -100,7 +101,7 @@ def test_a_signal_ends_a_program_and_the_nodes_that_it_started(
 
 
 @pytest.mark.parametrize(
-    "name", ["fleet_front", "rover", "smartmesh-demo", "smartmesh-fleet", "soil", "terrain_collider", "terrain_sensor"]
+    "name", ["fleet_front", "rover", "smartmesh-demo", "smartmesh-fleet", "terrain_collider", "terrain_sensor"]
 )
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_during_the_imports_ends_every_executable(domain: int, name: str, number: signal.Signals) -> None:
@@ -116,6 +117,46 @@ def test_a_signal_during_the_imports_ends_every_executable(domain: int, name: st
     finally:
         process.kill()
         process.wait()
+
+
+@pytest.mark.parametrize("name", ["terrain_source", "terrain_collider"])
+def test_a_second_signal_while_the_node_ends_changes_nothing(probe: Probe, name: str) -> None:
+    """Ctrl-C by who is impatient, and by launch beside a terminal."""
+    with Process(name) as process:
+        probe.wait_for(lambda: name in probe.node.get_node_names(), watch=process)
+        while process.process.poll() is None:
+            process.process.send_signal(signal.SIGINT)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.process.wait(0.005)
+        assert process.process.returncode == 0, process.output
+
+
+@pytest.mark.parametrize("home", [None, "/proc"])
+def test_every_node_runs_without_a_folder_for_logs(
+    probe: Probe, home: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for variable in ("HOME", "ROS_HOME", "ROS_LOG_DIR"):
+        monkeypatch.delenv(variable, raising=False)
+    if home:
+        monkeypatch.setenv("HOME", home)
+    nodes = {name: name for name in ("terrain_collider", "terrain_sensor", "terrain_source")}
+    nodes["fleet_front"] = "fleet"
+    with contextlib.ExitStack() as stack:
+        running = [stack.enter_context(Process(name)) for name in nodes]
+        probe.wait_for(lambda: set(nodes.values()) <= set(probe.node.get_node_names()), watch=running[0])
+        for process in running:
+            assert process.output.startswith("no log files: "), process.output
+            assert process.stop() == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [("terrain_collider", "300"), ("smartmesh-demo", "300"), ("terrain_source", "-1"), ("terrain_source", "abc")],
+)
+def test_a_domain_that_does_not_exist_is_named(name: str, number: str) -> None:
+    assert_cannot_start(
+        {}, f"ROS_DOMAIN_ID is '{number}'; it must be", name=name, environment={"ROS_DOMAIN_ID": number}
+    )
 
 
 def test_a_node_that_is_not_ready_in_time_is_said_to_run(probe: Probe) -> None:
@@ -161,7 +202,6 @@ def test_a_source_may_be_killed_and_started_again(udp_only: None, probe: Probe) 
         ("terrain_collider", "bodies.spawn", ["{id: x}"], "cannot start: bodies.spawn"),
         ("terrain_source", "scene", "ocean", "cannot start: scene is 'ocean'; choose one of waves"),
         ("terrain_sensor", "rate", -1.0, "rate; it must be of type float, 0.01 to 200"),
-        ("soil", "flow", 2.0, "flow; it must be of type float, 0 to 1"),
         ("fleet_front", "spread", "widest", "cannot start: spread is 'widest'; choose one of fewest"),
         ("rover", "listeners", 0, "listeners; it must be of type int, 1 to 100"),
     ],

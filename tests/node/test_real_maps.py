@@ -19,8 +19,8 @@ from smartmesh_msgs.srv import QueryGround
 from std_srvs.srv import Trigger
 
 from smartmesh_ros import BodyState, Box
+from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.rivals import Rivals
-from smartmesh_ros.node.inputs.terrain_inputs import MapChecks
 from smartmesh_ros.node.parameters import specifications as parameters
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.timing.pacing import Pacer
@@ -53,10 +53,10 @@ def test_what_changes_mean_follows_from_the_input_unless_it_is_said(said: str, s
 
 
 def test_noise_settle_and_interval_reach_the_core() -> None:
-    said = {"terrain.noise": 0.01, "terrain.settle": 0.3, "terrain.min_interval": 0.01, "raster.variance_layer": "var"}
+    said = {"terrain.noise": 0.01, "terrain.settle": 0.3, "terrain.max_interval": 0.4, "raster.variance_layer": "var"}
     settings = settings_from({**DEFAULTS, **said})
     motion = settings.motion
-    assert (motion.noise, motion.settle, motion.min_interval) == (0.01, 0.3, 0.01)
+    assert (motion.noise, motion.settle, motion.max_interval) == (0.01, 0.3, 0.4)
     assert settings.raster.variance_layer == "var"
     assert said.keys() <= parameters.NAMES
 

@@ -35,7 +35,8 @@ REFUSED = {
 def test_a_refused_robot_changes_nothing_whichever_way_it_comes(probe: Probe, tmp_path: Path) -> None:
     """The robot of the topic stays, the refused name is free, and the node runs."""
     (tmp_path / "part.glb").write_bytes(b"glTF")
-    with probe.running(parameters={"bodies.urdf_folders": [str(tmp_path)], "robot.name": "good"}) as process:
+    parameters = {"bodies.urdf_folders": [str(tmp_path)], "robot.start": "{id: good, xy: [0, 0], above: 0.5}"}
+    with probe.running(parameters=parameters) as process:
         topic = probe.publisher(String, "robot_description", LATCHED)
         show_level_ground(probe)
         topic.publish(String(data=robot(link("base"))))
@@ -53,6 +54,14 @@ def test_a_refused_robot_changes_nothing_whichever_way_it_comes(probe: Probe, tm
             topic.publish(String(data=urdf))
             probe.wait_for(lambda seen=seen: refusals(probe) > seen)
         assert body_names(probe) == ["good"]
+        # The same description again is of the robot that is there; once it was removed, it is of a new one.
+        for _ in range(2):
+            topic.publish(String(data=robot(link("base"))))
+            probe.wait_for(lambda: body_names(probe) == ["good"])
+            assert probe.call("remove_body", RemoveBody, id="good").success
+            probe.wait_for(lambda: body_names(probe) == [])
+        topic.publish(String(data=robot(link("base"))))
+        probe.wait_for(lambda: body_names(probe) == ["good"])
         spawn(probe, "bad")
         probe.wait_for(lambda: body_names(probe) == ["good", "bad"])
         assert process.process.poll() is None
@@ -73,27 +82,30 @@ def test_the_packages_of_a_file_are_found_as_those_of_a_text(
     share = tmp_path / "install/share"
     index = share / "ament_index/resource_index/packages"
     index.mkdir(parents=True)
-    (share / "my_robot").mkdir()
+    (share / "my_robot/my meshes").mkdir(parents=True)
     (index / "my_robot").touch()
-    (share / "my_robot/part.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
-    text = robot(link("a", '<mesh filename="package://my_robot/part.obj"/>'))
+    part = share / "my_robot/my meshes/part.obj"
+    part.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
+    text = robot(link("a", '<mesh filename="package://my_robot/my%20meshes/part.obj"/>'))
     seen = '<visual><geometry><mesh filename="package://no_such_pkg/x.dae"/></geometry></visual><collision>'
-    file = tmp_path / "robot.urdf"
+    file = tmp_path / "my robot.urdf"
     file.write_text(text.replace("<collision>", seen))
+    local = f"file://localhost{file}".replace(" ", "%20")
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"{os.environ['AMENT_PREFIX_PATH']}:{share.parent}")
     parameters = {
-        "bodies.urdf_folders": [str(tmp_path)], "robot.description": str(file), "robot.above": 1.0,
+        "bodies.urdf_folders": [str(tmp_path)], "robot.description": str(file),
+        "robot.start": "{id: robot, xy: [0, 0], above: 1.0}",
         "bodies.spawn": [f"{{id: spawned, urdf: {file}, xy: [4, 4], align: true}}"],
     }  # fmt: skip
     with probe.running(parameters=parameters) as process:
         show_level_ground(probe, 100)
-        for name, urdf in (("text", text), ("path", str(file)), ("uri", f"file://{file}")):
+        for name, urdf in (("text", text), ("path", str(file)), ("uri", f"file://{file}"), ("local", local)):
             spawn(probe, name, (2.0, 2.0, 9.0), urdf=urdf)
-        wanted = {"robot", "spawned", "text", "path", "uri"}
+        wanted = {"robot", "spawned", "text", "path", "uri", "local"}
         probe.wait_for(lambda: set(body_names(probe)) == wanted)
-        (share / "my_robot/part.obj").rename(share / "my_robot/other.obj")
+        part.rename(part.with_name("other.obj"))
         answer = probe.call("spawn_body", SpawnBody, id="late", urdf=str(file))
-        assert not answer.success and "package://my_robot/part.obj" in answer.message
+        assert not answer.success and "package://my_robot/my%20meshes/part.obj" in answer.message
         assert "WARN" in process.output
 
 
@@ -120,7 +132,7 @@ def test_the_physics_steps_while_a_robot_is_prepared_and_put_onto_the_ground(sha
     assert len(states) - before > 5
 
 
-CAPSULE = "{id: pill, shape: capsule, size: [0.1, 0.4], mass: 1.0, xyz: [3, 0, 1]}"
+CAPSULE = "{id: pill, shape: capsule, size: [0.4, 0.1], mass: 1.0, xyz: [3, 0, 1]}"
 
 
 def described(messages: list[Any]) -> dict[str, BodyDescription]:
@@ -132,7 +144,7 @@ def test_every_body_is_described_while_it_is_there(probe: Probe) -> None:
     with probe.running(parameters={"bodies.spawn": [CAPSULE, f"{{id: robot, urdf: {file}, xyz: [0, 4, 1]}}"]}):
         probe.publish_map(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0, 0.0))
         messages = probe.listen("body_descriptions", BodyDescriptionArray, LATCHED)
-        can = SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.8, 0.3])  # height first, there
+        can = SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.8, 0.3])
         spawn(probe, "box", (0, 0, 2), shape=box(0.2, 0.4, 0.6))
         spawn(probe, "can", (0, 0, 2), shape=can)
         text = Path(ROVER).read_text()
@@ -145,8 +157,8 @@ def test_every_body_is_described_while_it_is_there(probe: Probe) -> None:
         probe.wait_for(all_are_described)
         found = described(messages)
         assert (found["box"].shape, list(found["box"].dimensions)) == (BodyDescription.BOX, [0.2, 0.4, 0.6])
-        assert (found["can"].shape, list(found["can"].dimensions)) == (BodyDescription.CYLINDER, [0.3, 0.8])
-        assert (found["pill"].shape, list(found["pill"].dimensions)) == (BodyDescription.CAPSULE, [0.1, 0.4])
+        assert (found["can"].shape, list(found["can"].dimensions)) == (BodyDescription.CYLINDER, [0.8, 0.3])
+        assert (found["pill"].shape, list(found["pill"].dimensions)) == (BodyDescription.CAPSULE, [0.4, 0.1])
         rover = found["rover"]
         assert (rover.shape, rover.urdf, rover.urdf_file) == (BodyDescription.ROBOT, text, "")
         assert (found["robot"].urdf, found["robot"].urdf_file) == (file.read_text(), str(file))

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from simulation_interfaces.msg import Result
@@ -113,6 +115,40 @@ def test_names_stay_whatever_robots_come_and_go(shared: Probe) -> None:
     assert roots(shared, 2) == {"two/base", "three/base"}
     spawn(shared, "four", ARM, 0.7)
     shared.wait_for(lambda: names(shared) == prefixed + JOINTS)
+
+
+def unlike(prefix: str) -> str:
+    """The arm with names of its own, as by a prefix of Xacro."""
+    text = robot(ARM)
+    for word in ("base", "arm", "slider", *JOINTS):
+        text = text.replace(f'"{word}"', f'"{prefix}{word}"')
+    return text
+
+
+@given(st.lists(st.tuples(st.sampled_from("abcd"), st.sampled_from(["", "left_", "right_"])), min_size=1, max_size=12))
+@settings(max_examples=20)
+def test_robots_have_the_names_of_their_urdf_where_these_are_distinct(changes: list[tuple[str, str]]) -> None:
+    """Robots come, go and are replaced in any order: no name is there twice, none changes, and each takes commands."""
+    with World() as world:
+        names, kinds, before = RobotNames(world, always=False), dict[str, str](), dict[str, str]()
+        for robot_name, kind in changes:
+            if kinds.pop(robot_name, None) is not None:
+                world.remove(robot_name)
+                before.pop(robot_name)
+            else:
+                world.spawn_robot(robot_name, unlike(kind), BodyState((0.0, 0.0, 1.0)))
+                kinds[robot_name] = kind
+            prefixes = names.prefixes()
+            assert prefixes.keys() == kinds.keys()
+            assert prefixes.items() >= before.items()
+            short = [kinds[other] for other, prefix in prefixes.items() if not prefix]
+            assert len(set(short)) == len(short)
+            if robot_name in kinds and robot_name not in before:
+                assert bool(prefixes[robot_name]) == (kind in [kinds[other] for other in before if not before[other]])
+            joints = [f"{prefix}{kinds[other]}hinge" for other, prefix in prefixes.items()]
+            found = joint_commands_from(JointState(name=joints), world, prefixes) if joints else []
+            assert [found_robot for found_robot, _, _ in found] == list(prefixes)
+            before = dict(prefixes)
 
 
 NAN = math.nan

@@ -26,9 +26,10 @@ SHARED = {"frame_id": "map", "bodies.urdf_folders": [str(ROVER.parent)]}
 YAW = 2.1
 # Of a node with the rover standing on its map.
 STANDING = {
-    "robot.description": str(ROVER), "robot.name": "rover", "robot.xy": [4.0, 4.0], "robot.above": 0.25,
-    "robot.yaw": YAW,
-}  # fmt: skip
+    "robot.description": str(ROVER),
+    "robot.start": f"{{id: rover, xy: [4.0, 4.0], above: 0.25, yaw: {YAW}}}",
+}
+LASTING = {"bodies.command_timeout": 0.0}
 
 
 def settle(probe: Probe) -> None:
@@ -73,7 +74,7 @@ def joints(probe: Probe) -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_rover_rolls_as_far_as_its_wheels_turn(probe: Probe) -> None:
     """Paused and stepped, so that positions belong together whatever the machine's load."""
-    with probe.running(parameters=STANDING):
+    with probe.running(parameters=STANDING | LASTING):
         settle(probe)
         publisher = probe.publisher(JointState, "joint_commands")
         command(probe, publisher, turning, velocity=[4.0] * 4)
@@ -151,7 +152,7 @@ def require_refused(node: Fed, names: list[str], bad: list[tuple[str, dict[str, 
 def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(
     domain: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    with fed({}) as node:
+    with fed(LASTING) as node:
         node.give("heightmap", heightmap_message(np.zeros((101, 101)), stamp=node.now()))
         node.world.spawn_robot("rover", ROVER.read_text(), BodyState((4.0, 4.0, 0.0)), on_ground=True)
         node.give("joint_commands", JointState(name=WHEELS, velocity=[4.0] * 4))
@@ -179,7 +180,7 @@ def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(
 def test_tracks_are_driven_by_joint_commands_under_their_names(domain: int) -> None:
     """Before and after a reset; joint states, which tell only of joints, do not tell of them."""
     tracks = ["left_track", "right_track"]
-    with fed({}) as node:
+    with fed(LASTING) as node:
         node.give("heightmap", heightmap_message(np.zeros((101, 101)), stamp=node.now()))
         node.world.spawn_robot("machine", robot_file().read_text(), BodyState((3.0, 5.0, 0.0)), on_ground=True)
         node.give("joint_commands", JointState(name=tracks, velocity=[0.3, 0.5]))
@@ -199,6 +200,28 @@ def test_tracks_are_driven_by_joint_commands_under_their_names(domain: int) -> N
             assert state.angular[2] == pytest.approx(0.2, rel=0.1)
             node.node.reset()
         assert not node.world.joints("machine")
+
+
+def test_wheels_stop_when_their_publisher_dies(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
+    """By default half a second of simulated time after the last velocity; a position stays.
+
+    Tracks: test_joint_dynamics.py.
+    """
+    with fed({}) as node:
+        node.give("heightmap", heightmap_message(np.zeros((101, 101)), stamp=node.now()))
+        node.world.spawn_robot("rover", ROVER.read_text(), BodyState((4.0, 4.0, 0.0)), on_ground=True)
+        position, velocity = [math.nan, math.nan, math.nan, 0.3], [4.0, 4.0, 4.0, math.nan]
+
+        def speeds() -> list[float]:
+            return [found.velocity for found in node.world.joints("rover")]
+
+        for _ in range(2):
+            node.give("joint_commands", JointState(name=WHEELS, position=position, velocity=velocity), steps=110)
+            assert speeds()[:3] == pytest.approx([4.0] * 3, rel=0.05)
+        node.run(120)
+        assert speeds() == pytest.approx([0.0] * 4, abs=0.02)
+        assert node.world.joints("rover")[3].position == pytest.approx(0.3, abs=0.01)
+        assert capfd.readouterr().err.count("no command came for front_left, front_right, rear_left of 'rover'") == 1
 
 
 def test_a_latched_description_is_a_robot_that_later_ones_replace(probe: Probe) -> None:

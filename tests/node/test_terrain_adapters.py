@@ -132,7 +132,7 @@ def test_grid_maps_of_both_orders_scroll_with_their_robot(domain: int) -> None:
             lambda: grid_map(surface(x, y) + 9.0, there),
             [
                 ("layer", set_to("layers", ["variance", "height"])),
-                ("geometry", set_to("info.resolution", 0.3)),
+                ("length", set_to("info.resolution", 0.3)),
                 ("geometry", set_to("info.resolution", 0.0)),
                 ("geometry", set_to("info.length_x", math.inf)),
                 ("geometry", set_to("info.pose.position.x", math.nan)),
@@ -146,6 +146,17 @@ def test_grid_maps_of_both_orders_scroll_with_their_robot(domain: int) -> None:
             ],
         )
         assert shows(node, there)
+
+
+@pytest.mark.parametrize("excess", [-0.45, 0.33, 0.499])
+def test_the_length_of_a_grid_map_is_rounded_to_cells(domain: int, excess: float) -> None:
+    """As grid_map does: 8.0 m of 0.06 m, of elevation_mapping_cupy, are 133 cells. The middle stays in the middle."""
+    with fed({**HOLD, "terrain.input": "grid_map"}) as node:
+        message = stamped(node, grid_map(surface(*places()), (1.0, -2.0), start=(5, 3)))
+        for length in ("length_x", "length_y"):
+            setattr(message.info, length, getattr(message.info, length) + excess * message.info.resolution)
+        node.give("grid_map", message)
+        assert shows(node)
 
 
 def test_images_are_placed_by_parameters(domain: int) -> None:
@@ -197,7 +208,8 @@ def test_occupancy_grids_and_their_updates_become_walls(domain: int) -> None:
 
 
 def test_organised_clouds_may_run_either_way(domain: int) -> None:
-    with fed({**HOLD, "terrain.input": "point_cloud", "terrain.reliability": "best_effort"}) as node:
+    reliability = "qos_overrides./terrain_collider/point_cloud.subscription.reliability"
+    with fed({**HOLD, "terrain.input": "point_cloud", reliability: "best_effort"}) as node:
         [clouds] = [found for found in node.node.session.subscriptions if found.topic_name.endswith("point_cloud")]
         assert clouds.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
         x, y = places()
@@ -253,7 +265,8 @@ def test_terrain_and_poses_on_topics_become_height_scans(
     options = {"size": (1.0, 0.5), "spacing": 0.25, "order": "yx", "values": "height", "scale": 1.0}
     written = "{body: rover, layout: isaac_lab, size: [1.0, 0.5], spacing: 0.25, order: yx, values: height, scale: 1}"
     parameters = {
-        **HOLD, **settings, "terrain.input": topic, "terrain.reliability": "best_effort", "frame_id": "map",
+        **HOLD, **settings, "terrain.input": topic, "frame_id": "map",
+        f"qos_overrides./terrain_collider/{topic}.subscription.reliability": "best_effort",
         "bodies.poses": ["rover=/rover/pose"], "height_scans": [written],
     }  # fmt: skip
     ground = Terrain(HeightMap(heights, resolution=RESOLUTION, origin=(1.0, -2.0)))

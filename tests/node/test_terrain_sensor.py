@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from smartmesh_msgs.srv import RemoveBody
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.errors import InputError
@@ -61,6 +62,22 @@ def test_a_lidar_on_a_body_sees_the_ground_and_not_its_body(shared: Probe) -> No
         assert np.abs(errors(in_map(shared, points))).max() < 0.02
 
 
+def test_empty_clouds_are_told_once_and_so_is_their_end(shared: Probe) -> None:
+    """The node has been there all along: nothing is said of its service."""
+    publish_hills(shared)
+    spawn(shared, "post", (2.0, 1.0, 500.0), shape=box(0.5, 0.5, 0.4))
+    clouds = shared.listen("/shared/terrain_sensor/points", PointCloud2)
+    with shared.running("terrain_sensor", {"frame": "post", "through": ["post"], "rate": 50.0}) as process:
+        shared.wait_for(lambda: len(clouds) > 20)
+        assert all(cloud.width == 0 for cloud in clouds)
+        shared.call("remove_body", RemoveBody, id="post")
+        spawn_post(shared)
+        shared.wait_for(lambda: "rays meet something again" in process.output)
+        told = [line for line in process.output.splitlines() if "[WARN]" in line and "refused" not in line]
+        assert sum("no ray meets anything within 0.5 to 15 m around frame 'post'" in line for line in told) == 1
+        assert not any("there is no service" in line for line in told)
+
+
 def test_a_depth_camera_agrees_with_its_cloud(shared: Probe) -> None:
     spawn_post(shared)
     camera = "/shared/terrain_sensor"
@@ -72,7 +89,7 @@ def test_a_depth_camera_agrees_with_its_cloud(shared: Probe) -> None:
         cloud = shared.wait_for(lambda: next((one for one in clouds if one.header.stamp == stamp), None))
         image, info = images[-1], infos[-1]
         assert (image.encoding, image.width, image.height, image.header.frame_id) == (
-            "32FC1", 40, 30, "terrain_sensor_optical",
+            "32FC1", 40, 30, "shared/terrain_sensor_optical",
         )  # fmt: skip
         depths = np.frombuffer(image.data, np.float32).reshape(30, 40).astype(np.float64)
         v, u = np.nonzero(~np.isnan(depths))
@@ -80,7 +97,7 @@ def test_a_depth_camera_agrees_with_its_cloud(shared: Probe) -> None:
         z = depths[v, u]
         optical = np.column_stack([(u - cx) / fx * z, (v - cy) / fy * z, z])
         transform = frames[-1].transforms[0]
-        assert (transform.header.frame_id, transform.child_frame_id) == ("post", "terrain_sensor_optical")
+        assert (transform.header.frame_id, transform.child_frame_id) == ("post", "shared/terrain_sensor_optical")
         q, t = transform.transform.rotation, transform.transform.translation
         projected = optical @ rotation(np.array([q.x, q.y, q.z, q.w])).T + (t.x, t.y, t.z)
         np.testing.assert_allclose(projected, points_of_cloud(cloud), atol=1e-4)

@@ -144,7 +144,7 @@ def test_the_frame_of_a_sensors_cloud_exists(shared: Probe) -> None:
     static = shared.listen("/tf_static", TFMessage, LATCHED)
     camera: dict[str, Any] = {"sensor": "depth_camera", "camera.columns": 8, "camera.rows": 6, "pitch": 0.6}
     with shared.running("terrain_sensor", {"frame": "rover", "through": ["rover"], **camera}):
-        optical = "terrain_sensor_optical"
+        optical = "shared/terrain_sensor_optical"  # with the namespace, because others have a camera of this name
         shared.wait_for(lambda: clouds and optical in {item.child_frame_id for m in static for item in m.transforms})
         shared.wait_for(lambda: "rover" in parents(shared))
         buffer = buffer_of(shared)

@@ -5,7 +5,9 @@ import re
 import shlex
 import subprocess
 import sys
+import unittest
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 from xml.etree import ElementTree
 
@@ -15,7 +17,7 @@ import yaml
 from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, PointCloud2
 from smartmesh_msgs.srv import QueryGround
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
@@ -23,10 +25,14 @@ from tf2_msgs.msg import TFMessage
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.inputs.adapters import grid_map_raster as raster_from
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.client import command
 from smartmesh_ros.tools.testing import Probe, Process, pose_message
 from tests.grid_maps import grid_map_message
+from tests.launch_files import Recorded, stand_ins
 from tests.node.shared import LATCHED, fed, patch_vertices, stamped, transform_message
 from tests.urdfs import joint, link, robot
+
+__all__ = ["stand_ins"]
 
 ROOT = Path(__file__).parents[2]
 CELLS, RESOLUTION = 60, 0.1
@@ -95,6 +101,38 @@ def test_an_elevation_map_becomes_patches_under_the_robot(probe: Probe, tmp_path
         assert probe.diagnostics("terrain")["message"] == "maps arrive"
 
 
+def commands(language: str, beginning: str) -> list[list[str]]:
+    """The commands of all pages that begin so, as words, without comments; each once."""
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+    found = [block for page in pages for block in blocks(str(page.relative_to(ROOT)), language)]
+    lines = "\n".join(found).replace("\\\n", " ").splitlines()
+    words = [tuple(shlex.split(line, comments=True)) for line in lines if line.startswith(beginning)]
+    return [list(each) for each in dict.fromkeys(words)]
+
+
+def test_the_sensors_of_the_pages_see_the_ground_around_the_robot_of_the_launch(probe: Probe) -> None:
+    """`terrain.launch.py` starts a collider with these bodies."""
+    clouds = probe.listen("/terrain_sensor/points", PointCloud2)
+    found = commands("console", "ros2 run smartmesh_ros terrain_sensor")
+    assert len(found) >= 2
+    with probe.running(
+        "terrain_collider", arguments=["--ros-args", "--params-file", str(ROOT / "config/bodies.yaml"), "--"]
+    ):
+        probe.publish_map(np.zeros((101, 101)), origin=(-5.0, -5.0, 0.0))
+        for words in found:
+            clouds.clear()
+            with Process("terrain_sensor", arguments=words[4:]):
+                probe.wait_for(lambda: any(cloud.width > 100 for cloud in clouds))
+            assert {cloud.header.frame_id for cloud in clouds} == {"husky"}
+
+
+def test_the_pages_commands_of_smartmesh_are_ones() -> None:
+    found = commands("bash", "smartmesh ")
+    assert len(found) >= 5
+    for words in found:
+        command.parser().parse_args(words[1:])
+
+
 def test_the_readmes_publisher_moves_the_ground(probe: Probe) -> None:
     _, code = blocks("README.md", "python")
     with probe.running("terrain_collider"), subprocess.Popen([sys.executable, "-c", code]) as publisher:
@@ -127,6 +165,26 @@ def test_the_tests_of_the_page_on_testing_run_in_a_package_of_ones_own(tmp_path:
     assert f"{len(tests)} passed" in result.stdout
 
 
+def test_the_test_of_the_page_for_launch_testing_passes(
+    probe: Probe, stand_ins: dict[str, type[Recorded]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside the node that its launch file asks for; ROS launch is not at hand everywhere."""
+    made = ModuleType("launch_testing.actions")
+    made.ReadyToTest = type("ReadyToTest", (Recorded,), {})  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "launch_testing", ModuleType("launch_testing"))
+    monkeypatch.setitem(sys.modules, "launch_testing.actions", made)
+    for name in ("launch_ros", "launch_testing"):
+        monkeypatch.setattr(sys.modules[name], "actions", sys.modules[f"{name}.actions"], raising=False)
+    [code] = blocks("docs/testing.md", "py")
+    page: dict[str, Any] = {"__name__": "test_ball"}
+    exec(compile(code, "test_ball.py", "exec"), page)
+    [[node, _]] = page["generate_test_description"]().args
+    with probe.running(node.kwargs["executable"], *node.kwargs["parameters"], package=node.kwargs["package"]):
+        found = unittest.TestResult()
+        unittest.defaultTestLoader.loadTestsFromTestCase(page["TestBall"]).run(found)
+    assert found.testsRun == 1 and not found.errors and not found.failures, found
+
+
 def test_what_the_page_on_testing_names_is_there() -> None:
     from smartmesh_ros.tools import testing
 
@@ -134,7 +192,8 @@ def test_what_the_page_on_testing_names_is_there() -> None:
     table = page[page.index("## What there is") : page.index("The vertices of a patch")]
     for method in re.findall(r"probe\.(\w+)", table):
         assert hasattr(testing.Probe, method) or method == "received", method
-    for name in ("domain", "probe", "Process", "assert_on_map", "heightmap_message", "mesh_message", "pose_message"):
+    messages = ("heightmap_message", "mesh_message", "pose_message")
+    for name in ("domain", "probe", "replay", "Process", "assert_on_map", *messages):
         assert hasattr(testing, name)
 
 
@@ -260,7 +319,7 @@ def test_two_blocks_drive_a_robot_on_the_topics_of_the_page(probe: Probe) -> Non
     )
     described = robot(*PARTS, arm, wheels)
     words = shlex.split(command.replace("\\\n", " "))
-    arguments = [*words[4:], "-p", "robot.above:=0.11", "-p", "robot.xy:=[5.0, 5.0]"]
+    arguments = [*words[4:], "-p", "robot.start:='{id: robot, xy: [5.0, 5.0], above: 0.11}'"]
     with Process("terrain_collider", arguments=arguments) as process:
         hardware = [Hardware(probe, arm), Hardware(probe, wheels)]
         probe.wait_for(probe.connected, watch=process)

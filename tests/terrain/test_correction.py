@@ -22,7 +22,8 @@ RNG = np.random.default_rng(3)
 
 def corrected(heights: NDArray[np.float64], **motion: float) -> HeightMap:
     """A map that somebody looks at since time zero."""
-    heightmap = HeightMap(heights, motion=MotionConfig(changes="correction", settle=SETTLE, **motion))
+    motion_of = MotionConfig(changes="correction", settle=SETTLE, **motion)
+    heightmap = HeightMap(heights, resolution=1.0, motion=motion_of)
     heightmap.show(0.0)
     return heightmap
 
@@ -59,7 +60,7 @@ def test_a_correction_while_one_is_worked_off_starts_from_what_is_shown() -> Non
 
 
 def test_a_map_that_nobody_has_looked_at_is_shown_at_once() -> None:
-    heightmap = HeightMap(np.zeros((SIZE, SIZE)), motion=MotionConfig(changes="correction"))
+    heightmap = HeightMap(np.zeros((SIZE, SIZE)), resolution=1.0, motion=MotionConfig(changes="correction"))
     heightmap.replace(np.ones((SIZE, SIZE)), time=0.1)
     assert (shown(heightmap) == 1.0).all()
 

@@ -28,7 +28,7 @@ def test_sampling_follows_the_triangles_of_the_reports_diagonal(x: float, y: flo
     near, right, far, up = (heights[row + r, column + c] for r, c in ((0, 0), (0, 1), (1, 1), (1, 0)))
     # The diagonal runs from (row, column) to (row + 1, column + 1); each side of it is one plane.
     expected = near + u * (right - near) + v * (far - right) if u > v else near + v * (up - near) + u * (far - up)
-    sampled = HeightMap(heights).at([[x, y]], 0.0).heights[0]
+    sampled = HeightMap(heights, resolution=1.0).at([[x, y]], 0.0).heights[0]
     assert sampled == pytest.approx(expected, abs=1e-5)
 
 
@@ -37,7 +37,7 @@ def test_sampling_follows_the_triangles_of_the_reports_diagonal(x: float, y: flo
 def test_regions_in_place_equal_a_map_built_anew(seed: int, count: int, shape: tuple[int, int]) -> None:
     rng = np.random.default_rng(seed)
     reference = rng.normal(size=shape).astype(np.float32)
-    heightmap = HeightMap(reference.copy(), time=0.0)
+    heightmap = HeightMap(reference.copy(), resolution=1.0, time=0.0)
     for step in range(1, count + 1):
         row, column = int(rng.integers(shape[0])), int(rng.integers(shape[1]))
         size = (int(rng.integers(1, shape[0] - row + 1)), int(rng.integers(1, shape[1] - column + 1)))
@@ -48,33 +48,10 @@ def test_regions_in_place_equal_a_map_built_anew(seed: int, count: int, shape: t
     np.testing.assert_array_equal(heightmap.heights, reference)
 
 
-@examples(40)
-@given(st.integers(0, 10**6), st.integers(0, 5), st.sampled_from([(3, 3), (40, 70), (130, 200)]), st.booleans())
-def test_rectangles_at_once_equal_regions_one_by_one(
-    seed: int, count: int, shape: tuple[int, int], corrects: bool
-) -> None:
-    rng = np.random.default_rng(seed)
-    motion = MotionConfig(changes="correction" if corrects else "motion")
-    at_once, one_by_one = (HeightMap(np.zeros(shape), motion=motion) for _ in range(2))
-    for time in (0.02, 0.04):
-        firsts = rng.integers(0, shape, (count, 2))
-        rectangles = np.hstack([firsts, rng.integers(firsts, shape)])
-        sizes = rectangles[:, 2:] - firsts + 1
-        heights, speeds = rng.normal(size=(2, int(sizes.prod(axis=1).sum()))).astype(np.float32)
-        at_once.take_rectangles(rectangles, heights, speeds, time)
-        for first, size, end in zip(firsts, sizes, sizes.prod(axis=1).cumsum(), strict=True):
-            part = slice(end - size.prod(), end)
-            region = heights[part].reshape(size)
-            one_by_one.update_region(*first.tolist(), region, time=time, velocities=speeds[part].reshape(size))
-    every = np.arange(at_once.size)
-    for left, right in zip(at_once.sample(every, 0.05), one_by_one.sample(every, 0.05), strict=True):
-        np.testing.assert_array_equal(left, right)
-
-
 def test_a_given_velocity_is_used_and_holds_for_one_map() -> None:
     rising = np.full((10, 10), 1.5)
     rising[3, 3] = np.nan
-    heightmap = HeightMap(np.zeros((10, 10)), time=0.0)
+    heightmap = HeightMap(np.zeros((10, 10)), resolution=1.0, time=0.0)
     heightmap.replace(np.zeros((10, 10)), time=0.1, velocities=rising)
     assert velocity_at(heightmap, 5, 5, 0.1)[1] == pytest.approx(1.5)
     assert velocity_at(heightmap, 3, 3, 0.1)[1] == 0.0
@@ -84,7 +61,7 @@ def test_a_given_velocity_is_used_and_holds_for_one_map() -> None:
 
 def test_a_region_moves_alone() -> None:
     size = 3 * BLOCK
-    heightmap = HeightMap(np.zeros((size, size)), time=0.0)
+    heightmap = HeightMap(np.zeros((size, size)), resolution=1.0, time=0.0)
     heightmap.update_region(10, 10, np.full((8, 8), 0.1), time=0.1)
     assert velocity_at(heightmap, 12, 12, 0.1)[1] == pytest.approx(1.0, rel=1e-4)
     assert velocity_at(heightmap, 30, 30, 0.1)[1] == 0.0
@@ -97,10 +74,10 @@ def test_a_region_moves_alone() -> None:
 
 def test_jumps_and_old_maps_give_no_velocity() -> None:
     motion = MotionConfig(max_interval=0.25, max_velocity=25.0)
-    jumped = HeightMap(np.zeros((5, 5)), time=0.0, motion=motion)
+    jumped = HeightMap(np.zeros((5, 5)), resolution=1.0, time=0.0, motion=motion)
     jumped.replace(np.full((5, 5), 3.0), time=0.1)
     assert velocity_at(jumped, 2, 2, 0.1) == (3.0, 0.0)
-    late = HeightMap(np.zeros((5, 5)), time=0.0, motion=motion)
+    late = HeightMap(np.zeros((5, 5)), resolution=1.0, time=0.0, motion=motion)
     late.replace(np.full((5, 5), 3.0), time=0.3)
     assert velocity_at(late, 2, 2, 0.35) == (3.0, 0.0)
 
@@ -123,12 +100,12 @@ def test_jumps_and_old_maps_give_no_velocity() -> None:
 )
 def test_bad_input_is_refused_whole(call: object, reason: str) -> None:
     before = np.arange(25.0).reshape(5, 5)
-    heightmap = HeightMap(before, time=0.0)
+    heightmap = HeightMap(before, resolution=1.0, time=0.0)
     with pytest.raises(InputError) as error:
         call(heightmap)  # type: ignore[operator]
     assert error.value.reason == reason
     np.testing.assert_array_equal(heightmap.heights, before)
-    assert (heightmap.time, heightmap.version) == (0.0, HeightMap(before).version)
+    assert (heightmap.time, heightmap.version) == (0.0, HeightMap(before, resolution=1.0).version)
 
 
 def resident() -> int:
@@ -141,7 +118,7 @@ def test_a_large_map_takes_its_bytes_once_until_it_moves() -> None:
     """Regions take what they cover; only a whole second map takes the map's bytes again."""
     heights = np.ones((4097, 4097), np.float32)
     before = resident()
-    heightmap = HeightMap(heights)
+    heightmap = HeightMap(heights, resolution=1.0)
     for step in range(1, 20):
         heightmap.update_region(64 * step, 64 * step, np.full((64, 64), 0.1 * step), time=0.1 * step)
     assert resident() - before < 1.2 * heights.nbytes
@@ -154,7 +131,7 @@ def test_heights_may_lie_at_any_address() -> None:
     new = np.arange(12, dtype=np.float32).reshape(3, 4)
     shifted = np.frombuffer(b"\0" + new.tobytes(), np.float32, 12, 1).reshape(3, 4)
     for motion in (MotionConfig(), MotionConfig(changes="correction", noise=0.01)):
-        heightmap = HeightMap(shifted, motion=motion)
+        heightmap = HeightMap(shifted, resolution=1.0, motion=motion)
         heightmap.replace(shifted, time=0.1, velocities=shifted, variance=shifted)
         heightmap.update_region(1, 0, shifted[1:], time=0.2)
         np.testing.assert_allclose(heightmap.heights, new, rtol=1e-6)

@@ -57,13 +57,13 @@ def test_late_ground_returns_to_its_map_and_stays_there(v: float, a: float, age:
     assert there * here >= -1e-9
 
 
-def test_interpolation_starts_at_the_map_before_and_ends_at_the_last() -> None:
+def test_an_interpolated_grid_is_at_its_last_place_when_the_next_is_due() -> None:
+    """One map late; from then on it is late as an extrapolated one, and returns."""
     offset = np.array([height_at(age, 1.0, 0.0, Mode.INTERPOLATE) for age in AGES])
     assert offset[0] == -INTERVAL
-    assert np.abs(offset[AGES >= INTERVAL]).max() == 0.0
-    assert (np.diff(offset) >= 0.0).all()
-    assert phase_at(0.0, Mode.INTERPOLATE).rate == 1.0
-    assert phase_at(INTERVAL, Mode.INTERPOLATE).rate == 0.0
+    assert offset[AGES <= INTERVAL] == pytest.approx(AGES[AGES <= INTERVAL] - INTERVAL)
+    assert offset.max() == pytest.approx((LATE_AFTER - 1.0) * INTERVAL)
+    assert not offset[AGES >= (2.0 * LATE_AFTER - 0.5) * INTERVAL + 1e-9].any()
 
 
 def test_hold_keeps_the_heights_and_carries_the_velocity_while_maps_come() -> None:
@@ -81,7 +81,8 @@ def test_ground_of_which_no_map_is_expected_is_at_rest(mode: Mode) -> None:
     "bad",
     [
         {"mode": "guess"}, {"max_interval": 0.0}, {"max_velocity": math.nan}, {"changes": "guess"}, {"settle": 0.0},
-        {"noise": math.nan}, {"min_interval": 1.0}, {"min_interval": -1.0},
+        {"noise": math.nan}, {"min_interval": 1.0}, {"min_interval": -1.0}, {"smoothing": -1.0},
+        {"smoothing": math.nan}, {"smoothing": 11.0},
     ],
 )  # fmt: skip
 def test_impossible_settings_are_refused(bad: dict[str, object]) -> None:
@@ -95,7 +96,7 @@ AHEAD = 0.01
 
 
 def told(maps: list[FloatArray], noise: float, interval: float = NOISY_INTERVAL) -> HeightMap:
-    heightmap = HeightMap(maps[0], time=0.0, motion=MotionConfig(noise=noise))
+    heightmap = HeightMap(maps[0], resolution=1.0, time=0.0, motion=MotionConfig(noise=noise))
     for number, heights in enumerate(maps[1:], start=1):
         heightmap.replace(heights, time=number * interval)
     return heightmap
@@ -140,7 +141,7 @@ def test_waves_keep_their_velocity(frequency: float, noise: float) -> None:
 
 def test_exact_velocities_beside_noisy_heights_are_taken_as_they_are() -> None:
     rng = np.random.default_rng(4)
-    heightmap = HeightMap(np.zeros((9, 9)), motion=MotionConfig(noise=0.01))
+    heightmap = HeightMap(np.zeros((9, 9)), resolution=1.0, motion=MotionConfig(noise=0.01))
     speeds = rng.normal(0.0, 0.1, (9, 9))
     heightmap.replace(rng.normal(0.0, 0.01, (9, 9)), time=NOISY_INTERVAL, velocities=speeds)
     np.testing.assert_allclose(sampled(heightmap)[1], speeds, atol=1e-6)
@@ -150,7 +151,7 @@ def test_variances_that_come_with_a_map_are_its_noise() -> None:
     rng = np.random.default_rng(5)
     maps = [rng.normal(0.0, 0.01, (20, 20)) for _ in range(4)]
     told_once = told(maps, 0.01)
-    with_each = HeightMap(maps[0], variance=1e-4)
+    with_each = HeightMap(maps[0], resolution=1.0, variance=1e-4)
     for number, heights in enumerate(maps[1:], start=1):
         variance = np.full(heights.shape, 1e-4)
         variance[0, 0] = np.nan

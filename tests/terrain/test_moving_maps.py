@@ -38,7 +38,7 @@ def ground(time: float, w: float = 4.0) -> FloatArray:
 
 def fed(when: Callable[[float], FloatArray], times: FloatArray, *, mode: MotionMode = "extrapolate") -> HeightMap:
     """A map that has seen the ground at so many times."""
-    heightmap = HeightMap(when(times[0]), time=float(times[0]), motion=MotionConfig(mode=mode))
+    heightmap = HeightMap(when(times[0]), resolution=1.0, time=float(times[0]), motion=MotionConfig(mode=mode))
     for time in times[1:]:
         heightmap.replace(when(time), time=float(time))
     return heightmap
@@ -54,7 +54,7 @@ def test_a_map_that_comes_in_parts_moves_as_the_whole_map_does(
     """Also if it comes as a whole after its parts, as with every odd seed."""
     rng = np.random.default_rng(seed)
     shape = rng.normal(size=(SIDE, SIDE)).astype(np.float32)
-    whole, pieces, time = HeightMap(shape, time=0.0), HeightMap(shape, time=0.0), 0.0
+    whole, pieces, time = HeightMap(shape, resolution=1.0, time=0.0), HeightMap(shape, resolution=1.0, time=0.0), 0.0
     for interval in intervals:
         time += interval
         shape = shape + rng.normal(scale=0.02, size=shape.shape).astype(np.float32)
@@ -73,7 +73,7 @@ def test_a_map_that_comes_in_parts_moves_as_the_whole_map_does(
 def test_ground_that_no_region_covers_does_not_move(
     updates: list[tuple[tuple[int, int, int, int], float, float]],
 ) -> None:
-    heightmap, time = HeightMap(np.zeros((SIDE, SIDE)), time=0.0), 0.0
+    heightmap, time = HeightMap(np.zeros((SIDE, SIDE)), resolution=1.0, time=0.0), 0.0
     covered = np.zeros((SIDE, SIDE), bool)
     for region, interval, by in updates:
         time += interval
@@ -90,7 +90,7 @@ def test_ground_that_no_region_covers_does_not_move(
 def test_blocks_that_an_update_does_not_meet_go_on(
     first: tuple[int, int, int, int], second: tuple[int, int, int, int], by: float
 ) -> None:
-    heightmap = HeightMap(np.zeros((SIDE, SIDE)), time=0.0)
+    heightmap = HeightMap(np.zeros((SIDE, SIDE)), resolution=1.0, time=0.0)
     raise_region(heightmap, first, 0.05, 0.05)
     before = heightmap.sample(EVERYTHING, 0.07, 0.01)
     raise_region(heightmap, second, by, 0.06)
@@ -131,7 +131,7 @@ def test_ground_is_never_carried_past_its_velocity(jolt: str) -> None:
         "turns": [0.0, 0.1, 0.2, 0.3, 0.2],
     }
     path = paths[jolt]
-    heightmap = HeightMap(np.full((5, 5), path[0]), time=0.0)
+    heightmap = HeightMap(np.full((5, 5), path[0]), resolution=1.0, time=0.0)
     for k, height in enumerate(path[1:], start=1):
         heightmap.replace(np.full((5, 5), height), time=0.05 * k)
     went = path[-1] - path[-2]
@@ -147,7 +147,7 @@ def test_given_velocities_tell_the_acceleration_at_the_instants_they_hold_for() 
     def height(time: float) -> FloatArray:
         return np.full((5, 5), -0.5 * 9.81 * time**2)
 
-    heightmap = HeightMap(height(0.0), time=0.0, velocities=np.zeros((5, 5)))
+    heightmap = HeightMap(height(0.0), resolution=1.0, time=0.0, velocities=np.zeros((5, 5)))
     for time in (0.05, 0.1):
         heightmap.replace(height(time), time=time, velocities=np.full((5, 5), -9.81 * time))
     found = heightmap.sample(np.array([12]), 0.14, 1e-6)
@@ -190,20 +190,93 @@ def test_a_map_that_slides_moves_on_with_its_velocity(x: float, y: float, interv
     assert slide == (0.0, 0.0)
 
 
+SMOOTH = (MotionConfig(mode="interpolate"), MotionConfig(smoothing=2.0))
+
+
+@given(
+    st.floats(-1.0, 1.0), st.floats(-4.0, 4.0), st.floats(-20.0, 20.0), st.floats(0.02, 0.1), st.booleans(),
+    st.floats(0.0, 1.0),
+)  # fmt: skip
+def test_interpolated_ground_is_that_of_a_map_interval_before(
+    v: float, a: float, jerk: float, interval: float, given_velocities: bool, share: float
+) -> None:
+    """Exactly, for heights that are cubic in time and do not jolt: position, velocity, and the rise in a step."""
+    speed = math.copysign(1.0, v) * (1.0 + abs(v) + 10.0 * abs(a) * interval + 30.0 * abs(jerk) * interval**2)
+
+    def height(t: float) -> float:
+        return speed * t + 0.5 * a * t**2 + jerk * t**3 / 6.0
+
+    heightmap = HeightMap(np.zeros((3, 3)), resolution=1.0, motion=SMOOTH[0])
+    for k in range(1, 6):
+        t = k * interval
+        rate = np.full((3, 3), speed + a * t + 0.5 * jerk * t**2) if given_velocities else None
+        heightmap.replace(np.full((3, 3), height(t)), time=t, velocities=rate)
+    then, ahead = (4.0 + share) * interval, (1.0 - share) * interval + 1e-9
+    found = heightmap.sample(np.zeros(1, np.int64), then + interval, ahead)
+    assert found.heights[0] == pytest.approx(height(then), abs=2e-6)
+    assert found.velocities[0] * ahead == pytest.approx(height(then + ahead) - height(then), abs=2e-6)
+
+
+@examples(40)
+@given(
+    st.lists(st.tuples(st.just(0.0) | st.floats(0.005, 0.3), st.booleans(), st.booleans()), min_size=2, max_size=8),
+    st.sampled_from(SMOOTH), st.integers(0, 10**6),
+)  # fmt: skip
+def test_smooth_ground_jumps_at_no_update(
+    updates: list[tuple[float, bool, bool]], motion: MotionConfig, seed: int
+) -> None:
+    """Neither its height nor its velocity, whatever the stamps, with whole maps and with regions, unless the maps are
+    too far apart for a motion."""
+    rng = np.random.default_rng(seed)
+    heightmap, time = HeightMap(np.zeros((5, 5)), resolution=1.0, motion=motion), 0.0
+    for interval, part, says in updates:
+        time += interval
+        before = heightmap.sample(SAMPLES, time)
+        rises = heightmap.has_velocities
+        rows = slice(0, 2) if part else slice(None)
+        new = (heightmap.heights + rng.normal(scale=0.05, size=(5, 5)))[rows]
+        velocities = rng.normal(size=new.shape) if says else None
+        heightmap.update_region(0, 0, new, time=time, velocities=velocities)
+        after = heightmap.sample(SAMPLES, time)
+        if interval > motion.max_interval or not (rises and heightmap.has_velocities):
+            continue
+        newest = heightmap.arrays[1][heightmap.arrays[2]["newest"].item()]
+        kept = np.abs(newest.ravel()) <= motion.max_velocity
+        np.testing.assert_allclose(after.heights[kept], before.heights[kept], atol=1e-6)
+        np.testing.assert_allclose(after.velocities[kept], before.velocities[kept], atol=1e-4)
+
+
+@pytest.mark.parametrize("motion", SMOOTH)
+def test_the_velocity_of_smooth_ground_is_the_rate_of_its_height(motion: MotionConfig) -> None:
+    """While maps come, are late, and are gone; and a rise is the difference of two heights."""
+    heightmap = HeightMap(ground(0.0), resolution=1.0, time=0.0, motion=motion)
+    for k in range(1, 7):
+        heightmap.replace(ground(0.05 * k + 0.01 * (k % 2)), time=0.05 * k + 0.01 * (k % 2))
+    for time in np.linspace(0.301, 0.7, 80):
+        here, there = (heightmap.sample(np.arange(600), float(time + by), 5e-4) for by in (0.0, 5e-4))
+        middle = heightmap.sample(np.arange(600), float(time + 2.5e-4)).velocities
+        rise = there.heights - here.heights
+        turning = np.abs(rise / 5e-4 - middle) > 2e-3 + 0.01 * np.abs(middle)
+        assert turning.sum() in (0, 600)  # at the instant at which maps are late it turns back
+        if not turning.any():
+            np.testing.assert_allclose(here.velocities * 5e-4, rise, atol=1e-9)
+
+
 @examples(25)
 @given(
     st.lists(st.tuples(st.just(0.0) | st.floats(0.01, 0.3), st.booleans()), min_size=1, max_size=5),
     st.integers(0, 10**6),
     st.floats(0.0, 0.5),
+    st.sampled_from([MotionConfig(), *SMOOTH]),
 )
 def test_a_mesh_of_a_grid_moves_as_the_height_map_does(
-    updates: list[tuple[float, bool]], seed: int, age: float
+    updates: list[tuple[float, bool]], seed: int, age: float, motion: MotionConfig
 ) -> None:
     rng = np.random.default_rng(seed)
     r, c = np.divmod(np.arange(12), 4)
     z = rng.normal(size=12).astype(np.float32)
-    mesh = TriangleMesh(np.stack([c, r, z], axis=1), grid_triangles(3, 4), time=0.0)
-    heightmap, time = HeightMap(z.reshape(3, 4), time=0.0), 0.0
+    mesh = TriangleMesh(np.stack([c, r, z], axis=1), grid_triangles(3, 4), time=0.0, motion=motion)
+    heightmap, time = HeightMap(z.reshape(3, 4), resolution=1.0, time=0.0, motion=motion), 0.0
     for interval, says in updates:
         time += interval
         z = (z + rng.normal(scale=0.01, size=12)).astype(np.float32)
@@ -220,7 +293,7 @@ def test_a_mesh_of_a_grid_moves_as_the_height_map_does(
 
 def test_resting_regions_do_not_say_that_others_last_longer() -> None:
     """One region stream has ended long ago, another goes on."""
-    heightmap = HeightMap(np.zeros((SIDE, SIDE)), time=0.0)
+    heightmap = HeightMap(np.zeros((SIDE, SIDE)), resolution=1.0, time=0.0)
     for index in range(1, 4):
         raise_region(heightmap, (0, 0, 8, 8), 0.1, 0.2 * index)
     for index in range(200):
@@ -244,7 +317,7 @@ SAMPLES = np.arange(25)
 
 def rising(times: FloatArray, speed: float = 1.0, noise: float = 0.0) -> HeightMap:
     """A map told at so many times of ground that rises evenly."""
-    heightmap, rng = HeightMap(np.zeros((5, 5)), time=0.0), np.random.default_rng(6)
+    heightmap, rng = HeightMap(np.zeros((5, 5)), resolution=1.0, time=0.0), np.random.default_rng(6)
     for time in times.tolist():
         heightmap.replace(np.full((5, 5), speed * time) + rng.normal(0.0, noise, (5, 5)), time=time)
     return heightmap

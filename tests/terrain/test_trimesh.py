@@ -96,7 +96,7 @@ def test_a_mesh_of_a_grid_samples_as_the_height_map_does() -> None:
     heights = np.random.default_rng(0).normal(size=(6, 8))
     vertices = grid()
     vertices[:, 2] = heights.ravel()
-    mesh, heightmap = TriangleMesh(vertices, grid_triangles(6, 8)), HeightMap(heights)
+    mesh, heightmap = TriangleMesh(vertices, grid_triangles(6, 8)), HeightMap(heights, resolution=1.0)
     points = np.random.default_rng(1).uniform((-0.5, -0.5), (7.5, 5.5), (200, 2))
     np.testing.assert_allclose(mesh.at(points, 0.0).heights, heightmap.at(points, 0.0).heights, atol=1e-6)
 

@@ -12,7 +12,7 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, Ground, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
-from smartmesh_ros.soil.contact_soil import ContactSoil
+from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.world.joints import JointCommand
@@ -100,7 +100,7 @@ def assert_goes_on(world: World, height: float = 0.0) -> None:
     """Bodies fall and stand on ground of this height, none is lost, and the client is whole."""
     world.spawn("probe", Sphere(0.1), 1.0, BodyState((2.0, -2.0, height + 0.13)))
     world.step(60)
-    assert world.lost == []
+    assert not world.lost
     assert world.below_ground() == []
     assert world.state("probe").position[2] == pytest.approx(height + 0.1, abs=5e-3)
     for name, body in world.bodies.items():
@@ -164,7 +164,7 @@ def test_bodies_sleep_and_wake_whatever_failed(faults: Faults, way: str, changes
             world.step(240)
             assert world.state("box").position[2] == pytest.approx(-0.1, abs=2e-3), faults.fired
             fall_asleep(world)
-            assert world.lost == []
+            assert not world.lost
             assert_whole(world)
 
 
@@ -173,7 +173,7 @@ def test_what_wakes_a_body_is_done_or_has_changed_nothing(faults: Faults, change
     for number in faults.runs():
         with made(after=0.02) as world:
             fall_asleep(world)
-            soil = ContactSoil(world.terrain, "lunar")
+            soil = Soil(world.terrain, "lunar")
             changes = {
                 "surface": lambda: world.drive_surface("box", "", 0.3),
                 "soil": lambda: world.ground.set_soil(soil),  # noqa: B023

@@ -131,7 +131,13 @@ def test_a_pile_of_four_worlds_boxes_stands(late: int) -> None:
 
 @pytest.mark.parametrize(
     "shape",
-    [Sphere(0.2), Box(0.3, 0.4, 0.5), Box(0.3, 0.4, 0.5, centre=(0.1, 0, 0.1)), Cylinder(0.2, 0.5), Capsule(0.1, 0.4)],
+    [
+        Sphere(0.2),
+        Box(0.3, 0.4, 0.5),
+        Box(0.3, 0.4, 0.5, centre=(0.1, 0, 0.1)),
+        Cylinder(radius=0.2, height=0.5),
+        Capsule(radius=0.1, height=0.4),
+    ],
 )
 def test_a_guest_is_its_owners_body(shape: Shape) -> None:
     assert shape_of(shape.kind, padded_dimensions(shape), shape.centre) == shape

@@ -38,7 +38,7 @@ BROKEN = {
     "a joint without name": (robot(A, B, AB.replace(' name="ab"', "")), "a joint of the URDF has no name"),
     "a name longer than PyBullet's field": (robot(link("a" * 3000)), "3000 characters"),
     "an axis of zero": (
-        robot(A, B, joint("ab", "revolute", "a", "b").replace("0 1 0", "0 0 0")), "the axis of joint 'ab' is zero",
+        robot(A, B, joint("ab", "continuous", "a", "b").replace("0 1 0", "0 0 0")), "the axis of joint 'ab' is zero",
     ),
     "a box of two edges": (robot(link("a", '<box size="1 1"/>')), "3 numbers"),
     "a sphere without radius": (robot(link("a", "<sphere/>")), "must be a number"),
@@ -55,12 +55,18 @@ BROKEN = {
         '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:base/></robot>', "Xacro .*xacro:base",
     ),
     "Xacro elements without their name space": (robot(A, "<xacro:base/>"), "Xacro"),
+    "a revolute joint without limit": (
+        robot(A, B, joint("ab", "revolute", "a", "b")), "'ab' is revolute and has no <limit>.*continuous",
+    ),
+    "negative damping": (
+        robot(A, B, joint("ab", "continuous", "a", "b", '<dynamics damping="-1"/>')), "'ab' is negative",
+    ),
     "a mimic of no joint": (
-        robot(A, B, joint("ab", "revolute", "a", "b", '<mimic joint="x"/>')), "'ab' mimics 'x'",
+        robot(A, B, joint("ab", "continuous", "a", "b", '<mimic joint="x"/>')), "'ab' mimics 'x'",
     ),
     "a mimic of itself": (
-        robot(A, B, C, joint("ab", "revolute", "a", "b", '<mimic joint="bc"/>'),
-              joint("bc", "revolute", "b", "c", '<mimic joint="ab"/>')), "mimics itself",
+        robot(A, B, C, joint("ab", "continuous", "a", "b", '<mimic joint="bc"/>'),
+              joint("bc", "continuous", "b", "c", '<mimic joint="ab"/>')), "mimics itself",
     ),
 }  # fmt: skip
 
@@ -162,6 +168,7 @@ def test_a_joint_that_mimics_another_follows_it(
         link("base", '<box size="0.4 0.4 0.2"/>', 5.0), link("left", "", 0.1), link("right", "", 0.1),
         joint("left_joint", kinds[0], "base", "left", LIMIT), joint("right_joint", kinds[1], parent, "right", more),
     )  # fmt: skip
+    caplog.set_level("INFO")
     world.spawn_robot("r", urdf, BodyState((0.0, 0.0, 0.1)))
     assert any("'right_joint' follows 'left_joint'" in line for line in caplog.messages)
     positions = {reading.name: reading.position for reading in world.joints("r")}
@@ -186,7 +193,7 @@ def test_a_joint_that_mimics_another_follows_it(
 def test_a_planar_joint_moves_in_its_plane() -> None:
     """PyBullet's loader takes it as URDF means it, so it is accepted."""
     prepared = prepare_robot(robot(link("a", mass=0.0), B, joint("p", "planar", "a", "b").replace("0 1 0", "0 0 1")))
-    with World(HeightMap(np.zeros((5, 5)))) as world:
+    with World(HeightMap(np.zeros((5, 5)), resolution=1.0)) as world:
         world.spawn_robot("r", prepared, BodyState((1.0, 1.0, 1.0)))
         uid = world.bodies["r"].uid
         for _ in range(100):

@@ -149,7 +149,7 @@ def test_pybullet_never_opens_a_file_of_the_robot_in_this_process(tmp_path: Path
     (tmp_path / "box.stl").write_bytes(binary_stl())
     prepared = prepare_robot(robot(link("a", mesh(tmp_path / "box.stl"))))
     (tmp_path / "box.stl").unlink()
-    with World(HeightMap(np.zeros((5, 5)))) as world:
+    with World(HeightMap(np.zeros((5, 5)), resolution=1.0)) as world:
         world.spawn_robot("r", prepared, BodyState((1.0, 1.0, 1.0)))
         assert [name.endswith(".obj") for name in prepared.files] == [True]
     with pytest.raises(InputError, match="does not exist"):

@@ -23,7 +23,8 @@ ROBOTS = (
     "duck_vhacd.urdf", "teddy_vhacd.urdf",
 )  # fmt: skip
 SHAPES: dict[str, Shape] = {
-    "ball": Sphere(0.3), "box": Box(0.6, 0.4, 0.2), "cylinder": Cylinder(0.25, 0.5), "capsule": Capsule(0.15, 0.4),
+    "ball": Sphere(0.3), "box": Box(0.6, 0.4, 0.2), "cylinder": Cylinder(radius=0.25, height=0.5),
+    "capsule": Capsule(radius=0.15, height=0.4),
 }  # fmt: skip
 # Rays of PyBullet meet slanted surfaces up to this early [m].
 EARLY = 2e-3
@@ -46,11 +47,11 @@ def surface_points(shape: Shape, state: BodyState) -> np.ndarray:
         case Box(x, y, z):
             points = 0.5 * np.array([x, y, z]) * d / np.abs(d).max(axis=1, keepdims=True)
             points = np.concatenate([points, 0.5 * np.array([x, y, z]) * np.sign(d[:100])])
-        case Cylinder(r, h):
+        case Cylinder(radius=r, height=h):
             angle, away = rng.uniform(0.0, 2.0 * math.pi, 40_000), r * np.sqrt(rng.uniform(0.0, 1.0, 40_000))
             away[:20_000] = r  # the rims; the others are on the faces
             points = np.column_stack([away * np.cos(angle), away * np.sin(angle), 0.5 * h * np.sign(d[:, 2])])
-        case Capsule(r, h):
+        case Capsule(radius=r, height=h):
             points = r * d + np.sign(d[:, 2:]) * (0.0, 0.0, 0.5 * h)
     return np.asarray(points @ rotation(np.array(state.orientation)).T + state.position)
 

@@ -2,6 +2,10 @@
 #include <algorithm>
 #include <limits>
 
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/vector.h>
+
+#include "shape_parts.h"
 #include "tables.h"
 #include "world.h"
 
@@ -11,29 +15,33 @@ namespace {
 constexpr int MOST_SLOTS = 1 << 24;
 
 // Soil of a map for the steps of a world; the arrays stay alive with it.
-struct StepSoil {
+struct Soil {
   nb::object grid;
-  Bytes2 kinds;
   Doubles2 soils;
   SoilInStep soil;
 
-  StepSoil(nb::object of, Bytes2 kinds_rc, Doubles2 soils_s, double spacing)
-      : grid(of), kinds(kinds_rc), soils(soils_s), soil(checked(of, kinds_rc, soils_s, spacing), kinds_of(kinds_rc, soils_s), spacing) {}
+  Soil(nb::object of, Bytes2 kinds, Doubles2 soils_s, double spacing)
+      : grid(of), soils(soils_s),
+        soil(checked(of, soils_s, spacing), {reinterpret_cast<const SoilType*>(soils_s.data()), static_cast<int>(soils_s.shape(0))},
+             spacing) {
+    set_kinds(kinds);
+  }
 
-  StepSoil(const StepSoil&) = delete;
+  Soil(const Soil&) = delete;
 
-  static const HeightGrid& checked(nb::handle of, const Bytes2& kinds, const Doubles2& soils, double spacing) {
+  static const HeightGrid& checked(nb::handle of, const Doubles2& soils, double spacing) {
     const HeightGrid& map = nb::cast<Grid&>(of).grid;
-    if (kinds.shape(0) != static_cast<std::size_t>(map.rows) || kinds.shape(1) != static_cast<std::size_t>(map.columns))
-      throw std::invalid_argument("kinds must have the rows and columns of the grid");
     if (soils.shape(0) < 1 || soils.shape(0) > 255 || soils.shape(1) * sizeof(double) != sizeof(SoilType))
       throw std::invalid_argument("soils must have the shape (S, 8), with 1 to 255 soils");
     check_alignment(soils.data(), sizeof(double));
     if (!(spacing > 0.0 && map.resolution / spacing < 1000.0)) throw std::invalid_argument("the spacing is out of its range");
     return map;
   }
-  static SoilKinds kinds_of(const Bytes2& kinds, const Doubles2& soils) {
-    return {kinds.data(), reinterpret_cast<const SoilType*>(soils.data()), static_cast<int>(soils.shape(0))};
+  // Takes which soil each sample of the map is (rows, columns).
+  void set_kinds(Bytes2 kinds) {
+    const HeightGrid& map = soil.lattice.map();
+    check_table(kinds, static_cast<std::size_t>(map.rows), static_cast<std::size_t>(map.columns), "kinds");
+    soil.lattice.set_kinds(kinds.data());
   }
   // Returns the rows and columns (n, 2), and the heights (n,) of the samples of the map that were pressed.
   auto take_pressed() {
@@ -46,10 +54,31 @@ struct StepSoil {
   }
   // Writes how far the ground of each sample of the map was pressed (rows, columns) [m].
   void sinkage(States found) {
-    check_table(found, kinds.shape(0), kinds.shape(1), "sinkage");
+    const HeightGrid& map = soil.lattice.map();
+    check_table(found, static_cast<std::size_t>(map.rows), static_cast<std::size_t>(map.columns), "sinkage");
     soil.lattice.read_sinkage(found.data());
   }
 };
+
+// Kind, half extents, rounding, offset and turn of a convex part of a shape, as in SHAPE, and the points (n, 3) of a hull.
+using PartOfShape = std::tuple<std::int64_t, std::vector<double>, double, std::vector<double>, std::vector<double>, NewTable>;
+
+// Returns the parts of the shapes of a PyBullet body by link; see link_shapes.
+std::map<int, std::vector<PartOfShape>> shapes_of(int number, int body) {
+  BulletWorld* world = world_of(number);
+  if (world == nullptr) throw std::runtime_error("the PyBullet client is disconnected");
+  std::map<int, std::vector<PartOfShape>> found;
+  for (const auto& [link, parts] : link_shapes(world->bullet(), body)) {
+    for (const auto& [shape, points] : parts) {
+      const auto& [half, offset, turn] = std::tie(shape.half, shape.offset, shape.turn);
+      NewTable corners = new_array<double, 2>({points.size(), 3});
+      std::copy(points.begin(), points.end(), reinterpret_cast<Vec3*>(corners.data()));
+      found[link].push_back({static_cast<std::int64_t>(shape.kind), {half.x, half.y, half.z}, shape.rounding,
+                             {offset.x, offset.y, offset.z}, {turn.x, turn.y, turn.z, turn.w}, corners});
+    }
+  }
+  return found;
+}
 
 // The ground in the client of one PyBullet server, by the number that its plugin gave.
 struct Ground {
@@ -84,7 +113,7 @@ struct Ground {
   }
   void set_tiles(nb::list parts) { tiles = set_tiles_of(world().surface, parts); }
   void set_soil(nb::object of) {
-    world().soil = of.is_none() ? nullptr : &nb::cast<StepSoil&>(of).soil;
+    world().soil = of.is_none() ? nullptr : &nb::cast<Soil&>(of).soil;
     world().wake_all();
     soil = of;
   }
@@ -107,16 +136,34 @@ struct Ground {
     if (!world().has(slot)) throw std::invalid_argument("no attached body has this slot");
     world().detach(slot);
   }
-  // Switches the ground of the slots (S,) on or off.
-  void enable(Flags flags) {
-    world().find_objects();
-    for (std::size_t k = 0; k < flags.shape(0); ++k)
-      if (world().has(static_cast<int>(k))) world().enable(static_cast<int>(k), flags.data()[k]);
+  // Sets when bodies fall asleep and wake; see SleepRules.
+  void set_sleep(double after, double distance, double joint, double change, double noise, double most) {
+    if (!(after >= 0.0) || std::isnan(distance + joint + change + noise + most))
+      throw std::invalid_argument("the rules of sleep must be numbers, and the time not negative");
+    world().set_rules({after, distance, joint, {change, noise, most}});
   }
-  // Sets for the slots (S,) whether bodies that sleep in PyBullet are left to sleep when their ground changes.
-  void hold(Flags flags) {
-    for (std::size_t k = 0; k < flags.shape(0); ++k)
-      if (world().has(static_cast<int>(k))) world().hold(static_cast<int>(k), flags.data()[k]);
+  // Returns the PyBullet bodies that rest; see find_resting. `trusted` (S,).
+  auto find_resting(Flags trusted) {
+    return world().find_resting(std::vector<bool>(trusted.data(), trusted.data() + trusted.shape(0)));
+  }
+  void put_to_sleep(const std::vector<int>& bodies) {
+    for (int body : bodies)
+      if (body < 0 || body > MOST_SLOTS) throw std::invalid_argument("PyBullet has no such body");
+    world().put_to_sleep(bodies);
+  }
+  void wake(int slot) {
+    if (!world().has(slot)) throw std::invalid_argument("no attached body has this slot");
+    world().find_objects();
+    world().wake(slot);
+  }
+  void wake_disturbed() {
+    world().find_objects();
+    world().wake_disturbed();
+  }
+  // Writes for the slots (S,) whether a body sleeps.
+  void read_asleep(Array<bool, 1> asleep) const {
+    for (std::size_t k = 0; k < asleep.shape(0); ++k)
+      asleep.data()[k] = world().has(static_cast<int>(k)) && world().is_asleep(static_cast<int>(k));
   }
   // Moves the surface of the body in a slot about an axis (3,) at a `speed` [m/s]; see Belt.
   void drive(int slot, std::tuple<double, double, double> axis, double speed) {
@@ -145,15 +192,17 @@ struct Ground {
 }  // namespace
 
 void add_ground(nb::module_& m) {
-  nb::class_<StepSoil>(m, "StepSoil")
+  m.def("shapes_of", &shapes_of, "number"_a, "body"_a);
+  nb::class_<Soil>(m, "Soil")
       .def(nb::init<nb::object, Bytes2, Doubles2, double>(), "grid"_a, "kinds"_a.noconvert(), "soils"_a.noconvert(),
            "spacing"_a)
-      .def("take_pressed", &StepSoil::take_pressed)
-      .def("sinkage", &StepSoil::sinkage, "found"_a.noconvert())
+      .def("set_kinds", &Soil::set_kinds, "kinds"_a.noconvert())
+      .def("take_pressed", &Soil::take_pressed)
+      .def("sinkage", &Soil::sinkage, "found"_a.noconvert())
       .def_prop_rw(
-          "sinks_by_slip", [](const StepSoil& s) { return s.soil.lattice.sinks_by_slip; },
-          [](StepSoil& s, bool on) { s.soil.lattice.sinks_by_slip = on; })
-      .def("reset", [](StepSoil& s) { s.soil.lattice.reset(); });
+          "sinks_by_slip", [](const Soil& s) { return s.soil.lattice.sinks_by_slip; },
+          [](Soil& s, bool on) { s.soil.lattice.sinks_by_slip = on; })
+      .def("reset", [](Soil& s) { s.soil.lattice.reset(); });
   nb::class_<Ground>(m, "Ground")
       .def("set_soil", &Ground::set_soil, "soil"_a.none())
       .def("on_soil", &Ground::on_soil, "slot"_a)
@@ -163,9 +212,16 @@ void add_ground(nb::module_& m) {
       .def("set_tiles", &Ground::set_tiles, "tiles"_a)
       .def("attach", &Ground::attach, "slot"_a, "body"_a, "link"_a, "proxy"_a)
       .def("detach", &Ground::detach, "slot"_a)
-      .def("enable", &Ground::enable, "flags"_a.noconvert())
+      .def("set_sleep", &Ground::set_sleep, "after"_a, "distance"_a, "joint"_a, "change"_a, "noise"_a, "most"_a)
+      .def("find_resting", &Ground::find_resting, "trusted"_a.noconvert())
+      .def("put_to_sleep", &Ground::put_to_sleep, "bodies"_a)
+      .def("wake", &Ground::wake, "slot"_a)
+      .def("wake_all", [](const Ground& g) { g.world().wake_all(); })
+      .def("wake_disturbed", &Ground::wake_disturbed)
+      .def("find_gone", [](const Ground& g) { return g.world().find_gone(); })
+      .def("read_asleep", &Ground::read_asleep, "asleep"_a.noconvert())
+      .def_prop_ro("sleep_changes", [](const Ground& g) { return g.world().sleep_changes(); })
       .def("drive", &Ground::drive, "slot"_a, "axis"_a, "speed"_a)
-      .def("hold", &Ground::hold, "flags"_a.noconvert())
       .def("read", &Ground::read, "slots"_a.noconvert(), "states"_a.noconvert())
       .def_prop_rw(
           "time", [](const Ground& g) { return g.world().time; }, [](Ground& g, double t) { g.world().time = t; })

@@ -6,8 +6,8 @@ void GroundShape::processAllTriangles(btTriangleCallback* callback, const btVect
                                       const btVector3& most) const {
   Bounds bounds{from_bullet(least + origin), from_bullet(most + origin)};
   Patch maps, meshes;
-  surface_->gather(bounds, *time_, Everything{}, maps);
-  surface_->gather_meshes(bounds, *time_, Everything{}, meshes);
+  surface_->gather(bounds, *time_, 0.0, Everything{}, maps);
+  surface_->gather_meshes(bounds, *time_, 0.0, Everything{}, meshes);
   int number = 0;
   for (const Patch* patch : {&maps, &meshes}) {
     for (const Facet& facet : patch->facets) {

@@ -61,6 +61,16 @@ PLUGIN int executePluginCommand_smartmesh(b3PluginContext* context, const b3Plug
   return -1;
 }
 
+// PyBullet tells of bodies that it made or removed, at the end of the command that did so.
+PLUGIN int processNotifications_smartmesh(b3PluginContext* context) {
+  for (int k = 0; k < context->m_numNotifications; ++k) {
+    const b3Notification& it = context->m_notifications[k];
+    if (it.m_notificationType == BODY_ADDED) ground_of(*context).note_added();
+    if (it.m_notificationType == BODY_REMOVED) ground_of(*context).note_removed(it.m_bodyArgs.m_bodyUniqueId);
+  }
+  return 0;
+}
+
 PLUGIN int preTickPluginCallback_smartmesh(b3PluginContext* context) {
   ground_of(*context).before_step();
   return 0;

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,12 @@ import pybullet as pb
 from smartmesh_ros.ground.bullet import BulletCalls, undone
 from smartmesh_ros.ground.colliders.made import Field, MeshCollider, make_field, make_mesh, quarter_turn
 from smartmesh_ros.ground.colliders.whole_mesh import WholeMesh
+from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig, is_mesh, is_whole
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
 
@@ -35,6 +37,10 @@ class Pairs:
         self._colliders: set[int] = set()  # claimed and not retired
         # By id, of bodies and colliders: its link, the other id, and the other's link.
         self._rules: dict[int, set[tuple[int, int, int]]] = defaultdict(set)
+
+    def has(self, body: int) -> bool:
+        """Return True if a PyBullet body is a collider."""
+        return body in self._colliders
 
     def claim(self, collider: int) -> None:
         """Make a new collider touch nothing, and reset the rules of removed bodies and colliders with the same id."""
@@ -106,16 +112,30 @@ class PatchContacts:
         for slot in slots:
             self._release(self._followers[slot])
 
+    def let_sleep(self, config: SleepConfig | None) -> None:
+        """Nobody sleeps on colliders."""
+
+    def settle(self, may_sleep: Callable[[int], bool] | None) -> None:
+        """Nobody sleeps."""
+
+    def wake(self, slots: list[int] | None) -> None:
+        """Nobody sleeps."""
+
+    def note_sleep(self) -> bool:
+        """Nobody sleeps."""
+        return False
+
+    def find_gone(self) -> list[int]:
+        """Return nobody: who removes a body detaches it before."""
+        return []
+
     def set_time(self, time: float, dt: float) -> None:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""
         self._time = time
 
-    def refresh(self, stopped: BoolArray) -> None:
-        """Set the colliders to the patches of the followers that are awake, and remove those of the others. Colliders
-        wake no body that is ``stopped`` (S,)."""
-        for follower in [follower for follower in self._held if not self._followers.table["awake"][follower.slot]]:
-            self._release(follower)
-        if not self._followers.awake.size:
+    def refresh(self) -> None:
+        """Set the colliders to the patches of the followers."""
+        if not len(self._followers):
             return
         batches, supports = self._patches.batches, self._patches.supports
         with self._patches.stopwatch.stage("collider"):
@@ -124,6 +144,10 @@ class PatchContacts:
             else:
                 self._whole.release()
             self._apply(batches, supports)
+
+    def is_ground(self, body: int) -> bool:
+        """Return True if a PyBullet body is a collider of this ground."""
+        return self._pairs.has(body) or self._whole.has(body)
 
     def read(self, states: FloatArray, dt: float) -> None:
         """Read the awake followers into ``states`` (S, 13), and note their places before a step of ``dt`` [s]."""

@@ -52,6 +52,10 @@ class WholeMesh:
                 self._rebuild(name, mesh, time)
             self._states[name] = (mesh.version, moving)
 
+    def has(self, body: int) -> bool:
+        """Return True if a PyBullet body is one of the colliders."""
+        return any(uid == body for _, uid in self._bodies.values())
+
     def release(self) -> None:
         """Remove all whole colliders."""
         for name in list(self._bodies):

@@ -7,14 +7,12 @@ from typing import Any
 
 from rclpy.node import Node
 from rclpy.task import Future
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, SpawnBodies
 
 from smartmesh_ros.ground.quaternions import rotate
-from smartmesh_ros.ground.shapes import Capsule, Shape
 from smartmesh_ros.node.fleet.ledger import Entry
-from smartmesh_ros.node.inputs.conversions import SOLIDS
+from smartmesh_ros.node.inputs.conversions import primitive_of
 from smartmesh_ros.node.session import SERVICES
 
 
@@ -85,13 +83,3 @@ def specification_of(lost: Entry) -> BodySpecification:
     for vector, values in vectors:
         vector.x, vector.y, vector.z = values
     return body
-
-
-def primitive_of(shape: Shape) -> SolidPrimitive:
-    """Return a shape as SolidPrimitive. A capsule becomes its bounding cylinder."""
-    if isinstance(shape, Capsule):
-        height = shape.height + 2.0 * shape.radius
-        return SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[height, shape.radius])
-    [(kind, order)] = [(kind, order) for kind, (made, order) in SOLIDS.items() if isinstance(shape, made)]
-    values = dict(zip(order, shape.dimensions.values(), strict=True))
-    return SolidPrimitive(type=kind, dimensions=[values[index] for index in range(len(order))])

@@ -19,13 +19,12 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification, Timing
 from smartmesh_msgs.srv import SpawnBodies
 
 from smartmesh_ros.node.fleet.layout import WAVES, FleetPlan, front_of
-from smartmesh_ros.node.running import Stop
+from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 
 # Limit of every wait [s], generous for a busy machine.
@@ -108,7 +107,7 @@ def processes(commands: dict[str, list[str]]) -> Iterator[dict[str, subprocess.P
 
 def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
     """Run a fleet with ``bodies`` balls for ``seconds`` [s], printing a line a second."""
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    init()
     watcher, last = FleetWatcher(), {"timing": Timing()}
     watcher.create_subscription(Timing, f"{front_of()}/timing", partial(last.__setitem__, "timing"), 10)
     Stop()  # the first signal raises KeyboardInterrupt; later ones leave the processes the time to end

@@ -16,7 +16,7 @@ from ament_index_python.packages import get_package_prefix
 PACKAGE = "smartmesh_ros"
 COLLIDER, FRONT, PRESET = "terrain_collider", "fleet", "fleet"
 # Topics under the front's name that all nodes subscribe to or publish on.
-SHARED = ("heightmap", "heightmap_update", "terrain_mesh", "terrain_mesh_update", "patches")
+SHARED = ("heightmap", "heightmap_update", "terrain_mesh", "terrain_mesh_update", "patches", "scene")
 # Rate of body states [Hz], above any physics rate: peers need the states of every step.
 EVERY_STEP = 1000.0
 # Parameters of terrain_source for trying a fleet: travelling waves, in maps at a lidar's rate.

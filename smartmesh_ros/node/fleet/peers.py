@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from time import monotonic
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -162,8 +161,8 @@ class PeerBodies:
                 peer.heard, peer.clock = None, StampClock()
                 self._session.world.guests.forget(name)
                 self._session.node.get_logger().warning(f"{name} is not heard any more; its bodies were removed here")
-        if self._auto and monotonic() >= self._due:
-            self._due = monotonic() + DISCOVERY_PERIOD
+        if self._auto and (steady := self._session.clock.steady()) >= self._due:
+            self._due = steady + DISCOVERY_PERIOD
             self._discover()
 
     def forget_stamps(self) -> None:

@@ -21,8 +21,6 @@ from smartmesh_ros.io.rasters import (
 )
 from smartmesh_ros.node.inputs.cdr_reader import FloatGrid, require_cells, yaw_from
 
-# Largest difference of a grid map's length from a whole number of cells [cells].
-OFF_GRID = 0.01
 # Types of pixels by encoding of an image.
 ENCODINGS = {"32FC1": "f4", "16UC1": "u2", "mono16": "u2", "mono8": "u1", "8UC1": "u1"}
 # Types of the fields of a point cloud: FLOAT32 and FLOAT64 of sensor_msgs/PointField.
@@ -42,8 +40,8 @@ def require_length(what: str, actual: int, wanted: int) -> None:
 
 
 def grid_map_raster(message: Any, config: RasterConfig, max_samples: int) -> Raster:
-    """Convert a grid_map_msgs/GridMap: the layer ``config.layer`` and, unless empty, ``config.variance_layer`` and
-    ``config.friction_layer``.
+    """Convert a grid_map_msgs/GridMap: the layer ``config.layer`` and, unless empty, ``config.variance_layer``,
+    ``config.friction_layer`` and ``config.soil_layer``.
 
     The map's orientation and z are ignored, as grid_map itself does.
     """
@@ -51,18 +49,18 @@ def grid_map_raster(message: Any, config: RasterConfig, max_samples: int) -> Ras
     layers = list(message.layers)
     for name, parameter in (
         (config.layer, "raster.layer"), (config.variance_layer, "raster.variance_layer"),
-        (config.friction_layer, "terrain.friction_layer"),
+        (config.friction_layer, "terrain.friction_layer"), (config.soil_layer, "soil.layer"),
     ):  # fmt: skip
         if name not in layers and (name or parameter == "raster.layer"):
             raise InputError("layer", f"there is no layer {name!r}; {parameter} may be one of {', '.join(layers)}")
     require_length("the list of layers' data", len(message.data), len(message.layers))
     require_resolution(info.resolution)
-    along_x = _whole_cells(info.length_x, info.resolution)
-    along_y = _whole_cells(info.length_y, info.resolution)
+    along_x = _cells_of(info.length_x, info.resolution)
+    along_y = _cells_of(info.length_y, info.resolution)
     require_cells(along_x * along_y, max_samples)
-    variances, friction = (
+    variances, friction, soil = (
         _layer(message.data[layers.index(name)], along_x, along_y) if name else None
-        for name in (config.variance_layer, config.friction_layer)
+        for name in (config.variance_layer, config.friction_layer, config.soil_layer)
     )
     return from_grid_map(
         _layer(message.data[layers.index(config.layer)], along_x, along_y),
@@ -72,14 +70,16 @@ def grid_map_raster(message: Any, config: RasterConfig, max_samples: int) -> Ras
         config=config,
         variances=variances,
         friction=friction,
+        soil=soil,
     )
 
 
-def _whole_cells(length: float, resolution: float) -> int:
+def _cells_of(length: float, resolution: float) -> int:
+    """Return the number of cells of a length [m], rounded as grid_map does; its layers have as many."""
     cells = length / resolution
-    if not (0.0 < cells < 2.0**31) or abs(cells - round(cells)) > OFF_GRID:
-        raise InputError("geometry", f"a length of {length} m is no whole number of cells of {resolution} m")
-    return round(cells)
+    if not 0.5 <= cells < 2.0**31:
+        raise InputError("geometry", f"a length of {length} m is no number of cells of {resolution} m")
+    return math.floor(cells + 0.5)
 
 
 def _layer(data: Any, along_x: int, along_y: int) -> NDArray[np.float32]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -140,10 +141,12 @@ class BodyInputs:
         session, clock = self._session, self._clocks.setdefault(source, StampClock())
         placed = clock.place(stamp, session.clock_now(), lambda age: session.clock.pace() - age)
         yield placed
+        session.note_clock(source, placed)
         clock.accept(placed)
         session.stamp_ages[topic] = clock.age
 
     def _on_joint_commands(self, message: JointState) -> None:
         world, names = self._session.world, self._session.robot_names
+        lasts = self._session.settings.command_timeout or math.inf
         for robot, joint, command in joint_commands_from(message, world, names.prefixes()):
-            world.command(robot, joint, command)
+            world.command(robot, joint, command, lasts)

@@ -19,6 +19,7 @@ from rosidl_parser.definition import AbstractNestedType, AbstractString, Array, 
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import QUATERNION_SLACK
+from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.outputs.cdr import DTYPES
 from smartmesh_ros.terrain.grid import GridGeometry
 
@@ -95,14 +96,22 @@ class CdrReader:
 
 
 class MapInput(NamedTuple):
-    """A whole map: geometry (None = remove the tile), heights (rows, columns) [m], velocities [m/s] or None, and
-    coefficients of friction: one, those of the samples, or None."""
+    """A whole map: geometry (None = remove the tile), heights (rows, columns) [m], velocities [m/s] or None;
+    coefficients of friction: one, those of the samples, or None; and places of soils (rows, columns) or None."""
 
     start: Stamped
     geometry: GridGeometry | None
     heights: FloatGrid
     velocities: FloatGrid | None
     friction: float | FloatGrid | None = None
+    soil: NDArray[np.uint8] | None = None
+
+    @property
+    def raster(self) -> Raster | None:
+        """The map as a raster; None = remove the tile."""
+        if self.geometry is None:
+            return None
+        return Raster(self.geometry, self.heights, friction=self.friction, soil=self.soil)
 
 
 class RegionInput(NamedTuple):
@@ -141,14 +150,17 @@ def map_from(data: bytes, max_samples: int) -> MapInput:
     resolution, columns, rows = reader.number("f"), reader.number("I"), reader.number("I")
     x, y, z, *orientation = reader.numbers("d", 7)
     heights, velocities, friction = (reader.sequence("f4") for _ in range(3))
+    soil = reader.sequence("u1")
     if not rows and not columns and not len(heights):
         return MapInput(start, None, heights, None)
     _require_count(columns, rows, len(heights), len(velocities), max_samples)
     geometry = GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=(x, y, z),
                             yaw=yaw_from(*orientation))  # fmt: skip
-    return MapInput(
-        start, geometry, *_grids(heights, velocities, (rows, columns)), _friction(friction, (rows, columns))
-    )
+    if len(soil) not in (0, rows * columns):
+        raise InputError("length", f"{len(soil)} soils for {rows * columns} heights; there must be as many, or none")
+    grids = _grids(heights, velocities, (rows, columns))
+    places = soil.reshape(rows, columns) if len(soil) else None
+    return MapInput(start, geometry, *grids, _friction(friction, (rows, columns)), places)
 
 
 def region_from(data: bytes, max_samples: int) -> RegionInput:

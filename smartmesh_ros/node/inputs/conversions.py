@@ -14,8 +14,9 @@ from shape_msgs.msg import SolidPrimitive
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import rotate
-from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.shapes import SHAPES, Shape, shape_from
 from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.world import World
 
@@ -63,24 +64,18 @@ def state_from(pose: Any, twist: Any = None) -> BodyState:
     return BodyState((p.x, p.y, p.z), (q.x, q.y, q.z, q.w), linear, angular)
 
 
-# Shapes by the types of SolidPrimitive, and which of its dimensions are theirs, in order.
-SOLIDS: dict[int, tuple[type[Shape], tuple[int, ...]]] = {
-    SolidPrimitive.SPHERE: (Sphere, (SolidPrimitive.SPHERE_RADIUS,)),
-    SolidPrimitive.BOX: (Box, (SolidPrimitive.BOX_X, SolidPrimitive.BOX_Y, SolidPrimitive.BOX_Z)),
-    SolidPrimitive.CYLINDER: (Cylinder, (SolidPrimitive.CYLINDER_RADIUS, SolidPrimitive.CYLINDER_HEIGHT)),
-}
+def shape_of_primitive(primitive: SolidPrimitive) -> Shape:
+    """Convert a SolidPrimitive, or a capsule in one, to a shape. Numbers and dimensions are those of `ShapeKind`."""
+    made = SHAPES.get(primitive.type)
+    if made is None:
+        known = ", ".join(f"{kind.__name__.upper()} ({number:d})" for number, kind in SHAPES.items())
+        raise InputError("shape", f"shape type {primitive.type} is not supported; use one of {known}")
+    return shape_from(made, primitive.dimensions)
 
 
-def shape_from(primitive: Any) -> Shape:
-    """Convert a SolidPrimitive to a shape of the core."""
-    dimensions = [float(value) for value in primitive.dimensions]
-    if primitive.type not in SOLIDS:
-        raise InputError("shape", f"shape type {primitive.type} is not supported; use SPHERE, BOX or CYLINDER")
-    made, order = SOLIDS[primitive.type]
-    if len(dimensions) != len(order):
-        name = made.__name__.upper()
-        raise InputError("shape", f"{name} needs {len(order)} dimensions, not {len(dimensions)}")
-    return made(*(dimensions[index] for index in order))
+def primitive_of(shape: Shape) -> SolidPrimitive:
+    """Convert a shape to a SolidPrimitive, or to a capsule in one."""
+    return SolidPrimitive(type=int(shape.kind), dimensions=[*shape.dimensions.values()])
 
 
 def require_distinct(names: list[str]) -> None:
@@ -97,34 +92,47 @@ def require_distinct(names: list[str]) -> None:
 class RobotNames:
     """Puts ``<robot>/`` before the names of a robot's joints and links, or nothing.
 
-    A robot's prefix stays while the robot is there, whatever robots come and go. ``always``: every robot has a prefix;
-    else a robot that is added while no other is without prefix has none, so that the names of a robot that is alone are
-    those of its URDF, as robot_state_publisher expects.
+    A robot whose names no other robot without prefix has keeps the names of its URDF, which robot_state_publisher and
+    controllers expect. Its names stay while it is there, whatever robots come and go. ``always``: every robot has a
+    prefix.
     """
 
     def __init__(self, world: World, *, always: bool) -> None:
         self._world, self._always = world, always
+        self._robots: list[Body] = []
         self._prefixes: dict[str, str] = {}
 
     def prefixes(self) -> dict[str, str]:
         """Return the prefix of each robot, in order of spawning."""
-        robots = [body.name for body in self._world.bodies.values() if body.is_robot]
-        kept = {robot: self._prefixes[robot] for robot in robots if robot in self._prefixes}
-        for robot in robots:
-            if robot not in kept:
-                kept[robot] = f"{robot}/" if self._always or "" in kept.values() else ""
-        self._prefixes = {robot: kept[robot] for robot in robots}
+        robots = [body for body in self._world.bodies.values() if body.is_robot]
+        if robots != self._robots:
+            kept = [body for body in robots if body in self._robots]
+            new = [body for body in robots if body not in kept]
+            taken = {name for body in kept if not self._prefixes[body.name] for name in self._names(body)}
+            chosen = {body.name: self._prefixes[body.name] for body in kept}
+            for body in new:
+                names = self._names(body)
+                chosen[body.name] = f"{body.name}/" if self._always or names & taken else ""
+                taken |= names if not chosen[body.name] else set()
+            self._robots, self._prefixes = robots, {body.name: chosen[body.name] for body in robots}
         return self._prefixes
+
+    def _names(self, body: Body) -> set[str]:
+        """Return the names of a robot's joints, driven surfaces and links."""
+        client = self._world.client
+        infos = [client.getJointInfo(body.uid, index) for index in range(client.getNumJoints(body.uid))]
+        names = (client.getBodyInfo(body.uid)[0], *(info[1] for info in infos), *(info[12] for info in infos))
+        return {name.decode() for name in names} | set(body.surfaces)
 
 
 def joint_commands_from(message: Any, world: World, prefixes: Mapping[str, str]) -> list[tuple[str, str, JointCommand]]:
     """Return the commands (robot, joint, command) of a JointState; one unknown joint or invalid number refuses all.
 
     A joint is named ``<robot>/<joint>``, or ``<joint>`` if its robot is the only one or, by ``prefixes``, has names
-    without prefix. ``position``, ``velocity`` and ``effort`` each have one number per name, or none; NaN is no number
-    for this joint, as ros2_control's topic bridges send for interfaces that they do not command. `JointCommand` defines
-    the combinations. A joint that has nothing but NaN keeps its command. A driven surface of a robot, such as a track,
-    is named as a joint and takes a velocity alone [m/s].
+    without prefix; these are distinct. ``position``, ``velocity`` and ``effort`` each have one number per name, or
+    none; NaN is no number for this joint, as ros2_control's topic bridges send for interfaces that they do not command.
+    `JointCommand` defines the combinations. A joint that has nothing but NaN keeps its command. A driven surface of a
+    robot, such as a track, is named as a joint and takes a velocity alone [m/s].
     """
     names, count = list(message.name), len(message.name)
     if count == 0:
@@ -146,14 +154,16 @@ def joint_commands_from(message: Any, world: World, prefixes: Mapping[str, str])
 
 def _joints(names: list[str], world: World, prefixes: Mapping[str, str]) -> list[tuple[str, str]]:
     robots = {robot: (*world.bodies[robot].joints, *world.bodies[robot].surfaces) for robot in prefixes}
-    alone = next((robot for robot, prefix in prefixes.items() if not prefix or len(robots) == 1), "")
+    short = {
+        joint: robot for robot, prefix in prefixes.items() if not prefix or len(robots) == 1 for joint in robots[robot]
+    }
     found, unknown = [], []
     for name in names:
         robot, _, joint = name.partition("/")
         if joint in robots.get(robot, ()):
             found.append((robot, joint))
-        elif name in robots.get(alone, ()):
-            found.append((alone, name))
+        elif name in short:
+            found.append((short[name], name))
         else:
             unknown.append(name)
     if unknown:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from time import monotonic
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TerrainMesh, TerrainMeshUpdate
 
 from smartmesh_ros.errors import InputError
@@ -24,6 +23,7 @@ from smartmesh_ros.node.inputs.cdr_reader import (
     mesh_update_from,
     region_from,
 )
+from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.optional_messages import find_message, require_message
 from smartmesh_ros.node.inputs.rivals import RivalMaps
 from smartmesh_ros.node.parameters.settings import Settings
@@ -31,7 +31,6 @@ from smartmesh_ros.node.session import Session, require_name
 from smartmesh_ros.node.timing.stamps import Placed, StampClock, stamp_seconds
 from smartmesh_ros.patches.config import ANYWHERE, require_search_on, require_usable
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
@@ -39,6 +38,8 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 DEFAULT_FRAME = "map"
 # Queue depths of the subscriptions to whole maps and to updates.
 MAPS, UPDATES = 2, 100
+# Most tiles; more are refused.
+MOST_TILES = 1000
 
 
 class TerrainInputs:
@@ -49,12 +50,9 @@ class TerrainInputs:
         self._terrain = session.world.terrain
         self._on_terrain = on_terrain
         self._clocks: dict[str, StampClock] = {}
-        self._rivals, self._checks = RivalMaps(session), MapChecks(session.node.get_logger())
+        self._rivals, self._checks = RivalMaps(session), MapChecks(session.node.get_logger(), session.clock.steady)
         settings = session.settings
-        durability = DurabilityPolicy[settings.durability.upper()]
-        reliability = ReliabilityPolicy[settings.reliability.upper()]
-        maps = QoSProfile(depth=MAPS, durability=durability, reliability=reliability)
-        updates = QoSProfile(depth=UPDATES, durability=durability, reliability=reliability)
+        maps, updates = QoSProfile(depth=MAPS), QoSProfile(depth=UPDATES)
         before = len(session.subscriptions)
         session.listen(Heightmap, "heightmap", self._on_map, maps, raw=True)
         session.listen(HeightmapUpdate, "heightmap_update", self._on_region, updates, raw=True)
@@ -82,11 +80,11 @@ class TerrainInputs:
         if self._overtaken("heightmap", new.start):
             return
         with self._ingesting(new.start) as placed:
-            if new.geometry is None:
+            raster = new.raster
+            if raster is None:
                 self._terrain.remove(tile)
                 self._checks.forget(tile)
             else:
-                raster = Raster(new.geometry, new.heights, friction=new.friction)
                 self._take_map(tile, raster, new.velocities, placed)
 
     def _on_raster(self, convert: Callable[..., Any], message: Any) -> None:
@@ -106,6 +104,7 @@ class TerrainInputs:
         take_map(self._terrain, self._session.settings, tile, raster, velocities, placed.time)
         taken = self._terrain.tiles[tile]
         if isinstance(taken, HeightMap):
+            self._checks.note_holes(tile, taken)
             self._checks.take(tile, taken, placed.source_time, given=velocities is not None)
 
     def _on_region(self, data: bytes) -> None:
@@ -123,7 +122,8 @@ class TerrainInputs:
                 raise InputError(
                     "unknown_tile", f"tile {new.start.tile!r} is a general mesh; use ~/terrain_mesh_update"
                 )
-            tile.update_region(new.row, new.column, new.heights, time=placed.time, velocities=new.velocities)
+            time = max(placed.time, tile.time)  # of a source whose clock is behind that of another one
+            tile.update_region(new.row, new.column, new.heights, time=time, velocities=new.velocities)
 
     def _listen_to_occupancy_updates(self, qos: QoSProfile) -> None:
         kind = find_message("map_msgs", "OccupancyGridUpdate")
@@ -164,7 +164,8 @@ class TerrainInputs:
                 raise InputError("unknown_tile", f"tile {new.start.tile!r} is a height map; use ~/heightmap_update")
             method = settings.world.patch.search
             check = None if method in ANYWHERE else partial(require_search_on, method)
-            mesh.move(new.vertices, time=placed.time, indices=new.indices, velocities=new.velocities, check=check)
+            time = max(placed.time, mesh.time)
+            mesh.move(new.vertices, time=time, indices=new.indices, velocities=new.velocities, check=check)
 
     def _overtaken(self, topic: str, start: Stamped) -> bool:
         """Return True, and count the map, if a newer map arrived just before it; such a map is skipped."""
@@ -188,20 +189,24 @@ class TerrainInputs:
             require_name(tile)
             clock = self._clocks.get(tile) or StampClock()
             longest = session.settings.motion.max_interval
-            placed = clock.place(stamp, session.clock_now(), session.time_at, longest if update else 0.0, longest)
+            placed = clock.place(
+                stamp, session.clock_now(), session.time_at, longest if update else 0.0, longest, session.pacer.pace
+            )
             # Else the motion of the source during a stall of the loop would count as fast motion of the ground, and so
             # would a jump of its clock.
             lost = longest if placed.fresh else placed.lost
-            if lost and tile in self._terrain.tiles:
-                self._terrain.tiles[tile].shift_time(-lost)
+            if (known := self._terrain.tiles.get(tile)) is not None and lost:
+                # What is blended in must not move into the future; it has no velocity.
+                known.shift_time(-max(lost, 0.0) if known.motion.corrects else -lost)
             yield placed
+            session.note_clock(f"terrain, tile {tile!r}" if tile else "terrain", placed)
             clock.accept(placed)
             self._clocks[tile] = clock
             session.stamp_ages[f"tile {tile!r}" if tile else "terrain"] = clock.age
             if tile in self._terrain.tiles:
                 self._terrain.tiles[tile].delay = clock.delay
             session.frame_id = session.frame_id or start.frame_id or DEFAULT_FRAME
-            session.last_map_time = monotonic()
+            session.last_map_time = session.clock.steady()
             session.maps += 1
             session.map_warning = self._checks.warning
         self._on_terrain()
@@ -215,8 +220,8 @@ def _start_of(header: Any) -> Stamped:
 def require_tile_fits(name: str, samples: int, terrain: Terrain, settings: Settings) -> None:
     """Raises `InputError` if the terrain with this tile would have too many tiles, or too many samples in all tiles."""
     others = [mesh for tile, mesh in terrain.tiles.items() if tile != name]
-    if len(others) >= settings.most_tiles:
-        raise InputError("size", f"{len(others) + 1} tiles are more than terrain.max_tiles = {settings.most_tiles}")
+    if len(others) >= MOST_TILES:
+        raise InputError("size", f"{len(others) + 1} tiles are more than {MOST_TILES}; remove some, or join them")
     total = samples + sum(mesh.size for mesh in others)
     if total > settings.max_samples:
         raise InputError("size", f"{total} samples in all are more than terrain.max_samples = {settings.max_samples}")
@@ -227,70 +232,22 @@ def take_map(
 ) -> None:
     """Puts a map of ``time`` [s] into the terrain.
 
-    A map on the same grid replaces the heights of the last one. If the grid moved, samples that both grids share keep
-    their velocities. The ground keeps its friction, unless the raster has another. On `InputError` the terrain is
-    unchanged.
+    A map on the same grid replaces the heights of the last one, unless it is older, by its source's clock. If the grid
+    moved, samples that both grids share keep their velocities. The ground keeps its friction and its soil, unless the
+    raster has others. On `InputError` the terrain is unchanged.
     """
-    geometry, heights, variances, friction = raster
+    geometry, heights, variances, friction, soil = raster
+    if soil is not None and settings.soil and soil.max() >= len(settings.soil):
+        last = len(settings.soil) - 1
+        raise InputError("soil", f"soils are up to {soil.max()}; they must be places in soil.type, 0 to {last}")
     known = terrain.tiles.get(tile)
-    if isinstance(known, HeightMap) and known.geometry == geometry:
-        known.replace(heights, time=time, velocities=velocities, variance=variances, friction=friction)
+    if isinstance(known, HeightMap) and known.geometry == geometry and time >= known.time:
+        known.replace(heights, time=time, velocities=velocities, variance=variances, friction=friction, soil=soil)
         return
     require_tile_fits(tile, geometry.size, terrain, settings)
     new = HeightMap(
-        heights, geometry=geometry, time=time, velocities=velocities, variance=variances, friction=friction,
+        heights, geometry=geometry, time=time, velocities=velocities, variance=variances, friction=friction, soil=soil,
         motion=settings.motion,
     )  # fmt: skip
     require_usable(settings.world.patch, new, exact=False)
     terrain.put(tile, new)
-
-
-# The log repeats a warning only after this long without one [s]; the diagnostics show it as long as it holds.
-LOG_PAUSE = 600.0
-ADVICE = "but are treated as moving ground: set terrain.changes: correction, or terrain.noise if the ground does move"
-
-
-class MapChecks:
-    """Finds maps of sensors and mappers that the node treats as moving ground, by a `NoiseCheck` for each tile.
-
-    ``warning``: the suspected problem and which parameter to set; empty = none."""
-
-    def __init__(self, logger: Any) -> None:
-        self._logger = logger
-        self._checks: dict[str, NoiseCheck] = {}
-        self._times: dict[str, float] = {}  # of the last map of each tile [s]
-        self._warned = -LOG_PAUSE  # steady time of the last warning [s]
-        self.warning = ""
-
-    def forget(self, tile: str | None = None) -> None:
-        """Restarts the check of a tile, or of all tiles."""
-        for name in [*self._checks] if tile is None else [tile]:
-            self._checks.pop(name, None)
-        self._update_warning()
-
-    def take(self, tile: str, heightmap: HeightMap, time: float, *, given: bool) -> None:
-        """Checks a whole map of a tile, of ``time`` [s]. Needs no check if changes are corrections, or if the map came
-        with velocities (``given``), because its ground moves."""
-        if given or heightmap.motion.corrects:
-            if tile in self._checks:
-                self.forget(tile)
-            return
-        if time < self._times.get(tile, time):  # on another clock
-            self.forget(tile)
-        self._times[tile] = time
-        check = self._checks.setdefault(tile, NoiseCheck())
-        before = check.findings
-        check.take(heightmap, time)
-        if check.findings != before:
-            self._update_warning()
-
-    def _update_warning(self) -> None:
-        """Updates ``warning``, and logs a new one."""
-        seen = {tile: str(check.findings) for tile, check in self._checks.items() if check.findings != NO_FINDINGS}
-        what = "; ".join(f"tile {tile!r}: {words}" if tile else words for tile, words in seen.items())
-        now, before = monotonic(), self.warning
-        self.warning = f"maps look like those of a sensor or mapper ({what}) {ADVICE}" if what else ""
-        if self.warning and not before and now - self._warned >= LOG_PAUSE:
-            self._logger.warning(self.warning)
-        if self.warning or before:
-            self._warned = now

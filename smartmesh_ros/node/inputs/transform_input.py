@@ -6,7 +6,6 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from functools import partial
-from time import monotonic
 from typing import NamedTuple
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -72,7 +71,7 @@ class TransformInput:
 
     def is_others(self, frame: str) -> bool:
         """Return True if another node publishes a frame."""
-        return monotonic() - self._others.get(frame, -math.inf) < OTHERS_TIME
+        return self._session.clock.steady() - self._others.get(frame, -math.inf) < OTHERS_TIME
 
     def is_own(self, frame: str) -> bool:
         """Return True if this node, and no other, publishes a frame."""
@@ -93,7 +92,7 @@ class TransformInput:
     def _take(self, data: bytes, *, static: bool) -> None:
         """Add each transform on its own, so that a refused one does not affect the others."""
         topic = "/tf_static" if static else "/tf"
-        own, now = hash(data) in self._sent, math.inf if static else monotonic()
+        own, now = hash(data) in self._sent, math.inf if static else self._session.clock.steady()
         for stamp, parent, child, transform in transforms_from(data):
             try:
                 require_name(child)

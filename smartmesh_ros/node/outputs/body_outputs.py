@@ -7,7 +7,6 @@ import array
 import math
 from contextlib import suppress
 from pathlib import Path
-from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -184,7 +183,7 @@ class BodyDescriptions:
 
     def publish(self) -> None:
         """Publishes the descriptions if they are due and have changed."""
-        now = monotonic()
+        now = self._session.clock.steady()
         if now < self._due:
             return
         self._due = now + PERIOD
@@ -208,13 +207,13 @@ def description(body: Body) -> BodyDescription:
         if body.urdf != made.urdf:
             made.urdf_file = str(Path(body.urdf).absolute())
         return made
-    shape: Any = body.shape or Sphere(body.radius)
-    made.shape = getattr(BodyDescription, type(shape).__name__.upper())
+    shape = body.shape or Sphere(body.radius)
+    made.shape = int(shape.kind)
     made.dimensions = array.array("d", list(shape.dimensions.values()))
     return made
 
 
-# Share of a step by which a scan may be early, because simulated times are sums of rounded steps.
+# Share of a step by which an output may be early, because simulated times are sums of rounded steps.
 ROUNDING = 1e-3
 
 

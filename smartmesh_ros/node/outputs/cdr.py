@@ -43,7 +43,7 @@ def _numbers_of(message: Any, path: str = "") -> Iterator[tuple[str, NDArray[Any
 
 def _numbers_in(value: Any, kind: Any, path: str) -> Iterator[tuple[str, NDArray[Any]]]:
     if isinstance(kind, BasicType):
-        yield path, np.asarray(value, DTYPES[kind.typename])
+        yield path, np.asarray(value[0] if isinstance(value, bytes) else value, DTYPES[kind.typename])
     elif isinstance(kind, NamespacedType):
         yield from _numbers_of(value, path)
     elif isinstance(kind, AbstractString):
@@ -68,6 +68,15 @@ def _items(values: Any, kind: Any, path: str) -> Iterator[tuple[str, NDArray[Any
             return
     for index, value in enumerate(values):
         yield from _numbers_in(value, kind, f"{path}[{index}]")
+
+
+def bytes_of(message: Any) -> bytes:
+    """Return the bytes of any message, with zeros where rmw's serialisation leaves what was in memory."""
+    data = bytearray()
+    for _, values in _numbers_of(message):
+        data += bytes(-len(data) % values.itemsize)
+        data += values.tobytes()
+    return HEADER + bytes(data)
 
 
 class Elements:

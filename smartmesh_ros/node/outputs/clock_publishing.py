@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from time import monotonic
 from typing import Any
 
 from rosgraph_msgs.msg import Clock
@@ -73,12 +72,13 @@ class ClockWatch:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._seen, self._changed = 0.0, monotonic()  # the clock's time, and the steady time of its last change [s]
+        # The clock's time, and the steady time of its last change [s].
+        self._seen, self._changed = 0.0, session.clock.steady()
         self._said = ""
 
     def check(self) -> str:
         """Return what the physics waits for, empty = nothing, and log it if it is new."""
-        clock, now = self._session.clock, monotonic()
+        clock, now = self._session.clock, self._session.clock.steady()
         seen = clock.stamp_now()
         if not clock.simulated or seen != self._seen:
             self._seen, self._changed = seen, now

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from time import monotonic
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -16,6 +15,8 @@ from smartmesh_ros.node.session import Session
 
 # A map older than this is stale [s].
 STALE = 2.0
+# Most lost bodies that are named.
+MOST_LOST = 16
 # Most inputs whose stamps are reported.
 MOST_AGES = 32
 # Period of the diagnostics, and of the check for appearing and disappearing publishers [s].
@@ -33,13 +34,13 @@ class Window:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._read, self._misses = monotonic(), 0
-        self._start, self._time, self._factor = monotonic(), session.world.time, 1.0
+        self._read, self._misses = session.clock.steady(), 0
+        self._start, self._time, self._factor = self._read, session.world.time, 1.0
         self._restarts = session.pacer.restarts
 
     def read(self) -> tuple[float, float, int]:
         """Return time since the last reading [s], real-time factor, and deadlines missed since the last reading."""
-        now, world, pacer = monotonic(), self._session.world, self._session.pacer
+        now, world, pacer = self._session.clock.steady(), self._session.world, self._session.pacer
         length, misses = max(now - self._read, 1e-9), pacer.misses - self._misses
         if self._restarts != pacer.restarts:
             self._restarts, self._start, self._time, self._factor = pacer.restarts, now, world.time, 1.0
@@ -102,7 +103,7 @@ class Diagnostics:
         values |= {f"overtaken on {topic}": count for topic, count in sorted(session.overtaken.items())}
         if session.last_map_time is None:
             return DiagnosticStatus.WARN, "no map yet", values
-        age = monotonic() - session.last_map_time
+        age = session.clock.steady() - session.last_map_time
         values["age [s]"] = f"{age:.3f}"
         if age > STALE:
             text = f"the last map is {age:.1f} s old"
@@ -132,7 +133,9 @@ class Diagnostics:
             "patches": patches,
             "without ground": len(world.followers) - remote - patches,
             "below ground": len(below),
+            "falling": len(world.falls.falling),
             "put back onto the ground": world.rescues,
+            **{f"lost, {name}": why for name, why in [*self._session.lost.items()][-MOST_LOST:]},
             **{f"jumps on {topic}": count for topic, count in sorted(self._session.jumps.items())},
             **{f"patches, {kind}": count for kind, count in sorted(kinds.items())},
             "colliders replaced": world.ground.contacts.replacements,
@@ -143,6 +146,9 @@ class Diagnostics:
             values |= {f"peer {name}": words for name, words in peers.items()}
         if below:
             return DiagnosticStatus.ERROR, f"below the ground: {', '.join(below[:5])}", values
+        if falling := world.falls.falling:
+            places = (f"{name} at ({x:.2f}, {y:.2f})" for name, (x, y, _) in [*falling.items()][:5])
+            return DiagnosticStatus.WARN, f"fell off the ground: {', '.join(places)}", values
         if silent := self._peers.silent():
             return DiagnosticStatus.WARN, f"not heard: {', '.join(silent)}", values
         return DiagnosticStatus.OK, f"{patches} patches", values

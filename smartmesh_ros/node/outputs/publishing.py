@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from time import monotonic
+from functools import partial
 from typing import Any, NamedTuple
 
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import (
     ColliderPatchArray,
@@ -25,15 +25,17 @@ from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.node.fleet.peers import PeerBodies
+from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.node.outputs.body_outputs import BodyDescriptions, ScanOutput
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
+from smartmesh_ros.node.outputs.scene_outputs import RobotModel, SceneMarkers
+from smartmesh_ros.node.outputs.soil_outputs import sinkage_message, update_message
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.node.soil.soil_messages import update_message
-from smartmesh_ros.soil.contact_soil import ContactSoil
+from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.world.states import SimulatedStates
 
 # Outputs that show patches. They are published only after the patches were refreshed.
@@ -48,9 +50,10 @@ DISCOVERY_TIME = 3.0
 
 class Audience:
     """Subscribers and publishers of an output. ``new``: True if some may have missed messages, or another publisher may
-    have made subscribers forget some."""
+    have made subscribers forget some. ``now``: a clock [s]."""
 
-    def __init__(self) -> None:
+    def __init__(self, now: Callable[[], float]) -> None:
+        self._now = now
         self._counts = (0, 0)
         self._new_until = -math.inf
         self._all_due = -math.inf
@@ -58,17 +61,17 @@ class Audience:
     def count(self, subscribers: int, publishers: int) -> None:
         """Note the numbers of subscribers and publishers."""
         if (subscribers, publishers) != self._counts:
-            self._counts, self._new_until = (subscribers, publishers), monotonic() + DISCOVERY_TIME
+            self._counts, self._new_until = (subscribers, publishers), self._now() + DISCOVERY_TIME
 
     @property
     def new(self) -> bool:
         """True if some may have missed messages."""
-        return monotonic() < self._new_until
+        return self._now() < self._new_until
 
     def needs_all(self) -> bool:
         """Return False if the next message may contain only changes. New subscribers, and every `ALL_PATCHES_PERIOD`
         all subscribers, receive everything."""
-        now = monotonic()
+        now = self._now()
         if self._new_until <= now < self._all_due:
             return False
         self._all_due = now + ALL_PATCHES_PERIOD
@@ -77,6 +80,25 @@ class Audience:
     def missed(self) -> None:
         """Note that the last message was not sent: the next one has everything."""
         self._all_due = -math.inf
+
+
+class RateTime:
+    """Time by which the rates of outputs count [s]: simulated time where stamps are simulated, or else steady time. A
+    pause of a node that publishes ``/clock`` takes steady time, too. Starts at zero and never goes back."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._time, self._before = 0.0, (False, 0.0)
+
+    def read(self) -> float:
+        """Return the time."""
+        session = self._session
+        simulated = session.simulates_stamps and not (session.paused and session.settings.publish.clock)
+        now = session.state_time() if simulated else session.clock.steady()
+        if self._before[0] == simulated:
+            self._time += max(now - self._before[1], 0.0)
+        self._before = simulated, now
+        return self._time + body_outputs.ROUNDING * session.world.dt
 
 
 class _Output(NamedTuple):
@@ -89,16 +111,17 @@ class Publishing:
 
     def __init__(self, session: Session, peers: PeerBodies, transforms: TransformInput) -> None:
         self._session = session
-        self._node, self._world = session.node, session.world
+        self._node, self._world, self._now = session.node, session.world, session.clock.steady
         self._markers = patch_outputs.PatchMarkers(session.settings.marker_namespace)
         self._collider_patches = patch_outputs.ColliderPatches()
+        self._scene = SceneMarkers(session)
         self._states = SimulatedStates(session.world)
         self._body_states = body_outputs.BodyStates()
         self._contacts = body_outputs.Contacts()
         self._clock = ClockPublishing(session)
         self._transforms = TransformOutputs(session, transforms)
         self._descriptions = BodyDescriptions(session)
-        self._qos = QoSProfile(depth=10, durability=DurabilityPolicy[session.settings.output_durability.upper()])
+        self._qos = QoSProfile(depth=10)
         self._outputs = {
             "patches": self._output(MarkerArray, "~/patches", self._make_patches),
             "collider_patches": self._output(ColliderPatchArray, "~/collider_patches", self._make_collider_patches),
@@ -115,64 +138,84 @@ class Publishing:
                 lambda: body_outputs.contact_wrenches(self._header(), self._world),
             ),
             "pressed_ground": self._output(HeightmapUpdate, "~/pressed_ground", self._make_pressed_ground),
+            "scene": self._output(MarkerArray, "~/scene", self._make_scene),
         }
+        grid_map = find_message("grid_map_msgs", "GridMap")
+        if grid_map is not None:
+            self._outputs["sinkage"] = self._output(grid_map, "~/sinkage", partial(self._make_sinkage, grid_map))
+        self._sunk = -1  # revision of the map in the last message on ~/sinkage
+        self._robot_model = RobotModel(session)
         self._scans = [ScanOutput(session, entry, self._qos) for entry in session.settings.height_scans]
-        ends: list[Any] = [self._descriptions, *self._scans, *self._outputs.values()]
+        ends: list[Any] = [self._descriptions, self._robot_model, *self._scans, *self._outputs.values()]
         self._diagnostics = Diagnostics(session, peers, self._clock, [end.publisher for end in ends])
+        self._time = RateTime(session)
         # Staggered, so that no step publishes all outputs.
-        start = monotonic()
         self._due = {
-            name: start + place / (len(self._outputs) * max(getattr(session.settings.publish, name), 1.0))
+            name: place / (len(self._outputs) * max(getattr(session.settings.publish, name), 1.0))
             for place, name in enumerate(self._outputs)
         }
+        self._handled = 0  # messages and calls at the last time
+        self._served = dict.fromkeys(self._outputs, 0)  # numbers of subscribers of the last messages
         self._timing_window = Window(session)
-        self._audiences = {name: Audience() for name in (*PATCH_OUTPUTS, "pressed_ground")}
+        self._audiences = {name: Audience(self._now) for name in (*PATCH_OUTPUTS, "pressed_ground", "sinkage", "scene")}
         self._shown = dict.fromkeys(PATCH_OUTPUTS, -1)  # the number of refreshes at the last message
 
-    def publish(self, *, now: bool = False) -> None:
-        """Publishes every output that has subscribers and is due; ``now``: due or not."""
-        time, enduring = monotonic(), self._session.enduring
-        self._publish(self._outputs, time, now=now)
+    def publish(self, *, now: bool = False, idle: bool = False) -> None:
+        """Publishes every output that has subscribers and is due. ``now``: due or not. ``idle``: without a step, also
+        if there was a message or call since the last time, and what has subscribers that it had not before."""
+        session = self._session
+        steady, time, enduring = self._now(), self._time.read(), session.enduring
+        now, self._handled = now or (idle and session.handled != self._handled), session.handled
+        self._publish(self._outputs, time, now=now, idle=idle)
         with enduring("height_scan"):
             for scan in self._scans:
                 scan.publish(now=now)
         with enduring("clock"):
-            self._clock.publish(time)
+            self._clock.publish(steady)
         with enduring("tf"):
-            self._transforms.publish(time, at_once=now)
+            self._transforms.publish(steady, time, at_once=now)
         with enduring("body_descriptions"):
             self._descriptions.publish()
+        with enduring("robot_model"):
+            self._robot_model.publish()
         with enduring("diagnostics"):
-            self._diagnostics.publish(time)
+            self._diagnostics.publish(steady)
 
     def close(self) -> None:
-        """Deletes the patches from the displays of subscribers, which keep them else."""
-        publisher = self._outputs["patches"].publisher
-        with self._session.enduring("patches"):
-            if not publisher.get_subscription_count():
-                return
-            publisher.publish(self._markers.cleared(self._header()))
-            publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
+        """Deletes patches and scene from the displays of subscribers, which keep them else."""
+        for name, markers in (("patches", self._markers), ("scene", self._scene)):
+            publisher = self._outputs[name].publisher
+            with self._session.enduring(name):
+                if publisher.get_subscription_count():
+                    publisher.publish(markers.cleared(self._header()))
+                    publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
 
     def publish_patches(self) -> None:
         """Publishes the patch outputs that are due; called before a step, so that they do not wait for the physics."""
-        self._publish(PATCH_OUTPUTS, monotonic(), now=False)
+        self._publish(PATCH_OUTPUTS, self._time.read())
 
-    def _publish(self, names: Iterable[str], time: float, *, now: bool) -> None:
+    def _publish(self, names: Iterable[str], time: float, *, now: bool = False, idle: bool = False) -> None:
         rates = self._session.settings.publish
         for name in names:
             output, rate = self._outputs[name], getattr(rates, name)
             new = self._shown.get(name) != self._world.refreshes
-            if rate > 0.0 and (now or (new and time >= self._due[name])):
+            due = now or (new and time >= self._due[name]) or (idle and self._has_joined(name, output))
+            if rate > 0.0 and due:
                 # Keeps the phase, unless a message was missed or came before it was due.
                 self._due[name] = max(min(self._due[name], time) + 1.0 / rate, time)
                 with self._session.enduring(name):
                     self._send(name, output)
 
+    def _has_joined(self, name: str, output: _Output) -> bool:
+        """Return True if an output has more subscribers than at its last message, or at the last call."""
+        before, self._served[name] = self._served[name], output.publisher.get_subscription_count()
+        return self._served[name] > before
+
     def _send(self, name: str, output: _Output) -> None:
-        if not output.publisher.get_subscription_count():
+        self._served[name] = output.publisher.get_subscription_count()
+        if not self._served[name]:
             return
-        audience = self._audiences.get(name, Audience())
+        audience = self._audiences.get(name, Audience(self._now))
         with self._world.stopwatch.stage("publish"), undone(audience.missed):
             made = output.make()
             for message in made if isinstance(made, list) else [made]:
@@ -227,8 +270,21 @@ class Publishing:
         """Return the message of what changed in the soil, if any did."""
         world, everything = self._world, self._needs_all("pressed_ground")
         soil = world.ground.soil
-        region = soil.changes(world.time, everything=everything) if isinstance(soil, ContactSoil) else None
+        region = soil.changes(world.time, everything=everything) if isinstance(soil, Soil) else None
         return [] if region is None else [update_message(self._header(), "", region)]
+
+    def _make_sinkage(self, kind: Any) -> list[Any]:
+        """Return the grid map of the soil, if it changed or somebody is new."""
+        soil, everything = self._world.ground.soil, self._needs_all("sinkage")
+        if not isinstance(soil, Soil):
+            return []
+        shown, self._sunk = self._sunk, soil.map.revision
+        if shown == soil.map.revision and not (everything and self._audiences["sinkage"].new):
+            return []
+        return [sinkage_message(kind, self._header(), soil)]
+
+    def _make_scene(self) -> bytes:
+        return self._scene.write(self._header(), clear=self._needs_all("scene"))
 
     def _make_timing(self) -> Timing:
         length, factor, misses = self._timing_window.read()

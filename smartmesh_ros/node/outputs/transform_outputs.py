@@ -52,17 +52,18 @@ class TransformOutputs:
         self._due, self._listened, self._stamp = 0.0, 0.0, (0, 0)
         require_transforms(session.settings.publish.tf)
 
-    def publish(self, now: float, *, at_once: bool) -> None:
-        """Publish the frames if they are due at the steady time ``now`` [s], or ``at_once``."""
+    def publish(self, now: float, time: float, *, at_once: bool) -> None:
+        """Publish the frames if they are due at the ``time`` by which rates count [s], or ``at_once``. ``now``: steady
+        time [s]."""
         session, rate = self._session, self._session.settings.publish.tf
         if not rate:
             self._close()
             return
         if self._publisher is None:
             self._open(now)
-        if now < self._listened or not (at_once or now >= self._due) or not session.frame_id:
+        if now < self._listened or not (at_once or time >= self._due) or not session.frame_id:
             return
-        self._due = max(self._due + 1.0 / rate, now)
+        self._due = max(self._due + 1.0 / rate, time)
         header = Header(stamp=session.stamp_now(), frame_id=session.frame_id)
         stamp = header.stamp.sec, header.stamp.nanosec
         if stamp == self._stamp:  # the clock stands still; listeners warn of a frame that comes twice at one time

@@ -9,7 +9,6 @@ asked for those alone that are given.
 from __future__ import annotations
 
 import copy
-import difflib
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,7 +25,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, suggestion
 
 NONE: Mapping[str, str] = MappingProxyType({})
 # Beginning of the names of parameters that change the QoS of topics.
@@ -77,8 +76,7 @@ def given_parameters(node: Node) -> Mapping[str, Parameter]:
 
 def nearest(name: str, specs: Sequence[Spec]) -> str:
     """Return a hint that suggests the most similar known name; empty if no name is similar."""
-    names = difflib.get_close_matches(name, [spec.name for spec in specs], n=1)
-    return f"; did you mean {names[0]!r}?" if names else ""
+    return suggestion(name, [spec.name for spec in specs])
 
 
 def current_values(node: Node, specs: Sequence[Spec]) -> dict[str, Any]:
@@ -113,6 +111,22 @@ def checked_value(spec: Spec, value: Any) -> Any:
     if not fits or (spec.choices and value not in spec.choices):
         raise InputError("parameter", f"{spec.name} is {value!r}; {spec.rule}")
     return items if many else items[0]
+
+
+def number_value(spec: Spec, value: Any) -> Any:
+    """Return the number, or the list of numbers, that a text for such a parameter says; other values as they are.
+
+    `ros2 param load` sends 1.0e-09 of a file as the text 1e-09, which is no number of YAML 1.1.
+    """
+    if _kind(spec) is not float or not isinstance(value, str):
+        return value
+    try:
+        numbers = [float(word) for word in value.strip("[] ").split(",")]
+    except ValueError:
+        return value
+    if isinstance(spec.default, list):
+        return numbers
+    return numbers[0] if len(numbers) == 1 else value
 
 
 def _kind(spec: Spec) -> type:
@@ -230,7 +244,12 @@ class ParameterNode(Node):
         self.values = checked(current_values(self, specs), specs)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Set parameters like rclpy, with refusals that say what would be right."""
+        """Set parameters like rclpy, with refusals that say what would be right, and numbers that are given as text."""
+        specs = {spec.name: spec for spec in self._specs}
+        parameter_list = [
+            Parameter(one.name, value=number_value(specs[one.name], one.value)) if one.name in specs else one
+            for one in parameter_list
+        ]
         for name in (parameter.name for parameter in parameter_list):
             if reason := self._objection(name):
                 return SetParametersResult(successful=False, reason=reason)

@@ -104,7 +104,7 @@ def mismatch(file: Path, node: str) -> str | None:
     except (OSError, ValueError, yaml.YAMLError):
         return None
     names = list(_node_names(content))
-    if not names or any(re.fullmatch(_pattern(name), node) for name in names):
+    if not names or any(re.fullmatch(pattern(name), node) for name in names):
         return None
     return f"parameter file {file} has no effect: it is for {', '.join(names)}, and this node is {node}"
 
@@ -118,7 +118,7 @@ def _node_names(content: Any, path: str = "") -> Iterator[str]:
             yield from _node_names(value, f"{path}/{str(key).strip('/')}")
 
 
-def _pattern(name: str) -> str:
+def pattern(name: str) -> str:
     """Return a regular expression for a node name: ``*`` matches one part of the name, ``**`` any number."""
     parts = {"**": r"(/[^/]+)*", "*": r"/[^/]+"}
     return "".join(parts.get(part, "/" + re.escape(part)) for part in name.split("/")[1:])

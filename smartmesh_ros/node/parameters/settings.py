@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import yaml
 from rclpy.exceptions import InvalidTopicNameException
@@ -19,10 +19,9 @@ from rclpy.validate_topic_name import validate_topic_name
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
-from smartmesh_ros.io.urdf import UrdfRules
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
-from smartmesh_ros.soil.soils import soil_named
+from smartmesh_ros.soil.soils import soils_from
 from smartmesh_ros.terrain.height_scan import HeightScan
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.world import WorldConfig
@@ -156,8 +155,7 @@ def _scan_entry(found: Any, place: int) -> ScanEntry:
 
 # Longest name of a body, tile or frame [characters].
 LONGEST_NAME = 256
-Durability = Literal["volatile", "transient_local"]
-Reliability = Literal["reliable", "best_effort"]
+Introspection = Literal["disabled", "metadata", "contents"]
 # Meaning of a change of height between maps; *auto*: a correction if sensors or mappers provide the terrain.
 TerrainChanges = Literal["auto", "motion", "correction"]
 
@@ -170,37 +168,44 @@ class PublishRates:
     collider_patches: float = 30.0
     body_states: float = 60.0
     contacts: float = 30.0
-    timing: float = 1.0
     clock: float = 0.0
     joint_states: float = 60.0
-    odometry: float = 60.0
-    contact_wrenches: float = 60.0
     tf: float = 0.0
+    timing: ClassVar[float] = 1.0
+
+    @property
+    def odometry(self) -> float:
+        """Odometry is published with the joints."""
+        return self.joint_states
+
+    @property
+    def contact_wrenches(self) -> float:
+        """Wrenches are published with the joints."""
+        return self.joint_states
 
     @property
     def pressed_ground(self) -> float:
         """Prints are published with the patches that stand in them."""
         return self.patches
 
+    @property
+    def sinkage(self) -> float:
+        """The whole map is published once a second at most."""
+        return min(self.patches, 1.0)
+
+    @property
+    def scene(self) -> float:
+        """The scene is published with the patches."""
+        return self.patches
+
 
 @dataclass(frozen=True, kw_only=True)
 class RobotConfig:
     """The robot of the parameters ``robot.*``. ``description``: URDF text or the path of a URDF file; empty = the robot
-    on ``~/robot_description``, if any. ``xy`` [m], ``yaw`` [rad]: start pose of the base. ``above`` [m]: start height
-    of the base's centre above the ground.
-    """
+    on ``~/robot_description``, if any. ``start``: its name and where it starts, as an entry of ``bodies.spawn``."""
 
     description: str = ""
-    name: str = "robot"
-    xy: tuple[float, float] = (0.0, 0.0)
-    above: float = 0.5
-    yaw: float = 0.0
-
-    def __post_init__(self) -> None:
-        if len(self.xy) != 2:
-            raise InputError("parameter", f"robot.xy is {list(self.xy)}; it must be two numbers [m]")
-        if not self.name or "/" in self.name:
-            raise InputError("parameter", f"robot.name is {self.name!r}; it must not be empty and have no '/'")
+    start: str = "{id: robot, xy: [0.0, 0.0], above: 0.5}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,24 +217,22 @@ class Settings:
     publish: PublishRates = field(default_factory=PublishRates)
     frame_id: str = ""
     max_samples: int = 16_384**2
-    durability: Durability = "volatile"
-    reliability: Reliability = "reliable"
     input: str = "heightmap"
     file: str = ""
-    soil: str = ""
-    most_tiles: int = 1000
+    soil: tuple[str, ...] = ()
+    slip_sinkage: bool = True
     most_bodies: int = 10_000
-    longest_urdf: int = UrdfRules.longest
+    command_timeout: float = 0.5
     urdf_folders: tuple[str, ...] = ()
     raster: RasterConfig = field(default_factory=RasterConfig)
     robot: RobotConfig = field(default_factory=RobotConfig)
     simulation_interfaces: bool = False
+    service_introspection: Introspection = "disabled"
     poses: tuple[BodySource, ...] = ()
     odometry: tuple[BodySource, ...] = ()
     frames: tuple[BodySource, ...] = ()
     peers: tuple[str, ...] = ()
     height_scans: tuple[ScanEntry, ...] = ()
-    output_durability: Durability = "volatile"
     incremental: bool = False
     marker_namespace: str = "patches"
     robot_prefix: bool = False
@@ -243,7 +246,7 @@ class Settings:
     def __post_init__(self) -> None:
         if not self.soil:
             return
-        soil_named(self.soil)
+        soils_from(self.soil)
         if self.world.patch.kind != "auto":
             raise InputError("parameter", "soil.type needs contacts from the map: set patch.kind to auto")
         if self.motion.corrects:

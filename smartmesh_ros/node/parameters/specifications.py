@@ -14,6 +14,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.limits import FARTHEST_BODY
+from smartmesh_ros.io.urdf import UrdfRules
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import Spec
@@ -27,6 +29,7 @@ from smartmesh_ros.node.parameters.settings import (
     scan_entries,
 )
 from smartmesh_ros.node.timing.pacing import require_one_clock
+from smartmesh_ros.terrain.motion import MOST_SMOOTHING
 
 ConfigT = TypeVar("ConfigT")
 
@@ -64,8 +67,8 @@ SPECS = (
     _param("physics.restitution", "Coefficient of restitution of simulated bodies, and of links of robots without "
         "<contact>, spawned after the change.", 0.0, 1.0),
     _param("physics.guard", "Put bodies that are below the ground back onto it."),
-    _param("physics.sleep", "Bodies at rest on ground at rest sleep, without a collider, until anything comes near or "
-        "the ground changes."),
+    _param("physics.sleep", "Bodies at rest on ground at rest sleep, until anything touches or moves them or the "
+        "ground changes."),
     _param("physics.solver_residual", "The solver stops iterating once the squared change of every contact's velocity "
         "is below this [m^2/s^2]; higher is faster and less accurate.", 0.0, 1.0),
     _param("physics.contact_erp", "Fraction of a penetration that the solver corrects in one step.", 0.01, 1.0),
@@ -85,13 +88,16 @@ SPECS = (
     _param("patch.carry_velocity", "Pass the ground's velocity to the contacts, so that moving ground carries bodies "
         "along."),
     _param("terrain.motion", "Motion of the ground between maps. hold: stay at the last map; extrapolate: continue "
-        "with the estimated velocity; interpolate: follow the maps one map late.", place="motion.mode"),
+        "with the estimated velocity and acceleration; interpolate: follow the maps one map interval late, on smooth "
+        "curves.",
+        place="motion.mode"),
+    _param("terrain.smoothing", "Time in which extrapolated ground goes over to the motion of a new map [map "
+        "intervals]; 0 = at once, with a jump. Higher makes forces on bodies smoother, and places less exact.",
+        0.0, MOST_SMOOTHING, place="motion.smoothing"),
     _param("terrain.max_interval", "Longest time between two maps from which velocity is estimated, and longest delay "
         "of maps over which the ground is extrapolated [s].", 0.001, 60.0),
     _param("terrain.max_velocity", "Highest estimated velocity [m/s]; a faster change of height counts as a jump, "
         "without velocity.", 0.01, 1000.0),
-    _param("terrain.min_interval", "Maps that follow each other sooner are treated as parts of one map, without "
-        "velocity of their own [s].", 0.0, 1.0),
     Spec("terrain.changes", "auto",
         "Meaning of a change of height between maps. motion: the ground moved; correction: the ground stood still and "
         "the new map is more accurate. auto: motion if "
@@ -101,19 +107,19 @@ SPECS = (
         "heights over time, and reduces estimated velocities by the share that noise explains.", 0.0, 10.0),
     _param("terrain.max_samples", "Most samples in all maps together; maps that exceed them are refused.",
         9, 2**31, place="max_samples"),
-    _param("terrain.max_tiles", "Most tiles; more are refused.", 1, 1_000_000, place="most_tiles"),
-    _fixed("terrain.durability", "QoS durability of the map subscriptions; transient_local receives the last map of a "
-        "latched publisher, but nothing from a volatile publisher.", place="durability"),
-    _fixed("terrain.reliability", "QoS reliability of the map subscriptions; best_effort also receives maps of "
-        "best-effort publishers, such as cameras, but may lose messages.", place="reliability"),
     Spec("terrain.input", DEFAULTS.input,
         "Additional terrain topic, ~/<input>; the node always subscribes to the heightmap and mesh topics.",
         choices=("heightmap", *ADAPTERS), read_only=True, place="input"),
     _fixed("terrain.file", "Terrain at start: a .npy, .png, .tif or .asc file; empty = none.", place="file"),
     _param("terrain.friction_layer", "Layer of a grid map that holds the ground's coefficients of friction, by which "
         "those of bodies are multiplied (NaN = 1); empty = none.", place="raster.friction_layer"),
-    _param("soil.type", "Soil that bodies stand on where the first tile is a height map, by its name in docs/soil.md; "
-        "empty = none.", place="soil"),
+    _param("soil.type", "Soils that bodies stand on where the first tile is a height map, by their names in "
+        "docs/soil.md; empty = none. The field soil of a map says which one each sample is; by default the first.",
+        place="soil"),
+    _param("soil.slip_sinkage", "Wheels that slip dig themselves in. false: for robots that turn by the slip of their "
+        "wheels, which dig in until they turn no more.", place="slip_sinkage"),
+    _param("soil.layer", "Layer of a grid map that holds the places of soils in soil.type, from 0 on (NaN = 0); empty "
+        "= none.", place="raster.soil_layer"),
     _param("raster.layer", "Layer of a grid map that holds the heights."),
     _param("raster.variance_layer", "Layer of a grid map that holds the variances of the heights [m^2], which weight "
         "their fusion; empty = none, use terrain.noise."),
@@ -123,7 +129,6 @@ SPECS = (
     _param("raster.resolution", "Distance between the samples of images and plain files [m].", 0.0001, 10_000.0),
     _param("raster.origin", "Position of the bottom left sample of images and plain files [m], three numbers.",
         -1e9, 1e9),
-    _param("raster.yaw", "Rotation of images and plain files about z [rad].", -math.pi, math.pi),
     _param("raster.first_row", "Side of the first row of images and plain files: the top, where y is largest, or the "
         "bottom."),
     _param("raster.zero_is_hole", "Treat zero in images and plain files as a hole."),
@@ -134,8 +139,11 @@ SPECS = (
     _param("bodies.default_radius", "Radius of tracked bodies whose messages give none [m].", 0.001, 100.0),
     _fixed("bodies.spawn", "Bodies spawned at start, each a YAML mapping; see config/."),
     _param("bodies.most", "Most bodies, tracked and simulated; more are refused.", 1, 1_000_000, place="most_bodies"),
-    _param("bodies.longest_urdf", "Longest robot description [bytes].", 1, 2**31),
-    _fixed("bodies.urdf_folders", "Folders from which services may load robot descriptions and their meshes; empty = "
+    _param("bodies.command_timeout", "Joints and tracks that velocities drive stop after this long without a command, "
+        "in simulated time [s]; 0 = never. Positions and efforts stay in force.", 0.0, 3600.0),
+    _param("bodies.lost_depth", "Depth below the ground that it left at which a body that fell off is removed [m].",
+        1.0, FARTHEST_BODY, place="world.falls.depth"),
+    _param("bodies.urdf_folders", "Folders from which services may load robot descriptions and their meshes; empty = "
         "pybullet_data and the share folders of the installed packages."),
     _fixed("bodies.poses", "Topics of geometry_msgs/PoseStamped, each for one tracked body: 'name=topic', or a topic "
         "alone, which also names the body."),
@@ -148,31 +156,27 @@ SPECS = (
         "simulates the peer's body, as a guest [m]; fast bodies earlier.", 0.01, 1000.0, place="world.guests.margin"),
     _fixed("robot.description", "URDF of a robot, or the path of a URDF file; empty = the robot on "
         "~/robot_description, if any."),
-    _fixed("robot.name", "Name of that robot."),
-    _fixed("robot.xy", "Start position of the root link's centre of mass [m], two numbers.", -1e9, 1e9),
-    _fixed("robot.above", "Start height of that centre of mass above the ground [m].", -10_000.0, 10_000.0),
-    _fixed("robot.yaw", "Start rotation about z [rad].", -math.pi, math.pi),
-    _param("publish.patches", "Rate of ~/patches and ~/pressed_ground [Hz]; 0 = never.", 0.0, 1000.0),
+    _fixed("robot.start", "Name of that robot and where it starts, a YAML mapping as of bodies.spawn: {id: rover, "
+        "xy: [0, 0], yaw: 0, above: 0.5}, or clearance and align in place of above."),
+    _param("publish.patches", "Rate of ~/patches, ~/scene and ~/pressed_ground, and of ~/sinkage up to 1 Hz [Hz]; "
+        "0 = never.", 0.0, 1000.0),
     _param("publish.collider_patches", "Rate of ~/collider_patches [Hz].", 0.0, 1000.0),
     _param("publish.body_states", "Rate of ~/body_states [Hz].", 0.0, 1000.0),
     _param("publish.contacts", "Rate of ~/contacts [Hz].", 0.0, 1000.0),
-    _param("publish.timing", "Rate of ~/timing [Hz].", 0.0, 1000.0),
     _param("publish.incremental", "Publish only changed patches on ~/patches and ~/collider_patches, and all patches "
         "when a subscriber joins and every 5 s.", place="incremental"),
     _fixed("publish.marker_namespace", "Field ns of the markers on ~/patches, to distinguish several nodes on one "
         "topic.", place="marker_namespace"),
     _param("publish.clock", "Rate of /clock, which carries simulated time [Hz]; 0 = never.", 0.0, 10_000.0),
-    _fixed("publish.durability", "QoS durability of the outputs; transient_local sends the last messages to late "
-        "subscribers.", place="output_durability"),
-    _param("publish.joint_states", "Rate of ~/joint_states [Hz].", 0.0, 1000.0),
-    _fixed("publish.robot_prefix", "Joints and frames of every robot are named <robot>/<name>. false: those of the "
-        "first robot have the names of its URDF, as robot_state_publisher expects. Names do not change while their "
-        "robot is there.", place="robot_prefix"),
+    _param("publish.joint_states", "Rate of ~/joint_states, ~/odometry and ~/contact_wrenches [Hz].", 0.0, 1000.0),
+    _fixed("publish.robot_prefix", "Joints and frames of every robot are named <robot>/<name>. false: a robot has the "
+        "names of its URDF, as robot_state_publisher expects, unless another has one of them already. Names do not "
+        "change while their robot is there.", place="robot_prefix"),
     _param("publish.tf", "Rate of the frames of simulated bodies and robots on /tf [Hz]; 0 = never. Frames that other "
         "nodes publish are left out.", 0.0, 1000.0),
-    _param("publish.odometry", "Rate of ~/odometry for each robot [Hz].", 0.0, 1000.0),
-    _param("publish.contact_wrenches", "Rate of ~/contact_wrenches [Hz].", 0.0, 1000.0),
     _fixed("simulation_interfaces", "Serve the standard services of simulation_interfaces."),
+    _fixed("service_introspection", "What the node publishes of each call of its services, on "
+        "<service>/_service_event; with contents a bag holds the calls, and a replay repeats them."),
     _fixed("height_scans", "Height scans on ~/height_scan/<body>, each a YAML mapping such as {body: robot, layout: "
         "isaac_lab, rate: 50, noise: 0.01}; see docs/height_scan.md."),
     _fixed("frame_id", "Frame of the terrain; empty = the frame of the first map."),
@@ -180,14 +184,30 @@ SPECS = (
 )  # fmt: skip
 NAMES = frozenset(spec.name for spec in SPECS)
 # Parameters of earlier versions, and what replaces them.
+_IN = "set qos_overrides.<full name of the topic>.subscription."
+_START = "set it in robot.start, a mapping such as {id: rover, xy: [0, 0], above: 0.5, yaw: 0}"
 REMOVED = {
+    "bodies.longest_urdf": f"robot descriptions have at most {UrdfRules.longest:,} bytes; leave it out",
     "bodies.longest_name": f"names have at most {LONGEST_NAME} characters; leave it out",
     "patch.edge_filter": "contacts from the map have no inner edges; leave it out",
     "patch.tolerance": "contacts from the map are exact; leave it out",
     "physics.landing": "contacts from the map stop bodies at the surface; leave it out",
-    "terrain.map_depth": "set qos_overrides.<full name of the topic>.subscription.depth",
-    "terrain.update_depth": "set qos_overrides.<full name of the topic>.subscription.depth",
+    "publish.contact_wrenches": "it is that of publish.joint_states",
     "publish.depth": "set qos_overrides.<full name of the topic>.publisher.depth",
+    "publish.durability": "set qos_overrides.<full name of the topic>.publisher.durability",
+    "publish.odometry": "it is that of publish.joint_states",
+    "publish.timing": "~/timing is published once a second; leave it out",
+    "raster.yaw": "let a static transform turn the frame of the terrain, frame_id",
+    "robot.above": _START,
+    "robot.name": _START,
+    "robot.xy": _START,
+    "robot.yaw": _START,
+    "terrain.durability": f"{_IN}durability",
+    "terrain.map_depth": f"{_IN}depth",
+    "terrain.max_tiles": "there may be 1000 tiles; leave it out",
+    "terrain.min_interval": "maps within 4 ms are parts of one map; leave it out",
+    "terrain.reliability": f"{_IN}reliability",
+    "terrain.update_depth": f"{_IN}depth",
 }
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import array
 import math
 from collections.abc import Sequence
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,9 @@ SPECS = (
     fixed("camera.rows", _C.rows, "Rows of the image.", 2, 4096),
     fixed("camera.view", [*_C.view], "Horizontal and vertical angle between the outermost rays [rad].", 0.01, 3.1),
 )  # fmt: skip
+# Time without looks that is no reason for a warning, such as at a start [s], and number of empty clouds in a row that
+# is.
+GRACE, EMPTY_LOOKS = 5.0, 5
 # Time after which an unanswered call is given up [s].
 PATIENCE = 2.0
 # Rotation from a frame that looks along x, z up, to an optical frame, which looks along z, y down.
@@ -94,9 +98,11 @@ class TerrainSensor(ParameterNode):
         self._look = 0
         self._asked: Any = None  # the call under way
         self._asked_at = 0.0
+        self._looked_at = monotonic()  # when the last look succeeded, or this node started [s]
+        self._empty = 0  # looks without a return, one after the other
         self._client = self.create_client(CastRays, "terrain_collider/cast_rays")
         self._points = self.create_publisher(PointCloud2, "~/points", QoSProfile(depth=5))
-        self._optical = f"{self.get_name()}_optical"
+        self._optical = f"{self.get_fully_qualified_name().strip('/')}_optical"
         if isinstance(self.sensor, DepthCamera):
             self._image = self.create_publisher(Image, "~/image", QoSProfile(depth=5))
             self._info = self.create_publisher(CameraInfo, "~/camera_info", QoSProfile(depth=5))
@@ -110,7 +116,9 @@ class TerrainSensor(ParameterNode):
             self._warn("looks take longer than 1 / rate, so some are left out; lower rate or the number of rays")
             return
         if not self._client.service_is_ready():
-            self._warn(f"there is no service {self._client.srv_name}; start terrain_collider, or remap the service")
+            self._warn_late(
+                f"there is no service {self._client.srv_name}; start terrain_collider, or remap the service"
+            )
             return
         directions = self.sensor.directions_b(self._look)
         request = CastRays.Request(header=Header(frame_id=self._frame), range=self.sensor.farthest)
@@ -127,10 +135,12 @@ class TerrainSensor(ParameterNode):
             self._asked = None
         response = future.result()
         if not response.success:
-            self._warn(f"no look: {response.message}")
+            self._warn_late(f"no look: {response.message}")
             return
+        self._looked_at = monotonic()
         true = np.frombuffer(response.distances, np.float64)
         known = np.isfinite(true) & (true >= self.sensor.nearest)
+        self._note_returns(any_return=bool(known.any()))
         ranges = np.full(len(true), np.nan)
         deviations = self.sensor.deviation(true[known])
         ranges[known] = true[known] + deviations * self._rng.normal(size=len(deviations))
@@ -142,6 +152,18 @@ class TerrainSensor(ParameterNode):
             optical = Header(stamp=header.stamp, frame_id=self._optical)
             self._image.publish(depth_image(optical, self.sensor, ranges))
             self._info.publish(camera_info(optical, self.sensor))
+
+    def _note_returns(self, *, any_return: bool) -> None:
+        """Log a line when looks have begun to meet nothing, and when one meets something again."""
+        if any_return and self._empty >= EMPTY_LOOKS:
+            self.get_logger().info("rays meet something again")
+        self._empty = 0 if any_return else self._empty + 1
+        if self._empty == EMPTY_LOOKS:
+            around = f"frame {self._frame!r}" if self._frame else "the terrain's origin"
+            reach = f"{self.sensor.nearest:g} to {self.sensor.farthest:g} m"
+            self.get_logger().warning(
+                f"clouds are empty: no ray meets anything within {reach} around {around}; is there ground below it?"
+            )
 
     def _publish_frame(self, header: Header) -> None:
         """Publish the pose of the optical frame, once, if tf2_msgs is installed."""
@@ -159,6 +181,10 @@ class TerrainSensor(ParameterNode):
         self._frames.publish(
             kind(transforms=[TransformStamped(header=header, child_frame_id=self._optical, transform=pose)])
         )
+
+    def _warn_late(self, words: str) -> None:
+        if monotonic() - self._looked_at > GRACE:
+            self._warn(words)
 
     def _warn(self, words: str) -> None:
         self.get_logger().warning(words, throttle_duration_sec=5.0)

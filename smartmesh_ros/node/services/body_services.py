@@ -11,6 +11,7 @@ from smartmesh_msgs.msg import BodyFailure
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.refusals import shortened
 from smartmesh_ros.node.services.turns import in_turns
@@ -32,39 +33,49 @@ class BodyServices:
         session.serve(SpawnBodies, "spawn_bodies", self._on_spawn_all)
         session.serve(RemoveBodies, "remove_bodies", self._on_remove_all)
 
-    async def _ready(self, body: Any) -> Callable[[], None]:
-        """Return the action that adds a body, and that raises `InputError` and adds nothing if the world refuses the
-        body. A robot is prepared before. Raises `InputError`."""
+    async def _ready(self, body: Any) -> Callable[[], str]:
+        """Return the action that adds a body, and returns how it starts otherwise than asked, empty if it does not; it
+        raises `InputError` and adds nothing if the world refuses the body. A robot is prepared before. Raises
+        `InputError`."""
         session, world = self._session, self._session.world
         require_name(body.id)
         session.require_room([body.id])
         state = conversions.state_from(body.pose, body.twist)
         if not body.urdf:
-            shape = conversions.shape_from(body.shape)
+            shape = conversions.shape_of_primitive(body.shape)
             standing = {"on_ground": body.on_ground, "clearance": body.clearance, "align": body.align}
-            return lambda: world.spawn(body.id, shape, body.mass, state, **standing)
+            return self._told(body, state, lambda: world.spawn(body.id, shape, body.mass, state, **standing))
         robot = await session.robots.prepared(body.urdf, session.settings)
         if not body.on_ground:
-            return lambda: world.spawn_robot(body.id, robot, state)
+            return self._told(body, state, lambda: world.spawn_robot(body.id, robot, state))
         stance = await in_turns(world.stance_of_robot(body.id, robot, state, align=body.align), session.lock)
-        return lambda: world.spawn_robot(body.id, robot, stance.on(world.ground_at, body.clearance))
+        return self._told(
+            body, state, lambda: world.spawn_robot(body.id, robot, stance.on(world.ground_at, body.clearance))
+        )
 
-    def _add(self, name: str, action: Callable[[], None]) -> None:
-        """Do the action that adds a body. Raises `InputError` if there is no room."""
+    def _told(self, body: Any, state: BodyState, add: Callable[[], None]) -> Callable[[], str]:
+        def action() -> str:
+            add()
+            return self._session.start_of(body.id, state, on_ground=body.on_ground)
+
+        return action
+
+    def _add(self, name: str, action: Callable[[], str]) -> str:
+        """Do the action that adds a body, and return its words. Raises `InputError` if there is no room."""
         self._session.require_room([name])
-        action()
+        return action()
 
-    async def _on_spawn(self, request: SpawnBody.Request, _: SpawnBody.Response) -> None:
+    async def _on_spawn(self, request: SpawnBody.Request, response: SpawnBody.Response) -> None:
         action = await self._ready(request)
         with self._session.lock:
-            self._add(request.id, action)
+            response.message = self._add(request.id, action)
 
     async def _on_spawn_all(self, request: SpawnBodies.Request, response: SpawnBodies.Response) -> None:
-        world, added = self._session.world, []
+        world, added, told = self._session.world, [], []
         tasks: list[tuple[str, Callable[[], Any]]] = []
 
-        def add(name: str, action: Callable[[], None]) -> None:
-            self._add(name, action)
+        def add(name: str, action: Callable[[], str]) -> None:
+            told.append(self._add(name, action))
             added.append(name)
 
         for body in request.bodies:
@@ -78,6 +89,7 @@ class BodyServices:
         stay = f"but some were added and stay, because PyBullet failed: {', '.join(body.id for body in left)}"
         response.failures = failures
         _require_all(failures, len(request.bodies), stay if left else NOTHING)
+        response.message = shortened("; ".join(filter(None, told)))
 
     def _on_remove_all(self, request: RemoveBodies.Request, response: RemoveBodies.Response) -> None:
         session, counts = self._session, Counter(request.ids)

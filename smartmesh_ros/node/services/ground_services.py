@@ -91,7 +91,7 @@ def asked_frame(session: Session, transforms: TransformInput, header: Any) -> As
         raise InputError("no_map", NO_TERRAIN)
     stamp = stamp_seconds(header.stamp)
     if stamp is None:
-        time, instant = session.world.time, stamp_of(_stamp_of_world(session))
+        time, instant = session.world.time, stamp_of(session.state_time())
     else:
         instant, age = header.stamp, session.clock_now() - stamp
         if abs(age) > FARTHEST:
@@ -118,13 +118,6 @@ def _transform(session: Session, transforms: TransformInput, frame_id: str, stam
         there = f"the bodies are {', '.join(names[:MOST_NAMED])}" if names else "there are no bodies"
         again = "" if listening or not transforms.listening else "; the node has just subscribed to /tf, so ask again"
         raise InputError("frame", f"no body is called {frame_id!r} ({there}), and as a frame: {error}{again}") from None
-
-
-def _stamp_of_world(session: Session) -> float:
-    """Return the stamp of the world's time [s], at which the bodies are."""
-    if session.settings.publish.clock:
-        return session.world.time
-    return session.clock.stamp_now() + session.ahead_of_stamps()
 
 
 # Most points or rays in one call.

@@ -3,7 +3,7 @@
 They are spawned at the start or once the terrain covers their place, and again after a full reset. The parameter
 ``bodies.spawn`` has one YAML mapping for each body:
 ``{id: ball, shape: sphere, size: [0.2], mass: 1.0, xy: [0, 0], above: 0.5}``, with ``shape`` sphere [radius],
-box [x, y, z], cylinder [radius, height] or capsule [radius, height] in metres; or ``urdf`` with a file. ``xyz`` is the
+box [x, y, z], cylinder [height, radius] or capsule [height, radius] in metres; or ``urdf`` with a file. ``xyz`` is the
 position in the terrain's frame. With ``xy`` the body waits for the ground: with ``clearance`` its lowest point starts
 that far above the ground, 0 by default, and with ``align: true`` it is tilted with the ground; with ``above`` instead
 its centre starts that far above the ground. ``yaw`` [rad] is the turn about z.
@@ -12,7 +12,7 @@ its centre starts that far above the ground. ``yaw`` [rad] is the turn about z.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,8 +21,8 @@ import yaml
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Shape
+from smartmesh_ros.errors import InputError, suggestion
+from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Shape, shape_from
 from smartmesh_ros.ground.state import BodyState, Vector
 from smartmesh_ros.node.services.robot_files import robot_name, with_package_paths
 from smartmesh_ros.node.services.turns import Work, in_turns
@@ -32,7 +32,8 @@ from smartmesh_ros.world.world import World
 
 # The C parser takes a tenth of the time, which matters for a thousand bodies.
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_KEYS = {"id", "shape", "size", "mass", "urdf", "xyz", "xy", "above", "clearance", "align", "yaw"}
+_BODY = {"shape", "size", "mass", "urdf"}
+_KEYS = {"id", "xyz", "xy", "above", "clearance", "align", "yaw"} | _BODY
 
 
 @dataclass(frozen=True)
@@ -61,18 +62,21 @@ class Entry:
         return self.xyz is None and self.above is None
 
 
-def entry_from_text(text: str) -> Entry:
-    """Return the entry of a YAML mapping. Raises `InputError` if the text is no valid entry."""
+def entry_from_text(text: str, urdf: str = "") -> Entry:
+    """Return the entry of a YAML mapping, of a robot if its ``urdf`` is given. Raises `InputError` if the text is no
+    valid entry."""
+    what, keys = ("robot.start", _KEYS - _BODY) if urdf else ("bodies.spawn entry", _KEYS)
     try:
         entry = yaml.load(text, Loader=_LOADER)
     except yaml.YAMLError as error:
-        raise InputError("spawn", f"bodies.spawn entry {text!r} is not YAML: {error}") from None
-    if not isinstance(entry, dict) or not {"id"} <= entry.keys() <= _KEYS:
-        raise InputError("spawn", f"bodies.spawn entry {text!r} must be a mapping with id and any of {sorted(_KEYS)}")
-    shape, urdf = None, str(entry.get("urdf", ""))
-    if not urdf:
-        with _refused(text, f" needs a shape ({', '.join(SHAPES_BY_NAME)}) and its size in metres"):
-            shape = SHAPES_BY_NAME[entry["shape"]](*(float(value) for value in entry["size"]))
+        raise InputError("spawn", f"{what} {text!r} is not YAML: {error}") from None
+    if not isinstance(entry, dict) or "id" not in entry:
+        raise InputError("spawn", f"{what} {text!r} must be a mapping with id and any of {sorted(keys)}")
+    for key in entry.keys() - keys:
+        words = f"{key!r} is unknown{suggestion(str(key), keys)}; the keys are {', '.join(sorted(keys))}"
+        raise InputError("spawn", f"{what} {text!r}: {words}")
+    urdf = urdf or str(entry.get("urdf", ""))
+    shape = None if urdf else _shape_of(entry, text)
     with _refused(text, ": mass and yaw must be numbers"):
         mass, yaw = float(entry.get("mass", 1.0)), float(entry.get("yaw", 0.0))
     with _refused(text, " needs xyz: [x, y, z], or xy: [x, y] with clearance or above"):
@@ -82,6 +86,21 @@ def entry_from_text(text: str) -> Entry:
             "spawn", f"bodies.spawn entry {text!r}: clearance and align go with xy alone, not with xyz or above"
         )
     return Entry(str(entry["id"]), shape=shape, mass=mass, urdf=urdf, yaw=yaw, **place)
+
+
+def _shape_of(entry: dict[str, Any], text: str) -> Shape:
+    """Return the shape of an entry. Raises `InputError`."""
+    known, name = ", ".join(SHAPES_BY_NAME), entry.get("shape")
+    if name is None:
+        raise InputError("spawn", f"bodies.spawn entry {text!r} needs a shape ({known}) and its size, or a urdf")
+    if name not in [*SHAPES_BY_NAME]:
+        words = f"there is no shape {name!r}{suggestion(str(name), SHAPES_BY_NAME)}; choose {known}"
+        raise InputError("spawn", f"bodies.spawn entry {text!r}: {words}")
+    with _refused(text, " needs the size of its shape in metres, such as size: [0.2]"):
+        try:
+            return shape_from(SHAPES_BY_NAME[name], entry["size"])
+        except InputError as error:
+            raise InputError("spawn", f"bodies.spawn entry {text!r}: {error}") from None
 
 
 @contextmanager
@@ -157,6 +176,8 @@ class InitialBodies:
         if entry.urdf and entry.robot is None:
             entry = replace(entry, robot=prepare_robot(with_package_paths(entry.urdf)))
         waiting = not spawn(self._session.world, entry)
+        if not waiting and entry.xyz is not None and self._session.world.terrain.tiles:
+            self._session.start_of(entry.name, BodyState(entry.xyz))
         self._entries[entry.name] = entry
         self._waiting = [name for name in self._waiting if name != entry.name]
         if waiting:
@@ -204,11 +225,14 @@ class InitialBodies:
         if not isinstance(error, InputError):
             self._waiting.append(name)
 
-    def restore(self) -> None:
-        """Spawn again the initial bodies that were removed."""
-        for name in self._entries:
-            if not any(name in known for known in (self._session.world.bodies, self._waiting, self._standing)):
-                self._waiting.append(name)
+    def has(self, name: str) -> bool:
+        """Return True if a body is there, or will be."""
+        return any(name in known for known in (self._session.world.bodies, self._waiting, self._standing))
+
+    def restore(self, names: Collection[str] | None = None) -> None:
+        """Spawn again the initial bodies that were removed, None = all, or those of some ``names``."""
+        chosen = [name for name in self._entries if names is None or name in names]
+        self._waiting += [name for name in chosen if not self.has(name)]
         self.on_terrain()
 
 
@@ -218,14 +242,16 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 class RobotDescription:
     """Keeps one robot, as described last.
 
-    Spawns the robot as soon as the terrain covers its start position. A different description replaces the robot at its
-    current pose; a description that does not load changes nothing.
+    Spawns the robot as soon as the terrain covers its start position, and again if the same description comes after it
+    was removed. A different description replaces the robot at its current pose; a description that does not load
+    changes nothing.
     """
 
     def __init__(self, session: Session, bodies: InitialBodies) -> None:
         self._session, self._bodies = session, bodies
         self._urdf = ""
         self._received = self._applied = 0  # numbers of descriptions
+        self._entry = entry_from_text(session.settings.robot.start, "of the description")
         if session.settings.robot.description:
             self._take(prepare_robot(with_package_paths(session.settings.robot.description)))
         session.listen(String, "robot_description", self._on_description, LATCHED)
@@ -248,15 +274,13 @@ class RobotDescription:
             session.refusals.add("robot_description", error)
 
     def _take(self, robot: PreparedRobot) -> None:
-        settings, world = self._session.settings.robot, self._session.world
-        if robot.given == self._urdf:
+        world = self._session.world
+        if robot.given == self._urdf and self._bodies.has(self._entry.name):
             return
-        entry = Entry(
-            settings.name, urdf=robot.given, robot=robot, xy=settings.xy, above=settings.above, yaw=settings.yaw
-        )
-        known = world.bodies.get(settings.name)
+        entry = replace(self._entry, urdf=robot.given, robot=robot)
+        known = world.bodies.get(entry.name)
         if self._urdf and known is not None and known.is_robot:
-            world.replace_robot(settings.name, robot)
+            world.replace_robot(entry.name, robot)
             self._bodies.replace(entry)
         else:
             self._bodies.add(entry)

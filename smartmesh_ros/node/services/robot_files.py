@@ -6,6 +6,7 @@ import os
 import re
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from urllib.parse import unquote
 
 import pybullet_data
 
@@ -34,18 +35,18 @@ def urdf_text(urdf: str) -> str:
 
 
 def with_package_paths(urdf: str) -> str:
-    """Return a URDF text or path with ``package://<package>`` and ``file://`` replaced by folders. Raises `InputError`
-    that names the package of a path if it is not installed; in a text only the packages of collision meshes matter,
-    when the robot is loaded."""
+    """Return the path that a URI names by ``package://<package>`` or ``file://``, with ``%20`` for a space; other paths
+    and URDF texts are returned as they are. Raises `InputError` if the package is not installed."""
 
     def folder(match: re.Match[str]) -> str:
         if (found := package_folder(match[1])) is not None:
             return str(found)
-        if is_text(urdf):
-            return match[0]
         raise InputError("urdf_package", f"package {match[1]!r} is not installed, or not sourced")
 
-    return re.sub(r"package://([^/\"'<>\s]+)", folder, urdf).replace("file://", "")
+    if is_text(urdf):  # `named_file` reads the names in it
+        return urdf
+    path = re.sub("^file://(localhost(?=/))?", "", re.sub("^package://([^/]+)", folder, urdf))
+    return path if path == urdf or Path(path).exists() else unquote(path)
 
 
 def _folders(settings: Settings) -> tuple[Path, ...]:
@@ -64,7 +65,7 @@ class RobotPreparation:
 
     async def prepared(self, urdf: str, settings: Settings) -> PreparedRobot:
         """Return the robot of a URDF text or path that a peer sent. Raises `InputError`."""
-        rules = UrdfRules(folders=_folders(settings), longest=settings.longest_urdf)
+        rules = UrdfRules(folders=_folders(settings))
         future = self._threads.submit(lambda: prepare_robot(checked_urdf(with_package_paths(urdf), rules)))
         while not future.done():
             await NextTurn(waits=True)

@@ -203,6 +203,7 @@ class SimulationServices:
             body = session.world.bodies[name]
             body.initial = centre_state(state, body.inertial)  # the pose is that of the base link
             session.world.move(name, body.initial)
+            session.start_of(name, body.initial)
         return name
 
     def _free_name(self, wanted: str) -> str:

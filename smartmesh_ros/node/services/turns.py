@@ -49,10 +49,13 @@ class Work(NamedTuple):
 
 
 class Turns:
-    """Work under way; calls take turns."""
+    """Work under way; calls take turns. Its length is the number of calls."""
 
     def __init__(self) -> None:
         self._waiting: deque[tuple[Coroutine[Any, Any, Any], Callable[[Any], None]]] = deque()
+
+    def __len__(self) -> int:
+        return len(self._waiting)
 
     def add(self, work: Work, send: Callable[[Any], None]) -> None:
         """Add work; ``send`` is called with its response."""

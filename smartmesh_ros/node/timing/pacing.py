@@ -23,8 +23,8 @@ MOST_CATCH_UP = 0.1
 MOST_JUMP = 1.0
 # Length of the window of last steps, an even number.
 LENGTH = 32
-# A loop is overloaded if both halves of the window took longer than this many periods per step. Both, because a single
-# long step slows only one half.
+# A loop is overloaded if both halves of the window, each without its longest step, took longer than this many periods
+# per step: a stall is a single long step.
 OVERLOAD = 1.02
 
 
@@ -44,9 +44,12 @@ class NodeClock:
         """True if time comes from ``/clock``."""
         return bool(self._clock.ros_time_is_active)
 
+    # Return the time for measurements and periods of outputs, which nobody sets [s].
+    steady = staticmethod(monotonic)
+
     def pace(self) -> float:
         """Return the time for deadlines, intervals and time-outs [s]."""
-        return self.stamp_now() if self.simulated else monotonic()
+        return self.stamp_now() if self.simulated else self.steady()
 
     def stamp_now(self) -> float:
         """Return the time that stamps are compared with [s]."""
@@ -91,8 +94,10 @@ class Timeline:
         """Forgets all steps."""
         self._count = 0
 
-    def note(self, start: float) -> None:
-        """Records a step that starts at ``start`` [s]."""
+    def note(self, start: float, longest: float) -> None:
+        """Records a step that starts at ``start`` [s]; more than ``longest`` [s] after the last one, forgets those."""
+        if start - self._starts[-1] > longest:
+            self.clear()
         self._starts[:-1] = self._starts[1:]
         self._starts[-1] = start
         self._count += 1
@@ -101,20 +106,19 @@ class Timeline:
         """Return True if the loop cannot keep this ``period`` [s]."""
         if self._count < LENGTH:
             return False
-        first, middle, last = self._starts[[0, LENGTH // 2, -1]].tolist()
-        most = OVERLOAD * period
-        slow = middle - first > most * (LENGTH // 2), last - middle > most * (LENGTH // 2 - 1)
-        return all(slow)
+        halves = np.split(np.diff(self._starts), [LENGTH // 2])
+        return all(half.sum() - half.max() > OVERLOAD * period * (len(half) - 1) for half in halves)
+
+    @property
+    def rate(self) -> float:
+        """Steps per second, by a least-squares line through the starts."""
+        offsets = self._starts - self._starts.mean()
+        return float((offsets @ self._steps) / (offsets @ offsets))
 
     def steps_to(self, instant: float) -> float:
-        """Return the simulated time at ``instant`` [s], in steps after the next step (negative before it).
-
-        A least-squares line through the starts gives the time.
-        """
-        middle = self._starts.mean()
-        offsets = self._starts - middle
-        rate = (offsets @ self._steps) / (offsets @ offsets)
-        return float(rate * (instant - middle) - 0.5 * (LENGTH + 1))
+        """Return the simulated time at ``instant`` [s], in steps after the next step (negative before it), on the line
+        of `rate`."""
+        return self.rate * (instant - float(self._starts.mean())) - 0.5 * (LENGTH + 1)
 
 
 class Pacer:
@@ -156,6 +160,13 @@ class Pacer:
         """True if the loop cannot keep its period."""
         return self._timeline.overloaded(self.period)
 
+    @property
+    def pace(self) -> float:
+        """Simulated time in a second of the clock, stalls left out [s]."""
+        if self.follows_clock or self.policy == "skip" or not self.overloaded:
+            return 1.0
+        return self._timeline.rate * self.period
+
     def restart(self) -> None:
         """Restarts the deadlines, after a pause or when the clock was set."""
         now = self._now()
@@ -188,7 +199,7 @@ class Pacer:
         the straight line through its last steps. If steps are skipped, or follow another simulator's clock, simulated
         time catches up at once and needs no limit.
         """
-        ahead = -min(self.remaining(), self.period)
+        ahead = 0.0 if self._waits_for_clock else -min(self.remaining(), self.period)
         if self.follows_clock or self.policy == "skip":
             return next_step + ahead - age
         if self.overloaded:
@@ -208,7 +219,7 @@ class Pacer:
         if self.follows_clock and late <= self.most_catch_up:
             missed = 0
         self.deadline_missed = missed > 0 and not self.follows_clock
-        self._timeline.note(self._now())
+        self._timeline.note(self._now(), self.most_catch_up + self.period)
         skipped = 0
         if missed and self.policy == "catch_up":
             # Later steps count as missed when they start, unless they are dropped now.

@@ -12,9 +12,11 @@ from smartmesh_ros.errors import InputError
 # A first stamp whose age on arrival [s] is within these limits is on this node's clock; any other comes from another
 # clock. A source of another clock changes to this node's clock if its stamps are at most half as old.
 OLDEST, NEWEST = 1.0, -0.05
-# The loop has stalled if stamps of a source are more than this many times as far apart as their simulated times [-]. A
-# loop that is overloaded for good may run that much slower than real time: its ground moves faster, but evenly.
+# The loop has stalled if stamps of another clock are more than this many times as far apart as their simulated times
+# [-]. That clock may be so much faster than this node's, as of a recording that is played fast.
 STALL_RATIO = 4.0
+# Errors of times by rounding [s].
+ROUNDING = 1e-6
 # Gain of the filter that measures the steady delay of a source: share of the deviation of a message's age.
 DELAY_GAIN = 0.05
 # The delay in use follows the measured one at this distance [s], so that jitter leaves the intervals between stamps as
@@ -37,9 +39,9 @@ class Placed(NamedTuple):
     """A stamp in simulated time.
 
     ``stamp`` [s] of the source's clock, None = the message has none. ``time`` [s]: simulated time. ``own``: the source
-    uses this node's clock. ``fresh``: no stamp before is on the same clock. ``lost`` [s]: simulated time that a stall
-    of the loop took out since the last stamp. ``measured``, ``used`` [s]: steady age of the source's stamps, as
-    measured and as in use. ``late`` [s]: simulated time from ``time`` to the arrival.
+    uses this node's clock. ``fresh``: no stamp before is on the same clock. ``lost`` [s]: simulated time that stalls of
+    the loop took out since the last stamp, negative if it made up for them. ``measured``, ``used`` [s]: steady age of
+    the source's stamps, as measured and as in use. ``late`` [s]: simulated time from ``time`` to the arrival.
     """
 
     stamp: float | None
@@ -94,10 +96,12 @@ class StampClock:
         time_at: Callable[[float], float],
         most: float = 0.0,
         horizon: float = math.inf,
+        pace: float = 1.0,
     ) -> Placed:
         """Return the simulated time of a stamp [s] that arrives at ``clock_now`` [s] of the node's clock.
 
-        ``time_at(age)``: simulated time of an instant ``age`` [s] ago. A stamp that is older than the last one by up to
+        ``time_at(age)``: simulated time of an instant ``age`` [s] ago. ``pace``: simulated time in a second, but for
+        stalls [s]. A stamp that is older than the last one by up to
         ``most`` [s] gets the last one's time; an older one raises `InputError`. A source that is steadily late by more
         than the ``horizon`` [s] holds that much before its arrival. Changes nothing; see `accept`.
         """
@@ -114,7 +118,7 @@ class StampClock:
         # Equal stamps are at equal times, whatever rounding.
         again = last is not None and not fresh and stamp == last.source_time
         time = last.time if again and last is not None else time_at(age - added)
-        lost = 0.0 if fresh else self._lost(stamp, time)
+        lost = 0.0 if fresh else self._lost(stamp, time, pace)
         return Placed(stamp, time, own, fresh, lost, measured, used, now - time)
 
     def accept(self, placed: Placed) -> None:
@@ -153,8 +157,11 @@ class StampClock:
             )
         return stamp
 
-    def _lost(self, stamp: float, time: float) -> float:
-        """Return the simulated time [s] that a stall took out between the last stamp and one at ``time`` [s]."""
+    def _lost(self, stamp: float, time: float, pace: float) -> float:
+        """Return the simulated time [s] that stalls took out between the last stamp and one at ``time`` [s]."""
         assert self._last is not None
         interval, simulated = stamp - self._last.source_time, time - self._last.time
+        if self._last.own:
+            lost = pace * interval - simulated
+            return lost if abs(lost) > ROUNDING else 0.0
         return interval - simulated if interval > STALL_RATIO * simulated else 0.0

@@ -15,7 +15,7 @@ from smartmesh_ros.node.inputs import cdr_reader
 from smartmesh_ros.terrain.grid import MOST_SAMPLES, FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.terrain.scrolling import carry_friction
+from smartmesh_ros.terrain.scrolling import carry_layers
 from smartmesh_ros.terrain.surface_query import RayCaster, checked_rays
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
@@ -88,7 +88,7 @@ class Ground:
             # A new map beside the old one, from which no motion is estimated.
             shown = HeightMap(new.heights, geometry=new.geometry, friction=new.friction, motion=STILL)
             if isinstance(known, HeightMap):
-                carry_friction(known, shown)
+                carry_layers(known, shown)
             self.tiles[tile] = shown
         else:  # an empty message removes its tile
             self.tiles.pop(tile, None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter, deque
 from collections.abc import Callable
 from contextlib import suppress
@@ -18,7 +19,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from smartmesh_msgs.msg import ColliderPatchArray, Timing
-from smartmesh_msgs.srv import SpawnBody, StepPhysics
+from smartmesh_msgs.srv import RemoveBodies, SpawnBody, StepPhysics
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
@@ -29,7 +30,11 @@ from smartmesh_ros.tools.client.sight import KINDS, Sight
 
 # Types of the shown outputs. Outputs without subscribers are not built by the node.
 OUTPUTS: dict[str, Any] = {**KINDS, "collider_patches": ColliderPatchArray, "timing": Timing}
-SERVICES = {"pause": SetBool, "step": StepPhysics, "reset": Trigger, "spawn_body": SpawnBody}
+SERVICES = {
+    "pause": SetBool, "step": StepPhysics, "reset": Trigger, "spawn_body": SpawnBody, "remove_bodies": RemoveBodies,
+}  # fmt: skip
+# Name and type of the topic by which nodes are found.
+STATES, STATES_TYPE = "body_states", "smartmesh_msgs/msg/TrackedBodyArray"
 # Outputs that are empty without robots.
 ROBOT_OUTPUTS = {"joint_states", "odometry"}
 # Topics of which only the newest message is shown, and the depth of the others' queues: every region counts, and at
@@ -47,6 +52,15 @@ LARGE_MAP, LARGE_MAP_PERIOD = 16_000_000, 5.0
 REFUSED = "refused, "
 # Numbers of stored log lines and messages of ~/timing.
 LOG_LINES, TIMINGS = 6, 600
+
+
+def colliders(node: Node) -> list[str]:
+    """Return the full names of the colliders that a node has discovered."""
+    return sorted(
+        topic.removesuffix(f"/{STATES}")
+        for topic, kinds in node.get_topic_names_and_types()
+        if topic.endswith(f"/{STATES}") and STATES_TYPE in kinds and node.count_publishers(topic)
+    )
 
 
 class Remote:
@@ -103,7 +117,20 @@ class Remote:
     @property
     def is_running(self) -> bool:
         """True if the node publishes its body states."""
-        return bool(self.node.count_publishers(f"{self.name}/body_states"))
+        return bool(self.node.count_publishers(f"{self.name}/{STATES}"))
+
+    @property
+    def missing(self) -> str:
+        """That there is no node of this name, and which ones there are; empty if there is."""
+        if self.is_running:
+            return ""
+        domain = os.environ.get("ROS_DOMAIN_ID", "0")
+        there = ", ".join(colliders(self.node)) or "none"
+        return f"there is no node {self.name} in DDS domain {domain} (ROS_DOMAIN_ID); running: {there}"
+
+    def client(self, service: str) -> Any:
+        """Return the client of one of `SERVICES`."""
+        return self._clients[service]
 
     def call(self, service: str, done: Callable[[str], None], **fields: Any) -> None:
         """Call one of `SERVICES`. ``done`` gets the reason of a refusal, or "" after success."""

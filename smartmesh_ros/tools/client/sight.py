@@ -72,8 +72,8 @@ class Sight:
         if known.shape == BodyDescription.BOX:
             return 0.5 * math.hypot(*sizes)
         if known.shape == BodyDescription.CYLINDER:
-            return math.hypot(sizes[0], 0.5 * sizes[1])
-        return float(sizes[0] + (0.5 * sizes[1] if known.shape == BodyDescription.CAPSULE else 0.0))
+            return math.hypot(0.5 * sizes[0], sizes[1])
+        return float(0.5 * sizes[0] + sizes[1] if known.shape == BodyDescription.CAPSULE else sizes[0])
 
     def hit(self, origin: FloatArray, direction: FloatArray) -> str | None:
         """Return the nearest body whose bounding sphere a ray (unit ``direction``) hits, or None."""

@@ -21,13 +21,12 @@ from typing import Any
 import numpy as np
 import rclpy
 from ament_index_python.packages import get_package_prefix
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros.node.running import Stop
+from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.scenes.eight import robot_file
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -122,14 +121,16 @@ class Demo:
         return next(str(pair.value) for pair in self.remote.tasks[task].values if pair.key == key)
 
     def line(self) -> str:
-        """Return numbers of bodies and patches, real-time factor and stage times in one line."""
+        """Return numbers of bodies and patches, the time of a step and the real-time factor in one line."""
         _, timing = self.remote.timings[-1]
-        stages = "  ".join(f"{stage.stage} {stage.p50_us:.0f}" for stage in timing.stages)
+        step = next((stage.p50_us for stage in timing.stages if stage.stage == "total"), 0.0)
         bodies, shown = len(self.remote.sight.poses), len(self.remote.sight.patches)
-        return (
-            f"bodies {bodies}  patches {shown}  real-time {timing.real_time_factor:.2f}  "
-            f"missed {timing.deadline_misses}  lost {self.lost()}  put back {self.put_back()}  | us: {stages}"
-        )
+        words = [
+            f"{bodies} bodies", f"{shown} patches", f"a step takes {1e-3 * step:.2f} ms",
+            f"real-time factor {timing.real_time_factor:.2f}",
+        ]  # fmt: skip
+        counts = {"deadlines missed": timing.deadline_misses, "lost": self.lost(), "put back": self.put_back()}
+        return ", ".join([*words, *(f"{count} {what}" for what, count in counts.items() if count)])
 
     def _spawn(self, name: str, x: float, y: float, clearance: float, **what: Any) -> None:
         request = SpawnBody.Request(id=name, mass=5.0, on_ground=True, clearance=clearance, **what)
@@ -197,9 +198,9 @@ def main(args: list[str] | None = None) -> None:
     try:
         with isolated_unless_chosen():
             frames, lost, counts = run(options.seconds)
-        print("drawing ...", flush=True)
-        for path in demo_pictures.draw(frames, options.out):
-            print(f"wrote {path}")
+        print("drawing a picture, a strip and a clip, which takes up to a minute", flush=True)
+        for path in demo_pictures.draw(frames, options.out, say=lambda words: print(words, flush=True)):
+            print(f"wrote {path}", flush=True)
     except KeyboardInterrupt:
         sys.exit("demo was interrupted")
     if lost:
@@ -210,7 +211,7 @@ def main(args: list[str] | None = None) -> None:
 def run(seconds: float) -> tuple[list[Frame], int, dict[str, int]]:
     """Start the processes and run the demo for ``seconds`` [s]. Return frames to draw, the largest number of lost
     bodies, and the number of messages by output."""
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    init()
     try:
         with closing(Remote("/terrain_collider")) as remote, demo_running(remote) as demo:
             remote.watch(set(OUTPUTS))

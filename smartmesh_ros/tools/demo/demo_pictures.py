@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,6 +24,8 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 MARGIN, MOST_CELLS = 2.0, 150
 # Height above the ground at which patches are drawn [m].
 LIFT = 0.05
+# Frames of the clip between two lines about it.
+TOLD_EVERY = 10
 COLOURS = plt.get_cmap("gist_earth")
 # Extension of the colour range below the lowest height, as a fraction of the height range. It skips the blue part of
 # the colour map, which would look like water.
@@ -62,14 +65,13 @@ class Frame:
         return self.x[columns], self.y[rows], self.heights[np.ix_(rows, columns)]
 
 
-def draw(frames: list[Frame], folder: Path) -> list[Path]:
-    """Write a picture, a strip of six frames and a clip; return their paths."""
+def draw(frames: list[Frame], folder: Path, say: Callable[[str], object] = lambda _: None) -> Iterator[Path]:
+    """Write a picture, a strip of six frames and a clip; yield each path once it is written. ``say`` is told how far
+    the clip is."""
     folder.mkdir(parents=True, exist_ok=True)
-    return [
-        _picture(frames[-1], folder / "demo.png"),
-        _strip(frames, folder / "demo_frames.png"),
-        _clip(frames, folder / "demo.gif"),
-    ]
+    yield _picture(frames[-1], folder / "demo.png")
+    yield _strip(frames, folder / "demo_frames.png")
+    yield _clip(frames, folder / "demo.gif", say)
 
 
 def window_of(frames: list[Frame]) -> Window:
@@ -169,7 +171,7 @@ def _strip(frames: list[Frame], path: Path) -> Path:
     return path
 
 
-def _clip(frames: list[Frame], path: Path) -> Path:
+def _clip(frames: list[Frame], path: Path, say: Callable[[str], object]) -> Path:
     chosen = frames[:: math.ceil(len(frames) / 30)]
     window = window_of(frames)
     figure, axes = plt.subplots(figsize=(5, 5), dpi=80, constrained_layout=True)
@@ -179,6 +181,10 @@ def _clip(frames: list[Frame], path: Path) -> Path:
         _plan(axes, chosen[index], window)
         return []
 
-    FuncAnimation(figure, show, frames=len(chosen)).save(path, writer=PillowWriter(fps=6))
+    def tell(index: int, count: int) -> None:
+        if index and index % TOLD_EVERY == 0:
+            say(f"{index} of {count} frames of the clip")
+
+    FuncAnimation(figure, show, frames=len(chosen)).save(path, writer=PillowWriter(fps=6), progress_callback=tell)
     plt.close(figure)
     return path

@@ -1,6 +1,6 @@
 """The node ``rover``: publishes an elevation model once, spawns a wheeled robot on it, and drives an eight.
 
-Started beside a terrain_collider and a soil, as ``soil.launch.py rover:=true`` does, it leaves ruts.
+Started beside a terrain_collider with soil, as ``soil.launch.py rover:=true`` does, it leaves ruts.
 """
 
 from __future__ import annotations
@@ -24,9 +24,8 @@ from smartmesh_ros.tools.demo.terrain_source import heightmap_message
 NAME, ROBOT = "rover", "rover"
 SPECS = (
     fixed("frame_id", "map", "Frame of the terrain."),
-    fixed("listeners", 2, "Number of nodes that must listen before the map is published: a collider and a soil.", 1,
-          100),
-)  # fmt: skip
+    fixed("listeners", 1, "Number of nodes that must listen before the map is published.", 1, 100),
+)
 # Period of the checks for listeners and for the spawn service [s].
 PERIOD = 0.2
 

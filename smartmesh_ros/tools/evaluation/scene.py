@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Box, Capsule, Cylinder, Shape, Sphere, shape_from
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
@@ -44,7 +44,7 @@ class Bodies:
         """Return the shape of each body."""
         if self.shape not in SHAPES_BY_NAME:
             raise InputError("scene", f"there is no shape {self.shape!r}; choose {', '.join(SHAPES_BY_NAME)}")
-        return SHAPES_BY_NAME[self.shape](*self.size)
+        return shape_from(SHAPES_BY_NAME[self.shape], self.size)
 
 
 @dataclass(frozen=True, kw_only=True)

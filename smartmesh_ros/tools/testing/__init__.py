@@ -1,8 +1,14 @@
-"""Topic-driven integration tests: a node in a process and DDS domain of its own, and a probe beside it.
+"""Tests of packages that use the collider: replays in the test's process, and nodes in processes and a DDS domain of
+their own with a probe beside them.
 
 docs/testing.md is the guide. With pytest, import the fixtures and request them::
 
-    from smartmesh_ros.tools.testing import Probe, domain, probe  # noqa: F401
+    from smartmesh_ros.tools.testing import Probe, domain, probe, replay  # noqa: F401
+
+    def test_a_ball_comes_to_rest(replay) -> None:
+        run = replay([("heightmap", 0.0, heightmap_message(np.zeros((50, 50))))], {"bodies.spawn": [BALL]})
+        run.run(2.0)
+        assert run.world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
 
     def test_patches_lie_on_my_map(probe: Probe) -> None:
         with probe.running("terrain_collider", {"publish.patches": 60.0}):
@@ -10,12 +16,14 @@ docs/testing.md is the guide. With pytest, import the fixtures and request them:
             probe.publish_poses([(2.5, 2.5, 0.3)])
             probe.wait_for(lambda: probe.patches().keys() == {0})
 
-All functions wait for conditions, with generous timeouts; none sleeps for a fixed time.
+The probe's functions wait for conditions, with generous timeouts; none sleeps for a fixed time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
 
 from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.startup.dds import isolated
@@ -29,6 +37,9 @@ from smartmesh_ros.tools.testing.messages import (
 )
 from smartmesh_ros.tools.testing.probe import COLLIDER, Probe
 from smartmesh_ros.tools.testing.process import TIMEOUT, Process, assert_cannot_start, executable
+
+if TYPE_CHECKING:
+    from smartmesh_ros.tools.replay.replay import Replay
 
 __all__ = [
     "COLLIDER",
@@ -47,12 +58,13 @@ __all__ = [
     "points_of",
     "pose_message",
     "probe",
+    "replay",
 ]
 
 try:
     import pytest
 except ModuleNotFoundError:
-    pass  # only the fixtures need it; the tuner reads bags without it
+    pass  # only the fixtures need it
 else:
     # The domain of the session. If several modules import a fixture, pytest makes one for each of them.
     DOMAIN = pytest.StashKey[int]()
@@ -73,3 +85,15 @@ else:
         """A probe in the test's domain."""
         with Probe() as made:
             yield made
+
+    @pytest.fixture
+    def replay() -> Iterator[Callable[..., Replay]]:
+        """A function that returns replays, as `replaying.replayed` does, which end with the test."""
+        from smartmesh_ros.tools.testing.replaying import replayed  # imports PyBullet, which probes do not need
+
+        with ExitStack() as ending:
+
+            def make(*arguments: Any, **options: Any) -> Replay:
+                return ending.enter_context(replayed(*arguments, **options))
+
+            yield make

@@ -5,51 +5,41 @@ Bags are sqlite3 or MCAP and hold the CDR bytes that ROS itself serializes; ``ro
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from time import monotonic
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
-from ament_index_python.packages import get_package_share_directory
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
-from rosbags.rosbag2 import Reader, StoragePlugin, Writer
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from smartmesh_ros.tools.replay.bag import Bag, Record, class_of, recorded
+from smartmesh_ros.tools.replay.definitions import definition_of, hash_of
 
 Storage = Literal["sqlite3", "mcap"]
 # Version of the bag format that Jazzy writes.
 VERSION: Literal[9] = 9
 
 
-class Record(NamedTuple):
-    """A message of a bag: its topic, its type (``package/msg/Name``), its recording time [s], and its CDR bytes."""
-
-    topic: str
-    type_name: str
-    time: float
-    data: bytes
-
-
 def write(path: Path, messages: Iterable[tuple[str, float, Any]], storage: Storage = "mcap") -> None:
-    """Write (topic, time [s], message) to a new bag, the folder ``path``."""
-    types = get_typestore(Stores.ROS2_JAZZY)
+    """Write (topic, time [s], message) to a new bag, the folder ``path``; for (service, time [s], request) the event of
+    the call."""
     connections: dict[tuple[str, str], Any] = {}
     with Writer(path, version=VERSION, storage_plugin=StoragePlugin[storage.upper()]) as writer:
-        for topic, time, message in messages:
-            name = type_name(message)
-            if (topic, name) not in connections:
-                _register(types, name)
-                connections[topic, name] = writer.add_connection(topic, name, typestore=types)
-            writer.write(connections[topic, name], round(time * 1e9), serialize_message(message))
+        for record in (recorded(*message) for message in messages):
+            key = record.topic, record.type_name
+            if key not in connections:
+                kind = class_of(record.type_name)
+                connections[key] = writer.add_connection(
+                    *key, msgdef=definition_of(kind), rihs01=hash_of(kind) or "none"
+                )
+            writer.write(connections[key], round(record.time * 1e9), record.data)
 
 
 def read(path: Path) -> Iterator[Record]:
     """Yield the messages of a bag in the order of recording."""
-    with Reader(path) as reader:
-        for connection, nanoseconds, data in reader.messages():
-            yield Record(connection.topic, connection.msgtype, nanoseconds * 1e-9, bytes(data))
+    bag = Bag(path)
+    return bag.records(bag.topics)
 
 
 def play(
@@ -69,7 +59,7 @@ def play(
     records = list(read(path))
     names = {**{record.topic: record.topic for record in records}, **(remap or {})}
     publishers = {
-        record.topic: node.create_publisher(message_class(record.type_name), names[record.topic], qos)
+        record.topic: node.create_publisher(class_of(record.type_name), names[record.topic], qos)
         for record in {record.topic: record for record in records}.values()
     }
     try:
@@ -87,26 +77,3 @@ def play(
         for publisher in publishers.values():
             node.destroy_publisher(publisher)
     return len(records)
-
-
-def type_name(message: Any) -> str:
-    """Return the type ``package/msg/Name`` of a message."""
-    package, kind, *_ = type(message).__module__.split(".")
-    return f"{package}/{kind}/{type(message).__name__}"
-
-
-def message_class(name: str) -> Any:
-    """Return the class of ``package/msg/Name``."""
-    package, kind, message = name.split("/")
-    return getattr(importlib.import_module(f"{package}.{kind}"), message)
-
-
-def _register(types: Typestore, name: str) -> None:
-    """Register all installed messages of the package of type ``name``, unless the store knows the type."""
-    if name in types.types:
-        return
-    package, kind, _ = name.split("/")
-    found: dict[str, Any] = {}
-    for file in (Path(get_package_share_directory(package)) / kind).glob("*.msg"):
-        found.update(get_types_from_msg(file.read_text(), f"{package}/{kind}/{file.stem}"))
-    types.register({key: value for key, value in found.items() if key not in types.types})

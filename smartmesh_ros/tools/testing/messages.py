@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Sequence
 from typing import Any
 
@@ -26,10 +27,11 @@ def heightmap_message(
     tile: str = "",
     velocities: ArrayLike | None = None,
     friction: ArrayLike | None = None,
+    soil: ArrayLike | None = None,
     stamp: Any = None,
 ) -> Heightmap:
     """Return a Heightmap message from heights (rows, columns) [m]; ``friction``: one coefficient, or those of the
-    samples."""
+    samples; ``soil``: places of soils (rows, columns)."""
     grid = np.asarray(heights, np.float32)
     message = Heightmap(tile=tile, heights=floats(grid))
     message.header.frame_id = frame_id
@@ -42,6 +44,8 @@ def heightmap_message(
         message.velocities = floats(np.asarray(velocities, np.float32))
     if friction is not None:
         message.friction = floats(np.asarray(friction, np.float32))
+    if soil is not None:
+        message.soil = array("B", np.asarray(soil, np.uint8).tobytes())
     return message
 
 

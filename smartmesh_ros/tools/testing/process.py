@@ -9,6 +9,7 @@ import sys
 import tempfile
 import weakref
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, ClassVar
 
@@ -19,6 +20,8 @@ from ament_index_python.packages import get_package_prefix
 TIMEOUT = 120.0
 # Limit of a collider's start [s], for busy machines.
 START_TIMEOUT = 300.0
+# Time after which a signal that had no effect is sent again [s].
+PATIENCE = 5.0
 # Lets the command receive SIGINT, even if this process ignores it, as a shell's background jobs do. Requests SIGKILL
 # (9) from Linux when the parent ends (PR_SET_PDEATHSIG = 1), then executes the command unless the parent has ended.
 _EXIT_WITH_PARENT = """
@@ -96,10 +99,17 @@ class Process:
         return self._log.read_text(errors="replace")
 
     def stop(self, number: int = signal.SIGINT) -> int:
-        """Send a signal, wait for the end and return the exit code."""
-        if self.process.poll() is None:
-            self.process.send_signal(number)
-        return self.process.wait(TIMEOUT)
+        """Send a signal, wait for the end and return the exit code.
+
+        The signal is sent again every `PATIENCE`, because a process that has just started ignores SIGINT if this one
+        does, as a shell's background jobs do.
+        """
+        for _ in range(round(TIMEOUT / PATIENCE)):
+            if self.process.poll() is None:
+                self.process.send_signal(number)
+            with suppress(subprocess.TimeoutExpired):
+                return self.process.wait(PATIENCE)
+        raise subprocess.TimeoutExpired(self.name, TIMEOUT)
 
     def close(self) -> None:
         """Kill the process if it still runs, and remove its files."""

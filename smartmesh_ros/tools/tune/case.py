@@ -1,121 +1,184 @@
-"""The case of a search: moving terrain, bodies, and the true ground for measurements; and that of a scene."""
+"""What is tuned: a scene or a bag, replayed with other parameters, and the true ground to measure against."""
 
 from __future__ import annotations
 
-import hashlib
-import heapq
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from bisect import bisect_right
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from smartmesh_ros.ground.state import BodyState, Vector
-from smartmesh_ros.io.rasters import Raster
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.evaluation.distance import Surface
-from smartmesh_ros.tools.evaluation.scene import Scene
-from smartmesh_ros.tools.tune.replay import Change, Event, MapCame, Replay, Start
-from smartmesh_ros.tools.tune.start import settings_of
+from smartmesh_ros.tools.evaluation.scene import FOLDER, Scene, read_scene
+from smartmesh_ros.tools.replay.bag import Bag, Messages
+from smartmesh_ros.tools.replay.replay import Replay
+from smartmesh_ros.tools.replay.transport import Names
+from smartmesh_ros.tools.testing import heightmap_message
 from smartmesh_ros.world.world import World
 
-# The true surfaces of all tiles by name at a time [s]; from call to call the time never decreases.
-Truth = Callable[[float], Mapping[str, Surface]]
-# Rate of the reference run [Hz]: eight times the default.
-FINE_RATE = 8 * 240.0
-FINEST: Mapping[str, Any] = {
-    "physics.rate": FINE_RATE,
-    "patch.kind": "auto",
-    "patch.rate": 0.0,
-    "terrain.motion": "extrapolate",
-    "terrain.min_interval": 0.0,  # maps come with every step, and each gives a velocity of its own
-}
-# Length of a confirming run, in searching runs.
-LONGER = 2.0
+# Longest replay of a bag if none is given [s].
+LONGEST = 5.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Span:
-    """Lengths [s] of searching and confirming runs, and of their beginning that is not measured."""
+class Truth(Protocol):
+    """The true ground of a run."""
 
-    search: float
-    confirm: float
-    settle: float
+    def note(self, world: World) -> None:
+        """Look at the world after each step and message."""
 
-    @property
-    def horizon(self) -> float:
-        """Time at which bodies are compared with the reference [s]. Later their motion is chaotic because of
-        contacts."""
-        return min(1.0, self.search)
+    def keep(self, world: World) -> None:
+        """Look at the world at the instant of a snapshot."""
+
+    def at(self, time: float) -> list[Surface]:
+        """Return the true surfaces at a time [s] of the run, which may be over."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A scene or a recording.
+    """A scene or a bag, to be run in any process. ``source``: a scene's file or a bag. ``parameters``: those that all
+    runs have in common. ``length``, ``settle`` [s]: of a run, and of its beginning that is not measured."""
 
-    ``name``: short name for files. ``identity``: digest of everything that measurements depend on. ``start``: given
-    parameters by name. ``bodies``: the simulated bodies of the start. ``events``: makes the events of a run, as they
-    arrive. ``truth``: makes the true ground for a run. ``finest`` [Hz]: rate of the reference's maps, which follow the
-    true ground; 0 = its maps are those of any run, None = there is no reference. ``notes``: messages to the user about
-    the replay. ``sources``: sentences about the topics of a recording's maps.
-    """
-
-    name: str
+    source: Path
     title: str
-    identity: str
-    start: Mapping[str, Any]
-    span: Span
-    bodies: Sequence[Start]
-    events: Callable[[], Iterator[Event]]
-    truth: Callable[[], Truth]
-    finest: float | None
-    notes: Sequence[str] = ()
-    sources: Sequence[str] = ()
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    remaps: Sequence[tuple[str, str]] = ()
+    length: float
+    settle: float
+
+    @property
+    def name(self) -> str:
+        """Short name for files."""
+        return self.source.stem
+
+    @property
+    def horizon(self) -> float:
+        """Time at which bodies are compared with a run at small steps [s]; later, contacts make motion chaotic."""
+        return min(1.0, self.length)
+
+    def start(self, values: Mapping[str, Any]) -> tuple[Replay, Truth]:
+        """Return a replay with these parameters at its beginning, and its true ground; raise `InputError`."""
+        parameters, names = {**self.parameters, **values}, Names(rules=self.remaps)
+        if self.source.suffix != ".yaml":
+            return Replay(Bag(self.source), parameters, names=names), RecordedGround()
+        scene = read_scene(self.source)
+        friction = {"physics.friction": scene.bodies.friction}
+        replay = Replay(Messages(maps_of(scene), names.node), {**parameters, **friction}, names=names)
+        for number, state in enumerate(scene.starts()):
+            replay.world.spawn(f"body_{number}", scene.bodies.make_shape(), 1.0, state)
+        return replay, SceneGround(scene)
 
 
-def scene_case(scene: Scene, given: Mapping[str, Any]) -> Case:
-    """Return a scene with its own rate of maps and initial states of bodies."""
-
-    def truth() -> Truth:
-        ground = scene.make_ground()
-        return lambda time: {"": scene.surface(np.array(ground.heights(time if scene.moves else 0.0)), time)}
-
-    def spawn(name: str, state: BodyState, world: World) -> bool:
-        world.spawn(name, scene.bodies.make_shape(), 1.0, state)
-        return True
-
-    start = {**given, "physics.friction": scene.bodies.friction}
-    span = Span(search=scene.duration, confirm=LONGER * scene.duration, settle=scene.settle)
-    return Case(
-        name=scene.name, title=scene.title, start=start, span=span,
-        identity=hashlib.sha256(f"{scene!r} {sorted(start.items())!r}".encode()).hexdigest()[:12],
-        bodies=[partial(spawn, f"body_{index}", state) for index, state in enumerate(scene.starts())],
-        events=lambda: maps_of(truth(), scene.map_rate, span.confirm), truth=truth,
-        finest=None if scene.reference == "none" else FINE_RATE * scene.moves,
-    )  # fmt: skip
-
-
-def maps_of(truth: Truth, rate: float, duration: float) -> Iterator[Event]:
-    """Yield maps of the true ground at a ``rate`` [Hz] for ``duration`` [s]; a single one at rate 0."""
-    for time in (number / rate for number in range(math.ceil(duration * rate) + 1)) if rate else (0.0,):
-        for tile, surface in truth(time).items():
-            raster = Raster(surface.geometry, surface.heights.astype(np.float32))
-            yield MapCame(arrives=time, at=time, tile=tile, raster=raster)
+def open_case(
+    source: str, parameters: Mapping[str, Any], remaps: Sequence[tuple[str, str]], seconds: float | None
+) -> Case:
+    """Return the case of a bag, a scene's file or a scene's name; raise `InputError` if there is none."""
+    given, scene = Path(source), FOLDER / f"{source}.yaml"
+    path = scene if scene.is_file() and not given.exists() else given
+    if not path.exists():
+        known = ", ".join(sorted(file.stem for file in FOLDER.glob("*.yaml")))
+        raise InputError("source", f"there is no bag and no scene {source!r}; the scenes are {known}")
+    common: dict[str, Any] = {"parameters": dict(parameters), "remaps": tuple(remaps)}
+    if path.suffix == ".yaml" and path.name != "metadata.yaml":
+        found = read_scene(path)
+        length = seconds or found.duration
+        return Case(source=path, title=found.title, length=length, settle=min(found.settle, 0.5 * length), **common)
+    bag = Bag(path)
+    probe = Case(source=bag.path, title=f"the bag {bag.path.resolve().name}", length=LONGEST, settle=0.0, **common)
+    with probe.start({})[0] as replay:
+        length = min(seconds or LONGEST, bag.end - replay.clock.start)
+    if length < 0.1:
+        raise bag.refusal("length", f"{length:.3g} s of messages for the node; record at least 0.1 s of maps")
+    return Case(source=bag.path, title=probe.title, length=length, settle=min(0.5, 0.25 * length), **common)
 
 
-def reference(case: Case) -> dict[str, Vector] | None:
-    """Return positions by simulated body [m] at the span's horizon, from a run at an eighth of the step with patches
-    that are refreshed in every step; None = unknown."""
-    if case.finest is None:
-        return None
-    events = case.events()
-    if case.finest:
-        maps = maps_of(case.truth(), case.finest, case.span.horizon)
-        others = (event for event in events if not isinstance(event, Change))
-        events = heapq.merge(maps, others, key=lambda event: event.arrives)
-    with Replay(settings_of({**case.start, **FINEST}), case.bodies, events) as replay:
-        for _ in range(round(case.span.horizon * FINE_RATE)):
-            replay.step(replay.due())
-        world = replay.world
-        return {name: world.state(name).position for name, body in world.bodies.items() if not body.tracked}
+def maps_of(scene: Scene) -> list[tuple[str, float, Any]]:
+    """Return the maps of a scene at its rate; a single one at rate 0."""
+    ground, found = scene.make_ground(), []
+    count = math.ceil(scene.duration * scene.map_rate) + 1
+    for time in [number / scene.map_rate for number in range(count)] if scene.moves else [0.0]:
+        surface = scene.surface(np.array(ground.heights(time)), time)
+        grid = surface.geometry
+        message = heightmap_message(surface.heights, resolution=grid.resolution, origin=grid.origin)
+        found.append(("heightmap", time, message))
+    return found
+
+
+class SceneGround:
+    """The ground of a scene, which is known at any time."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene, self._ground = scene, scene.make_ground()
+
+    def note(self, world: World) -> None:
+        """Do nothing."""
+
+    def keep(self, world: World) -> None:
+        """Do nothing."""
+
+    def at(self, time: float) -> list[Surface]:
+        """Return the surface at ``time`` [s], which may not decrease from call to call."""
+        scene = self._scene
+        return [scene.surface(np.array(self._ground.heights(time if scene.moves else 0.0)), time)]
+
+
+class RecordedGround:
+    """The ground of a bag: interpolated between the map before and the map after an instant. Where changes are
+    corrections, it is the ground that the node shows, which approaches the corrected one over ``terrain.settle``."""
+
+    def __init__(self) -> None:
+        self._maps: dict[str, list[Kept]] = defaultdict(list)  # by tile, in order of time
+        self._revisions: dict[str, int] = {}
+        self._shown: dict[float, list[Kept]] = {}  # by the time of a snapshot
+
+    def note(self, world: World) -> None:
+        """Keep the maps that have come."""
+        for name, tile in _height_maps(world):
+            if not tile.motion.corrects and self._revisions.get(name) != tile.revision:
+                self._revisions[name] = tile.revision
+                self._maps[name].append(Kept(tile.time, tile.geometry, tile.heights.copy()))
+
+    def keep(self, world: World) -> None:
+        """Keep the ground that is shown now where changes are corrections."""
+        tiles = [tile for _, tile in _height_maps(world) if tile.motion.corrects]
+        self._shown[world.time] = [Kept(world.time, tile.geometry, _shown(tile, world.time)) for tile in tiles]
+
+    def at(self, time: float) -> list[Surface]:
+        """Return the surfaces at ``time`` [s]."""
+        shown = [Surface(one.geometry, one.heights.astype(np.float64)) for one in self._shown.get(time, [])]
+        return [*shown, *(_between(maps, time) for maps in self._maps.values() if maps[0].time <= time)]
+
+
+class Kept(NamedTuple):
+    """Heights (rows, columns) [m] of a tile at ``time`` [s], without the origin's z."""
+
+    time: float
+    geometry: GridGeometry
+    heights: NDArray[np.float32]
+
+
+def _height_maps(world: World) -> Iterator[tuple[str, HeightMap]]:
+    return ((name, tile) for name, tile in world.terrain.tiles.items() if isinstance(tile, HeightMap))
+
+
+def _between(maps: list[Kept], time: float) -> Surface:
+    after = bisect_right(maps, time, key=lambda one: one.time)
+    before = maps[after - 1]
+    heights = before.heights.astype(np.float64)
+    if after < len(maps) and maps[after].geometry == before.geometry:
+        share = (time - before.time) / (maps[after].time - before.time)
+        heights += share * (maps[after].heights - heights)
+    return Surface(before.geometry, heights)
+
+
+def _shown(tile: HeightMap, time: float) -> NDArray[np.float32]:
+    geometry = tile.geometry
+    indices = np.arange(geometry.size).reshape(geometry.rows, geometry.columns)
+    return np.asarray(tile.sample(indices, time).heights - geometry.origin[2], np.float32)

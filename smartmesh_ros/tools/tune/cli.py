@@ -1,9 +1,9 @@
 """``ros2 run smartmesh_ros tune``: parameters for a budget, found on your own terrain and bodies.
 
-SOURCE is a bag (the folder with metadata.yaml), a scene of the package, or a scene file. The search replays it through
-the core in simulated time, without a running node. With --penetration the search chooses the cheapest settings within
-all limits, with --budget or --deadline alone the most accurate within these, and without any of them the cheapest with
-no more penetration than the defaults. After Ctrl-C the same command resumes the search.
+SOURCE is a bag, a scene of the package, or a scene file. Rates of physics and residuals of the solver on a grid are
+replayed, each in a process of its own, and measured. With --penetration the cheapest settings within all limits are
+chosen, with --budget or --deadline alone the most accurate within these, and without any of them the cheapest with no
+more penetration than the defaults.
 """
 
 from __future__ import annotations
@@ -14,26 +14,55 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.tools.replay.cli import ProgressLine, rules_of
+from smartmesh_ros.tools.replay.parameters import preset_values, read_parameters
+from smartmesh_ros.tools.replay.transport import Names
+from smartmesh_ros.tools.tune.case import open_case
+from smartmesh_ros.tools.tune.figures import Asked, require_positive
+from smartmesh_ros.tools.tune.grid import measure_all
+from smartmesh_ros.tools.tune.report import Result, closing_lines, parameter_file
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a search and return the exit code: 0 = limits met, 1 = limits not met, 2 = cannot start, 130 =
-    interrupted."""
-    options = parser().parse_args(arguments)
+    """Search, and return the exit code: 0 = limits met, 1 = limits not met, 2 = cannot start, 130 = interrupted."""
+    given = [word for word in (sys.argv[1:] if arguments is None else arguments) if word != "--ros-args"]
+    options = parser().parse_args(given)
     try:
-        from smartmesh_ros.tools.tune.session import run_session
+        result = find(options)
+        options.out.mkdir(parents=True, exist_ok=True)
+        file = options.out / f"{result.case.name}_{'tuned' if result.keeps else 'nearest'}.yaml"
+        file.write_text(parameter_file(result))
+        print("\n".join(closing_lines(result)))
+        print(f"Written: {file}")
+        from smartmesh_ros.tools.tune.chart import draw  # needs Matplotlib
 
-        return run_session(options)
+        draw(options.out / f"{result.case.name}.png", result)
+        print(f"The chart: {options.out / f'{result.case.name}.png'}")
+        return 0 if result.keeps else 1
     except ModuleNotFoundError as error:
-        if error.name not in ("optuna", "rosbags", "matplotlib"):
+        if error.name not in ("rosbags", "matplotlib"):
             raise
-        print(f"tune needs {error.name}: pip install optuna rosbags matplotlib", file=sys.stderr)
+        print(f"tune needs {error.name}: pip install rosbags matplotlib", file=sys.stderr)
     except InputError as error:
         print(f"tune: {error}", file=sys.stderr)
     except KeyboardInterrupt:
-        print("\ninterrupted; the results are stored, and the same command resumes the search", file=sys.stderr)
+        print("\ninterrupted", file=sys.stderr)
         return 130
     return 2
+
+
+def find(options: argparse.Namespace) -> Result:
+    """Measure the grid for the options of a command line. Raises `InputError`."""
+    for name in ("jobs", "seconds"):
+        require_positive(name, getattr(options, name))
+    asked = Asked(budget=options.budget, penetration=options.penetration, deadline=options.deadline)
+    rules = rules_of(options.remap)
+    preset = preset_values(options.preset) if options.preset else {}
+    parameters = {**preset, **read_parameters(options.params_file, options.param, Names(rules=rules).node)}
+    case, line = open_case(options.source, parameters, rules, options.seconds), ProgressLine()
+    measured = measure_all(case, options.jobs, lambda done, count: line.show(done / count))
+    line.clear()
+    return Result(case, asked, measured)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -43,23 +72,15 @@ def parser() -> argparse.ArgumentParser:
     )
     found.add_argument("source", metavar="SOURCE", help="a bag, a scene's name, or a scene file")
     given = found.add_argument_group("input")
-    given.add_argument("--params-file", type=Path, help="parameter file to start from, with bodies.spawn or robot")
+    given.add_argument("--params-file", type=Path, action="append", default=[], metavar="FILE", help="parameter file")
     given.add_argument("--preset", default="", help="preset to start from, a name in config/")
-    given.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", dest="single", help="a single parameter"
-    )
-    given.add_argument("--terrain", default="", metavar="TOPIC", help="topic of the maps, if the bag has several")
-    given.add_argument("--seconds", type=float, help="length of a searching run on a bag (3 s, at most half of it)")
+    given.add_argument("-p", "--param", action="append", default=[], metavar="NAME:=VALUE", help="a parameter")
+    given.add_argument("-r", "--remap", action="append", default=[], metavar="FROM:=TO", help="as for the node")
+    given.add_argument("--seconds", type=float, help="length of a run (a scene's own; 5 s of a bag)")
     asked = found.add_argument_group("limits")
     asked.add_argument("--budget", type=float, help="maximum cost, as a share of a core")
     asked.add_argument("--penetration", type=float, help="maximum 99th percentile of penetration [m]")
     asked.add_argument("--deadline", type=float, help="maximum processor time of a step [s]")
-    asked.add_argument("--hover", type=float, help="maximum 99th percentile of hover [m] (twice the defaults')")
-    asked.add_argument("--deviation", type=float, help="maximum deviation from the reference [m] (twice the defaults')")
-    how = found.add_argument_group("search")
-    how.add_argument("--trials", type=int, default=96, help="total number of settings to try (96)")
-    how.add_argument("--jobs", type=int, default=1, help="processes on this machine (1)")
-    how.add_argument("--storage", default="", help="journal file or sqlite:///FILE (tune.journal in --out)")
-    how.add_argument("--seed", type=int, help="seed of the sampler, for repeatable runs")
-    how.add_argument("--out", type=Path, default=Path("out/tune"), help="folder for results (out/tune)")
+    found.add_argument("--jobs", type=int, default=1, help="processes at a time (1; more disturb each other's cost)")
+    found.add_argument("--out", type=Path, default=Path("out/tune"), help="folder for results (out/tune)")
     return found

@@ -1,36 +1,59 @@
-"""Texts of a search: the line of progress, the report at the end, and the parameter file."""
+"""The result of a search, and its texts: the report at the end, and the parameter file."""
 
 from __future__ import annotations
 
 import math
 import os
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import yaml
 
-from smartmesh_ros.tools.tune import space
-from smartmesh_ros.tools.tune.confirm import Verdict, ranked
+from smartmesh_ros.tools.tune.case import Case
 from smartmesh_ros.tools.tune.figures import ALLOWANCE, Asked, Limits, Point
-from smartmesh_ros.tools.tune.search import Search
-from smartmesh_ros.tools.tune.start import DEFAULTS
+from smartmesh_ros.tools.tune.grid import KNOWN, Measured, nearest, ranked
 
 # Names of the limits, and the options that set them, by the field of `Limits`.
 NAMES = {
     "cost": "cost", "penetration": "penetration", "longest": "the longest step", "hover": "hover",
     "deviation": "deviation", "failed": "bodies lost or put back",
 }  # fmt: skip
-OPTIONS = {
-    "cost": "budget", "penetration": "penetration", "longest": "deadline", "hover": "hover", "deviation": "deviation",
-}  # fmt: skip
+OPTIONS = {"cost": "budget", "penetration": "penetration", "longest": "deadline"}
 
 
-def progress(search: Search, trials: int) -> str:
-    """Return the line of progress."""
-    points = search.points()
-    best = ranked(points, search.asked, search.limits)
-    found = f"best so far {best[0].figures.cost:.3f}" if best else "no settings within the limits yet"
-    return f"{len(points)}/{trials} tried; {found}; defaults {search.base.cost:.3f} of a core"
+@dataclass(frozen=True)
+class Result:
+    """What was measured of a case, and what of it is chosen for what was ``asked``."""
+
+    case: Case
+    asked: Asked
+    measured: Measured
+
+    @cached_property
+    def limits(self) -> Limits:
+        """The limits."""
+        return Limits.of(self.asked, self.measured.defaults.figures)
+
+    @cached_property
+    def chosen(self) -> Point:
+        """The best point within all limits, or else the nearest."""
+        points = self.measured.points
+        return [*ranked(points, self.asked, self.limits), *nearest(points, self.limits)][0]
+
+    @property
+    def keeps(self) -> bool:
+        """True if the chosen point is within all limits."""
+        return not self.limits.excess(self.chosen.figures)
+
+    @property
+    def changed(self) -> dict[str, Any]:
+        """The parameters of the grid whose chosen values are not the defaults."""
+        return {
+            name: self.chosen.values[name] for name, default in KNOWN.items() if self.chosen.values[name] != default
+        }
 
 
 def asked_words(asked: Asked) -> str:
@@ -40,41 +63,31 @@ def asked_words(asked: Asked) -> str:
     return ", ".join(said) or "no more penetration than the defaults have"
 
 
-def closing_lines(search: Search, verdict: Verdict) -> list[str]:
+def closing_lines(result: Result) -> list[str]:
     """Return the lines of the report."""
-    chosen, defaults = verdict.chosen.figures, verdict.defaults
-    changed = [f"{name} {value}" for name, value in space.changes(verdict.chosen.values).items()]
+    chosen, defaults = result.chosen.figures, result.measured.defaults.figures
     return [
-        table(verdict),
+        table(result),
         "",
-        f"{search.case.title}: {len(search.points())} settings tried, the best confirmed over "
-        f"{search.case.span.confirm:.3g} s of simulated time.",
-        *_outcome(search, verdict),
+        f"{result.case.title}: {len(result.measured.points)} settings over {result.case.length:.3g} s of simulated "
+        "time.",
+        *_outcome(result),
         f"Chosen: {chosen.cost / defaults.cost:.2f} times the cost of the defaults, and "
         f"{chosen.error / defaults.error:.2f} times their penetration.",
-        f"Changed: {', '.join(changed) or 'nothing'}.",
+        f"Changed: {', '.join(f'{name} {value}' for name, value in result.changed.items()) or 'nothing'}.",
     ]
 
 
-def _outcome(search: Search, verdict: Verdict) -> list[str]:
+def _outcome(result: Result) -> list[str]:
     """Return whether the limits are met, and if not, which ones are exceeded and which ones bind."""
-    if verdict.keeps:
-        changed = space.changes(verdict.chosen.values)
-        best = "" if changed else " The defaults are on the front: nothing that was found beats them."
-        return [f"Asked: {asked_words(search.asked)}. Kept.{best}"]
-    exceeded = "; ".join(_exceeded(search, verdict, name) for name in verdict.limits.excess(verdict.chosen.figures))
-    points = search.points()
-    kept = sum(not search.limits.excess(point.figures) for point in points)
-    if kept:
-        names, where = binding(verdict.confirmed, verdict.limits), "in the confirming run"
-        short = [f"{kept} of {len(points)} settings kept it in the search, none of the best ones for longer."]
-    else:
-        names, where, short = binding(points, search.limits), "in the search", []
-    bind = " and ".join(NAMES[name] for name in names)
+    if result.keeps:
+        best = "" if result.changed else " Nothing else on the grid beats the defaults."
+        return [f"Asked: {asked_words(result.asked)}. Kept.{best}"]
+    exceeded = "; ".join(_exceeded(result, name) for name in result.limits.excess(result.chosen.figures))
+    bind = " and ".join(NAMES[name] for name in binding(result.measured.points, result.limits))
     return [
-        f"Not possible here: {asked_words(search.asked)}. The nearest that was found has {exceeded}.",
-        *short,
-        f"What binds {where} is the limit of {bind}: without it the others could be met.",
+        f"Not possible here: {asked_words(result.asked)}. The nearest settings have {exceeded}.",
+        f"What binds is the limit of {bind}: without it the others could be met.",
     ]
 
 
@@ -82,21 +95,23 @@ def binding(points: Iterable[Point], limits: Limits) -> tuple[str, ...]:
     """Return the smallest set of limits without which one of the points would be within all others; of several such
     sets the one with the smallest excess."""
     exceeded = [limits.excess(point.figures) for point in points]
-    least = min(exceeded, key=lambda excess: (len(excess), max(excess.values(), default=0.0)), default={})
+    least: Mapping[str, float] = min(
+        exceeded, key=lambda excess: (len(excess), max(excess.values(), default=0.0)), default={}
+    )
     return tuple(least)
 
 
-def _exceeded(search: Search, verdict: Verdict, name: str) -> str:
+def _exceeded(result: Result, name: str) -> str:
     """Return a figure of the chosen settings with the limit that it exceeds, and the limit's origin."""
-    limit = getattr(verdict.limits, name)
-    if name in OPTIONS and getattr(search.asked, OPTIONS[name]) is not None:
+    limit = getattr(result.limits, name)
+    if name in OPTIONS and getattr(result.asked, OPTIONS[name]) is not None:
         reason = ", as asked"
     elif name in ("hover", "deviation"):
-        origin = "always allowed" if limit == getattr(ALLOWANCE, name) else "twice the defaults'"
-        reason = f": {origin}, as --{name} is not given"
+        origin = "always allowed" if limit == getattr(ALLOWANCE, name) else f"{ALLOWANCE.factor:g} times the defaults'"
+        reason = f": {origin}"
     else:
         reason = ", as the defaults"
-    figure = _amount(name, getattr(verdict.chosen.figures, name))
+    figure = _amount(name, getattr(result.chosen.figures, name))
     return f"{NAMES[name]} {figure} (at most {_amount(name, limit)}{reason})"
 
 
@@ -111,36 +126,34 @@ def _amount(name: str, value: float) -> str:
     return f"{1e3 * value:.3g} {'ms' if name == 'longest' else 'mm'}"
 
 
-def table(verdict: Verdict) -> str:
-    """Return the figures of the chosen point, the defaults, the presets and the user's settings."""
-    names = ("cost", "longest", "penetration", "hover", "deviation", "failed")
-    chosen, search, defaults = verdict.chosen.figures, verdict.short, verdict.defaults
-    rows = {"this file": chosen, "  in the search": search, "defaults": defaults, **verdict.others}
-    lines = ["".join([f"{'':18}", *(f"{name:>16}" for name in names)])]
-    for row, figures in rows.items():
-        lines.append("".join([f"{row:18}", *(f"{_amount(name, getattr(figures, name)):>16}" for name in names)]))
+def table(result: Result) -> str:
+    """Return the figures of the chosen point, the defaults and the user's settings."""
+    names, measured = ("cost", "longest", "penetration", "hover", "deviation", "failed"), result.measured
+    rows = {"this file": result.chosen, "defaults": measured.defaults}
+    if measured.given is not None:
+        rows["as given"] = measured.given
+    lines = ["".join([f"{'':12}", *(f"{name:>16}" for name in names)])]
+    for row, point in rows.items():
+        lines.append("".join([f"{row:12}", *(f"{_amount(name, getattr(point.figures, name)):>16}" for name in names)]))
     return "\n".join(lines)
 
 
-def parameter_file(search: Search, verdict: Verdict) -> str:
-    """Return the text of the file: comments, then all given parameters with the chosen values of the searched ones."""
-    case, known = search.case, space.defaults()
-    changed = [f"{name} (default {known[name]})" for name in space.changes(verdict.chosen.values)]
+def parameter_file(result: Result) -> str:
+    """Return the text of the file: comments, then all given parameters with the chosen values of the grid."""
+    case, changed = result.case, [f"{name} (default {KNOWN[name]})" for name in result.changed]
+    remaps = "".join(f" -r {old}:={new}" for old, new in case.remaps)
     about = [
-        f"Found by `ros2 run smartmesh_ros tune` for {case.title}. Asked: {asked_words(search.asked)}.",
-        *case.sources,
-        *([] if verdict.keeps else ["NOT POSSIBLE: these are the nearest settings that were found."]),
+        f"Found by `ros2 run smartmesh_ros tune` for {case.title}. Asked: {asked_words(result.asked)}.",
+        *([f"Start the node with{remaps}."] if remaps else []),
+        *([] if result.keeps else ["NOT POSSIBLE: these are the nearest settings that were found."]),
         f"Changed: {', '.join(changed) or 'nothing, as no settings better than the defaults were found'}.",
-        f"Measured over {case.span.confirm:.3g} s of simulated time, in turns, on {os.cpu_count()} cores. "
-        "Cost: processor time per simulated second, which is the share of a core. Longest: processor time of the "
-        "longest step. Penetration and hover: 99 %. Deviation: of bodies from a run at an eighth of the step, median. "
-        "Failed: bodies lost or put back.",
+        f"Measured over {case.length:.3g} s of simulated time on {os.cpu_count()} cores. Cost: processor time per "
+        "simulated second, which is the share of a core. Longest: processor time of the longest step. Penetration and "
+        "hover: 99 %. Deviation: of bodies from a run at an eighth of the step, median. Failed: bodies lost or put "
+        "back.",
     ]
     lines = [line for text in about for line in textwrap.wrap(text, 118)]
-    comments = "\n".join(f"# {line}".rstrip() for line in [*lines, "", *table(verdict).split("\n")])
-    values = {**verdict.chosen.values, **case.start, **verdict.chosen.values}
-    if values.get("physics.friction") == DEFAULTS["physics.friction"]:
-        del values["physics.friction"]
+    comments = "\n".join(f"# {line}".rstrip() for line in [*lines, "", *table(result).split("\n")])
     # rcl cannot read an empty list.
-    values = {name: value for name, value in values.items() if value != []}
+    values = {name: value for name, value in {**case.parameters, **result.chosen.values}.items() if value != []}
     return f"{comments}\n{yaml.safe_dump({'/**': {'ros__parameters': values}}, sort_keys=False, width=math.inf)}"

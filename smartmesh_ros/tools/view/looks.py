@@ -65,9 +65,9 @@ def shape_mesh(kind: int, dimensions: tuple[float, ...]) -> Any:
     if kind == BodyDescription.BOX:
         return make.box(dimensions)
     if kind == BodyDescription.CYLINDER:
-        return make.cylinder(dimensions[0], dimensions[1], sections=SECTIONS)
+        return make.cylinder(height=dimensions[0], radius=dimensions[1], sections=SECTIONS)
     if kind == BodyDescription.CAPSULE:
-        return make.capsule(dimensions[1], dimensions[0], count=(SECTIONS, SECTIONS))
+        return make.capsule(height=dimensions[0], radius=dimensions[1], count=(SECTIONS, SECTIONS))
     return make.uv_sphere(dimensions[0], count=(SECTIONS // 2, SECTIONS))
 
 

@@ -6,19 +6,21 @@ The view uses only the node's topics and services, so the node may run on anothe
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from contextlib import closing, nullcontext
 from time import monotonic
 
-import rclpy
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from smartmesh_ros.node.parameters.helping import own_arguments
-from smartmesh_ros.node.running import Stop
+from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.tools.client.remote import Remote
 from smartmesh_ros.tools.demo.demo import demo_running
+
+# Time after which the view says that its node is not there [s].
+PATIENCE = 3.0
 
 
 def main(args: list[str] | None = None) -> None:
@@ -37,7 +39,7 @@ def main(args: list[str] | None = None) -> None:
         sys.exit(f"the view needs {error.name}, which is not installed; pip install 'viser[urdf]'")
     use_large_message_profile()
     with isolated_unless_chosen() if options.demo else nullcontext():
-        rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
+        init(given)
         stop = Stop()
         stop.starting = False  # what has begun to start is ended in order
         with (
@@ -47,7 +49,12 @@ def main(args: list[str] | None = None) -> None:
         ):
             print(f"{remote.name} is shown at {page.url}", flush=True)
             due = monotonic()
+            patience = due + PATIENCE
             while not stop.asked:
+                if monotonic() > patience:
+                    patience = math.inf
+                    if remote.missing:
+                        print(f"{remote.missing}; waiting for it (--node names another)", file=sys.stderr, flush=True)
                 remote.spin(max(due - monotonic(), 0.0))
                 due = max(due + 1.0 / options.rate, monotonic())
                 page.refresh()

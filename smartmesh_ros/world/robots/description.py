@@ -14,7 +14,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from urllib.parse import unquote
 from xml.etree import ElementTree
+
+import pybullet_data
 
 from smartmesh_ros.errors import InputError
 
@@ -187,11 +190,15 @@ def _root(links: dict[str, ElementTree.Element], joints: tuple[Joint, ...]) -> s
     return roots[0]
 
 
-_SCHEME = re.compile(r"(package|model|file)://")
+# A file's URI may name this machine.
+_SCHEME = re.compile(r"(package|model|file)://(?:(?<=file://)localhost(?=/))?")
 
 
 def package_folder(name: str) -> Path | None:
-    """Return the share folder of a ROS package by the environment's AMENT_PREFIX_PATH, None if there is none."""
+    """Return the share folder of a ROS package by the environment's AMENT_PREFIX_PATH, or the folder of
+    ``pybullet_data`` by that name; None if there is none."""
+    if name == "pybullet_data":
+        return Path(pybullet_data.getDataPath())
     if not name or "/" in name or name.startswith("."):
         return None
     for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
@@ -204,7 +211,8 @@ def named_file(name: str, folder: Path | None) -> Path:
     """Return the file that a description in ``folder`` (None = a text) names; symbolic links are resolved.
 
     ``package://<package>/...`` is a file of an installed package, or else is searched as a relative path is: in the
-    folder of the description, those above it, and the working directory. Raises `InputError` if there is no file.
+    folder of the description, those above it, and the working directory. Of a URI, ``%20`` and the like may stand for
+    characters. Raises `InputError` if there is no file.
     """
     if "\0" in name or not name.strip():
         raise InputError("urdf", f"the URDF names a file {name!r}")
@@ -216,6 +224,8 @@ def named_file(name: str, folder: Path | None) -> Path:
         candidates.append(share / inside)
     above = [] if folder is None else [folder, *folder.parents]
     candidates += [place / rest for place in (*above, Path.cwd())]
+    if scheme:
+        candidates += [Path(unquote(str(path))) for path in candidates]
     try:
         found = next((path for path in candidates if path.is_file()), None)
         if found is not None:

@@ -1,4 +1,4 @@
-"""Prepared robots into PyBullet, and the masses of links that a URDF gives no inertia.
+"""Prepared robots into PyBullet, the masses of links that a URDF gives no inertia, and the damping of joints.
 
 PyBullet gives each link without <inertial> a mass of 1 kg and moments of inertia of 1 kg m^2. For other loaders such a
 link (a frame of a sensor or of a tool) has no mass.
@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
@@ -26,6 +27,8 @@ STRONGEST_GEAR = 1e5
 TINY_RATIO = 1e-12
 # Share of a gear's error that each step corrects.
 GEAR_ERP = 0.2
+# Highest velocity of joints to which PyBullet limits every robot by itself [rad/s, m/s].
+PYBULLETS_FASTEST = 100.0
 
 
 def load_robot(client: Any, robot: PreparedRobot, flags: int) -> int:
@@ -69,9 +72,9 @@ NEEDED_MASS, NEEDED_INERTIA = 1.0, 0.01
 _MOVING = (pb.JOINT_REVOLUTE, pb.JOINT_PRISMATIC, pb.JOINT_SPHERICAL, pb.JOINT_PLANAR)
 
 
-def set_masses(client: Any, uid: int, urdf: str) -> str:
-    """Take the mass of links without <inertial>, by the ``urdf`` text that PyBullet loaded, and return what to tell the
-    user, empty if every link has an <inertial>. Links keep `NEEDED_MASS` if without it a joint would move no mass at
+def set_masses(client: Any, uid: int, urdf: str) -> tuple[str, str]:
+    """Take the mass of links without <inertial>, by the ``urdf`` text that PyBullet loaded, and return a note and a
+    warning about them, empty if there is none. Links keep `NEEDED_MASS` if without it a joint would move no mass at
     all, or the root would be fixed to the world."""
     links = ElementTree.fromstring(urdf).iterfind("link")
     bare = {link.get("name", "") for link in links if link.find("inertial") is None}
@@ -95,15 +98,13 @@ def set_masses(client: Any, uid: int, urdf: str) -> str:
             client.changeDynamics(uid, index, mass=0.0)
     if names[0] in bare and masses[0]:  # PyBullet gives a root called world no mass
         needed.append(names[0])
-    notes = []
-    if without:
-        notes.append(f"links without <inertial> have no mass: {', '.join(without)}")
-    if needed:
-        notes.append(
-            f"links without <inertial> weigh {NEEDED_MASS:g} kg each, because a joint or the root needs a mass to "
-            f"move: {', '.join(needed)}; give them an <inertial>"
-        )
-    return "; ".join(notes)
+    note = f"links without <inertial> have no mass: {', '.join(without)}" if without else ""
+    if not needed:
+        return note, ""
+    return note, (
+        f"links without <inertial> weigh {NEEDED_MASS:g} kg each, because a joint or the root needs a mass to "
+        f"move: {', '.join(needed)}; give them an <inertial>"
+    )
 
 
 def _set_needed_mass(client: Any, uid: int, index: int) -> None:
@@ -111,3 +112,31 @@ def _set_needed_mass(client: Any, uid: int, index: int) -> None:
         client.changeDynamics(uid, index, mass=NEEDED_MASS)  # with the inertia of the shapes
     else:
         client.changeDynamics(uid, index, mass=NEEDED_MASS, localInertiaDiagonal=[NEEDED_INERTIA] * 3)
+
+
+def damp_joints(client: Any, uid: int, damping: Mapping[int, float], dt: float) -> dict[int, float]:
+    """Give joints, by their indices, the ``damping`` of the URDF [Nms/rad, Ns/m], or as much of it as steps of ``dt``
+    [s] bear in the present posture, once all masses are set; return the shares that joints have of theirs.
+
+    PyBullet applies damping by the velocity before a step, which diverges if that takes more than twice the velocity. A
+    joint that has c / (1 + k) instead of c, which takes k of its velocity, slows down as by implicit integration.
+    Joints that move the same links act on each other by the correlation of their mobilities.
+    """
+    damped = [index for index, value in damping.items() if value]
+    joints = [client.getJointInfo(uid, index) for index in range(client.getNumJoints(uid)) if damped]
+    moving = [joint[0] for joint in joints if joint[2] != pb.JOINT_FIXED]
+    if not damped or {joints[index][2] for index in moving} - {pb.JOINT_REVOLUTE, pb.JOINT_PRISMATIC}:
+        return {}  # PyBullet has no mass matrix for other joints
+    try:
+        inertias = client.calculateMassMatrix(uid, [client.getJointState(uid, index)[0] for index in moving])
+    except pb.error:  # more joints than PyBullet returns states of
+        return {}
+    rows = [moving.index(index) - len(moving) for index in damped]
+    mobilities = np.linalg.inv(inertias)[np.ix_(rows, rows)]
+    own = mobilities.diagonal()
+    together = np.abs(mobilities / np.sqrt(np.outer(own, own))).sum(axis=1).max()
+    given = np.array([damping[index] for index in damped])
+    shares = 1.0 / (1.0 + dt * together * own * given)
+    for index, value in zip(damped, (shares * given).tolist(), strict=True):
+        client.changeDynamics(uid, index, jointDamping=value)
+    return dict(zip(damped, shares.tolist(), strict=True))

@@ -60,27 +60,27 @@ def mimics_of(robot: Description) -> tuple[Mimic, ...]:
     return tuple(found.values())
 
 
-def with_massive_root(robot: Description) -> str:
-    """Make one rigid body of a root without mass and a link that fixed joints hold to it; return a note about it, empty
-    if the root stays as it is.
+def with_massive_root(robot: Description) -> tuple[str, str]:
+    """Make one rigid body of a root without mass and a link that fixed joints hold to it; return a note and a warning
+    about it, empty if there is none.
 
     PyBullet keeps a root without mass in place for ever. In URDF such a root (base_footprint) is only a frame of the
     rigid body that its fixed joints make of it. Names and frames of the links stay.
     """
     root = robot.links[robot.root]
     if mass_of(root):
-        return ""
+        return "", ""
     if robot.root == WORLD:
-        return "root link 'world': the robot is fixed to the ground's frame and does not move"
+        return "root link 'world': the robot is fixed to the ground's frame and does not move", ""
     for link in robot.fixed_to_root():
         if mass := mass_of(robot.links[link]):
             _share_mass(root, robot.links[link])
-            return f"root link {robot.root!r} has no mass and is merged with link {link!r} ({mass:g} kg), fixed to it"
+            merged = f"root link {robot.root!r} has no mass and is merged with link {link!r} ({mass:g} kg), fixed to it"
+            return merged, ""
     if mass_of(root) is None:
-        return ""
-    return (
-        f"root link {robot.root!r} has a mass of 0 and no link with mass is fixed to it: the robot's root does not move"
-    )
+        return "", ""
+    zero = f"root link {robot.root!r} has a mass of 0 and no link with mass is fixed to it"
+    return "", f"{zero}: the robot's root does not move"
 
 
 def _share_mass(root: ElementTree.Element, link: ElementTree.Element) -> None:

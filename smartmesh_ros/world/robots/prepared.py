@@ -20,6 +20,8 @@ from xml.etree import ElementTree
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.world.robots.description import Description, named_file, read_description
+from smartmesh_ros.world.robots.dynamics import mend_inertias, normalise_axes, starts_of
+from smartmesh_ros.world.robots.ignored import ignored_in
 from smartmesh_ros.world.robots.meaning import Mimic, SurfaceDrive, mimics_of, surface_drives_of, with_massive_root
 from smartmesh_ros.world.robots.quantities import check_quantities, scale_of
 from smartmesh_ros.world.robots.workshop import WORKSHOP, Made
@@ -49,7 +51,8 @@ class PreparedRobot:
     """A robot for `BodyFactory`. ``given``: the URDF text or path as given. ``text``: what PyBullet loads, with
     ``meshes`` (one for each use) beside it, and once they are made ``files`` by name. ``collisions``: number of
     collision elements by link. ``mimics``: joints that follow others. ``notes``: what is taken otherwise than PyBullet
-    would. ``surfaces``: driven ones by name. ``shapes``: by index of the link in PyBullet, -1 = root."""
+    would; ``warnings``: what its author likely did not mean. ``surfaces``: driven ones by name. ``starts``: positions
+    of joints that do not start at zero [rad, m]. ``shapes``: by index of the link in PyBullet, -1 = root."""
 
     given: str
     text: str
@@ -57,7 +60,9 @@ class PreparedRobot:
     collisions: Mapping[str, int]
     mimics: tuple[Mimic, ...]
     notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
     surfaces: Mapping[str, SurfaceDrive] = field(default_factory=dict)
+    starts: Mapping[str, float] = field(default_factory=dict)
     files: Mapping[str, bytes] = field(default_factory=dict)
     shapes: Mapping[int, BodyShape] = field(default_factory=dict)
 
@@ -87,11 +92,15 @@ def prepare_robot(urdf: str) -> PreparedRobot:
 def _rewritten(urdf: str, robot: Description) -> PreparedRobot:
     """Return a robot whose text PyBullet can load once its meshes are made."""
     check_quantities(robot)
-    mimics, note = mimics_of(robot), with_massive_root(robot)
-    notes = [note] if note else []
-    notes += [
+    normalise_axes(robot)
+    mimics, starts = mimics_of(robot), starts_of(robot)
+    starts |= {m.joint: m.multiplier * starts.get(m.leader, 0.0) + m.offset for m in mimics}
+    note, warning = with_massive_root(robot)
+    warnings = (mend_inertias(robot), warning, ignored_in(robot))
+    gears = (
         f"joint {m.joint!r} follows {m.leader!r} ({m.multiplier:g} times, {m.offset:+g}) by a gear" for m in mimics
-    ]
+    )
+    notes = (note, *gears)
     made = ElementTree.Element("robot", name=robot.robot.get("name") or "robot")
     meshes = []
     for tag, kept in (("link", _OF_LINKS), ("joint", _OF_JOINTS)):
@@ -106,8 +115,9 @@ def _rewritten(urdf: str, robot: Description) -> PreparedRobot:
             element.attrib = {"filename": mesh.name}
     return PreparedRobot(
         given=urdf, text=ElementTree.tostring(made, encoding="unicode"), meshes=tuple(meshes),
-        collisions={name: len(robot.collisions(name)) for name in robot.links}, mimics=mimics, notes=tuple(notes),
-        surfaces=surface_drives_of(robot),
+        collisions={name: len(robot.collisions(name)) for name in robot.links}, mimics=mimics,
+        notes=tuple(filter(None, notes)), warnings=tuple(filter(None, warnings)),
+        surfaces=surface_drives_of(robot), starts=starts,
     )  # fmt: skip
 
 

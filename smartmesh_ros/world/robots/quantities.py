@@ -26,6 +26,8 @@ _LARGEST_INERTIA = 1e18  # [kg m^2]
 _MASSES = (1e-9, MASSES[1])
 _SCALES = (1e-6, 1e6)
 _MOVES = ("revolute", "continuous", "prismatic")
+# Kinds of joints that have limits of their position.
+LIMITED = ("revolute", "prismatic")
 
 
 def check_quantities(robot: Description) -> None:
@@ -39,6 +41,8 @@ def check_quantities(robot: Description) -> None:
     for joint in robot.joints:
         what = f"joint {joint.name!r}"
         _check_pose(joint.element, what)
+        if joint.kind in LIMITED and joint.element.find("limit") is None:
+            raise InputError("urdf", f"{what} is {joint.kind} and has no <limit>; give it one, or make it continuous")
         for axis in joint.element.findall("axis"):
             _require_finite(axis, "xyz", what)
             if joint.kind in _MOVES and not any(vector_of(axis, "xyz", 1.0)):
@@ -48,6 +52,8 @@ def check_quantities(robot: Description) -> None:
             for element in joint.element.findall(tag):
                 for key in keys:
                     _require_finite(element, key, what)
+                    if tag == "dynamics" and number_of(element, key, 0.0) < 0.0:
+                        raise InputError("urdf", f"the {key} of {what} is negative; it must be zero or more")
 
 
 def numbers(element: ElementTree.Element, key: str, what: str, count: int) -> list[float]:

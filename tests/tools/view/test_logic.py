@@ -148,8 +148,8 @@ def test_every_kind_of_patch_has_a_colour_that_is_told_apart() -> None:
     [
         (BodyDescription.SPHERE, (0.5,), 0.5),
         (BodyDescription.BOX, (0.2, 0.4, 0.6), 0.14**0.5),
-        (BodyDescription.CYLINDER, (0.3, 0.8), 0.5),
-        (BodyDescription.CAPSULE, (0.3, 0.8), 0.7),
+        (BodyDescription.CYLINDER, (0.8, 0.3), 0.5),
+        (BodyDescription.CAPSULE, (0.8, 0.3), 0.7),
     ],
 )
 def test_shapes_are_closed_and_reach_as_far_as_their_radius(

@@ -1,0 +1,87 @@
+"""The ground around the bodies, as a mesh to be drawn."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+from smartmesh_ros.terrain.trimesh import grid_triangles
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroundView:
+    """The part of the ground that is drawn.
+
+    ``cells``: along each side; more show smaller features, and cost more to compute and to send. ``margin`` [m]: ground
+    beside the outermost bodies. ``widest`` [m]: largest side; bodies farther from the median of all are left aside.
+    ``alone`` [m]: side without bodies. ``period`` [s]: between two drawings of ground that changes. ``lower`` [m]: how
+    far below the true ground it is drawn, so that patches lie on it.
+    """
+
+    cells: int = 64
+    margin: float = 3.0
+    widest: float = 60.0
+    alone: float = 20.0
+    period: float = 0.1
+    lower: float = 0.01
+
+
+class Window(NamedTuple):
+    """A square of the ground: position ``x``, ``y`` of its first sample, and the distance of its samples [m]."""
+
+    x: float
+    y: float
+    spacing: float
+
+
+def window_around(positions_w: FloatArray, terrain: Terrain, view: GroundView) -> Window | None:
+    """Return the window that shows the ground around bodies (n, 2+) [m], or the middle of the terrain if there are
+    none; None without terrain. Its samples are those of the first height map, or every so many-th one."""
+    if not terrain.tiles:
+        return None
+    ends = np.concatenate([_bounds(tile) for tile in terrain.tiles.values()])
+    lowest, highest = ends.min(axis=0), ends.max(axis=0)
+    middle, half = 0.5 * (lowest + highest), 0.5 * view.alone
+    low, high = middle - half, middle + half
+    if len(positions_w):
+        middle = np.median(positions_w[:, :2], axis=0)
+        near = np.clip(positions_w[:, :2] - middle, -0.5 * view.widest, 0.5 * view.widest)
+        kept = near[(near == positions_w[:, :2] - middle).all(axis=1)] if len(near) > 1 else near
+        low, high = middle + kept.min(axis=0) - view.margin, middle + kept.max(axis=0) + view.margin
+    low, high = np.clip(low, lowest, highest), np.clip(high, lowest, highest)
+    side = max(float((high - low).max()), 2.0 * view.margin)
+    maps = [tile.geometry for tile in terrain.tiles.values() if isinstance(tile, HeightMap)]
+    finest = maps[0].resolution if maps else side / view.cells
+    spacing = finest * max(math.ceil(side / (view.cells * finest) - 1e-9), 1)
+    anchor = np.array(maps[0].origin[:2] if maps else (0.0, 0.0))
+    first = 0.5 * (low + high) - 0.5 * view.cells * spacing
+    x, y = (anchor + np.round((first - anchor) / spacing) * spacing).tolist()
+    return Window(x, y, spacing)
+
+
+def ground_points(window: Window, terrain: Terrain, time: float, view: GroundView) -> FloatArray:
+    """Return the corners (n, 3) [m] of the triangles of a window at ``time`` [s]. Their number is always the same:
+    those at holes have no area."""
+    count = view.cells + 1
+    rows, columns = np.divmod(np.arange(count * count), count)
+    xy = np.stack([window.x + columns * window.spacing, window.y + rows * window.spacing], axis=1)
+    vertices = np.column_stack([xy, terrain.at(xy, time).heights - view.lower])
+    corners = vertices[grid_triangles(count, count)]
+    holes = np.isnan(corners[..., 2]).any(axis=1)
+    if holes.any():
+        corners[holes] = corners[~holes][0, 0] if not holes.all() else (window.x, window.y, 0.0)
+    return corners.reshape(-1, 3)
+
+
+def _bounds(tile: MainMesh) -> FloatArray:
+    """Return points (n, 2) [m] between which a tile lies."""
+    if isinstance(tile, HeightMap):
+        row, column = tile.geometry.last.tolist()
+        return tile.geometry.to_world(np.array([0.0, 0.0, row, row]), np.array([0.0, column, 0.0, column]))
+    return np.stack([tile.vertices[:, :2].min(axis=0), tile.vertices[:, :2].max(axis=0)])

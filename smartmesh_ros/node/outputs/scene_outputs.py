@@ -1,0 +1,228 @@
+"""``~/scene``: the ground and the bodies on it, for RViz; ``~/robot_model``: the first robot, for its RobotModel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+from geometry_msgs.msg import Point
+from std_msgs.msg import Header, String
+from visualization_msgs.msg import Marker, MarkerArray
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.bullet import BulletCalls
+from smartmesh_ros.node.outputs.body_outputs import LATCHED, PERIOD
+from smartmesh_ros.node.outputs.cdr import ArrayMessage, stamp_fields
+from smartmesh_ros.node.outputs.ground_view import GroundView, ground_points, window_around
+from smartmesh_ros.node.outputs.patch_outputs import NO_ID
+from smartmesh_ros.node.services.robot_files import urdf_text
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.patches.shapes import ShapeKind
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.world.bodies import Body
+from smartmesh_ros.world.robots.description import is_text, named_file
+from smartmesh_ros.world.states import SimulatedStates
+
+BALL, BOX, CYLINDER, CAPSULE = ShapeKind.BALL, ShapeKind.BOX, ShapeKind.CYLINDER, ShapeKind.CAPSULE
+TYPES = {BALL: Marker.SPHERE, BOX: Marker.CUBE, CYLINDER: Marker.CYLINDER}
+Colour = tuple[float, float, float, float]
+# Colours of bodies by their kinds, of tracked bodies, and of the ground (r, g, b, a).
+COLOURS: dict[ShapeKind, Colour] = {
+    BALL: (0.2, 0.36, 0.66, 1.0), BOX: (0.55, 0.23, 0.47, 1.0), CYLINDER: (0.12, 0.45, 0.38, 1.0),
+    CAPSULE: (0.47, 0.37, 0.16, 1.0),
+}  # fmt: skip
+TRACKED, GROUND = (0.6, 0.6, 0.6, 0.5), (0.45, 0.5, 0.42, 1.0)
+# Markers of a body: a capsule is a cylinder and two balls.
+PER_BODY = 3
+_POSE = (*(f"pose.position.{axis}" for axis in "xyz"), *(f"pose.orientation.{axis}" for axis in "xyzw"))
+_SCALE = tuple(f"scale.{axis}" for axis in "xyz")
+
+
+class Drawn(NamedTuple):
+    """Markers of one kind and colour: ``ids`` (n,), ``poses`` (n, 7) and ``sizes`` (n, 3) along their axes [m]."""
+
+    kind: ShapeKind
+    colour: Colour
+    ids: IntArray
+    poses: FloatArray
+    sizes: FloatArray
+
+
+class SceneMarkers:
+    """Markers of the bodies, and of the ground around them when it changed. The first robot is left to `RobotModel`;
+    further ones are boxes. Ids of bodies are constant, and those of bodies that go are deleted."""
+
+    def __init__(self, session: Session, view: GroundView | None = None) -> None:
+        self._session, self._world = session, session.world
+        self._view = view or GroundView()
+        own = session.settings.marker_namespace
+        self._bodies, self._ground = ("bodies", "ground") if own == "patches" else (f"{own}/bodies", f"{own}/ground")
+        self._message, self._states = ArrayMessage(), SimulatedStates(session.world)
+        self._ids: dict[str, int] = {}
+        self._next_id = 0
+        self._shown = np.empty(0, np.int64)
+        self._last: tuple[Any, ...] = ()  # what the ground of the last message depends on
+        self._due = 0.0
+
+    def write(self, header: Header, *, clear: bool) -> bytes:
+        """Return the MarkerArray. ``clear``: first delete all markers of before, such as those of a node that ended, or
+        whose end a subscriber missed."""
+        message, stamp, frame = self._message, stamp_fields(header), header.frame_id
+        message.start("markers", MarkerArray)
+        if clear:
+            self._clear(header)
+        groups = list(self._groups())
+        shown = np.concatenate([np.empty(0, np.int64), *(group.ids for group in groups)])
+        for kind, colour, ids, poses, sizes in groups:
+            fields: dict[str, Any] = {**stamp, "id": ids}
+            fields |= dict(zip((*_POSE, *_SCALE), np.concatenate([poses, sizes], axis=1).T, strict=True))
+            make = partial(_marker, self._bodies, frame, TYPES[kind], colour)
+            message.add((frame, kind, colour), make, len(ids), fields)
+        gone = np.setdiff1d(self._shown, shown)
+        delete = partial(_marker, self._bodies, frame, Marker.CUBE, TRACKED, Marker.DELETE)
+        message.add((frame, "gone"), delete, len(gone), {**stamp, "id": gone})
+        self._shown = shown
+        self._add_ground(header, np.concatenate([np.empty((0, 7)), *(group.poses for group in groups)]), again=clear)
+        return message.finish()
+
+    def cleared(self, header: Header) -> bytes:
+        """Return the MarkerArray that deletes all markers."""
+        self._message.start("markers", MarkerArray)
+        self._clear(header)
+        return self._message.finish()
+
+    def _clear(self, header: Header) -> None:
+        for namespace in (self._bodies, self._ground):
+            make = partial(_marker, namespace, header.frame_id, Marker.CUBE, TRACKED, Marker.DELETEALL)
+            self._message.add((header.frame_id, namespace), make, 1, {**stamp_fields(header), "id": NO_ID})
+
+    def _groups(self) -> Iterator[Drawn]:
+        """Yield the markers of all bodies."""
+        world, states = self._world, self._states.read()
+        prefixes = self._session.robot_names.prefixes()
+        first = next(iter(prefixes), None)
+        tracked = [body for body in world.bodies.values() if body.tracked]
+        names = [*states.names, *(body.name for body in tracked)]
+        for name in names:
+            if name not in self._ids:
+                self._ids[name], self._next_id = self._next_id, self._next_id + PER_BODY
+        if len(self._ids) > 2 * len(names) + 100:
+            self._ids = {name: self._ids[name] for name in names}
+        ids = np.array([self._ids[name] for name in states.names], np.int64)
+        drawn = np.array([name != first for name in states.names], np.bool_)
+        poses = states.numbers[:, :7].copy()
+        poses[:, :3] += turned(poses[:, 3:], states.centres)
+        for kind in COLOURS:
+            chosen = np.flatnonzero(drawn & (states.kinds == kind))
+            if len(chosen):
+                yield from parts_of(kind, COLOURS[kind], ids[chosen], poses[chosen], states.dimensions[chosen])
+        if tracked:
+            found = BulletCalls(world.client).poses([body.uid for body in tracked])
+            radii = np.array([[body.radius] for body in tracked])
+            yield from parts_of(BALL, TRACKED, np.array([self._ids[body.name] for body in tracked]), found, radii)
+
+    def _add_ground(self, header: Header, poses: FloatArray, *, again: bool) -> None:
+        """Add the ground if it or the place of the bodies has changed, or ``again``."""
+        world, view, now = self._world, self._view, self._session.clock.steady()
+        if not again and now < self._due:
+            return
+        self._due = now + view.period
+        window = window_around(poses, world.terrain, view)
+        moving = any(tile.moving(world.time) for tile in world.terrain.tiles.values())
+        seen = (window, world.terrain.revision, header.frame_id)
+        if window is None or (seen == self._last and not moving and not again):
+            return
+        self._last = seen
+        points = ground_points(window, world.terrain, world.time, view)
+        make = partial(_marker, self._ground, header.frame_id, Marker.TRIANGLE_LIST, GROUND, points=len(points))
+        fields = {**stamp_fields(header), "id": 0, "points": points[None]}
+        self._message.add((header.frame_id, "ground", len(points)), make, 1, fields)
+
+
+def parts_of(
+    kind: ShapeKind, colour: Colour, ids: IntArray, poses: FloatArray, dimensions: FloatArray
+) -> Iterator[Drawn]:
+    """Yield the markers of bodies of one kind, by their ``poses`` (n, 7) and ``dimensions`` (n, 1+) [m]."""
+    if kind == BOX:
+        yield Drawn(BOX, colour, ids, poses, dimensions)
+    elif kind == BALL:
+        yield Drawn(BALL, colour, ids, poses, np.repeat(2.0 * dimensions[:, :1], 3, axis=1))
+    else:
+        height, width = dimensions[:, :1], 2.0 * dimensions[:, 1:2]
+        yield Drawn(CYLINDER, colour, ids, poses, np.concatenate([width, width, height], axis=1))
+        if kind == CAPSULE:
+            along = turned(poses[:, 3:], np.pad(0.5 * height, ((0, 0), (2, 0))))
+            for place, side in enumerate((1.0, -1.0), 1):
+                ends = np.concatenate([poses[:, :3] + side * along, poses[:, 3:]], axis=1)
+                yield Drawn(BALL, colour, ids + place, ends, np.repeat(width, 3, axis=1))
+
+
+def turned(orientations: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return vectors (n, 3) turned by unit quaternions (n, 4) (x, y, z, w)."""
+    axis, w = orientations[:, :3], orientations[:, 3:]
+    twice = 2.0 * np.cross(axis, vectors)
+    return np.asarray(vectors + w * twice + np.cross(axis, twice))
+
+
+def _marker(
+    namespace: str, frame_id: str, kind: int, colour: Colour, action: int = Marker.ADD, points: int = 0
+) -> Marker:
+    marker = Marker(ns=namespace, type=kind, action=action, frame_locked=True, points=[Point()] * points)
+    marker.header.frame_id = frame_id
+    marker.scale.x = marker.scale.y = marker.scale.z = 1.0
+    marker.color.r, marker.color.g, marker.color.b, marker.color.a = colour
+    return marker
+
+
+class RobotModel:
+    """``~/robot_model``: the URDF of the first robot with the names of its frames on ``/tf``, and with the files of its
+    meshes, published when it changes while the topic has subscribers; latched. Empty = there is no robot."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        session.topics.publish("~/robot_model")
+        self.publisher = session.node.create_publisher(String, "~/robot_model", LATCHED)
+        self._sent: tuple[Body | None, str] | None = None  # None = no subscribers
+        self._due = 0.0
+
+    def publish(self) -> None:
+        """Publish the URDF if it is due and has changed."""
+        now = self._session.clock.steady()
+        if now < self._due:
+            return
+        self._due = now + PERIOD
+        if not self.publisher.get_subscription_count():
+            self._sent = None
+            return
+        robot, prefix = next(iter(self._session.robot_names.prefixes().items()), ("", ""))
+        body = self._session.world.bodies.get(robot)
+        if self._sent is None or self._sent[0] is not body or self._sent[1] != prefix:
+            self._sent = body, prefix
+            self.publisher.publish(String(data="" if body is None else shown_urdf(body.urdf or "", prefix)))
+
+
+def shown_urdf(urdf: str, prefix: str) -> str:
+    """Return a URDF text or file for a display: links have the ``prefix`` of their frames, files of meshes are named by
+    ``file://``, and links without visuals show what they collide with. Empty if the file is gone."""
+    try:
+        robot = ElementTree.fromstring(urdf_text(urdf))
+    except InputError:  # the file may have been deleted since the robot was loaded
+        return ""
+    folder = None if is_text(urdf) else Path(urdf).absolute().parent
+    for link in robot.findall("link"):
+        link.set("name", prefix + link.get("name", ""))
+        if link.find("visual") is None:
+            for collision in link.findall("collision"):
+                link.append(shown := ElementTree.Element("visual"))
+                shown.extend(collision.findall(tag)[0] for tag in ("origin", "geometry") if collision.findall(tag))
+    for end in (end for joint in robot.findall("joint") for tag in ("parent", "child") for end in joint.findall(tag)):
+        end.set("link", prefix + end.get("link", ""))
+    for file in (*robot.iter("mesh"), *robot.iter("texture")):
+        with suppress(InputError):  # a missing file is left to the display, which says so
+            file.set("filename", f"file://{named_file(file.get('filename', ''), folder)}")
+    return ElementTree.tostring(robot, encoding="unicode")

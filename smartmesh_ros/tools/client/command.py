@@ -1,0 +1,283 @@
+"""``smartmesh``: a running terrain_collider by commands, and its start, also where there is no ``ros2``.
+
+smartmesh run terrain_collider                       # as ros2 run smartmesh_ros terrain_collider
+smartmesh spawn ball --sphere 0.3 --at 1 2           # on the ground; --z 3.0 instead starts it there
+smartmesh spawn robot --urdf my_robot.urdf
+smartmesh list                                       # bodies, and where they are
+smartmesh echo body_states --once                    # messages of a topic of the node
+smartmesh param physics.rate 480
+smartmesh status                                     # what the diagnostics say
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import math
+import sys
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from time import monotonic
+from typing import Any
+from xml.etree import ElementTree
+
+import rclpy
+import yaml
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import Point, Pose, Quaternion
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.parameters.helping import own_arguments
+from smartmesh_ros.node.running import Stop
+from smartmesh_ros.startup.dds import use_large_message_profile
+from smartmesh_ros.startup.executables import STARTED_BY_NAME
+from smartmesh_ros.tools.client.remote import BEST, Remote, colliders
+from smartmesh_ros.tools.client.sight import KINDS
+from smartmesh_ros.world.robots.description import named_file
+
+SHAPES = {
+    "sphere": (SolidPrimitive.SPHERE, ("RADIUS",)), "box": (SolidPrimitive.BOX, ("X", "Y", "Z")),
+    "cylinder": (SolidPrimitive.CYLINDER, ("HEIGHT", "RADIUS")),
+    "capsule": (TrackedBody.SHAPE_CAPSULE, ("HEIGHT", "RADIUS")),
+}  # fmt: skip
+# Most entries of a sequence that are printed.
+MOST_PRINTED = 12
+LEVELS = {DiagnosticStatus.OK: "ok", DiagnosticStatus.WARN: "warning", DiagnosticStatus.ERROR: "error"}
+
+
+class Caller:
+    """Asks a node; whatever is refused, or not answered within a ``patience`` [s], raises `InputError`."""
+
+    def __init__(self, remote: Remote, patience: float) -> None:
+        self.remote, self._patience = remote, patience
+
+    def wait_for(self, condition: Callable[[], Any], what: str) -> Any:
+        """Return a condition's value once it is true."""
+        end = monotonic() + self._patience
+        while not (found := condition()):
+            if monotonic() > end:
+                raise InputError("timeout", self.remote.missing or f"no {what} after {self._patience:g} s")
+            self.remote.spin(0.02)
+        return found
+
+    def messages(self, topic: str, kind: Any, *, raw: bool = False) -> list[Any]:
+        """Subscribe to a topic, wait for a message, and return the list of all, which grows."""
+        node, came = self.remote.node, list[Any]()
+        self.wait_for(lambda: node.count_publishers(topic), f"publisher of {topic}")
+        node.create_subscription(kind, topic, came.append, QoSProfile(depth=10, **BEST), raw=raw)
+        self.wait_for(lambda: came, f"message on {topic}")
+        return came
+
+    def call(self, service: str, **fields: Any) -> str:
+        """Call a service of the node; return what it says on success."""
+        client = self.remote.client(service)
+        self.wait_for(client.service_is_ready, f"service {client.srv_name}")
+        future = client.call_async(client.srv_type.Request(**fields))
+        self.wait_for(future.done, f"answer of {client.srv_name}")
+        if not future.result().success:
+            raise InputError("refused", future.result().message)
+        return str(future.result().message)
+
+
+def spawn(caller: Caller, options: argparse.Namespace) -> str:
+    """Spawn a body or a robot."""
+    fields: dict[str, Any] = {"id": options.name, "mass": options.mass, "on_ground": options.z is None}
+    if options.z is None:
+        fields |= {"clearance": options.clearance, "align": options.align}
+    chosen = [name for name in SHAPES if getattr(options, name) is not None]
+    if options.urdf is not None:
+        fields["urdf"] = text_of(options.urdf)
+    elif chosen:
+        fields["shape"] = SolidPrimitive(type=SHAPES[chosen[0]][0], dimensions=getattr(options, chosen[0]))
+    x, y = options.at
+    turn = Quaternion(z=math.sin(0.5 * options.yaw), w=math.cos(0.5 * options.yaw))
+    fields["pose"] = Pose(position=Point(x=x, y=y, z=options.z or 0.0), orientation=turn)
+    return caller.call("spawn_body", **fields) or f"{options.name} is there"
+
+
+def text_of(file: Path) -> str:
+    """Return the text of a URDF file, whose meshes are named by their full paths. Raises `InputError`."""
+    try:
+        text = file.read_text()
+        robot = ElementTree.fromstring(text)
+    except (OSError, ValueError, ElementTree.ParseError) as error:
+        raise InputError("urdf", f"{file} is no URDF file that can be read: {error}") from None
+    for mesh in robot.iter("mesh"):
+        if not mesh.get("filename", "").startswith("package://"):
+            mesh.set("filename", str(named_file(mesh.get("filename", ""), file.absolute().parent)))
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def remove(caller: Caller, options: argparse.Namespace) -> str:
+    """Remove bodies."""
+    caller.call("remove_bodies", ids=options.names)
+    return ""
+
+
+def show_bodies(caller: Caller, _: argparse.Namespace) -> str:
+    """Return the bodies of the node, a line each."""
+    sight, lines = caller.remote.sight, []
+    topics = ("body_descriptions", "body_states")
+    came = {topic: caller.messages(f"{caller.remote.name}/{topic}", KINDS[topic], raw=True) for topic in topics}
+
+    def complete() -> bool:
+        """Whether the bodies of the newest messages are the same: a latched description may be an old one."""
+        for topic, messages in came.items():
+            sight.take(topic, messages[-1])
+        simulated = {name for name, body in sight.appearances.items() if not body.tracked}
+        return simulated == {body.id for body in deserialize_message(came["body_states"][-1], TrackedBodyArray).bodies}
+
+    caller.wait_for(complete, "description of all bodies")
+    kinds = {number: name for name, (number, _) in SHAPES.items()}
+    for name, body in sight.appearances.items():
+        kind = "robot" if body.urdf else kinds.get(body.shape, "body")
+        size = " x ".join(f"{value:g}" for value in body.dimensions)
+        how = "tracked" if body.tracked else "asleep" if name in sight.asleep else "simulated"
+        place = ", ".join(f"{value:.3f}" for value in sight.poses[name].position) if name in sight.poses else "unknown"
+        lines.append(f"{name}: {' '.join(filter(None, (kind, size)))}, {how}, at ({place})")
+    return "\n".join(lines) or "no bodies"
+
+
+def echo(caller: Caller, options: argparse.Namespace) -> str:
+    """Print messages of a topic of the node as YAML."""
+    remote, topic = caller.remote, options.topic
+    full = topic if topic.startswith("/") else f"{remote.name}/{topic}"
+    types = caller.wait_for(lambda: dict(remote.node.get_topic_names_and_types()).get(full), f"topic {full}")
+    package, _, kind = types[0].split("/")
+    came = caller.messages(full, getattr(importlib.import_module(f"{package}.msg"), kind))
+    while True:
+        for message in came[:1] if options.once else came:
+            print(yaml.safe_dump(plain(message), sort_keys=False, default_flow_style=None, width=120), end="---\n")
+        if options.once:
+            return ""
+        came.clear()
+        remote.spin(0.1)
+
+
+def plain(value: Any) -> Any:
+    """Return a message as dictionaries, lists and numbers, its long sequences shortened."""
+    if hasattr(value, "get_fields_and_field_types"):
+        return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
+    if isinstance(value, str | bool | int | float):
+        return value
+    if isinstance(value, bytes):
+        return list(value)
+    items = [plain(item.item() if hasattr(item, "item") else item) for item in list(value)[:MOST_PRINTED]]
+    return items if len(value) <= MOST_PRINTED else [*items, f"... {len(value) - MOST_PRINTED} more"]
+
+
+def param(caller: Caller, options: argparse.Namespace) -> str:
+    """Get a parameter, all of them, or set one."""
+    client = caller.remote.parameters
+    caller.wait_for(client.services_are_ready, "services for parameters")
+    if options.value is not None:
+        future = client.set_parameters([Parameter(options.name, value=yaml.safe_load(options.value))])
+        result = caller.wait_for(lambda: future.done() and future.result(), "answer").results[0]
+        if not result.successful:
+            raise InputError("refused", result.reason)
+        return ""
+    names = [options.name]
+    if options.name is None:
+        listed = client.list_parameters([], 0)
+        names = sorted(caller.wait_for(lambda: listed.done() and listed.result(), "answer").result.names)
+    got = client.get_parameters(names)
+    values = caller.wait_for(lambda: got.done() and got.result(), "answer").values
+    if len(values) != len(names):
+        raise InputError("parameter", f"{caller.remote.name} has no parameter {options.name!r}")
+    plain_values = [parameter_value_to_python(value) for value in values]
+    if options.name is not None:
+        return str(plain_values[0])
+    return "\n".join(f"{name}: {value}" for name, value in zip(names, plain_values, strict=True))
+
+
+def status(caller: Caller, _: argparse.Namespace) -> str:
+    """Return what the node's diagnostics say."""
+    tasks = caller.wait_for(lambda: caller.remote.tasks, "diagnostics")
+    lines = []
+    for name, task in tasks.items():
+        lines.append(f"{name}: {LEVELS.get(task.level, '?')}, {task.message}")
+        lines += [f"    {pair.key}: {pair.value}" for pair in task.values]
+    return "\n".join(lines)
+
+
+def show_nodes(caller: Caller, _: argparse.Namespace) -> str:
+    """Return the names of the running nodes."""
+    return "\n".join(caller.wait_for(lambda: colliders(caller.remote.node), "node"))
+
+
+def say(service: str, **fields: Any) -> Callable[[Caller, argparse.Namespace], str]:
+    """Return the action that calls a service."""
+    return lambda caller, _: caller.call(service, **fields)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    made = argparse.ArgumentParser(
+        "smartmesh", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    made.add_argument("--node", default="/terrain_collider", help="full name of the node (%(default)s)")
+    made.add_argument("--timeout", type=float, default=10.0, help="longest wait for it [s] (%(default)s)")
+    commands = made.add_subparsers(required=True, metavar="COMMAND")
+
+    def command(name: str, words: str, act: Callable[[Caller, argparse.Namespace], str] | None) -> Any:
+        found = commands.add_parser(name, help=words, description=words)
+        found.set_defaults(act=act)
+        return found
+
+    starts = command("run", f"start one of {', '.join(STARTED_BY_NAME)}; more arguments are its own", None)
+    starts.add_argument("executable", choices=STARTED_BY_NAME, metavar="EXECUTABLE")
+    command("nodes", "the running nodes", show_nodes)
+    command("list", "the bodies: kinds, sizes, places", show_bodies)
+    spawns = command("spawn", "add a body or a robot, on the ground unless --z is given", spawn)
+    spawns.add_argument("name")
+    shape = spawns.add_mutually_exclusive_group(required=True)
+    for name, (_, dimensions) in SHAPES.items():
+        shape.add_argument(f"--{name}", nargs=len(dimensions), type=float, metavar=dimensions, help="[m]")
+    shape.add_argument("--urdf", type=Path, help="file of a robot")
+    spawns.add_argument("--mass", type=float, default=1.0, help="[kg] (%(default)s)")
+    spawns.add_argument("--at", nargs=2, type=float, default=(0.0, 0.0), metavar=("X", "Y"), help="[m] (0 0)")
+    spawns.add_argument("--z", type=float, help="height of the centre of mass [m]; default: on the ground")
+    spawns.add_argument("--clearance", type=float, default=0.0, help="of the lowest point above the ground [m]")
+    spawns.add_argument("--align", action="store_true", help="tilt it with the ground")
+    spawns.add_argument("--yaw", type=float, default=0.0, help="turn about z [rad]")
+    command("remove", "remove bodies", remove).add_argument("names", nargs="+", metavar="NAME")
+    echoes = command("echo", "print a topic of the node, such as body_states", echo)
+    echoes.add_argument("topic")
+    echoes.add_argument("--once", action="store_true", help="one message")
+    params = command("param", "show all parameters, or one, or set one", param)
+    params.add_argument("name", nargs="?")
+    params.add_argument("value", nargs="?", help="as in YAML")
+    command("status", "what the diagnostics say", status)
+    command("pause", "pause the physics", say("pause", data=True))
+    command("resume", "let it run", say("pause", data=False))
+    command("reset", "put bodies back to where they were spawned", say("reset"))
+    steps = command("step", "run steps of a paused physics", lambda caller, o: caller.call("step", steps=o.count))
+    steps.add_argument("count", nargs="?", type=int, default=1)
+    return made
+
+
+def main(args: list[str] | None = None) -> None:
+    """Do what a command line asks for."""
+    given = sys.argv if args is None else ["smartmesh", *args]
+    options = parser().parse_args(own_arguments(given))
+    use_large_message_profile()
+    rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
+    Stop()
+    try:
+        with closing(Remote("/" + options.node.strip("/"))) as remote:
+            if words := options.act(Caller(remote, options.timeout), options):
+                print(words)
+    except InputError as error:
+        sys.exit(f"smartmesh: {error}")
+    except KeyboardInterrupt:
+        pass
+    finally:
+        try_shutdown()

@@ -1,0 +1,181 @@
+"""Recorded messages: bags, sqlite3 or MCAP, and lists of messages."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import yaml
+from rclpy.serialization import serialize_message
+
+from smartmesh_ros.errors import InputError
+
+LATCHED = "transient_local"
+# The end of the names of topics with the events of a service.
+EVENTS = "/_service_event"
+
+
+class Record(NamedTuple):
+    """A message of a bag: its topic, its type (``package/msg/Name``), its recording time [s], and its CDR bytes."""
+
+    topic: str
+    type_name: str
+    time: float
+    data: bytes
+
+
+class Topic(NamedTuple):
+    """A recorded topic: type, number of messages, and whether late subscribers get its last messages."""
+
+    type_name: str
+    messages: int
+    latched: bool
+
+
+class Source(Protocol):
+    """A recording. ``topics``: by full name. ``end`` [s]: time of the last message."""
+
+    topics: Mapping[str, Topic]
+    end: float
+
+    def records(self, topics: Collection[str]) -> Iterator[Record]:
+        """Yield the messages of some topics in the order of recording."""
+
+    def refusal(self, reason: str, message: str) -> InputError:
+        """Return an error with what the recording contains."""
+
+
+class Bag:
+    """A recorded bag: the folder that holds ``metadata.yaml``, or a single .mcap or .db3 file. Needs ``pip install
+    rosbags``. Raises `InputError` if it is none; its later errors list its contents."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path.parent if path.name == "metadata.yaml" else path
+        if not path.exists():
+            raise InputError("bag", f"there is no bag {path}")
+        self.end = math.inf
+        try:
+            self.topics: Mapping[str, Topic] = self._of_folder() if self.path.is_dir() else self._of_file()
+        except InputError:
+            raise
+        except Exception as error:  # noqa: BLE001  # those of rosbags, SQLite and YAML have no common base
+            raise InputError("bag", f"{path} is no bag, or it is damaged: {_words(error)}") from None
+
+    def records(self, topics: Collection[str]) -> Iterator[Record]:
+        """Yield the messages of some topics in the order of recording; raise `InputError` if the file is cut off or
+        damaged."""
+        from rosbags.rosbag2 import Reader
+
+        count = 0
+        try:
+            with Reader(self.path) as reader:
+                wanted = [connection for connection in reader.connections if connection.topic in topics]
+                for connection, nanoseconds, data in reader.messages(wanted) if wanted else ():
+                    yield Record(connection.topic, connection.msgtype, nanoseconds * 1e-9, bytes(data))
+                    count += 1
+        except InputError:
+            raise
+        except Exception as error:  # noqa: BLE001  # those of rosbags, SQLite and the decompressors have no common base
+            raise self.refusal(
+                "bag", f"the bag is cut off or damaged after {count} messages ({_words(error)}); ros2 bag reindex or "
+                "the mcap tool's recover may save what is left"
+            ) from None  # fmt: skip
+
+    def refusal(self, reason: str, message: str) -> InputError:
+        """Return an error with the contents of the bag."""
+        return InputError(reason, f"{message}\nThe bag {self.path} has\n{listed(self.topics)}")
+
+    def _of_folder(self) -> dict[str, Topic]:
+        """Return the topics by ``metadata.yaml``, which is whole even if a file of the bag is cut off."""
+        from rosbags.rosbag2.metadata import parse_qos
+
+        file = self.path / "metadata.yaml"
+        if not file.is_file():
+            there = ", ".join(sorted(other.name for other in self.path.iterdir())[:20]) or "nothing"
+            raise InputError("bag", f"{self.path} is no bag: it has no metadata.yaml (there is: {there})")
+        found, about = {}, yaml.safe_load(file.read_text())["rosbag2_bagfile_information"]
+        begin = about["starting_time"]["nanoseconds_since_epoch"]
+        self.end = 1e-9 * (begin + about["duration"]["nanoseconds"])
+        for entry in about["topics_with_message_count"]:
+            topic = entry["topic_metadata"]
+            profiles = parse_qos(topic.get("offered_qos_profiles", []))
+            found[topic["name"]] = Topic(topic["type"], int(entry["message_count"]), _latched(profiles))
+        return found
+
+    def _of_file(self) -> dict[str, Topic]:
+        from rosbags.rosbag2 import Reader
+
+        with Reader(self.path) as reader:
+            self.end = 1e-9 * reader.end_time
+            return {
+                one.topic: Topic(one.msgtype, one.msgcount, _latched(one.ext.offered_qos_profiles))
+                for one in reader.connections
+            }
+
+
+class Messages:
+    """A list of (topic, time [s], message or request of a service), as a recording. A name without a leading ``/`` is
+    below that of the ``node``. All topics are latched."""
+
+    def __init__(self, messages: Sequence[tuple[str, float, Any]], node: str) -> None:
+        named = ((name if name.startswith("/") else f"{node}/{name}", time, one) for name, time, one in messages)
+        self._records = sorted((recorded(*message) for message in named), key=lambda record: record.time)
+        counts = {record.topic: 0 for record in self._records}
+        for record in self._records:
+            counts[record.topic] += 1
+        kinds = {record.topic: record.type_name for record in self._records}
+        self.topics: Mapping[str, Topic] = {topic: Topic(kinds[topic], count, True) for topic, count in counts.items()}
+        self.end = self._records[-1].time if self._records else 0.0
+
+    def records(self, topics: Collection[str]) -> Iterator[Record]:
+        """Yield the messages of some topics in the order of time."""
+        return (record for record in self._records if record.topic in topics)
+
+    def refusal(self, reason: str, message: str) -> InputError:
+        """Return an error with the topics of the messages."""
+        return InputError(reason, f"{message}\nThe messages are\n{listed(self.topics)}")
+
+
+def listed(topics: Mapping[str, Topic]) -> str:
+    """Return a line for each topic."""
+    lines = [f"  {name}  {topic.type_name}  {topic.messages} messages" for name, topic in topics.items()]
+    return "\n".join(lines or ["  no topic"])
+
+
+def type_of(kind: Any) -> str:
+    """Return the name ``package/msg/Name`` of a message class."""
+    package, middle, *_ = kind.__module__.split(".")
+    return f"{package}/{middle}/{kind.__name__}"
+
+
+def class_of(name: str) -> Any:
+    """Return the class of a message ``package/msg/Name``; raise `InputError` if its package is not installed."""
+    package, middle, message = name.split("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.{middle}"), message)
+    except (ModuleNotFoundError, AttributeError):
+        raise InputError(
+            "missing", f"{name} is not installed; apt install ros-jazzy-{package.replace('_', '-')}"
+        ) from None
+
+
+def recorded(topic: str, time: float, message: Any) -> Record:
+    """Return a message on a topic at a ``time`` [s] as a record; for a service's request, the event of the call."""
+    service, request, _ = type_of(type(message)).partition("_Request")
+    if request and service.split("/")[1] == "srv":
+        event = class_of(service).Event(request=[message])
+        event.info.event_type = event.info.REQUEST_RECEIVED
+        topic, message = topic + EVENTS, event
+    return Record(topic, type_of(type(message)), time, serialize_message(message))
+
+
+def _latched(profiles: Any) -> bool:
+    """Return True if one of a topic's publishers is latched, or if none is known."""
+    return not profiles or any(profile.durability.name.lower() == LATCHED for profile in profiles)
+
+
+def _words(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}".split("\n")[0]

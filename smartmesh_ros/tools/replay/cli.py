@@ -1,0 +1,176 @@
+"""``ros2 run smartmesh_ros replay``: what the collider makes of a bag, without DDS, the same each time.
+
+BAG is the folder with metadata.yaml, or a single .mcap or .db3 file. The topics, services and parameters are those of
+terrain_collider; -p, -r and --params-file are as for the node. The last line is the digest of all states and contacts:
+the same bag and parameters give the same digest and the same bytes on one machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import signal
+import sys
+from collections.abc import Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.tools.replay.bag import Bag
+from smartmesh_ros.tools.replay.parameters import read_parameters
+from smartmesh_ros.tools.replay.replay import Replay, Sink
+from smartmesh_ros.tools.replay.transport import Names, Publisher
+
+if TYPE_CHECKING:
+    from smartmesh_ros.tools.replay.mcap_file import McapFile
+
+INTERRUPTED = 130
+# Time between two updates of the progress bar [s], and its length [characters].
+PERIOD, BAR = 0.2, 30
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Replay a bag; return the exit code: 0 = done, 1 = not the digest of ``--check``, 2 = cannot start, 130 =
+    interrupted."""
+    given = [word for word in (sys.argv[1:] if arguments is None else arguments) if word != "--ros-args"]
+    options = parser().parse_args(given)
+    try:
+        return _run(options)
+    except ModuleNotFoundError as error:
+        if error.name not in ("mcap", "rosbags"):
+            raise
+        print(f"replay needs {error.name}: pip install rosbags mcap", file=sys.stderr)
+    except InputError as error:
+        print(f"replay: {error}", file=sys.stderr)
+    except OSError as error:
+        print(f"replay: {options.output} cannot be written: {error.strerror}", file=sys.stderr)
+    return 2
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    found = argparse.ArgumentParser(
+        prog="replay", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    found.add_argument("bag", metavar="BAG", type=Path, help="a recorded bag")
+    found.add_argument("--params-file", type=Path, action="append", default=[], metavar="FILE", help="parameter file")
+    found.add_argument("-p", "--param", action="append", default=[], metavar="NAME:=VALUE", help="a parameter")
+    found.add_argument(
+        "-r", "--remap", action="append", default=[], metavar="FROM:=TO",
+        help="a topic or service under another name, as in -r ~/heightmap:=/maps; also __node and __ns",
+    )  # fmt: skip
+    found.add_argument("-o", "--output", type=Path, metavar="OUT.mcap", help="file for the outputs (none)")
+    found.add_argument("--topics", nargs="+", metavar="TOPIC", help="outputs to write, such as body_states (all)")
+    found.add_argument("--until", type=float, metavar="T", help="end after T seconds (with the bag)")
+    found.add_argument("--check", metavar="SHA256", help="exit with 1 unless this is the digest")
+    return found
+
+
+def _run(options: argparse.Namespace) -> int:
+    until = math.inf if options.until is None else options.until
+    if not until > 0.0:
+        raise InputError("parameter", f"--until is {until:g}; it must be a number of seconds above zero")
+    bag, names, line = Bag(options.bag), Names(rules=rules_of(options.remap)), ProgressLine()
+    parameters = read_parameters(options.params_file, options.param, names.node)
+    file = None if options.output is None else new_file(options.output)
+    if file is not None and options.output.exists() and options.output.samefile(bag.path):
+        raise InputError("file", f"-o {options.output} is the bag itself; name another file")
+    wanted = options.topics and {names.full(topic) for topic in options.topics}
+
+    def record(publisher: Publisher) -> Sink | None:
+        if file is None or (wanted and publisher.topic_name not in wanted):
+            return None
+        return lambda time, data: file.write(publisher, time, data)
+
+    with Replay(bag, parameters, names=names, record=record, say=line.say) as replay:
+        if wanted and (unknown := sorted(wanted - replay.outputs)):
+            there = ", ".join(sorted(replay.outputs))
+            raise InputError("topic", f"--topics: there is no output {', '.join(unknown)}; the outputs are {there}")
+        begun = monotonic()
+        with Interruption() as asked, file or nullcontext():
+            for _ in replay.steps(until):
+                line.show(replay.time / min(bag.end - replay.clock.start, until))
+                if asked:
+                    break
+            line.clear()
+            if file is not None:
+                file.notes["digest"] = replay.digest
+        speed = replay.time / max(monotonic() - begun, 1e-9)
+        return report(replay, speed, file, options.check, interrupted=bool(asked))
+
+
+def new_file(path: Path) -> McapFile:
+    """Return a file for outputs. Only it needs the package mcap."""
+    from smartmesh_ros.tools.replay.mcap_file import McapFile
+
+    return McapFile(path)
+
+
+def report(replay: Replay, speed: float, file: McapFile | None, check: str | None, *, interrupted: bool) -> int:
+    """Print what was done, and return the exit code."""
+    print(f"replayed {replay.time:.3f} s, {speed:.1f} times as fast as real time{', until interrupted' * interrupted}")
+    for what, count in replay.refused.items():
+        print(f"refused {count} times: {what}")
+    if file is not None:
+        print(f"wrote {file.path}: {', '.join(f'{topic} ({count})' for topic, count in file.counts.items())}")
+    same = check is None or check.strip().lower() == replay.digest
+    if not same:
+        print(f"the digest is not {check}, that of --check")
+    print(f"digest: {replay.digest}", flush=True)
+    return INTERRUPTED if interrupted else int(not same)
+
+
+def rules_of(remaps: Sequence[str]) -> list[tuple[str, str]]:
+    """Return remapping rules from texts ``from:=to``. Raises `InputError`."""
+    rules = [(old, new) for old, _, new in (text.partition(":=") for text in remaps)]
+    if wrong := [text for text, (old, new) in zip(remaps, rules, strict=True) if not (old and new)]:
+        raise InputError("arguments", f"-r {wrong[0]!r} must be from:=to, as in -r ~/heightmap:=/maps")
+    try:
+        Names(rules=rules)
+    except ValueError as error:
+        raise InputError("arguments", f"-r: {str(error).partition(', at ')[0]}") from None
+    return rules
+
+
+class Interruption:
+    """A list that is empty until SIGINT or SIGTERM arrives within the block; a second one ends the process."""
+
+    def __enter__(self) -> list[int]:
+        self._asked: list[int] = []
+        self._before = {number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self._asked
+
+    def __exit__(self, *_: object) -> None:
+        for number, before in self._before.items():
+            signal.signal(number, before)
+
+    def _note(self, number: int, _: object) -> None:
+        self._asked.append(number)
+        signal.signal(number, signal.SIG_DFL)
+
+
+class ProgressLine:
+    """The last line of a terminal on standard error, below what is logged there."""
+
+    def __init__(self) -> None:
+        self._shows, self._due = sys.stderr.isatty(), 0.0
+
+    def show(self, share: float) -> None:
+        """Show which share of the work is done, at most every `PERIOD`."""
+        if not self._shows or monotonic() < self._due:
+            return
+        self._due = monotonic() + PERIOD
+        done = round(BAR * min(max(share, 0.0), 1.0))
+        print(f"\r\033[K[{'#' * done}{' ' * (BAR - done)}] {share:4.0%}", end="", file=sys.stderr, flush=True)
+
+    def clear(self) -> None:
+        """Remove the line."""
+        if self._shows:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+
+    def say(self, text: str) -> None:
+        """Print a line above it."""
+        self.clear()
+        print(text, file=sys.stderr)

@@ -1,0 +1,108 @@
+"""Parameters of the node from files and single values, without a node."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+import smartmesh_ros
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.parameters.declaring import QOS, nearest
+from smartmesh_ros.node.parameters.helping import PARAMETERS, mismatch, pattern
+from smartmesh_ros.node.parameters.settings import Settings
+from smartmesh_ros.node.parameters.specifications import NAMES, REMOVED, SPECS, settings_from
+
+PRESETS = ("accurate", "fast", "fleet", "quadruped", "rover")
+NODE = "/terrain_collider"
+DEFAULTS: Mapping[str, Any] = {spec.name: spec.default for spec in SPECS}
+
+
+def read_parameters(files: Sequence[Path], single: Sequence[str], node: str) -> dict[str, Any]:
+    """Return the parameters of files and of entries ``name:=value`` for ``node`` (full name); later ones count. Raises
+    `InputError`."""
+    values: dict[str, Any] = {}
+    for file in files:
+        values |= read_file(file, node)
+    values |= dict(map(single_value, single))
+    require_known(values)
+    return values
+
+
+def read_file(path: Path, node: str) -> dict[str, Any]:
+    """Return the values of a parameter file for ``node`` (full name); raise `InputError` if the file is invalid, or for
+    other nodes alone."""
+    try:
+        content = yaml.safe_load(path.read_text())
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise InputError("file", f"{path} is no parameter file: {error}") from None
+    if wrong := mismatch(path, node):
+        raise InputError("file", wrong)
+    found = dict(_of_node(content, node, ""))
+    if not found:
+        raise InputError("file", f"{path} has no {PARAMETERS}; it must read '/**: {{{PARAMETERS}: {{name: value}}}}'")
+    return found
+
+
+def settings_of(values: Mapping[str, Any]) -> Settings:
+    """Return settings with these parameters, and all others at their defaults; raise `InputError` if one is invalid."""
+    return settings_from({**DEFAULTS, **{name: value for name, value in values.items() if name in NAMES}})
+
+
+def preset_folder() -> Path | None:
+    """Return the folder of the presets in the source tree or in the installed share folder, None if not found."""
+    for above in Path(smartmesh_ros.__file__).parents[1:]:
+        for candidate in (above / "share" / "smartmesh_ros" / "config", above / "config"):
+            if (candidate / "fast.yaml").is_file():
+                return candidate
+    return None
+
+
+def preset_values(name: str) -> dict[str, Any]:
+    """Return the parameters of a preset; raise `InputError` with the known presets if it does not exist."""
+    found = preset_folder()
+    path = (found or Path()) / f"{name}.yaml"
+    if found is None or not path.is_file():
+        known = sorted(file.stem for file in found.glob("*.yaml")) if found else []
+        raise InputError("preset", f"there is no preset {name!r}; choose {', '.join(known) or 'a parameter file'}")
+    return read_file(path, NODE)
+
+
+def single_value(text: str) -> tuple[str, Any]:
+    """Return the name and the value of ``name:=value``; raise `InputError` for any other text."""
+    name, mark, value = text.partition(":=")
+    if not mark:
+        raise InputError("parameter", f"-p {text!r} must be name:=value, as in -p physics.rate:=120.0")
+    try:
+        return name, yaml.safe_load(value)
+    except yaml.YAMLError:
+        return name, value
+
+
+def require_known(names: Iterable[str]) -> None:
+    """Raise `InputError` if a name is no parameter of the node."""
+    for name in names:
+        if name in REMOVED:
+            raise InputError("parameter", f"{name} is gone: {REMOVED[name]}")
+        if name not in NAMES and name != "use_sim_time" and not name.startswith(QOS):
+            raise InputError("parameter", f"parameter {name!r} is unknown{nearest(name, SPECS)}")
+
+
+def _of_node(content: Any, node: str, path: str) -> Iterator[tuple[str, Any]]:
+    """Yield names and values of the parameters of ``node``; namespaces may be nested."""
+    for key, value in content.items() if isinstance(content, dict) else ():
+        if key != PARAMETERS:
+            yield from _of_node(value, node, f"{path}/{str(key).strip('/')}")
+        elif re.fullmatch(pattern(path), node):
+            yield from _flat(value, "")
+
+
+def _flat(content: Any, group: str) -> Iterator[tuple[str, Any]]:
+    for key, value in content.items() if isinstance(content, dict) else ():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{group}{key}.")
+        else:
+            yield f"{group}{key}", value

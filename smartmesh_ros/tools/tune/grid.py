@@ -1,0 +1,116 @@
+"""The grid: settings to measure, each in a process of its own, and the choice among them."""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.tools.replay.parameters import DEFAULTS
+from smartmesh_ros.tools.tune.case import Case
+from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits, Point
+from smartmesh_ros.tools.tune.measuring import measure
+
+# Values by parameter: what buys speed for accuracy. Each rate is a multiple of that of the measurements, 30 Hz.
+GRID: Mapping[str, tuple[float, ...]] = {
+    "physics.rate": (60.0, 90.0, 120.0, 180.0, 240.0, 360.0, 480.0, 960.0),
+    "physics.solver_residual": (1e-9, 1e-7, 1e-6, 1e-5, 1e-4),
+}
+KNOWN: Mapping[str, float] = {name: DEFAULTS[name] for name in GRID}
+# The run that bodies are compared with: an eighth of the default's step.
+SMALL_STEPS = {**KNOWN, "physics.rate": 8.0 * KNOWN["physics.rate"]}
+# Penetrations within this factor count as equal; the cheaper point is then better.
+SAME_PENETRATION = 1.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """All points of a case, the ``defaults`` among them. ``given``: the user's settings, if they are not on the
+    grid."""
+
+    points: Sequence[Point]
+    defaults: Point
+    given: Point | None = None
+
+
+def settings_to_try(given: Mapping[str, Any]) -> list[dict[str, float]]:
+    """Return the points of the grid, and the user's settings if they are none."""
+    found = [dict(zip(GRID, values, strict=True)) for values in product(*GRID.values())]
+    own = {name: float(given.get(name, value)) for name, value in KNOWN.items()}
+    return found if own in found else [*found, own]
+
+
+def measure_all(case: Case, jobs: int, say: Callable[[int, int], None] = lambda done, count: None) -> Measured:
+    """Measure all settings in ``jobs`` processes at a time, and ``say`` how many are done after each. Raises
+    `InputError` if the node would refuse the case, or nothing can be measured."""
+    tried = settings_to_try(case.parameters)
+    found: dict[int, tuple[Figures, dict[str, Vector]]] = {}
+    # A process for each setting: what one has allocated and cached does not change the cost of another. They are forks
+    # of a process that has imported everything.
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([measure.__module__])
+    with ProcessPoolExecutor(jobs, context, max_tasks_per_child=1) as pool:
+        try:
+            work = {pool.submit(measure, case, values): place for place, values in enumerate([*tried, SMALL_STEPS])}
+            for future in as_completed(work):
+                found[work[future]] = future.result()
+                say(len(found), len(work))
+        except BrokenProcessPool:
+            raise InputError("jobs", "a process ended before its setting was measured; see its output above") from None
+        finally:
+            pool.shutdown(cancel_futures=True)
+    _, reference = found.pop(len(tried))
+    points = [Point(values, _with_deviation(*found[place], reference)) for place, values in enumerate(tried)]
+    defaults = next(point for point in points if point.values == KNOWN)
+    if math.isinf(defaults.figures.error):
+        raise InputError(
+            "bodies", "nothing can be measured here: no simulated body stayed over the ground; the parameter file's "
+            "bodies.spawn or robot.description must put bodies over the maps"
+        )  # fmt: skip
+    given = points[-1] if len(points) > math.prod(map(len, GRID.values())) else None
+    return Measured(points=points, defaults=defaults, given=given)
+
+
+def _with_deviation(figures: Figures, positions: Mapping[str, Vector], reference: Mapping[str, Vector]) -> Figures:
+    """Return the figures with the median distance of the bodies from the reference."""
+    apart = [math.dist(positions[name], place) for name, place in reference.items() if name in positions]
+    return replace(figures, deviation=float(np.median(apart)) if apart else math.nan)
+
+
+def ranked(points: Iterable[Point], asked: Asked, limits: Limits) -> list[Point]:
+    """Return the points within all limits, the best first.
+
+    If only a budget or a deadline is given, the best is the one with the least penetration, otherwise the cheapest.
+    """
+    truest = asked.penetration is None and (asked.budget is not None or asked.deadline is not None)
+
+    def order(point: Point) -> tuple[float, float]:
+        cost, error = point.figures.cost, point.figures.error
+        return (math.log(error) // math.log(SAME_PENETRATION), cost) if truest else (cost, error)
+
+    return sorted((point for point in points if not limits.excess(point.figures)), key=order)
+
+
+def nearest(points: Iterable[Point], limits: Limits) -> list[Point]:
+    """Return the points sorted by their maximum excess over the limits, equals by cost."""
+    return sorted(
+        points, key=lambda point: (max(limits.excess(point.figures).values(), default=0.0), point.figures.cost)
+    )
+
+
+def front(points: Iterable[Point]) -> list[Point]:
+    """Return the points that no other beats in both cost and penetration, by cost."""
+    found: list[Point] = []
+    for point in sorted(points, key=lambda point: (point.figures.cost, point.figures.error)):
+        if math.isfinite(point.figures.error) and (not found or point.figures.error < found[-1].figures.error):
+            found.append(point)
+    return found

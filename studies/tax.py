@@ -1,0 +1,175 @@
+"""``make tax``: what the ground costs beyond PyBullet's own plane; fills docs/terrain_tax.md."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from time import thread_time
+
+import numpy as np
+import pybullet as pb
+
+from smartmesh_ros import BodyState, Box, HeightMap, Sphere, World
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.world.world import WorldConfig
+from studies.machine import describe, measured_on
+from studies.markdown import number, table
+from studies.pages import ROOT, fill
+from studies.progress import Progress
+from studies.results_file import save_results
+from studies.robots.robot import HUSKY
+
+PAGE, RESULTS = ROOT / "docs" / "terrain_tax.md", ROOT / "docs" / "terrain_tax.json"
+RATE, MAP_RATE = 240, 60  # of physics and of maps [Hz]
+SIDE, CELL = 121, 0.25  # samples and resolution [m] of the map
+SPACING = 1.2  # between bodies [m]
+ROBOT_SPACING = 3.0
+BALL, BOX = Sphere(0.2), Box(0.4, 0.3, 0.2)
+RISE, RISE_RATE = 0.05, 2.0  # of the moving ground: amplitude [m], angular frequency [rad/s]
+# Time of one measurement [s], how many there are of each column, and how long bodies settle before [steps].
+BLOCK, ROUNDS, SETTLE = 0.03, 25, 240
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """Bodies of one kind, or robots."""
+
+    kind: str
+    count: int
+
+    @property
+    def name(self) -> str:
+        """As in the table."""
+        plural = {"box": "boxes", "husky": "huskies"}.get(self.kind, self.kind + "s")
+        return f"{self.count} {self.kind if self.count == 1 else plural}"
+
+
+CROWDS = (
+    Crowd("ball", 1), Crowd("box", 1), Crowd("husky", 1), Crowd("ball", 100), Crowd("box", 100), Crowd("husky", 8),
+)  # fmt: skip
+
+
+@dataclass
+class Stage:
+    """A world with a crowd in it, and what a step of it does."""
+
+    world: World
+    step: Callable[[], None]
+    steps: int = 0  # in a measurement
+
+    def run(self, steps: int) -> float:
+        """Return the processor time of a step [us]."""
+        begun = thread_time()
+        for _ in range(steps):
+            self.step()
+        return (thread_time() - begun) / steps * 1e6
+
+
+def level() -> HeightMap:
+    """Return level ground, with its middle at the origin."""
+    edge = -0.5 * CELL * (SIDE - 1)
+    return HeightMap(np.zeros((SIDE, SIDE)), resolution=CELL, origin=(edge, edge))
+
+
+def world_with(crowd: Crowd, ground: HeightMap | None) -> World:
+    """Return a world in which a crowd stands in a square. No body may sleep, since sleep costs nothing anywhere."""
+    world = World(ground, WorldConfig(physics=PhysicsConfig(rate=RATE, sleep=False)))
+    if ground is None:
+        plane = world.client.createMultiBody(0.0, world.client.createCollisionShape(pb.GEOM_PLANE))
+        world.client.changeDynamics(plane, -1, lateralFriction=1.0)
+    side = int(np.ceil(np.sqrt(crowd.count)))
+    spacing = ROBOT_SPACING if crowd.kind == "husky" else SPACING
+    for k in range(crowd.count):
+        x, y = (spacing * (np.array(divmod(k, side)) - 0.5 * (side - 1)) + 0.03).tolist()
+        if crowd.kind == "husky":
+            world.spawn_robot(f"husky_{k}", HUSKY.urdf, BodyState((x, y, HUSKY.height + 0.15)))
+            continue
+        shape = BALL if crowd.kind == "ball" else BOX
+        half = BALL.radius if crowd.kind == "ball" else 0.5 * BOX.z
+        world.spawn(f"body_{k}", shape, 1.0, BodyState((x, y, half)))
+    return world
+
+
+def moving_step(world: World, ground: HeightMap) -> Callable[[], None]:
+    """Return a step on ground that a map moves every few steps; its intake counts."""
+    x = np.tile(np.linspace(-1.0, 1.0, SIDE), (SIDE, 1))
+    every, steps = RATE // MAP_RATE, 0
+    period = round(2.0 * np.pi / RISE_RATE * MAP_RATE)
+    maps = [(RISE * np.sin(RISE_RATE * k / MAP_RATE + x)).astype(np.float32) for k in range(period)]
+
+    def step() -> None:
+        nonlocal steps
+        if steps % every == 0:
+            ground.replace(maps[steps // every % period], time=world.time)
+        steps += 1
+        world.step()
+
+    return step
+
+
+def stages_of(crowd: Crowd) -> dict[str, Stage]:
+    """Return the columns of the table: the same crowd on PyBullet's plane, and on a map in three ways."""
+    plane, own, still = world_with(crowd, None), world_with(crowd, level()), world_with(crowd, level())
+    ground = level()
+    moving = world_with(crowd, ground)
+    own.step()
+    return {
+        "plane": Stage(plane, plane.client.stepSimulation),
+        "own": Stage(own, own.client.stepSimulation),
+        "still": Stage(still, partial(still.step)),
+        "moving": Stage(moving, moving_step(moving, ground)),
+    }
+
+
+def measure(crowd: Crowd, rounds: int = ROUNDS) -> dict[str, list[float]]:
+    """Return for each column the processor time of a step [us] in turn with the others (rounds,)."""
+    stages = stages_of(crowd)
+    try:
+        for stage in stages.values():
+            stage.run(SETTLE)
+            stage.steps = max(int(BLOCK * 1e6 / stage.run(SETTLE)), 8)
+        found: dict[str, list[float]] = {name: [] for name in stages}
+        for _ in range(rounds):
+            for name, stage in stages.items():
+                found[name].append(stage.run(stage.steps))
+        return found
+    finally:
+        for stage in stages.values():
+            stage.world.close()
+
+
+def row_of(crowd: Crowd, found: dict[str, list[float]]) -> list[str]:
+    """Return a row: the plane's time, and of the others the ratio to it: median, 10th and 90th percentile."""
+    plane = np.array(found["plane"])
+    cells = [crowd.name, number(float(np.median(plane)))]
+    for name in ("own", "still", "moving"):
+        low, middle, high = np.percentile(np.array(found[name]) / plane, (10, 50, 90)).tolist()
+        cells.append(f"{middle:.2f} ({low:.2f} to {high:.2f})")
+    return cells
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure all crowds, print the table and write the page."""
+    parser = argparse.ArgumentParser(prog="python -m studies tax", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="a fifth of the measurements, and no page")
+    quick = parser.parse_args(arguments).quick
+    logging.getLogger("smartmesh_ros").setLevel(logging.ERROR)  # what the husky's description lacks is known
+    say, rows, results = Progress(), [], {}
+    for crowd in CROWDS:
+        say(crowd.name)
+        results[crowd.name] = measure(crowd, ROUNDS // 5 if quick else ROUNDS)
+        rows.append(row_of(crowd, results[crowd.name]))
+    text = table(
+        ["bodies", "plane [us]", "your own `stepSimulation`", "`World.step`, still", "`World.step`, moving"], rows
+    )
+    print(f"\n{text}")
+    if not quick:
+        save_results(RESULTS, {"machine": describe(), "step_us": results})
+        fill(PAGE, {"tax": f"{text}\n\n{measured_on(describe())}."})
+
+
+if __name__ == "__main__":
+    main()

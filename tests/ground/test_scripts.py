@@ -1,0 +1,166 @@
+"""`Ground` in scripts of others: what they see, wrong calls, copies."""
+
+import copy
+import pickle
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+import pytest
+from pybullet_utils.bullet_client import BulletClient
+
+import smartmesh_ros
+from smartmesh_ros import BodyState, Ground, HeightMap, InputError, Sphere, Terrain, World
+from smartmesh_ros.ground.shapes import Box
+from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.grounds import level
+
+
+@pytest.fixture
+def client() -> Iterator[int]:
+    """The number of a client, as users of ``physicsClientId=`` have it."""
+    number = pb.connect(pb.DIRECT)
+    yield number
+    pb.disconnect(number)
+
+
+def ball_in(client: int, height: float = 0.3) -> int:
+    shape = pb.createCollisionShape(pb.GEOM_SPHERE, radius=0.2, physicsClientId=client)
+    pb.setGravity(0.0, 0.0, -9.81, physicsClientId=client)
+    return int(pb.createMultiBody(1.0, shape, basePosition=(0.0, 0.0, height), physicsClientId=client))
+
+
+def test_a_client_may_be_a_number_and_its_ground_is_told_from_other_bodies(client: int) -> None:
+    ball, other = ball_in(client), ball_in(client, 500.0)
+    ground = Ground(client, level())
+    ground.attach(ball)
+    for step in range(240):
+        ground.step(step / 240, 1 / 240)
+    position, _ = pb.getBasePositionAndOrientation(ball, physicsClientId=client)
+    assert position[2] == pytest.approx(0.2, abs=1e-3)
+    [touched] = {point[2] for point in pb.getContactPoints(ball, physicsClientId=client)}
+    assert [body for body in range(20) if ground.is_ground(body)] == [touched]
+    assert touched not in (ball, other)
+    ground.detach(ball)
+    assert not ground.is_ground(touched)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda c: Ground(BulletClient(pb.DIRECT), np.zeros((5, 5))), "type ndarray; pass HeightMap(heights"),
+        (lambda c: World([[0.0]]), "type list; pass HeightMap(heights"),
+        (lambda c: Terrain().put("a", None), "type NoneType; pass HeightMap(heights"),
+        (lambda c: Ground(level(), c), "the client is of type HeightMap; pass the module pybullet"),
+        (lambda c: Ground(1000, level()), "client 1000 is not connected; call pybullet.connect"),
+        (lambda c: Ground(c, level()).attach(99), "no body 99; pass the number that loadURDF"),
+        (lambda c: Ground(c, level()).attach("husky"), "no body 'husky'"),
+        (lambda c: Ground(c, level()).attach([0]), "no body [0]"),
+        (lambda c: Ground(c, level()).attach(ball_in(c), 5), "no link 5; it has -1 (the base) alone"),
+        (lambda c: [g := Ground(c, level()), g.attach(g.attach(ball_in(c)).collider)], "is a piece of this ground"),
+        (lambda c: HeightMap(np.zeros((5, 5))), "resolution is missing; pass resolution="),
+        (lambda c: HeightMap(np.zeros((5, 5)), resolution="fine"), "resolution is 'fine'"),
+        (lambda c: HeightMap(np.zeros((5, 5)), resolution=0.1, yaw=90), "convert degrees with math.radians"),
+        (lambda c: HeightMap(np.zeros((5, 5)), resolution=0.1, origin=(0, 0, 0, 1)), "must be x, y or x, y, z"),
+        (lambda c: HeightMap(np.zeros((5, 5)), resolution=0.1, origin=3.0), "origin 3.0"),
+        (lambda c: HeightMap([[1.0, 2.0], [1.0]], resolution=0.1), "all rows must have the same length"),
+        (lambda c: level().replace([[1.0, 2.0], [1.0]], time=1.0), "all rows must have the same length"),
+        (lambda c: level().update_region(0, 0, [[1.0, 2.0], [1.0]], time=1.0), "all rows must have the same length"),
+        (lambda c: level().at([[1.0, 2.0], [1.0]], 0.0), "all rows must have the same length"),
+        (lambda c: TriangleMesh([[1.0, 2.0], [1.0]], [[0, 1, 2]]), "all rows must have the same length"),
+        (lambda c: Ground(c, level()).cast_rays([[0, 0], [0]], [[0, 0, 1]], 1.0, 0.0), "same length"),
+        (lambda c: level(time=5.0).replace(np.zeros((41, 41)), time=4.0), "after one of 5 s; after the time was set"),
+        (lambda c: level(time=5.0).update_region(0, 0, np.zeros((2, 2)), time=4.0), "call shift_time"),
+    ],
+)
+def test_a_wrong_call_is_told_what_would_be_right(client: int, call: Callable[[int], Any], words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        call(client)
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("time", [np.nan, np.inf, None, "now"])
+def test_a_time_that_is_none_is_refused_and_changes_nothing(client: int, time: Any) -> None:
+    terrain = level(time=1.0)
+    ground = Ground(client, terrain)
+    calls = [
+        lambda: level(time=time), lambda: terrain.replace(np.ones((41, 41)), time=time), lambda: terrain.show(time),
+        lambda: terrain.update_region(0, 0, np.ones((2, 2)), time=time), lambda: terrain.at([[0.0, 0.0]], time),
+        lambda: ground.step(time, 1 / 240), lambda: ground.update(time, 1 / 240), lambda: ground.at([[0, 0]], time),
+        lambda: ground.cast_rays([[0, 0, 1]], [[0, 0, -1]], 3.0, time),
+        lambda: TriangleMesh(np.eye(3), [[0, 1, 2]], time=time),
+        lambda: TriangleMesh(np.eye(3), [[0, 1, 2]]).move(np.eye(3), time=time),
+    ]  # fmt: skip
+    for call in calls:
+        before = terrain.version, terrain.revision
+        with pytest.raises(InputError, match="it must be a finite number of seconds"):
+            call()
+        assert (terrain.version, terrain.revision, terrain.time) == (*before, 1.0)
+    assert not terrain.heights.any()
+
+
+class Environment:
+    """As users of reinforcement learning have it."""
+
+    def __init__(self) -> None:
+        self.terrain = level()
+        self.steps = 0
+        self.reset()
+
+    def reset(self) -> None:
+        self.client = pb.connect(pb.DIRECT)
+        self.ball = ball_in(self.client)
+        self.ground = Ground(self.client, self.terrain)
+        self.ground.attach(self.ball)
+
+    def step(self) -> float:
+        self.ground.step(self.steps / 240, 1 / 240)
+        self.steps += 1
+        return float(pb.getBasePositionAndOrientation(self.ball, physicsClientId=self.client)[0][2])
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
+def test_an_environment_that_holds_a_ground_is_copied_and_reset(copied: Callable[[Environment], Environment]) -> None:
+    """PyBullet's world is not; whoever steps the copy before is told so."""
+    env = Environment()
+    env.step()
+    other = copied(copied(env))
+    assert other.ground.terrain.tile("") is other.terrain is not env.terrain
+    assert other.ground.at([[0.0, 0.0]], 0.0).z == 0.0
+    for call in (other.step, lambda: other.ground.attach(0), lambda: other.ground.is_ground(0)):
+        with pytest.raises(InputError, match=r"this ground is a copy.*make Ground"):
+            call()
+    other.ground.close()
+    other.reset()
+    for each in (env, other):
+        for _ in range(240):
+            height = each.step()
+        assert height == pytest.approx(0.2, abs=1e-3)
+        pb.disconnect(each.client)
+
+
+def test_a_copied_world_goes_on_as_its_original() -> None:
+    with World(level()) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.5), linear=(1.0, 0.0, 0.0)))
+        world.spawn("box", Box(0.2, 0.3, 0.2), 1.0, BodyState((1.0, 0.0, 0.3), angular=(1.0, 2.0, 0.0)))
+        world.track("walker", 0.3, BodyState((-1.0, 0.0, 0.3)))
+        world.step(60)
+        with copy.deepcopy(world) as other, pickle.loads(pickle.dumps(world)) as third:
+            world.save()  # as both were made of a snapshot
+            for each in (world, other, third):
+                each.step(120)
+            assert all(each.snapshot() == world.snapshot() for each in (other, third))
+
+
+def test_soil_is_not_lost_in_a_copy() -> None:
+    with World(level(resolution=0.05)) as world:
+        world.ground.set_soil(soil := Soil(world.terrain, "clay"))
+        for whole in (world, world.ground, soil):
+            with pytest.raises(InputError, match="soil cannot be copied"):
+                copy.deepcopy(whole)
+
+
+def test_the_package_tells_what_it_has() -> None:
+    assert {*smartmesh_ros.__all__} <= {*dir(smartmesh_ros)}

@@ -1,0 +1,125 @@
+"""``smartmesh``, the command: what it shows of a node and has it do, over DDS."""
+
+import os
+import subprocess
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+import yaml
+from ament_index_python.packages import get_package_prefix
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.startup.executables import STARTED_BY_NAME
+from smartmesh_ros.tools.client import command
+from smartmesh_ros.tools.client.remote import Remote
+from smartmesh_ros.tools.testing import Probe, Process
+from tests.node.shared import position_of, show_map
+from tests.urdfs import link, mesh, robot
+
+Command = Callable[..., str]
+
+
+@pytest.fixture(scope="module")
+def remote(shared_node: tuple[Probe, Process]) -> Iterator[Remote]:
+    """The node as all commands of the module see it: each process of its own would have to discover it first."""
+    context = rclpy.get_default_context()
+    rclpy.init(context=context)
+    with closing(Remote(shared_node[0].collider)) as made:
+        yield made
+    context.try_shutdown()
+
+
+@pytest.fixture
+def smartmesh(remote: Remote, capfd: pytest.CaptureFixture[str]) -> Command:
+    """What a command prints, or what it is refused with."""
+
+    def run(*words: str) -> str:
+        options = command.parser().parse_args(words)
+        remote.spin(0.05)
+        capfd.readouterr()
+        try:
+            return str(options.act(command.Caller(remote, 20.0), options)) or capfd.readouterr().out.strip()
+        except InputError as error:
+            return f"refused: {error}"
+
+    return run
+
+
+def whole(*words: str) -> str:
+    """What the command prints, or what it ends with."""
+    path = Path(get_package_prefix("smartmesh_ros")) / "bin" / "smartmesh"
+    result = subprocess.run([path, *words], capture_output=True, text=True, timeout=120, check=False)
+    return result.stderr if result.returncode else result.stdout.strip()
+
+
+def test_bodies_are_spawned_listed_and_removed(shared: Probe, smartmesh: Command, tmp_path: Path) -> None:
+    """The node is the only one, so that it need not be named."""
+    show_map(shared, np.zeros((60, 60)))
+    assert smartmesh("spawn", "ball", "--sphere", "0.3", "--at", "1", "2", "--mass", "2") == "ball is there"
+    assert (
+        smartmesh("spawn", "crate", "--box", "0.6", "0.4", "0.2", "--at", "3", "3", "--yaw", "0.5") == "crate is there"
+    )
+    assert smartmesh("spawn", "can", "--cylinder", "0.8", "0.25", "--at", "5", "1") == "can is there"
+    assert smartmesh("spawn", "pill", "--capsule", "0.5", "0.1", "--at", "5", "5", "--z", "0.35") == "pill is there"
+    file = tmp_path / "rover.urdf"
+    file.write_text(robot(link("base", '<box size="0.4 0.3 0.2"/>', 3.0)))
+    assert smartmesh("spawn", "rover", "--urdf", str(file), "--at", "1", "4.5") == "rover is there"
+    shared.wait_for(lambda: position_of(shared, "ball") == pytest.approx((1.0, 2.0, 0.3), abs=0.01))
+    shown = smartmesh("list").splitlines()
+    kinds = [line.partition(",")[0] for line in shown]
+    assert kinds == [
+        "ball: sphere 0.3", "crate: box 0.6 x 0.4 x 0.2", "can: cylinder 0.8 x 0.25", "pill: capsule 0.5 x 0.1",
+        "rover: robot",
+    ]  # fmt: skip
+    assert shown[0].endswith("at (1.000, 2.000, 0.300)")
+    states = yaml.safe_load(smartmesh("echo", "body_states", "--once").removesuffix("---"))
+    assert [body["id"] for body in states["bodies"]] == ["ball", "crate", "can", "pill", "rover"]
+    assert states["bodies"][0]["mass"] == 2.0
+    assert smartmesh("remove", "crate", "can") == ""
+    assert [line.partition(":")[0] for line in smartmesh("list").splitlines()] == ["ball", "pill", "rover"]
+
+
+def test_what_is_refused_is_told(shared: Probe, smartmesh: Command, tmp_path: Path) -> None:
+    show_map(shared, np.zeros((60, 60)))
+    assert "there is no body 'nobody'" in smartmesh("remove", "nobody")
+    assert "beside the map" in smartmesh("spawn", "far", "--sphere", "0.3", "--at", "500", "0")
+    assert "no URDF file that can be read" in smartmesh("spawn", "none", "--urdf", str(tmp_path / "none.urdf"))
+    (tmp_path / "hull.stl").write_bytes(b"")
+    file = tmp_path / "robot.urdf"
+    file.write_text(robot(link("base", mesh("hull.stl"))))
+    said = smartmesh("spawn", "mine", "--urdf", str(file))
+    assert "is not in bodies.urdf_folders: add its folder" in said and str(tmp_path / "hull.stl") in said
+    assert "not paused" not in smartmesh("param", "physics.rate") and "physics is running" in smartmesh("step")
+    assert "no parameter 'physics.rat'" in smartmesh("param", "physics.rat")
+    assert "it must be" in smartmesh("param", "physics.rate", "-3")
+
+
+def test_physics_and_parameters_are_set(shared: Probe, smartmesh: Command) -> None:
+    assert smartmesh("nodes") == shared.collider
+    assert smartmesh("pause") == "paused"
+    shared.wait_for(lambda: "physics: ok, paused" in smartmesh("status"))
+    assert smartmesh("step", "3") == "" and smartmesh("resume") == "running"
+    assert smartmesh("param", "physics.friction", "0.75") == ""
+    assert smartmesh("param", "physics.friction") == "0.75"
+    assert "physics.friction: 0.75" in smartmesh("param").splitlines()
+    assert smartmesh("param", "physics.friction", "0.5") == ""
+    assert "back where they were spawned" in smartmesh("reset")
+
+
+def test_a_node_is_named_or_those_that_run_are(shared: Probe) -> None:
+    assert whole("--node", shared.collider, "list") == "no bodies"
+    missing = whole("--timeout", "8", "pause")
+    assert f"there is no node /terrain_collider in DDS domain {os.environ['ROS_DOMAIN_ID']}" in missing
+    assert f"running: {shared.collider}" in missing
+
+
+def test_the_command_of_a_workspace_starts_its_executables() -> None:
+    """It stands where `setup.bash` has the path lead, beside the folder of those that `ros2 run` finds."""
+    assert str(Path(get_package_prefix("smartmesh_ros")) / "bin") in os.environ["PATH"].split(os.pathsep)
+    assert "wave.amplitude" in whole("run", "terrain_source", "--print-parameters")
+    refused = whole("run", "terrain_colider")
+    assert "invalid choice: 'terrain_colider'" in refused and all(name in refused for name in STARTED_BY_NAME)

@@ -1,0 +1,202 @@
+"""What RViz draws of ``~/scene`` and ``~/robot_model``: the ground around the bodies, the bodies, the first robot."""
+
+import signal
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import TrackedBody
+from smartmesh_msgs.srv import RemoveBodies
+from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker, MarkerArray
+
+from smartmesh_ros import HeightMap, Terrain
+from smartmesh_ros.node.outputs.ground_view import GroundView, ground_points, window_around
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from smartmesh_ros.tools.testing import Probe
+from tests.bodies import rotation
+from tests.node.shared import LATCHED, show_map, spawn
+from tests.urdfs import HUSKY, ROVER
+
+RESOLUTION, LOW = 0.25, -10.0
+# Level in the south, where the robots stand: their wheels are free.
+HEIGHTS = 0.3 * np.sin(np.maximum(np.arange(81.0) * RESOLUTION, 9.0))[:, None] + np.zeros(81)
+SOLIDS = {
+    "ball": (SolidPrimitive.SPHERE, [0.2]), "crate": (SolidPrimitive.BOX, [0.6, 0.4, 0.3]),
+    "barrel": (SolidPrimitive.CYLINDER, [0.8, 0.25]), "pill": (TrackedBody.SHAPE_CAPSULE, [0.5, 0.15]),
+}  # fmt: skip
+
+
+class Display:
+    """Markers as RViz keeps them."""
+
+    def __init__(self, probe: Probe, topic: str) -> None:
+        self.shown: dict[tuple[str, int], Marker] = {}
+        self.without_ground = 0  # messages
+        probe.node.create_subscription(MarkerArray, topic, self._take, 100)
+
+    def _take(self, message: MarkerArray) -> None:
+        keys = [(marker.ns, marker.id) for marker in message.markers]
+        assert len(set(keys)) == len(keys), "RViz reports an id that comes twice in one array"
+        self.without_ground = 0 if any(ns == "ground" for ns, _ in keys) else self.without_ground + 1
+        for key, marker in zip(keys, message.markers, strict=True):
+            if marker.action == Marker.DELETEALL:
+                self.shown.clear()
+            elif marker.action == Marker.DELETE:
+                self.shown.pop(key, None)
+            else:
+                self.shown[key] = marker
+
+    def of(self, namespace: str) -> list[Marker]:
+        return [marker for (own, _), marker in self.shown.items() if own == namespace]
+
+
+def triangles(points: Any) -> np.ndarray:
+    """Corners (T, 3, 3) of the triangles with an area."""
+    corners = np.array([(point.x, point.y, point.z) for point in points]).reshape(-1, 3, 3)
+    return corners[
+        np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) > 1e-9
+    ]
+
+
+def outline(markers: list[Marker]) -> dict[str, float]:
+    """Bounds of some markers along the axes that they are turned by [m], from their types and scales."""
+    lows, highs = [], []
+    for marker in markers:
+        q, p, s = marker.pose.orientation, marker.pose.position, marker.scale
+        turn = rotation(np.array([q.x, q.y, q.z, q.w]))
+        middle = turn.T @ (p.x, p.y, p.z)
+        half = 0.5 * np.array([s.x, s.y, s.z])
+        lows.append(middle - half), highs.append(middle + half)
+    low, high = np.min(lows, axis=0), np.max(highs, axis=0)
+    return dict(zip("xyz", (high - low).tolist(), strict=True))
+
+
+def test_rviz_shows_the_ground_and_the_bodies_and_forgets_them(shared: Probe) -> None:
+    show_map(shared, HEIGHTS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
+    for place, (name, (kind, dimensions)) in enumerate(SOLIDS.items()):
+        shape = SolidPrimitive(type=kind, dimensions=dimensions)
+        spawn(shared, name, (1.5 * place - 3.0, 1.0, 0.0), shape=shape, on_ground=True)
+    for place, name in enumerate(("first", "second")):
+        spawn(shared, name, (3.0 * place - 2.0, -3.0, 0.0), urdf=Path(ROVER).read_text(), on_ground=True)
+    display = Display(shared, shared.topic("scene"))
+
+    def drawn() -> bool:
+        shared.publish_bodies({"guide": (4.0, 0.0, 1.0)}, radius=0.7)
+        return len(display.of("bodies")) == 4 + 2 + 1 + 1 and bool(display.of("ground"))
+
+    shared.wait_for(drawn)
+    states = {body.id: body for body in shared.latest("body_states").bodies}
+    by_place = {name: [] for name in states}
+    for marker in display.of("bodies"):
+        assert marker.header.frame_id == "map" and marker.frame_locked
+        x, y = marker.pose.position.x, marker.pose.position.y
+        for name, body in states.items():
+            if np.hypot(x - body.pose.position.x, y - body.pose.position.y) < 0.5:
+                by_place[name].append(marker)
+    kinds = {name: sorted(marker.type for marker in found) for name, found in by_place.items()}
+    assert kinds == {
+        "ball": [Marker.SPHERE], "crate": [Marker.CUBE], "barrel": [Marker.CYLINDER],
+        "pill": [Marker.SPHERE, Marker.SPHERE, Marker.CYLINDER], "first": [], "second": [Marker.CUBE],
+    }  # fmt: skip
+    sizes = {name: outline(found) for name, found in by_place.items() if found}
+    assert sizes["ball"] == pytest.approx({"x": 0.4, "y": 0.4, "z": 0.4}, abs=1e-6)
+    assert sizes["crate"] == pytest.approx({"x": 0.6, "y": 0.4, "z": 0.3}, abs=1e-6)
+    assert sizes["barrel"] == pytest.approx({"x": 0.5, "y": 0.5, "z": 0.8}, abs=1e-6)
+    assert sizes["pill"] == pytest.approx({"x": 0.3, "y": 0.3, "z": 0.8}, abs=1e-3)
+    [ground] = display.of("ground")
+    corners = triangles(ground.points)
+    true = HeightMap(HEIGHTS, resolution=RESOLUTION, origin=(LOW, LOW)).at(corners[..., :2].reshape(-1, 2), 0.0).heights
+    np.testing.assert_allclose(corners[..., 2].ravel(), true - 0.01, atol=1e-6)
+    for body in states.values():
+        assert (corners[..., 0].min() < body.pose.position.x < corners[..., 0].max()) and (
+            corners[..., 1].min() < body.pose.position.y < corners[..., 1].max()
+        )
+    assert shared.call("remove_bodies", RemoveBodies, ids=["pill", "ball"]).success
+    shared.wait_for(lambda: len(display.of("bodies")) == 3)  # the guide goes, too: nobody sends its pose
+    shared.wait_for(lambda: display.without_ground > 15)  # it is at rest, and nobody is new any more
+
+
+def test_a_display_is_empty_once_its_node_has_ended(probe: Probe) -> None:
+    display = Display(probe, probe.topic("scene"))
+    with probe.running(parameters={"bodies.spawn": ["{id: ball, shape: sphere, size: [0.2], xy: [1, 1]}"]}) as node:
+        probe.publish_map(np.zeros((41, 41)))
+        probe.wait_for(lambda: len(display.shown) == 2)
+        node.process.send_signal(signal.SIGTERM)
+        node.process.wait(30)
+        probe.wait_for(lambda: not display.shown)
+
+
+@pytest.mark.parametrize("prefix", [False, True], ids=["own names", "prefix"])
+def test_a_robot_model_has_the_frames_and_the_files_of_the_robot(probe: Probe, prefix: bool) -> None:
+    spawned = f"{{id: husky, urdf: {HUSKY}, xy: [2, 2]}}"
+    parameters = {"bodies.spawn": [spawned], "publish.tf": 50.0, "publish.robot_prefix": prefix}
+    with probe.running(parameters=parameters):
+        models = probe.listen("robot_model", String, LATCHED)
+        frames = probe.listen("/tf", TFMessage)
+        probe.publish_map(np.zeros((41, 41)))
+        probe.wait_for(lambda: models and models[-1].data and frames)
+        robot = ElementTree.fromstring(models[-1].data)
+        links = {link.get("name") for link in robot.findall("link")}
+        assert all(str(link).startswith("husky/") == prefix for link in links)
+        ends = {end.get("link") for joint in robot.findall("joint") for end in joint if end.tag in ("parent", "child")}
+        assert ends <= links
+        assert links <= {transform.child_frame_id for transform in frames[-1].transforms}
+        meshes = [str(mesh.get("filename")) for mesh in robot.iter("mesh")]
+        assert meshes and all(mesh.startswith("file:///") and Path(mesh[7:]).is_file() for mesh in meshes)
+        assert sum(link.find("visual") is not None for link in robot.findall("link")) >= 5
+        probe.call("remove_bodies", RemoveBodies, ids=["husky"])
+        probe.wait_for(lambda: models[-1].data == "")
+
+
+VIEW = GroundView()
+
+
+@pytest.mark.parametrize(
+    ("positions", "low", "high"),
+    [
+        ([], (-10.0, -10.0), (10.0, 10.0)),
+        ([(0.0, 0.0)], (-3.0, -3.0), (3.0, 3.0)),
+        ([(0.0, 0.0), (8.0, 2.0)], (-3.0, -3.0), (10.0, 5.0)),
+        ([(0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (9e5, 0.0)], (-3.0, -3.0), (4.0, 3.0)),
+        ([(500.0, 500.0)], (9.0, 9.0), (10.0, 10.0)),
+    ],
+)
+@pytest.mark.parametrize("kind", ["map", "turned", "mesh"])
+def test_the_window_covers_the_ground_around_the_bodies(kind: str, positions: Any, low: Any, high: Any) -> None:
+    geometry = {"turned": {"origin": (-10.0, 10.0), "yaw": -0.5 * np.pi}}.get(kind, {"origin": (-10.0, -10.0)})
+    terrain = Terrain(HeightMap(np.zeros((81, 81)), resolution=0.25, **geometry))
+    if kind == "mesh":
+        corners = [(x, y, 0.0) for x in (-10.0, 10.0) for y in (-10.0, 10.0)]
+        terrain = Terrain(TriangleMesh(corners, [[0, 2, 3], [0, 3, 1]]))
+    window = window_around(np.array(positions).reshape(-1, 2), terrain, VIEW)
+    assert window is not None
+    size = VIEW.cells * window.spacing
+    slack = 0.51 * window.spacing
+    assert window.x <= low[0] + slack and window.y <= low[1] + slack
+    assert window.x + size >= high[0] - slack and window.y + size >= high[1] - slack
+    assert size <= 40.0, "no wider than there is ground"
+    corners = ground_points(window, terrain, 0.0, VIEW)
+    assert len(corners) == 6 * VIEW.cells**2
+    np.testing.assert_allclose(corners[:, 2], -VIEW.lower, atol=1e-6)
+    area = 0.5 * np.linalg.norm(np.cross(*(corners[k::3] - corners[::3] for k in (1, 2))), axis=1).sum()
+    assert 0.0 < area <= 400.0 + 1e-6, "triangles over ground alone"
+
+
+def test_no_ground_is_drawn_over_holes_and_without_terrain() -> None:
+    assert window_around(np.zeros((1, 2)), Terrain(), VIEW) is None
+    heights = np.zeros((41, 41))
+    heights[10:20, 10:20] = np.nan
+    terrain = Terrain(HeightMap(heights, resolution=0.25))
+    window = window_around(np.array([[5.0, 5.0]]), terrain, VIEW)
+    assert window is not None
+    corners = ground_points(window, terrain, 0.0, VIEW).reshape(-1, 3, 3)
+    middles = corners.mean(axis=1)[np.ptp(corners[..., 0], axis=1) > 0.0]
+    assert not ((middles[:, :2] > 2.5) & (middles[:, :2] < 4.75)).all(axis=1).any()
+    nothing = Terrain(HeightMap(np.full((9, 9), np.nan), resolution=0.25))
+    window = window_around(np.zeros((0, 2)), nothing, VIEW)
+    assert window is not None and np.isfinite(ground_points(window, nothing, 0.0, VIEW)).all()

@@ -1,0 +1,320 @@
+"""Soil whose law is that of contacts: laws of plates, wheels and carts in PyBullet."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+import pytest
+
+from smartmesh_ros import (
+    BodyState,
+    Box,
+    Ground,
+    HeightMap,
+    InputError,
+    PatchConfig,
+    PhysicsConfig,
+    Sphere,
+    World,
+    WorldConfig,
+)
+from smartmesh_ros.soil.config import SoilType
+from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros.soil.soils import map_from, soil_named
+from studies.soil.arcs import free_slip, undamped, wheel_forces
+from studies.soil.trials import Wheel, plate_sinkage, standing_sinkage
+from studies.soil.vehicles import BELOW, WARTHOG, Cart, drive, roll, set_down, vertical_forces
+from tests.bodies import height, put
+from tests.grounds import step_on_moving
+
+SOILS = ("dry_sand", "clay", "sandy_loam", "lunar", "hit_lss1", "lete_sand", "chrono_rig", "k10_sand")
+FLAT = np.zeros((101, 101))
+WEIGHT = 5e3 * 0.04  # [N] of a box of 0.2 m under 5 kPa
+
+
+def with_box(
+    soil: str | SoilType = "", grid: float = 0.04, place: tuple[float, float] = (2.003, 2.007), height: float = 0.1
+) -> World:
+    """Return a world with a box of 0.2 m that presses with 5 kPa, on soil if its name is given."""
+    side = round(4.0 / grid) + 1
+    world = World(HeightMap(np.zeros((side, side)), resolution=grid))
+    world.spawn("box", Box(0.2, 0.2, 0.2), WEIGHT / 9.81, BodyState((*place, height)))
+    if soil:
+        world.ground.set_soil(Soil(world.terrain, soil))
+    return world
+
+
+@pytest.mark.parametrize("soil", SOILS)
+def test_a_plate_that_is_set_down_comes_to_bekkers_depth_and_sleeps(soil: str) -> None:
+    with with_box(soil) as world:
+        world.step(720)
+        wanted = plate_sinkage(soil_named(soil), 0.2, 5e3)
+        assert 0.1 - world.state("box").position[2] == pytest.approx(wanted, rel=0.01, abs=1e-4)
+        support = world.ground.on_soil()["box"]
+        assert support.area == pytest.approx(0.04, rel=0.01)
+        assert support.carried == pytest.approx(WEIGHT, rel=0.01)
+        assert world.is_asleep("box")
+
+
+@pytest.mark.parametrize("tons", [5, 50])
+@pytest.mark.parametrize("soil", ["dry_sand", "clay", "lunar"])
+def test_heavy_machines_that_are_set_down_sink_as_deep_as_the_soil_carries_them(soil: str, tons: int) -> None:
+    """On wheels, by the integral of Bekker's law over their rims; on a plate, by the law itself."""
+    known, grow = soil_named(soil), (tons / 5.0) ** (1.0 / 3.0)
+    cart = Cart(
+        radius=0.6 * grow, width=0.45 * grow, mass=1e3 * tons, wheel_mass=30.0 * tons, base=2.5 * grow, track=2.0 * grow
+    )
+    with World(HeightMap(np.zeros((121, 121)), resolution=0.2)) as world:
+        world.ground.set_soil(Soil(world.terrain, soil, spacing=0.02 * grow))
+        world.spawn_robot("cart", cart.urdf, BodyState((6.0, 6.0, cart.radius + BELOW)))
+        world.spawn("plate", Box(grow, grow, grow), 1e3 * tons, BodyState((15.0, 15.0, 0.5 * grow)))
+        world.step(720)
+        found = world.ground.on_soil()
+    assert found.pop("plate").sinkage == pytest.approx(plate_sinkage(known, grow, 9810.0 * tons / grow**2), rel=0.02)
+    assert len(found) == 4
+    for support in found.values():
+        assert support.sinkage == pytest.approx(standing_sinkage(known, cart.wheel), rel=0.05)
+
+
+def test_a_body_that_falls_onto_the_soil_is_not_set_down() -> None:
+    """The energy of its fall presses the soil: m g (h + z) = k A z^(n + 1) / (n + 1), without damping."""
+    known, fall = replace(undamped(soil_named("lunar")), Bekker_n=1.0), 0.1
+    config = WorldConfig(physics=PhysicsConfig(rate=1000.0))
+    with World(HeightMap(FLAT, resolution=0.04), config) as world:
+        world.spawn("box", Box(0.2, 0.2, 0.2), WEIGHT / 9.81, BodyState((2.003, 2.007, 0.1 + fall)))
+        world.ground.set_soil(Soil(world.terrain, known))
+        world.step(1000)
+        stiffness = (known.Bekker_Kc / 0.2 + known.Bekker_Kphi) * 0.04
+        wanted = (WEIGHT + np.sqrt(WEIGHT**2 + 2.0 * stiffness * WEIGHT * fall)) / stiffness
+        assert world.ground.on_soil()["box"].sinkage == pytest.approx(wanted, rel=0.1)
+
+
+def test_changes_are_what_another_map_needs_to_look_alike() -> None:
+    with with_box() as world:
+        soil = Soil(world.terrain, "dry_sand")
+        world.ground.set_soil(soil)
+        world.spawn("ball", Sphere(0.1), 5.0, BodyState((0.8, 3.0, 0.1), linear=(1.0, 0.0, 0.0)))
+        copy = np.zeros(soil.map.heights.shape, np.float32)
+        assert soil.changes(world.time, everything=True) is None, "nobody has pressed the soil"
+        sizes = []
+        for _ in range(40):
+            world.step(8)
+            if (found := soil.changes(world.time)) is not None:
+                sizes.append(found.heights.size)
+                height, width = found.heights.shape
+                copy[found.row : found.row + height, found.column : found.column + width] = found.heights
+            assert np.array_equal(copy, soil.map.heights)
+        assert copy.min() < -1e-3
+        assert min(sizes) < 100, "the box came to rest, and the ball changes the ground below it alone"
+        everything = soil.changes(world.time, everything=True)
+        assert everything is not None
+        assert np.count_nonzero(everything.heights) == np.count_nonzero(soil.map.heights)
+        assert soil.changes(world.time) is None
+
+
+def pressed(every: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return where a box is that stood on soil for two seconds, and the map, which was sent again after ``every``
+    steps; 0 = never."""
+    with with_box("dry_sand") as world:
+        tile = map_from(world.terrain, "")
+        for step in range(480):
+            if every and step % every == 0:
+                tile.replace(FLAT, time=world.time)
+            world.step()
+        return np.array([*world.state("box").position, *world.state("box").linear]), tile.heights.copy()
+
+
+@pytest.mark.parametrize("every", [1, 8, 60, 240])
+def test_a_map_that_is_sent_again_leaves_prints_and_what_stands_or_sleeps_in_them(every: int) -> None:
+    """Its sender does not know of the prints, so they are no motion of the ground."""
+    state, heights = pressed(every)
+    wanted, known = pressed(0)
+    assert np.allclose(state, wanted, rtol=0.0, atol=1e-6)
+    assert np.allclose(heights, known, rtol=0.0, atol=1e-6)
+    assert heights.min() < -5e-3
+
+
+def test_prints_under_a_body_and_the_body_move_with_the_ground() -> None:
+    with with_box("dry_sand") as world:
+        tile = map_from(world.terrain, "")
+        world.step(240)
+        sunk, low, start = -tile.heights.min(), world.state("box").position[2], world.time
+        step_on_moving(world, lambda time: 0.1 * (time - start), 240, every=8)
+        assert world.state("box").position[2] - low == pytest.approx(0.1, abs=0.01)
+        assert world.state("box").linear == pytest.approx((0.0, 0.0, 0.1), abs=1e-3)
+        world.ground.refresh(world.time, world.dt)
+        assert tile.heights.max() - tile.heights.min() == pytest.approx(sunk, rel=0.3)
+
+
+@pytest.mark.parametrize("grid", [0.01, 0.05])
+@pytest.mark.parametrize("height", [0.1, 0.3])
+def test_nothing_bounces_at_rest(grid: float, height: float) -> None:
+    with with_box("dry_sand", grid=grid, height=height) as world:
+        world.step(120)
+        for _ in range(240):
+            world.step()
+            if not world.is_asleep("box"):
+                assert vertical_forces(world, ["box"])[0] == pytest.approx(WEIGHT, rel=0.01)
+
+
+@pytest.mark.parametrize("soil", SOILS)
+def test_a_cart_slips_as_the_integrals_say_and_its_wheels_stay_loaded(soil: str) -> None:
+    known = undamped(soil_named(soil))
+    found = drive(Cart(), known, seconds=5.0)
+    assert found.slip == pytest.approx(free_slip(known, Cart().wheel), abs=0.05)
+    assert found.unloaded < 0.01
+    assert found.worst < 2.0
+
+
+def test_a_heavy_rover_slips_by_hundredths() -> None:
+    known = undamped(soil_named("dry_sand"))
+    found = drive(WARTHOG, known, speed=0.5, seconds=4.0, grid=0.05)
+    assert found.slip == pytest.approx(free_slip(known, WARTHOG.wheel), abs=0.02)
+    assert found.unloaded == 0.0
+
+
+@pytest.mark.parametrize("slip", [-0.2, 0.15, 0.3, 0.7])
+@pytest.mark.parametrize("sinks", [False, True])
+def test_a_wheel_of_forced_slip_pulls_and_sinks_as_the_integrals_say(slip: float, sinks: bool) -> None:
+    known, wheel = undamped(soil_named("k10_sand")), Wheel(radius=0.058, width=0.05, load=24.6)
+    found = roll(wheel, known, slip, speed=0.05, slip_sinkage=sinks)
+    wanted = wheel_forces(known, wheel, slip, sinks_by_slip=sinks)
+    assert found.sinkage == pytest.approx(wanted.sinkage, rel=0.06)
+    assert found.pull / wheel.load == pytest.approx(wanted.pull / wheel.load, abs=0.04)
+
+
+def test_a_wheel_of_a_mesh_is_the_cylinder_around_it() -> None:
+    known, wheel = undamped(soil_named("k10_sand")), Wheel(radius=0.058, width=0.05, load=24.6)
+    exact, hull = (roll(wheel, known, 0.2, speed=0.05, implicit=implicit) for implicit in (True, False))
+    assert hull.sinkage == pytest.approx(exact.sinkage, abs=2e-3)  # PyBullet's margin is 1 mm
+    assert hull.pull / wheel.load == pytest.approx(exact.pull / wheel.load, abs=0.03)
+
+
+@pytest.mark.parametrize("place", [(2.0, 2.0), (2.0, 2.003), (2.005, 2.005)])
+def test_a_box_sinks_upright_and_as_deep_wherever_its_edges_are_among_the_samples(place: tuple[float, float]) -> None:
+    depths = []
+    for where in (place, (2.003, 2.007)):
+        with with_box("dry_sand", grid=0.02, place=where) as world:
+            world.step(120)
+            depths.append(world.ground.on_soil()["box"].sinkage)
+            assert abs(world.state("box").orientation[3]) > 1.0 - 1e-9
+    assert depths[0] == pytest.approx(depths[1], rel=1e-3)
+
+
+@pytest.mark.parametrize("number", range(16))
+@pytest.mark.parametrize("rate", [60.0, 240.0])
+def test_energy_never_grows_in_set_downs(number: int, rate: float) -> None:
+    rose = set_down(number, ("dry_sand", "lunar", "clay", "hit_lss1")[number % 4], rate=rate).rose
+    assert rose < (1e-4 if rate == 240.0 else 2e-3)
+
+
+def test_a_body_that_is_put_into_the_soil_is_not_thrown() -> None:
+    for soil in ("clay", "lunar"):
+        with with_box(soil, height=0.04) as world:
+            world.step(240)
+            assert world.state("box").position[2] == pytest.approx(0.04, abs=5e-3)
+
+
+def test_prints_stay_in_the_map_and_new_ground_is_new_soil() -> None:
+    with with_box(grid=0.02) as world:
+        world.ground.set_soil(soil := Soil(world.terrain, "lunar"))
+        world.step(240)
+        deep = soil.sinkage().max()
+        assert deep == pytest.approx(0.1 - world.state("box").position[2], abs=1e-4)
+        assert soil.map.heights.min() == pytest.approx(-deep, abs=1e-6)
+        pressed = (soil.map.heights < -0.5 * deep).sum() * 0.02**2
+        assert pressed == pytest.approx(0.04, rel=0.2)
+        world.remove("box")
+        world.step(60)
+        assert soil.map.heights.min() == pytest.approx(-deep, abs=1e-6)
+        assert world.ground.on_soil() == {}
+        soil.map.update_region(80, 80, np.full((41, 41), 0.1), time=world.time)
+        world.spawn("box", Box(0.2, 0.2, 0.2), WEIGHT / 9.81, BodyState((2.003, 2.007, 0.2)))
+        world.step(240)
+        assert 0.2 - world.state("box").position[2] == pytest.approx(deep, rel=0.05)
+        assert soil.sinkage().max() == pytest.approx(deep, rel=0.05)
+
+
+def test_soil_outlives_a_restored_world_and_can_be_taken_away() -> None:
+    with with_box("lunar") as world:
+        world.step(240)
+        sunk = world.state("box").position[2]
+        world.save()
+        world.step(60)
+        assert world.state("box").position[2] == pytest.approx(sunk, abs=1e-4)
+        assert "box" in world.ground.on_soil()
+        world.ground.set_soil(None)
+        world.step(60)
+        assert world.ground.on_soil() == {}
+
+
+@pytest.mark.parametrize("way", ["update", "restore"])
+def test_soil_goes_with_its_map(way: str, caplog: pytest.LogCaptureFixture) -> None:
+    """Whose place another map takes: bodies stand on that one."""
+    with with_box() as world:
+        world.ground.set_soil(soil := Soil(world.terrain, "lunar"))
+        world.step(240)
+        world.terrain.put("", HeightMap(np.full((9, 9), 0.05), resolution=0.5))
+        if way == "restore":
+            world.save()
+        for _ in range(240):
+            world.ground.update(world.time, world.dt)
+            world.client.stepSimulation()
+            world.time += world.dt
+        assert world.ground.soil is None
+        assert world.state("box").position[2] == pytest.approx(0.15, abs=1e-3)
+        assert soil.map.heights.min() < 0.0
+        assert "the map of the soil is no tile any more" in caplog.text
+
+
+@pytest.mark.parametrize("maximal", [True, False])
+def test_what_sleeps_in_pybullet_wakes_on_another_soil(client: Any, maximal: bool) -> None:
+    body = put(client, Box(0.2, 0.2, 0.2), (1.0, 1.0, 0.1), 20.0, useMaximalCoordinates=maximal)
+    client.changeDynamics(body, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
+    ground = Ground(client, HeightMap(np.zeros((41, 41)), resolution=0.05))
+    ground.attach(body)
+    for _ in range(1200):
+        ground.step(ground.time, 1.0 / 240.0)
+    ground.set_soil(Soil(ground.terrain, "lunar"))
+    for _ in range(480):
+        ground.step(ground.time, 1.0 / 240.0)
+    assert 0.1 - height(client, body) == pytest.approx(20.0 * 9.81 / 0.04 / 820e3, rel=0.1)
+
+
+def test_a_driven_track_pulls_itself_through_the_soil() -> None:
+    with World(HeightMap(FLAT, resolution=0.04)) as world:
+        world.spawn("track", Box(0.5, 0.1, 0.1), 20.0, BodyState((1.0, 2.0, 0.051)))
+        world.ground.set_soil(Soil(world.terrain, "dry_sand"))
+        world.step(60)
+        world.ground.drive(world.bodies["track"].uid, -1, (0.0, 1.0, 0.0), 0.3)
+        world.step(480)
+        assert world.state("track").linear[0] == pytest.approx(0.3, rel=0.1)
+
+
+def test_soils_are_where_kinds_say() -> None:
+    kinds = np.zeros(FLAT.shape, np.uint8)
+    kinds[:, 50:] = 1
+    with World(HeightMap(FLAT, resolution=0.04)) as world:
+        for k, x in enumerate((1.0, 3.0)):
+            world.spawn(f"b{k}", Box(0.2, 0.2, 0.2), WEIGHT / 9.81, BodyState((x, 2.0, 0.1)))
+        world.ground.set_soil(soil := Soil(world.terrain, ["lunar", "clay"], kinds=kinds))
+        world.step(240)
+        sunk = [world.ground.on_soil()[f"b{k}"].sinkage for k in range(2)]
+        assert sunk[0] > 5e-3 > 5e-4 > sunk[1]
+        soil.reset()
+        assert not soil.sinkage().any()
+
+
+def test_soil_where_it_cannot_be_is_refused() -> None:
+    with with_box() as world:
+        world.client.resetSimulation()
+        with pytest.raises(InputError, match="make another"):
+            world.ground.set_soil(Soil(world.terrain, "lunar"))
+        assert world.ground.soil is None
+    with with_box() as world:
+        with pytest.raises(InputError, match="no tile"):
+            world.ground.set_soil(Soil(HeightMap(FLAT, resolution=0.04), "lunar"))
+        world.ground.set_soil(Soil(world.terrain, "lunar"))
+        with pytest.raises(InputError, match="contacts come from the map"):
+            world.ground.configure(PatchConfig(kind="heightfield"))

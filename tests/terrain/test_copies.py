@@ -1,0 +1,114 @@
+"""A copy of a map, and one from another process, is the same ground, goes on as the map would, and shares nothing."""
+
+import copy
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smartmesh_ros import HeightMap, MotionConfig, Terrain
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from tests.examples import examples
+
+ROWS, COLUMNS = 9, 12
+COPIES: dict[str, Callable[[Any], Any]] = {
+    "deepcopy": copy.deepcopy, "copy": copy.copy, "pickle": lambda ground: pickle.loads(pickle.dumps(ground)),
+}  # fmt: skip
+MOTIONS = [
+    MotionConfig(), MotionConfig(mode="interpolate"), MotionConfig(noise=0.01), MotionConfig(changes="correction"),
+    MotionConfig(changes="correction", noise=0.01),
+]  # fmt: skip
+CHANGES = ["whole", "region", "press", "show", "friction", "soil", "slide", "scroll"]
+
+
+def heights_of(seed: int) -> np.ndarray:
+    heights = np.random.default_rng(seed).normal(0.0, 0.1, (ROWS, COLUMNS))
+    heights[0, seed % COLUMNS] = np.nan
+    return heights
+
+
+def change(ground: Terrain, what: str, time: float) -> None:
+    tile, seed = ground.tile(""), round(1e3 * time)
+    assert isinstance(tile, HeightMap)
+    if what == "whole":
+        tile.replace(heights_of(seed), time=time)
+    elif what == "region":
+        tile.update_region(2, 3, heights_of(seed)[:4, :5], time=time)
+    elif what == "press":
+        tile.press(np.array([[1, 1], [4, 6]]), np.array([-0.2, -0.3], np.float32))
+    elif what == "show":
+        tile.show(time)
+    elif what == "friction":
+        tile.friction = np.full((ROWS, COLUMNS), 0.01 * (seed % 90))
+    elif what == "soil":
+        tile.soil = np.random.default_rng(seed).integers(0, 9, (ROWS, COLUMNS))
+    else:
+        moved = tile.geometry.origin[0] + (0.013 if what == "slide" else 0.2)
+        new = HeightMap(heights_of(seed), resolution=0.1, origin=(moved, 0.0), time=time, motion=tile.motion)
+        ground.put("", new)
+
+
+def seen(ground: Terrain, time: float) -> list[np.ndarray]:
+    points = np.stack(np.meshgrid(np.linspace(-0.2, 2.0, 25), np.linspace(-0.1, 0.9, 12)), axis=-1).reshape(-1, 2)
+    soil = ground.tile("").soil
+    return [
+        *ground.at(points, time), ground.friction_at(points),
+        np.empty(0) if soil is None else soil.copy(),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("how", COPIES)
+@examples(30)
+@given(
+    motion=st.sampled_from(MOTIONS),
+    before=st.lists(st.sampled_from(CHANGES), max_size=6),
+    after=st.lists(st.sampled_from(["whole", "region", "press", "show"]), max_size=3),
+)
+def test_a_copied_terrain_is_the_same_and_goes_on_as_its_original(
+    how: str, motion: MotionConfig, before: list[str], after: list[str]
+) -> None:
+    ground = Terrain(HeightMap(heights_of(0), resolution=0.1, motion=motion))
+    for step, what in enumerate(before, 1):
+        change(ground, what, 0.05 * step)
+    other = Terrain(COPIES[how](ground.tile(""))) if how == "copy" else COPIES[how](ground)
+    assert other.revision != ground.revision, "whoever watched the original would take it for unchanged"
+    now = 0.05 * len(before) + 0.02
+    mine, its = seen(ground, now), seen(other, now)
+    change(other, "whole", now + 0.03)
+    change(other, "press", now + 0.03)
+    for own, before_, found in zip(seen(ground, now), mine, its, strict=True):
+        np.testing.assert_array_equal(own, before_, "the original has not changed")
+        np.testing.assert_array_equal(own, found)
+    other = COPIES["pickle"](ground)
+    for step, what in enumerate(after, 1):
+        for each in (ground, other):
+            change(each, what, now + 0.05 * step)
+    for own, found in zip(seen(ground, now + 0.2), seen(other, now + 0.2), strict=True):
+        np.testing.assert_array_equal(own, found)
+
+
+@pytest.mark.parametrize("how", COPIES)
+def test_a_copied_mesh_is_the_same_and_goes_on_as_its_original(how: str) -> None:
+    vertices = np.random.default_rng(1).normal(0.0, 0.05, (ROWS * COLUMNS, 3))
+    vertices[:, :2] += np.stack(np.mgrid[:ROWS, :COLUMNS][::-1], axis=-1).reshape(-1, 2)
+    mesh = TriangleMesh(vertices, grid_triangles(ROWS, COLUMNS))
+    points = np.random.default_rng(2).uniform(0.0, 8.0, (50, 2))
+    for time in (0.1, 0.2):
+        mesh.move(vertices + (0.02, 0.0, time), time=time)
+    other = COPIES[how](mesh)
+    for ground in (mesh, other):
+        ground.move(vertices, time=0.3)
+    for time in (0.3, 0.34):
+        for own, found in zip(mesh.at(points, time), other.at(points, time), strict=True):
+            np.testing.assert_array_equal(own, found)
+    other.move(vertices + 1.0, time=0.4)
+    assert np.nanmax(mesh.at(points, 0.4).heights) < 0.5
+
+
+def test_a_map_that_never_moved_takes_its_bytes_once_in_a_pickle() -> None:
+    heights = np.zeros((300, 400), np.float32)
+    assert len(pickle.dumps(HeightMap(heights, resolution=0.1))) < 2.2 * heights.nbytes

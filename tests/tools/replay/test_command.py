@@ -1,0 +1,177 @@
+"""The command ``replay``: its file, its digest, its end, and what it refuses."""
+
+import os
+import signal
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+from rclpy.serialization import deserialize_message
+from rosbags.interfaces import QosDurability
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from smartmesh_ros.tools.replay.bag import class_of
+from smartmesh_ros.tools.replay.cli import main
+from smartmesh_ros.tools.testing import TIMEOUT, bags, executable, heightmap_message
+from tests.node.shared import wait_until
+from tests.tools.replay.recordings import RECORDINGS, in_order
+
+ARGUMENTS = [f"-p{name}:={value}" for name, value in RECORDINGS["robot"][0].items()]
+MAP = "/terrain_collider/heightmap"
+CONTENTS = f"{MAP}  smartmesh_msgs/msg/Heightmap  10 messages"
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> str:
+    path = tmp_path_factory.mktemp("recorded") / "bag"
+    bags.write(path, in_order("robot"))
+    return str(path)
+
+
+def run(*arguments: Any, seed: str = "0") -> subprocess.CompletedProcess[str]:
+    """The executable, in a process of its own."""
+    command = [str(executable("replay")), *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, env={**os.environ, "PYTHONHASHSEED": seed}, check=False
+    )
+
+
+def words_of(capsys: pytest.CaptureFixture[str], *arguments: Any) -> str:
+    """What it says when it cannot start."""
+    assert main([*map(str, arguments)]) == 2
+    said = capsys.readouterr().err
+    assert "Traceback" not in said
+    return said
+
+
+def test_the_file_is_a_recording_and_the_same_each_time(bag: str, tmp_path: Path) -> None:
+    files = [tmp_path / name / "out.mcap" for name in ("first", "second")]
+    for seed, file in enumerate(files):
+        file.parent.mkdir()
+        found = run(bag, *ARGUMENTS, "-o", file, "--until", 0.6, seed=str(seed))
+        assert found.returncode == 0, found.stderr
+    first, second = (file.read_bytes() for file in files)
+    assert first == second
+    digest = found.stdout.splitlines()[-1].removeprefix("digest: ")
+    assert len(digest) == 64
+    with files[0].open("rb") as stream:
+        reader = make_reader(stream)
+        notes = {record.name: record.metadata for record in reader.iter_metadata()}
+        assert notes["smartmesh_ros"] == {"digest": digest}
+        schemas = {channel.topic: schema for schema, channel, _ in reader.iter_messages()}
+    types = get_typestore(Stores.EMPTY)
+    with Reader(files[0]) as opened:
+        counts = {one.topic: one.msgcount for one in opened.connections}
+        latched = {one.topic: one.ext.offered_qos_profiles[0].durability for one in opened.connections}  # type: ignore[union-attr]
+        times = []
+        for connection, time, data in opened.messages():
+            times.append(time)
+            assert deserialize_message(bytes(data), class_of(connection.msgtype)) is not None
+    assert times == sorted(times)
+    assert counts["/terrain_collider/body_states"] == pytest.approx(0.6 * 60, abs=1)
+    assert counts["/terrain_collider/body_descriptions"] >= 1 and "/diagnostics" in counts
+    for topic in ("body_descriptions", "robot_model"):
+        assert latched.pop(f"/terrain_collider/{topic}") == QosDurability.TRANSIENT_LOCAL
+    assert set(latched.values()) == {QosDurability.VOLATILE}
+    for schema in schemas.values():  # definitions are whole: every type that is named is there
+        types.register(get_types_from_msg(schema.data.decode(), schema.name))
+        assert types.generate_msgdef(schema.name, ros_version=2)
+
+
+def test_the_digest_is_checked(bag: str, capsys: pytest.CaptureFixture[str]) -> None:
+    said = [bag, *ARGUMENTS, "--until", "0.2", "--check"]
+    assert main([*said, "0" * 64]) == 1
+    digest = capsys.readouterr().out.splitlines()[-1].removeprefix("digest: ")
+    assert main([*said, digest.upper()]) == 0
+
+
+def test_only_some_outputs(bag: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out.mcap"
+    assert main([bag, *ARGUMENTS, "-o", str(out), "--topics", "body_states", "/terrain_collider/contacts"]) == 0
+    with Reader(out) as opened:
+        assert {one.topic for one in opened.connections} == {
+            "/terrain_collider/body_states",
+            "/terrain_collider/contacts",
+        }
+    said = words_of(capsys, bag, "-o", tmp_path / "no.mcap", "--topics", "bodystates")
+    assert "no output /terrain_collider/bodystates; the outputs are /diagnostics, /terrain_collider/body_desc" in said
+    assert not (tmp_path / "no.mcap").exists()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_run_leaves_a_whole_file(bag: str, tmp_path: Path, number: int) -> None:
+    out = tmp_path / "out.mcap"
+    command = [executable("replay"), bag, *ARGUMENTS, "-o", out, "--until", "1000000"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    wait_until(lambda: out.exists() and out.stat().st_size > 500_000)
+    process.send_signal(number)
+    said, _ = process.communicate(timeout=TIMEOUT)
+    assert process.returncode == 130
+    assert "until interrupted" in said and said.splitlines()[-1].startswith("digest: ")
+    with Reader(out) as opened:
+        assert sum(1 for _ in opened.messages()) == opened.message_count > 100
+
+
+def test_a_parameter_file_is_that_of_the_node(bag: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As are its arguments after --ros-args; a file for another node is refused."""
+    file = tmp_path / "parameters.yaml"
+    spawn = "bodies: {spawn: ['{id: b, shape: sphere, size: [0.2], xy: [0, 0]}']}"
+    file.write_text(
+        f"ns: {{other: {{ros__parameters: {{{spawn}, physics.rate: 100.0}}}}}}\nthird: {{ros__parameters: {{x: 1}}}}"
+    )
+    given = ["--ros-args", "--params-file", str(file), "-r", "__node:=other", "-r", "__ns:=/ns"]
+    remaps = ["-r", f"~/heightmap:={MAP}", "-r", "~/joint_commands:=/nothing"]
+    assert main([bag, *given, *remaps, "-o", str(tmp_path / "out.mcap")]) == 0
+    assert "/ns/other/body_states" in capsys.readouterr().out
+    assert "it is for /ns/other, /third, and this node is /terrain_collider" in words_of(
+        capsys, bag, "--params-file", file
+    )
+
+
+def written(path: Path, storage: Any = "mcap") -> Path:
+    bags.write(path, [(MAP, 1.0 + 0.1 * k, heightmap_message([[0.0] * 3] * 3)) for k in range(10)], storage)
+    return path
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_bag_that_is_cut_off(tmp_path: Path, capsys: pytest.CaptureFixture[str], storage: str) -> None:
+    [file] = [path for path in written(tmp_path / "bag", storage).iterdir() if path.suffix in (".mcap", ".db3")]
+    data = file.read_bytes()
+    file.write_bytes(data[: len(data) // 2])
+    said = words_of(capsys, tmp_path / "bag")
+    assert "cut off or damaged" in said and CONTENTS in said
+    assert "is no bag, or it is damaged" in words_of(capsys, file)
+
+
+def test_no_bag_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "notes.txt").write_text("")
+    assert "it has no metadata.yaml (there is: notes.txt)" in words_of(capsys, tmp_path)
+    assert "there is no bag nowhere" in words_of(capsys, "nowhere")
+    assert "notes.txt is no bag" in words_of(capsys, tmp_path / "notes.txt")
+    single = next(written(tmp_path / "bag").glob("*.mcap"))
+    assert "is the bag itself" in words_of(capsys, single, "-o", single)
+    assert main([str(single), "-o", str(tmp_path / "out.mcap")]) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["-r", f"{MAP}:=/maps"], "nothing here is for /terrain_collider, whose inputs are\n  /maps  smartmesh_msgs"),
+        (["-r", "heights"], "-r 'heights' must be from:=to"),
+        (["-r", "a b:=c"], "-r: topic name 'a b' is invalid: topic name must not contain characters other than"),
+        (["-p", "physics.rate=100"], "-p 'physics.rate=100' must be name:=value"),
+        (["-p", "physics.rat:=100"], "did you mean 'physics.rate'?"),
+        (["-p", "physics.rate:=fast"], "physics.rate is 'fast'"),
+        (["-p", "patch.tolerance:=0.1"], "patch.tolerance is gone: contacts from the map are exact"),
+        (["--params-file", "missing.yaml"], "missing.yaml is no parameter file"),
+        (["--until", "-1"], "--until is -1"),
+        (["-o", "/nowhere/out.mcap"], "/nowhere/out.mcap cannot be written: No such file or directory"),
+    ],
+)
+def test_what_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str) -> None:
+    said = words_of(capsys, written(tmp_path / "bag"), *arguments)
+    assert words in said
+    assert CONTENTS in said or "inputs" not in words

@@ -1,0 +1,155 @@
+"""The measure is right, the command goes from its beginning to its file, and the node loads what it writes."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from rcl_interfaces.srv import GetParameters
+from rclpy.parameter import parameter_value_to_python
+
+from smartmesh_ros.tools.testing import Probe, bags, heightmap_message
+from smartmesh_ros.tools.tune import cli, grid
+from smartmesh_ros.tools.tune.case import open_case
+from smartmesh_ros.tools.tune.grid import KNOWN
+from smartmesh_ros.tools.tune.measuring import measure
+
+SCENE = {
+    "title": "Three balls on a small wave",
+    "ground": {"kind": "waves", "amplitude": 0.1, "number": 1.0, "frequency": 3.0},
+    "grid": [31, 0.25],
+    "bodies": {"count": 3, "spread": [2, 2]},
+    "map_rate": 30,
+    "duration": 0.2,
+    "settle": 0.05,
+}
+SPAWN = [
+    "{id: ball, shape: sphere, size: [0.2], mass: 1.0, xy: [0.1, 0.2], above: 0.25}",
+    "{id: crate, shape: box, size: [0.3, 0.2, 0.2], mass: 2.0, xy: [-1.0, 0.5], above: 0.2, yaw: 0.4}",
+]
+MAP = "/terrain_collider/heightmap"
+
+
+@pytest.fixture
+def probe(domain: int) -> Iterator[Probe]:
+    """A probe in a namespace of its own: a node of the same name that another test left behind would be warned of."""
+    with Probe(namespace="tuned") as made:
+        yield made
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    path = tmp_path / "small.yaml"
+    path.write_text(yaml.safe_dump(SCENE))
+    return path
+
+
+def recorded(path: Path, yaw: float = 0.0, topic: str = MAP) -> str:
+    """A bag of waves at 20 Hz, turned by ``yaw`` [rad]."""
+    x = np.linspace(-3.0, 3.0, 41)
+    origin = (-3.0 * math.cos(yaw) + 3.0 * math.sin(yaw), -3.0 * math.sin(yaw) - 3.0 * math.cos(yaw), 0.0)
+
+    def message(time: float) -> Any:
+        heights = np.tile(0.1 * np.sin(2.0 * x - 4.0 * time), (41, 1))
+        return heightmap_message(heights, resolution=0.15, origin=origin, yaw=yaw)
+
+    bags.write(path, [(topic, 0.05 * k, message(0.05 * k)) for k in range(13)])
+    return str(path)
+
+
+def test_the_node_loads_what_is_written(
+    probe: Probe, scene: Path, tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(grid, "GRID", {"physics.rate": (60.0, 240.0), "physics.solver_residual": (1e-9, 1e-5)})
+    start = tmp_path / "start.yaml"
+    given = {"bodies": {"default_radius": 0.3, "spawn": ["{id: b, shape: sphere, size: [0.2], xyz: [0, 0, 1]}"]}}
+    start.write_text(yaml.safe_dump({"terrain_collider": {"ros__parameters": {**given, "physics.rate": 180.0}}}))
+    out = tmp_path / "out"
+    words = [str(scene), "--params-file", str(start), "--out", str(out), "--jobs", "2"]
+    assert cli.main([*words, "--budget", "100"]) == 0
+    said = capsys.readouterr().out
+    assert "this file" in said and "as given" in said and (out / "small.png").stat().st_size > 10_000
+    text = (out / "small_tuned.yaml").read_text()
+    assert "# defaults" in text and "# as given" in text and "Measured over 0.2 s" in text
+    values = yaml.safe_load(text)["/**"]["ros__parameters"]
+    assert set(KNOWN) < set(values)
+    assert values["bodies.spawn"] == given["bodies"]["spawn"] and values["bodies.default_radius"] == 0.3
+    with probe.running(arguments=["--ros-args", "--params-file", str(out / "small_tuned.yaml")]) as process:
+        names = list(values)
+        found = probe.call("get_parameters", GetParameters, names=names).values
+        assert {name: parameter_value_to_python(value) for name, value in zip(names, found, strict=True)} == values
+        assert "[WARN" not in process.output and "[ERROR" not in process.output
+    assert cli.main([*words, "--budget", "1e-6"]) == 1
+    said = capsys.readouterr().out
+    assert "Not possible here: cost at most 1e-06 of a core" in said and "nearest settings have cost" in said
+    assert "NOT POSSIBLE" in (out / "small_nearest.yaml").read_text()
+
+
+def test_a_map_that_is_turned_is_measured_as_one_that_is_not(tmp_path: Path) -> None:
+    found = []
+    for yaw in (0.0, 0.5):
+        x, y = 0.1 * math.cos(yaw) - 0.2 * math.sin(yaw), 0.1 * math.sin(yaw) + 0.2 * math.cos(yaw)
+        ball = f"{{id: ball, shape: sphere, size: [0.2], mass: 1.0, xy: [{x}, {y}], above: 0.25}}"
+        case = open_case(recorded(tmp_path / f"{yaw}", yaw), {"bodies.spawn": [ball]}, [], None)
+        found.append(measure(case, {})[0])
+    assert all(math.isfinite(one.penetration) and not one.failed for one in found)
+    assert found[0].penetration == pytest.approx(found[1].penetration, abs=2e-5)
+    assert found[0].hover == pytest.approx(found[1].hover, abs=2e-5)
+
+
+def test_ground_that_is_not_followed_is_measured_as_penetration(tmp_path: Path) -> None:
+    """Control: on ground that waits for the next map, bodies are inside the true ground by what it rises."""
+    case = open_case(
+        recorded(tmp_path / "bag", topic="/maps"), {"bodies.spawn": SPAWN}, [("~/heightmap", "/maps")], None
+    )
+    kept, _ = measure(case, {})
+    lagging, positions = measure(case, {"terrain.motion": "hold", "patch.carry_velocity": False})
+    assert kept.penetration < 0.5 * lagging.penetration
+    assert kept.hover < 0.5 * lagging.hover
+    assert kept.cost > 0.0 and kept.longest > 0.0 and positions.keys() == {"ball", "crate"}
+
+
+def test_corrected_ground_is_the_one_that_the_node_shows(tmp_path: Path) -> None:
+    """Noisy maps of ground at rest: bodies stand on what is shown, which no single map is."""
+    rng, path = np.random.default_rng(3), tmp_path / "bag"
+    maps = [
+        heightmap_message(rng.normal(0.0, 0.02, (41, 41)), resolution=0.15, origin=(-3.0, -3.0) + (0.0,))
+        for _ in range(12)
+    ]
+    bags.write(path, [(MAP, 0.1 * k, message) for k, message in enumerate(maps)])
+    case = open_case(
+        str(path), {"bodies.spawn": SPAWN, "terrain.changes": "correction", "terrain.noise": 0.02}, [], None
+    )
+    assert measure(case, {})[0].penetration < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["flat", "--budget", "0"], "--budget is 0; it must be a number greater than zero"),
+        (["flat", "--jobs", "0"], "--jobs is 0"),
+        (["flat", "-p", "patch.rats:=0.1"], "did you mean 'patch.rate'?"),
+        (["flat", "-p", "bodies.most:=many"], "bodies.most is 'many'"),
+        (["flat", "--preset", "swift"], "there is no preset 'swift'; choose accurate"),
+        (["nowhere"], "no bag and no scene 'nowhere'; the scenes are crater"),
+        (["bag"], "no simulated body stayed over the ground"),
+        (["bag", "-r", f"{MAP}:=/maps"], "nothing here is for /terrain_collider"),
+        (["bag", "--seconds", "0.05"], "0.05 s of messages for the node; record at least 0.1 s"),
+    ],
+)
+def test_what_cannot_be(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    words: str,
+) -> None:
+    monkeypatch.setattr(grid, "GRID", {name: (value,) for name, value in KNOWN.items()})
+    source, *others = arguments
+    given = recorded(tmp_path / "bag") if source == "bag" else source
+    assert cli.main([given, *others, "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert words in said and "Traceback" not in said
