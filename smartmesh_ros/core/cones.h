@@ -9,20 +9,21 @@ namespace smartmesh {
 // rounding must not miss; a body that slides over flat ground gains at most this share of its speed.
 constexpr double CONE_TOLERANCE = 1e-4;
 
-// The same for pairs on which a shape is seated: a face on a sample or on an edge of the ground that leads out of it, an
-// edge on a facet that it leaves. Such a place stays where it is when the shape rocks by this sine: raising it holds
+// The same for pairs on which a shape is seated: a face on a sample or on an edge of the ground that leads out of it,
+// an edge on a facet that it leaves. Such a place stays where it is when the shape rocks by this sine: raising it holds
 // shapes calmer on crests, but lets deep contacts push more askew.
 constexpr double SEAT = 0.02;
 
-// Returns the sine of the angle by which the normal `n` of two features at a `distance` [m] may leave their cones. Features
-// that are apart may turn into their cones within the step; those that overlap may leave them by `seat`.
+// Returns the sine of the angle by which the normal `n` of two features at a `distance` [m] may leave their cones.
+// Features that are apart may turn into their cones within the step; those that overlap may leave them by `seat`.
 inline double cone_slack(const Approach& approach, const Vec3& n, double distance, double seat = CONE_TOLERANCE) {
   if (distance <= -approach.margin) return seat;
   const double turned = CONE_TOLERANCE + std::min(1.0, approach.turn(n));
   return distance > 0.0 ? turned : std::max(seat, turned);
 }
 
-// Returns true if the ground lies below the plane through `p` with normal `n` as far as point `other` tells. `slack`: sine.
+// Returns true if the ground lies below the plane through `p` with normal `n` as far as point `other` tells.
+// `slack`: sine.
 inline bool is_below(const Vec3& n, const Vec3& p, const Vec3& other, double slack) {
   const Vec3 d = other - p;
   const double rise = dot(n, d);

@@ -16,8 +16,8 @@ constexpr double FLAT = 0.95;
 // Steps of the search for the nearest point of an ellipse.
 constexpr int ELLIPSE_STEPS = 40;
 
-// Finds the point of the quarter (r cos, r narrow sin), angles from 0 to a right one, of an ellipse at which the distance
-// from the point (x, y), x >= 0, is least. False if there is none between other quarters.
+// Finds the point of the quarter (r cos, r narrow sin), angles from 0 to a right one, of an ellipse at which the
+// distance from the point (x, y), x >= 0, is least. False if there is none between other quarters.
 bool nearest_on_ellipse(double r, double narrow, double x, double y, double& angle) {
   const double bend = r * (1.0 - narrow * narrow);
   double low = 0.0, high = 0.5 * M_PI;
@@ -45,8 +45,13 @@ class CylinderTouch {
  public:
   CylinderTouch(const Convex& shape, const Pose& pose, const Patch& patch, const Approach& approach,
                 std::vector<Contact>& contacts)
-      : shape_(shape), patch_(patch), approach_(approach), contacts_(contacts), radius_(shape.half.x),
-        axis_(pose.turn * Vec3{0.0, 0.0, 1.0}), spin_(norm(approach.angular) * shape.half.x * approach.duration),
+      : shape_(shape),
+        patch_(patch),
+        approach_(approach),
+        contacts_(contacts),
+        radius_(shape.half.x),
+        axis_(pose.turn * Vec3{0.0, 0.0, 1.0}),
+        spin_(norm(approach.angular) * shape.half.x * approach.duration),
         pose_(pose) {
     for (int k = 0; k < 2; ++k) cap_[k] = pose.at + axis_ * (k ? shape.half.z : -shape.half.z);
     side_[0] = pose.turn * Vec3{0.0, 1.0, 0.0};
@@ -66,16 +71,14 @@ class CylinderTouch {
   }
 
  private:
-  double reach_at(const Vec3& p) const {
-    return approach_.reach(approach_.velocity_at(p));
-  }
+  double reach_at(const Vec3& p) const { return approach_.reach(approach_.velocity_at(p)); }
 
   void add(const Vec3& on_ground, const Vec3& n, double distance, int name, int ground) {
     if (distance <= reach_at(on_ground)) contacts_.push_back({on_ground, n, distance, name, ground});
   }
 
-  // The point of each rim that is lowest over a facet, in the direction of its normal to the side of the cylinder, and the
-  // one that will be lowest at the end of the step.
+  // The point of each rim that is lowest over a facet, in the direction of its normal to the side of the cylinder, and
+  // the one that will be lowest at the end of the step.
   void touch_facet(const Facet& facet, const Vec3& normal) {
     touch_facet(facet, normal, normal, 0);
     if (norm(tilting_) * radius_ > approach_.margin) touch_facet(facet, normal, normal - cross(tilting_, normal), 10);
@@ -138,11 +141,13 @@ class CylinderTouch {
     const int ground = ground_name(patch_, peak.point), cap = along > 0.0 ? 1 : 0;
     const Vec3 from_cap = cap ? -axis_ : axis_, from_side = off > 0.0 ? across * (-1.0 / off) : from_cap;
     const bool by_cap = in_cone(patch_, peak, from_cap, cone_slack(approach_, from_cap, over_cap, SEAT));
-    const bool by_side = off > 1e-9 && in_cone(patch_, peak, from_side, cone_slack(approach_, from_side, over_side, SEAT));
+    const bool by_side =
+        off > 1e-9 && in_cone(patch_, peak, from_side, cone_slack(approach_, from_side, over_side, SEAT));
     if (over_cap > 0.0 && over_side > 0.0) {
       const Vec3 away = cap_[cap] + across * (radius_ / off) - at;
       const Vec3 n = unit(away);
-      if (in_cone(patch_, peak, n, cone_slack(approach_, n, 1.0))) add(at, n, norm(away), name_of(BodyFeature::Rim, cap), ground);
+      if (in_cone(patch_, peak, n, cone_slack(approach_, n, 1.0)))
+        add(at, n, norm(away), name_of(BodyFeature::Rim, cap), ground);
       return;
     }
     // Inside, out by the nearer of cap and side that the ground can touch.
@@ -162,7 +167,9 @@ class CylinderTouch {
     const Vec3 on_ground = p + (q - p) * t, from_axis = cap_[0] + (cap_[1] - cap_[0]) * s - on_ground;
     if (dot(n, patch_.is_mesh ? from_axis : edge.outward) < 0.0) n = -n;
     const double distance = dot(n, from_axis) - radius_;
-    if (distance > reach_at(on_ground) || !is_on_edge(t, distance, norm2(q - p)) || !in_cone(patch_, edge, n, cone_slack(approach_, n, distance))) return;
+    if (distance > reach_at(on_ground) || !is_on_edge(t, distance, norm2(q - p)) ||
+        !in_cone(patch_, edge, n, cone_slack(approach_, n, distance)))
+      return;
     const Crossing crossing{on_ground + n * distance, axis_, distance};
     if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, crossing)) return;
     add(on_ground, n, distance, name_of(BodyFeature::Side, 1), ground_name(patch_, edge.end[0], edge.end[1]));
@@ -210,7 +217,8 @@ class CylinderTouch {
     const double t = along_segment(on_rim, p, q);
     const Vec3 on_ground = p + (q - p) * t;
     const double distance = dot(n, on_rim - on_ground);
-    if (!is_on_edge(t, distance, norm2(q - p)) || !in_cone(patch_, edge, n, cone_slack(approach_, n, distance, SEAT))) return;
+    if (!is_on_edge(t, distance, norm2(q - p)) || !in_cone(patch_, edge, n, cone_slack(approach_, n, distance, SEAT)))
+      return;
     if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, {on_rim, cross(axis_, radial), distance})) return;
     add(on_ground, n, distance, name_of(BodyFeature::Rim, k), ground_name(patch_, edge.end[0], edge.end[1]));
   }
@@ -222,7 +230,7 @@ class CylinderTouch {
   double radius_;
   Vec3 axis_, cap_[2], side_[2];
   Vec3 tilting_;  // rotation of the axis in the step [rad]
-  double spin_;  // way that turning may move a point of a rim relative to its centre [m]
+  double spin_;   // way that turning may move a point of a rim relative to its centre [m]
   Pose pose_;
 };
 

@@ -47,7 +47,8 @@ Vec3 seated(const Polytope& core, const PolyEdge& edge, const Pose& pose, const 
 
 }  // namespace
 
-bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge, const Crossing& crossing) {
+bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge,
+                 const Crossing& crossing) {
   const double limit = MUCH_SHORTER * crossing.distance;
   const Vec3 &a = patch.points[edge.end[0]], &b = patch.points[edge.end[1]];
   const Vec3 on_ground = a + (b - a) * along_segment(crossing.at, a, b);
@@ -83,11 +84,13 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
   const Vec3 a = pose.to_world(shape.core.vertices[edge.end[0]]), b = pose.to_world(shape.core.vertices[edge.end[1]]);
   const Vec3 middle = (a + b) * 0.5, velocity = approach.velocity_at(middle);
   const double spin = norm(approach.angular) * 0.5 * norm(b - a);
-  const double reach = approach.margin + approach.impact * (norm(velocity) + spin) * approach.duration, most = shape.rounding + reach;
+  const double reach = approach.margin + approach.impact * (norm(velocity) + spin) * approach.duration,
+               most = shape.rounding + reach;
   if (std::min(a.z, b.z) - most > patch.highest) return;
   Bounds bounds;
   bounds.add(a), bounds.add(b);
-  const double across = std::sqrt(1.0 - std::pow(std::max(patch.steepest, 0.0), 2));  // horizontal part of the steepest normal
+  const double across =
+      std::sqrt(1.0 - std::pow(std::max(patch.steepest, 0.0), 2));  // horizontal part of the steepest normal
   bounds = bounds.grown(std::max(most, DEEP * shape.reach * across));
   const PatchCells& cells = patch.cells;
   const CellRange near = cells.near(middle.x, middle.y, middle.x - bounds.low.x, middle.y - bounds.low.y);

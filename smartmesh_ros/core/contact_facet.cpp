@@ -50,7 +50,8 @@ class FacetTouch {
     const Vec3 &a = p[facet.corner[0]], &b = p[facet.corner[1]], &c = p[facet.corner[2]];
     const double distance = dot(facet.normal, free_.at - a);
     if (distance > free_.radius + free_.reach || is_behind(facet, distance)) return;
-    if (distance < 0.0) is_below_ |= is_over(free_.at, a, b, c);
+    if (distance < 0.0)
+      is_below_ |= is_over(free_.at, a, b, c);
     else if (comes_over(free_, facet.normal, distance, duration_, 0.0, facet, patch_))
       add_contact(free_, name_, facet.normal, distance, ground_name(patch_, facet), contacts_);
   }

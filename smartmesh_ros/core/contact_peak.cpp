@@ -46,14 +46,16 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
     if (inside != (from_plane <= 0.0)) continue;
     if (inside) least = std::max(least, from_plane);
     const Vec3 n = pose.turn * -face.normal;
-    if ((inside && from_plane <= depth) || !in_cone(patch, peak, n, cone_slack(approach, n, from_plane, SEAT))) continue;
+    if ((inside && from_plane <= depth) || !in_cone(patch, peak, n, cone_slack(approach, n, from_plane, SEAT)))
+      continue;
     if (inside) {
       way = static_cast<int>(f), depth = from_plane;
       continue;
     }
     const double closing = -dot(face.normal, moved), gap = std::max(from_plane - shape.rounding, 0.0);
-    const bool comes = closing > gap && inside_face(core, face, q - face.normal * from_plane +
-                                                                    (moved + face.normal * closing) * (gap / closing));
+    const bool comes =
+        closing > gap &&
+        inside_face(core, face, q - face.normal * from_plane + (moved + face.normal * closing) * (gap / closing));
     if (comes || inside_face(core, face, q - face.normal * from_plane))
       add(n, from_plane - shape.rounding, name_of(BodyFeature::Face, static_cast<int>(f)));
   }

@@ -35,7 +35,8 @@ class ShapeReach final : public Reach {
     for (const Vec3& p : corners)
       if (!std::isnan(p.z)) bounds.add(p);
     const Vec3 &at = pose_.at, &low = bounds.low, &high = bounds.high;
-    const Vec3 nearest{std::clamp(at.x, low.x, high.x), std::clamp(at.y, low.y, high.y), std::clamp(at.z, low.z, high.z)};
+    const Vec3 nearest{std::clamp(at.x, low.x, high.x), std::clamp(at.y, low.y, high.y),
+                       std::clamp(at.z, low.z, high.z)};
     return norm2(nearest - at) > limit * limit;
   }
 
@@ -61,7 +62,6 @@ Bounds bounds_of(const Convex& shape, const Pose& pose) {
                               k & 4 ? shape.bounds.high.z : shape.bounds.low.z}));
   return bounds;
 }
-
 
 // Returns true if an edge faces the ground: edges touch by normals that lie between those of the faces of both.
 bool faces_ground(const Convex& shape, const Pose& pose, const PolyEdge& edge, const Patch& patch, double turn) {
@@ -91,7 +91,8 @@ void find_contacts(const Convex& shape, const Pose& pose, const Patch& patch, co
   for (const Peak& peak : patch.peaks) touch_peak(shape, pose, peak, patch, approach, contacts);
   const double turn = approach.turn(unit(-approach.linear));
   for (std::size_t k = 0; k < core.edges.size(); ++k)
-    if ((low[core.edges[k].end[0]] || low[core.edges[k].end[1]]) && faces_ground(shape, pose, core.edges[k], patch, turn))
+    if ((low[core.edges[k].end[0]] || low[core.edges[k].end[1]]) &&
+        faces_ground(shape, pose, core.edges[k], patch, turn))
       touch_edge(shape, pose, static_cast<int>(k), patch, approach, contacts);
 }
 
@@ -101,7 +102,8 @@ void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface,
                         std::vector<Contact>& contacts) {
   contacts.clear();
   if (shape.core.vertices.size() != 1)  // no ball
-    approach.impact = IMPACT, approach.turning = norm(approach.angular) * approach.duration, approach.size = shape.reach;
+    approach.impact = IMPACT, approach.turning = norm(approach.angular) * approach.duration,
+    approach.size = shape.reach;
   const double grown = approach.reach(pose.at, shape.reach);
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
   if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;

@@ -11,8 +11,8 @@ namespace smartmesh {
 
 namespace {
 
-// Returns the time [s] at which a ball that is apart from a line or point touches it, negative if that is not within the
-// step. `from` [m]: from a point of the line to the ball's centre; `along`: unit, zero for a point.
+// Returns the time [s] at which a ball that is apart from a line or point touches it, negative if that is not within
+// the step. `from` [m]: from a point of the line to the ball's centre; `along`: unit, zero for a point.
 double time_of_touch(const MovingPoint& ball, const Vec3& from, const Vec3& along, double duration) {
   const Vec3 w = from - along * dot(from, along), v = ball.velocity - along * dot(ball.velocity, along);
   const double vv = norm2(v), vw = dot(v, w), apart = norm2(w) - ball.radius * ball.radius;
@@ -80,7 +80,8 @@ void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch
     }
     for (int k = cells.peaks[first]; k < cells.peaks[end]; ++k) {
       const Peak& peak = patch.peaks[k];
-      if (!touches(patch.points[peak.point], peak, peak.point, -1)) meet(patch.points[peak.point], {}, peak, peak.point, -1);
+      if (!touches(patch.points[peak.point], peak, peak.point, -1))
+        meet(patch.points[peak.point], {}, peak, peak.point, -1);
     }
   }
 }

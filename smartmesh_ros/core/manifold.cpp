@@ -6,8 +6,8 @@ namespace smartmesh {
 
 namespace {
 
-// Distance that a new contact must be deeper by to take the place of one that was there, as a share of the shape's bounding
-// radius. Raising it calms wide bodies on rough ground, but lets a new contact penetrate this much.
+// Distance that a new contact must be deeper by to take the place of one that was there, as a share of the shape's
+// bounding radius. Raising it calms wide bodies on rough ground, but lets a new contact penetrate this much.
 constexpr double PREFERENCE = 1e-3;
 // Share by which a new contact must span a larger area.
 constexpr double AREA_PREFERENCE = 1.2;
@@ -36,13 +36,17 @@ std::vector<Candidate> candidates_of(const Approach& approach, const std::vector
   for (const Contact& contact : contacts) {
     const double closing = std::max(0.0, -dot(contact.normal, approach.velocity_at(contact))) * approach.duration;
     if (contact.distance <= closing) hardest = std::max(hardest, closing);
-    const auto other = std::find_if(found.begin(), found.end(), [&](const Candidate& c) { return same(contact, c.contact); });
+    const auto other =
+        std::find_if(found.begin(), found.end(), [&](const Candidate& c) { return same(contact, c.contact); });
     const Candidate it{contact, contact.distance - closing};
-    if (other == found.end()) found.push_back(it);
-    else if (it.closes < other->closes) *other = it;
+    if (other == found.end())
+      found.push_back(it);
+    else if (it.closes < other->closes)
+      *other = it;
   }
   const double limit = approach.margin + IMPACT * hardest;
-  found.erase(std::remove_if(found.begin(), found.end(), [&](const Candidate& c) { return c.closes > limit; }), found.end());
+  found.erase(std::remove_if(found.begin(), found.end(), [&](const Candidate& c) { return c.closes > limit; }),
+              found.end());
   return found;
 }
 
@@ -142,8 +146,8 @@ class Choice {
  private:
   const Candidate& first() const { return found_[chosen_[0]]; }
 
-  // Returns the index of the candidate with the largest value above zero that closes by `limit` [m] and is not chosen yet,
-  // -1 if there is none.
+  // Returns the index of the candidate with the largest value above zero that closes by `limit` [m] and is not chosen
+  // yet, -1 if there is none.
   template <class Value>
   int best(double limit, Value value) const {
     int index = -1;

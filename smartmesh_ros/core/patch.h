@@ -105,7 +105,8 @@ struct Everything final : Reach {
 };
 
 // Adds the facets, convex edges and peaks of those cells of a window that are in `reach`, and the walls of holes and rims:
-// what is under a map is solid. The window has a ring of samples around its cells. `first_row`, `first_column`: of the window in the map, for the names of points.
+// what is under a map is solid. The window has a ring of samples around its cells. `first_row`, `first_column`: of the
+// window in the map, for the names of points.
 void add_cells(const Window& window, long first_row, long first_column, const Reach& reach, Patch& patch);
 
 }  // namespace smartmesh
