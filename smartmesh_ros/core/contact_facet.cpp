@@ -25,7 +25,7 @@ class FacetTouch {
     touch_all();
     while (is_below_ && count_ < MOST_BEHIND) {
       double distance;
-      const int way = way_out(free_.at, patch_, distance);
+      const int way = way_out(free_, patch_, distance);
       if (way < 0) break;
       contacts_.resize(first + count_);  // what the point touches is not known before it is out of the ground
       lift_out(patch_.facets[way], distance);
@@ -52,7 +52,7 @@ class FacetTouch {
     if (distance > free_.radius + free_.reach || is_behind(facet, distance)) return;
     if (distance < 0.0)
       is_below_ |= is_over(free_.at, a, b, c);
-    else if (comes_over(free_, facet.normal, distance, duration_, 0.0, facet, patch_))
+    else if (faces(free_, facet.normal) && comes_over(free_, facet.normal, distance, duration_, 0.0, facet, patch_))
       add_contact(free_, name_, facet.normal, distance, ground_name(patch_, facet), contacts_);
   }
 
@@ -83,20 +83,27 @@ class FacetTouch {
 }  // namespace
 
 int way_out(const Vec3& point, const Patch& patch, double& distance) {
+  return way_out(MovingPoint{point, {}, 0.0, 0.0, point}, patch, distance);
+}
+
+int way_out(const MovingPoint& point, const Patch& patch, double& distance) {
   const auto& p = patch.points;
   const PatchCells& cells = patch.cells;
   int facet = -1;
+  bool is_below = false;
   const auto look = [&](double half, bool only_over) {
-    const CellRange near = cells.near(point.x, point.y, half, half);
+    const CellRange near = cells.near(point.at.x, point.at.y, half, half);
     for (int r = near.top; r < near.bottom; ++r) {
       for (int f = cells.facets[cells.at(r, near.left)]; f < cells.facets[cells.at(r, near.right - 1) + 1]; ++f) {
         const Facet& it = patch.facets[f];
         const Vec3 &a = p[it.corner[0]], &b = p[it.corner[1]], &c = p[it.corner[2]];
-        const double from_plane = dot(it.normal, point - a);
+        const double from_plane = dot(it.normal, point.at - a);
         if (!(from_plane < 0.0 && from_plane > distance)) continue;
-        if (!is_over(point, a, b, c) &&
-            (only_over || !inside_triangle(point - it.normal * from_plane, a, b, c, it.normal, 0.0)))
+        const bool over = is_over(point.at, a, b, c);
+        if (!over && (only_over || !inside_triangle(point.at - it.normal * from_plane, a, b, c, it.normal, 0.0)))
           continue;
+        is_below |= over;
+        if (!faces(point, it.normal)) continue;
         distance = from_plane;
         facet = f;
       }
@@ -104,7 +111,7 @@ int way_out(const Vec3& point, const Patch& patch, double& distance) {
   };
   distance = -1e300;
   look(ROUNDING, true);
-  if (facet >= 0) look(-distance + ROUNDING, false);
+  if (is_below) look(facet >= 0 ? -distance + ROUNDING : cells.resolution, false);
   return facet;
 }
 
@@ -123,7 +130,7 @@ bool comes_over(const MovingPoint& point, const Vec3& n, double distance, double
   const Vec3 way = point.velocity * duration, end = point.at + way;
   if (patch.is_mesh) return penetrated(point.inside + way, end, patch) == &facet;
   double depth;
-  const int out = way_out(end, patch, depth);
+  const int out = way_out({end, point.velocity, point.radius, 0.0, point.inside + way}, patch, depth);
   return out >= 0 && &patch.facets[out] == &facet;
 }
 

@@ -12,6 +12,12 @@ struct MovingPoint {
   Vec3 inside;           // a point deep inside the shape [m]
 };
 
+// Returns true if a plane with the unit normal `n` that touches a point of a shape has the shape's inside above it. A point
+// that slides over a crest would else be held back by the flank that it comes from.
+inline bool faces(const MovingPoint& point, const Vec3& n) {
+  return dot(n, point.inside - point.at) >= -point.radius;
+}
+
 // Kinds of features of a body, for their names.
 enum class BodyFeature : int { Vertex = 1, Face = 2, Edge = 3, Rim = 4, Side = 5 };
 
@@ -55,9 +61,10 @@ Vec3 normal_towards(const Vec3& p, const Facet& facet, const Patch& patch);
 bool comes_over(const MovingPoint& point, const Vec3& n, double distance, double duration, double slack,
                 const Facet& facet, const Patch& patch);
 
-// Returns the facet through which a point below the ground leaves it by the shortest way, -1 if none is over the point.
-// `distance` [m]: from that facet's plane, negative.
+// Returns the facet through which a point below the ground leaves it by the shortest way, towards the inside of its shape;
+// -1 if none is over the point. `distance` [m]: from that facet's plane, negative.
 int way_out(const Vec3& point, const Patch& patch, double& distance);
+int way_out(const MovingPoint& point, const Patch& patch, double& distance);
 
 // Share of a depth below which another way out makes a contact false: the shape is then beyond a thin ridge, or over a
 // cliff. Raising it loses contacts of shapes that could leave by a way that nothing else finds.
