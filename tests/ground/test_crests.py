@@ -8,6 +8,7 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, PhysicsConfig, World, WorldConfig
+from smartmesh_ros.core import _core
 from smartmesh_ros.ground.config import set_up
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.patches.shapes import hull
@@ -36,9 +37,8 @@ def planes_of(points: FloatArray) -> FloatArray:
         normal = np.cross(three[1] - three[0], three[2] - three[0])
         if (length := np.linalg.norm(normal)) < 1e-9:
             continue
-        for way in (normal / length, -normal / length):
-            if np.all(points @ way <= three[0] @ way + 1e-9):
-                found.append((*way, three[0] @ way))
+        ways = (normal / length, -normal / length)
+        found.extend((*way, three[0] @ way) for way in ways if np.all(points @ way <= three[0] @ way + 1e-9))
     return np.array(found)
 
 
@@ -84,10 +84,11 @@ def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool)
             points = rng.normal(size=(10, 3))
             points = points / np.linalg.norm(points, axis=1)[:, None] * half
         at, turn = leaning(points, rng, form)
-        shape = {"halfExtents": half.tolist()} if is_box else {"vertices": points.tolist()}
-        body = client.createMultiBody(
-            1.0, client.createCollisionShape(pb.GEOM_BOX if is_box else pb.GEOM_MESH, **shape), -1, at + (0.0, y, 0.0), turn
-        )
+        if is_box:
+            shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=half.tolist())
+        else:
+            shape = client.createCollisionShape(pb.GEOM_MESH, vertices=points.tolist())
+        body = client.createMultiBody(1.0, shape, -1, at + (0.0, y, 0.0), turn)
         client.changeDynamics(body, -1, lateralFriction=rng.choice([0.0, 0.5]), collisionMargin=1e-4)
         ground.attach(body, shape=Box(*(2.0 * half)) if is_box else hull(points))
         line = np.column_stack([np.zeros(81), np.linspace(y - 0.5, y + 0.5, 81), np.full(81, TOP)])
@@ -100,6 +101,43 @@ def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool)
             deepest = max(deepest, depth_of(line, planes, at, turn))
     client.disconnect()
     assert deepest < 1e-3
+
+
+@pytest.mark.parametrize("length", [0.2, 0.37])
+def test_boxes_slide_straight_down_a_blade_as_their_upper_edges_leave_it(length: float) -> None:
+    """By g sin(slope) t, without friction, from where they lie on a flank that rises by 3, across its crest."""
+    heights = np.tile(CRESTS["blade"], (40, 1))
+    config = WorldConfig(physics=PhysicsConfig(sleep=False, friction=0.0))
+    slope, half = np.arctan(3.0), 0.05
+    down, out = np.array([np.cos(slope), 0.0, -np.sin(slope)]), np.array([np.sin(slope), 0.0, np.cos(slope)])
+    turn = pb.getQuaternionFromEuler((0.0, slope, 0.0))
+    for above in np.linspace(0.01, 0.05, 9):  # of the upper edge over the crest [m]
+        start = np.array([0.0, 1.0, TOP]) + down * (0.5 * length - above) + out * (half - 1e-5)
+        with World(HeightMap(heights, resolution=0.05, origin=(-0.05 * MIDDLE, 0.0)), config) as world:
+            world.spawn("box", Box(length, 0.2, 2.0 * half), 1.0, BodyState(tuple(start.tolist()), turn))
+            world.step(40)
+            state = world.state("box")
+        g_along, time = 9.81 * np.sin(slope), 40 / RATE
+        assert np.allclose(state.linear, down * g_along * time, atol=0.02)
+        assert np.allclose(state.position, start + down * 0.5 * g_along * time * (time + 1.0 / RATE), atol=1e-3)
+
+
+def test_sharp_edges_are_touched_from_outside() -> None:
+    """Whatever they do, in the way of a height map's normals: none points down."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 9)[:-1]
+    lens = np.column_stack([0.08 * np.cos(angle), 0.07 * np.sin(angle), 0.002 * np.sin(3.0 * angle)])
+    lens = np.vstack([lens, (0.02, 0.0, 6e-3), (-0.02, 0.0, -6e-3)])
+    shape = _core.Shape.hull(lens, 1e-3)
+    rim = HeightMap(np.tile(CRESTS["rim"], (40, 1)), resolution=0.05, origin=(-0.05 * MIDDLE, 0.0)).core_reader
+    rng, touched = np.random.default_rng(0), 0
+    for _ in range(400):
+        turn = rotation(tuple(pb.getQuaternionFromEuler((rng.normal(0.0, 0.1), rng.uniform(0.1, 1.3), 0.0))))
+        at = np.array([0.0, 1.0, TOP]) - turn @ (rng.uniform(-0.03, 0.03), 0.0, -rng.uniform(5e-3, 8e-3))
+        motion = np.vstack([rng.normal(0.0, 0.3, 3), rng.normal(0.0, 10.0, 3)])
+        contacts = np.asarray(_core.find_contacts(shape, [rim], np.vstack([turn, at]), motion, 1.0 / RATE, 1e-3))
+        touched += len(contacts) > 0
+        assert np.all(contacts[:, 5] > -0.1)
+    assert touched > 100
 
 
 @pytest.mark.parametrize("cell", [1e-3, 1e-2])
@@ -158,8 +196,8 @@ def test_plates_that_fall_over_a_rim_gain_no_energy(form: str) -> None:
     with World(HeightMap(heights, resolution=0.05, origin=(-0.05 * MIDDLE, 0.0)), config) as world:
         for k in range(count):
             turn = pb.getQuaternionFromEuler(rng.normal(0.0, 0.3, 3).tolist())
-            state = BodyState((rng.uniform(-0.15, 0.15), 1.0 + 1.5 * k, TOP + 0.25), turn, (rng.uniform(0.0, 1.0), 0.0, 0.0))
-            world.spawn(f"{k}", plate, 1.0, state)
+            place, linear = (rng.uniform(-0.15, 0.15), 1.0 + 1.5 * k, TOP + 0.25), (rng.uniform(0.0, 1.0), 0.0, 0.0)
+            world.spawn(f"{k}", plate, 1.0, BodyState(place, turn, linear))
         before = [energy(f"{k}") for k in range(count)]
         gained = np.zeros(count)
         for _ in range(240):
