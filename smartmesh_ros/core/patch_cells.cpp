@@ -11,6 +11,9 @@ namespace {
 // Fall of the ground beside an edge or a peak from which on it counts as convex [m]. Less is rounding of heights.
 constexpr double CONVEX = 1e-7;
 
+// More columns than a map has; names of samples are numbered row by row.
+constexpr long COLUMNS_NAMED = 1L << 24;
+
 // Steps in rows and columns to the neighbours of a sample, in a circle. Cells are cut from (r, c) to (r + 1, c + 1).
 constexpr int AROUND[6][2] = {{0, 1}, {1, 1}, {1, 0}, {0, -1}, {-1, -1}, {-1, 0}};
 
@@ -122,7 +125,7 @@ class CellAdder {
       known = static_cast<int>(patch_.points.size());
       patch_.points.push_back(window_.point(row, column));
       if (window_.moves()) patch_.velocities.push_back(window_.velocity(row, column));
-      patch_.names.push_back(((first_row_ + row) << 24) + first_column_ + column);
+      patch_.names.push_back((first_row_ + row) * COLUMNS_NAMED + first_column_ + column);
     }
     return known;
   }

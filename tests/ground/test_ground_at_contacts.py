@@ -28,7 +28,7 @@ from tests.urdfs import box, link, robot
 
 RATE, SIDE, CELL, HALF = 240.0, 65, 0.25, 8.0
 LYING = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # with its axis along y
-BALL, BOX, WHEEL, FOOT = Sphere(0.2), Box(0.5, 0.4, 0.3), Cylinder(radius=0.25, height=0.2), Sphere(0.1)
+BALL, BOX, WHEEL, FOOT = Sphere(0.2), Box(0.5, 0.4, 0.3), Cylinder(height=0.2, radius=0.25), Sphere(0.1)
 AXIS = np.linspace(-HALF, HALF, SIDE)
 X, Y = np.meshgrid(AXIS, AXIS)
 
@@ -169,9 +169,9 @@ def test_a_ball_leaves_a_flank_that_rises_by_its_restitution(is_robot: bool, res
     ground = HeightMap(rises * 0.15, resolution=CELL, origin=(-HALF, -HALF))
     config = WorldConfig(physics=PhysicsConfig(restitution=restitution))
     with World(ground, config) as world:
-        for _ in range(30):  # the velocities are known
+        for step in range(1, 31):  # the velocities are known
+            ground.replace(rises * (0.15 + step / RATE), time=step / RATE)
             world.step()
-            ground.replace(rises * (0.15 + world.time), time=world.time)
         start = BodyState((-0.03, 0.01, 0.65), linear=(0.0, 0.0, -1.0))
         if is_robot:
             world.spawn_robot("ball", robot(link("ball", '<sphere radius="0.3"/>')), start)
@@ -179,10 +179,11 @@ def test_a_ball_leaves_a_flank_that_rises_by_its_restitution(is_robot: bool, res
             world.spawn("ball", Sphere(0.3), 1.0, start)
         pressed = []
         while not pressed:
+            step += 1
+            ground.replace(rises * (0.15 + step / RATE), time=step / RATE)
             before, time = world.state("ball"), world.time
             world.step()
             pressed = [contact for contact in world.contacts() if contact.normal_force > 0.0]
-            ground.replace(rises * (0.15 + world.time), time=world.time)
         after, normal = world.state("ball"), np.array(pressed[0].normal)
         place = np.array(pressed[0].position)
         speed = np.clip(place[0] / CELL, 0.0, 1.0)
