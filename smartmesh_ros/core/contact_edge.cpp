@@ -111,10 +111,10 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
     const double slack = cone_slack(approach, n, distance, SEAT);
     if (!in_cone(edge, transposed(pose.turn, n), slack) || !in_cone(patch, other, n, slack)) return;
     if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, {on_edge, b - a, distance})) return;
-    const Vec3 across = n;
-    n = seated(shape.core, edge, pose, patch, other, across);
-    if (!(dot(n, across) > 0.0)) return;  // the edge is so sharp that it seems to lie in its cone either way
-    contacts.push_back({on_ground, n, dot(n, on_edge - on_ground) - shape.rounding, name_of(BodyFeature::Edge, index),
+    const Vec3 normal = seated(shape.core, edge, pose, patch, other, n);
+    if (!(dot(normal, n) > 0.0)) return;  // the edge is so sharp that it seems to lie in its cone either way
+    contacts.push_back({on_ground, normal, dot(normal, on_edge - on_ground) - shape.rounding,
+                        name_of(BodyFeature::Edge, index),
                         ground_name(patch, other.end[0], other.end[1])});
   };
   for (int r = near.top; r < std::min(near.bottom + 1, cells.rows); ++r) {

@@ -4,8 +4,10 @@ Depths: coal gives the shortest way out of each facet alone, which may lead side
 overlaps several facets the shortest way out of all of them is longer. So coal's depth is a lower bound; on convex
 ground, which is one convex solid, it is the depth itself.
 
-On steep thin ridges about one pose in 5,000 of shapes with corners still overlaps the ground without a contact that
-says so, or has one that is too deep: `make contacts` finds and lists them, so it fails for those shapes.
+On steep thin ridges about one pose in 10,000 of shapes with corners still overlaps the ground without a contact that
+says so, or has one that is too deep, and on convex ground one overlap in 200 is told up to a fifth too deep, where the
+normal is that of a face or facet beside the pair (SEAT of cones.h): `make contacts` finds and lists them, so it fails for
+those shapes.
 """
 
 import os
