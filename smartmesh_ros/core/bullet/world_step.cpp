@@ -168,7 +168,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
     soil->touch(*shape, pose, on_soil(slot, step), before_, slot.on_soil[body.getCollisionShape()], contacts_, rows_);
   } else {
     search_.run(*shape, pose, surface, time, approach, contacts_);
-    choose_contacts(approach, before_, contacts_);
+    choose_contacts(*shape, pose, approach, before_, contacts_);
     if (surface.has_friction()) {
       const SurfaceReader ground_now = surface.reader(time, INSTANT);
       for (Contact& contact : contacts_) contact.friction = ground_now.tiles.friction(contact.point.x, contact.point.y);
