@@ -5,9 +5,9 @@ overlaps several facets the shortest way out of all of them is longer. So coal's
 ground, which is one convex solid, it is the depth itself.
 
 On steep thin ridges about one pose in 10,000 of shapes with corners still overlaps the ground without a contact that
-says so, or has one that is too deep, and on convex ground one overlap in 200 is told up to a fifth too deep, where the
-normal is that of a face or facet beside the pair (SEAT of cones.h): `make contacts` finds and lists them, so it fails for
-those shapes.
+says so, or has one that is too deep. On convex ground one overlap in 200 is told up to a fifth too deep: its normal is
+that of a face or facet beside the pair (SEAT of cones.h). `make contacts` finds and lists them, so it fails for those
+shapes.
 """
 
 import os
