@@ -40,8 +40,8 @@ struct GridPose {
   }
   // Returns the pose of a window of the grid that starts at a place.
   GridPose from(const GridPoint& place, double resolution) const {
-    const Vec3 corner = point(place, resolution);
-    return {corner.x, corner.y, cos, sin, slide_x, slide_y, spin};
+    const Vec3 corner = point(place, resolution), velocity = slide(corner.x, corner.y);
+    return {corner.x, corner.y, cos, sin, velocity.x, velocity.y, spin};
   }
   // Returns true if the grid moves horizontally.
   bool slides() const { return slide_x != 0.0 || slide_y != 0.0 || spin != 0.0; }

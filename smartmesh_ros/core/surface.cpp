@@ -30,7 +30,8 @@ GroundPoint SurfaceReader::at(double x, double y, double z) {
   const GridFacet tile = tiles.at(x, y).facet;
   const MeshReader* highest = nullptr;
   const MeshPoint mesh = meshes_at(x, y, z, highest);
-  return is_higher(mesh, tile.height) ? GroundPoint{mesh.height, mesh.velocity.z} : GroundPoint{tile.height, tile.velocity};
+  return is_higher(mesh, tile.height) ? GroundPoint{mesh.height, mesh.velocity}
+                                        : GroundPoint{tile.height, {0.0, 0.0, tile.velocity}};
 }
 
 GroundSample SurfaceReader::below(const Vec3& p) {
@@ -38,10 +39,9 @@ GroundSample SurfaceReader::below(const Vec3& p) {
   if (const TileFacet here = tiles.at(p.x, p.y, p.z); here.tile != nullptr) {
     const HeightGrid& grid = *here.tile->grid;
     const GridPoint place = clamped(grid, here.tile->place(p.x, p.y));
-    const Vec3 slide = here.tile->pose.slide(p.x, p.y);
     const Clock& clock = grid.clock(static_cast<int>(place.row), static_cast<int>(place.column));
     found = {here.facet.height, here.tile->normal(here.facet.per_column, here.facet.per_row),
-             {slide.x, slide.y, here.facet.velocity}, tiles.time() - clock.time};
+             here.tile->velocity(p.x, p.y, here.facet.velocity), tiles.time() - clock.time};
   }
   const MeshReader* mesh = nullptr;
   const MeshPoint ground = meshes_at(p.x, p.y, p.z, mesh);
@@ -103,7 +103,7 @@ void Surface::ground_under(const Bounds& bounds, double time, GroundUnder& found
   const Bounds grown = with_gaps(bounds);
   for (const HeightGrid* grid : tiles_) add_ground_under(*grid, time, grown, found);
   Patch near;
-  gather_meshes(bounds, time, Everything{}, near);
+  gather_meshes(bounds, time, 0.0, Everything{}, near);
   for (const Vec3& p : near.points) found.vertices.insert(found.vertices.end(), {p.x, p.y, p.z});
 }
 
@@ -120,27 +120,14 @@ Updates Surface::updates_of(const std::vector<BlockUnder>& blocks, double time) 
   return found;
 }
 
-void Surface::gather_meshes(const Bounds& bounds, double time, const Reach& reach, Patch& patch) {
+void Surface::gather_meshes(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch) {
   patch.clear();
   patch.is_mesh = true;
   for (std::size_t k = 0; k < meshes_.size(); ++k)
-    meshes_[k]->gather(bounds, time, reach, static_cast<int>(k), scratch_, patch);
+    meshes_[k]->gather(bounds, time, ahead, reach, static_cast<int>(k), scratch_, patch);
 }
 
-double Surface::highest_under(const Bounds& bounds, double time) {
-  if (!meshes_.empty()) return 1e300;  // not worth a search of its own
-  double highest = -1e300;
-  const Bounds grown = with_gaps(bounds);
-  for (const HeightGrid* grid : tiles_) {
-    const CellRange cells = cells_under(*grid, time, grown);
-    if (cells.empty()) continue;
-    read_window(*grid, cells, time, window_);
-    highest = std::max(highest, window_.highest());
-  }
-  return highest;
-}
-
-void Surface::gather(const Bounds& bounds, double time, const Reach& reach, Patch& patch) {
+void Surface::gather(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch) {
   patch.clear();
   const HeightGrid* finest = nullptr;
   int met = 0;
@@ -152,18 +139,18 @@ void Surface::gather(const Bounds& bounds, double time, const Reach& reach, Patc
   }
   if (met == 0) return;
   if (met > 1) {
-    sample_across(*finest, bounds, time);
+    sample_across(*finest, bounds, time, ahead);
     add_cells(window_, 0, 0, reach, patch);
     return;
   }
   const CellRange cells = cells_under(*finest, time, bounds);
   if (cells.empty()) return;
-  read_window(*finest, cells, time, window_);
+  read_window(*finest, cells, time, ahead, window_);
   if (window_.highest() >= bounds.low.z) add_cells(window_, cells.top - 1, cells.left - 1, reach, patch);
 }
 
 // Samples all tiles on the lattice of the finest one, which may go on beyond its edge.
-void Surface::sample_across(const HeightGrid& finest, const Bounds& bounds, double time) {
+void Surface::sample_across(const HeightGrid& finest, const Bounds& bounds, double time, double ahead) {
   const GridPose pose = finest.pose_at(time);
   const auto [low, high] = extent_of(pose, finest.resolution, bounds);
   const double top = std::floor(low.row) - 1.0, left = std::floor(low.column) - 1.0;
@@ -171,34 +158,43 @@ void Surface::sample_across(const HeightGrid& finest, const Bounds& bounds, doub
   window_.columns = static_cast<int>(std::ceil(high.column) - left) + 2;
   window_.resolution = finest.resolution;
   window_.pose = pose.from({top, left}, finest.resolution);
-  window_.heights.resize(static_cast<std::size_t>(window_.rows) * window_.columns);
-  TileReader tiles(tiles_, time, INSTANT);
+  window_.heights.clear(), window_.rises.clear(), window_.slides.clear();
+  window_.ahead = ahead;
+  TileReader tiles(tiles_, time, ahead > 0.0 ? ahead : INSTANT);
   for (int r = 0; r < window_.rows; ++r) {
     for (int c = 0; c < window_.columns; ++c) {
-      const Vec3 p = window_.point(r, c);
-      window_.at(r, c) = tiles.sample(p.x, p.y).height;
+      const Vec3 p = window_.pose.point({static_cast<double>(r), static_cast<double>(c)}, window_.resolution);
+      const GroundPoint ground = tiles.sample(p.x, p.y);
+      window_.heights.push_back(ground.height);
+      if (!(ahead > 0.0)) continue;
+      window_.slides.push_back({ground.velocity.x, ground.velocity.y, 0.0});
+      window_.rises.push_back(ground.velocity.z * ahead);
     }
   }
 }
 
-GroundMotion Surface::motion_at(double x, double y, double half, double time, double ahead, double z) const {
-  SurfaceReader ground = reader(time, ahead);
-  TileReader& tiles = ground.tiles;
-  const TileFacet here = tiles.at(x, y);
-  const MeshReader* highest = nullptr;
-  const MeshPoint mesh = ground.meshes_at(x, y, z, highest);
-  if (is_higher(mesh, here.facet.height)) return {true, {x, y, mesh.height}, mesh.velocity, highest->turn(mesh.facet)};
-  if (here.tile == nullptr) return {};
-  const auto slope = [&](double dx, double dy) {
-    const TileFacet low = tiles.at(x - dx, y - dy), high = tiles.at(x + dx, y + dy);
-    if (low.tile == nullptr || high.tile == nullptr) return 0.0;
-    return (high.facet.velocity - low.facet.velocity) / (2.0 * half);
-  };
-  const Vec3 slide = here.tile->pose.slide(x, y);
-  return {true,
-          {x, y, here.facet.height},
-          {slide.x, slide.y, here.facet.velocity},
-          {slope(0.0, half), -slope(half, 0.0), slide.z}};
+NearbyGround Surface::near(const Bounds& bounds, double time, double ahead) {
+  NearbyGround found;
+  Bounds speeds;
+  const Vec3 middle = (bounds.low + bounds.high) * 0.5;
+  for (const HeightGrid* grid : tiles_) {
+    const Vec3 slide = grid->pose_at(time).slide(middle.x, middle.y);
+    const double comes = (std::hypot(slide.x, slide.y) + std::abs(slide.z) * norm(bounds.high - middle)) * ahead;
+    const CellRange cells = cells_under(*grid, time, with_gaps(bounds).grown(comes));
+    if (cells.empty()) continue;
+    read_window(*grid, cells, time, ahead, window_);
+    found.highest = std::max(found.highest, window_.highest());
+    for (int r = 0; r < window_.rows; ++r)
+      for (int c = 0; c < window_.columns; ++c)
+        if (!std::isnan(window_.at(r, c))) speeds.add(window_.moves() ? window_.velocity(r, c) : Vec3{});
+  }
+  if (!meshes_.empty()) found.highest = 1e300;  // not worth a search of its own
+  if (ahead > 0.0)
+    for (const MeshSurface* mesh : meshes_) mesh->add_velocities(bounds, time, ahead, scratch_, speeds);
+  if (!(speeds.low.x <= speeds.high.x)) return found;
+  found.velocity = (speeds.low + speeds.high) * 0.5;
+  found.spread = norm(speeds.high - found.velocity);
+  return found;
 }
 
 }  // namespace smartmesh

@@ -8,9 +8,10 @@
 
 namespace smartmesh {
 
-// Ground under a point: height [m] (NaN = none) and mean vertical velocity [m/s] over a duration.
+// Ground under a point: height [m] (NaN = none) and mean velocity [m/s] over a duration.
 struct GroundPoint {
-  double height, velocity;
+  double height;
+  Vec3 velocity;
 };
 
 // Duration over which a velocity is that of an instant [s], as in terrain/motion.py.
@@ -28,6 +29,11 @@ struct Tile {
 
   // Returns how far a place lies outside the map [m], along the axis where it is farthest.
   double beyond(const GridPoint& p) const;
+  // Returns the velocity of a facet of the map at (x, y) [m/s]. `rise` [m/s]: its vertical velocity there.
+  Vec3 velocity(double x, double y, double rise) const {
+    const Vec3 slide = pose.slide(x, y);
+    return {slide.x, slide.y, rise};
+  }
   // Returns the upward unit normal of a facet whose height changes so much per column and row [m].
   Vec3 normal(double per_column, double per_row) const {
     const double east = -per_column / grid->resolution, north = -per_row / grid->resolution;

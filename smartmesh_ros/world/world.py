@@ -214,10 +214,12 @@ class World(Population):
         before = dict(vars(self))
         with undone(lambda: vars(self).update(before)):
             self._refreshes, self._rescues = self.refreshes, self.rescues
-            soil = self.ground.soil
+            soil, drawn = self.ground.soil, self.ground.drawn
             self._start()
             self.ground.set_soil(soil)
             self._fill(snapshot, robots)
+            if drawn:
+                self.ground.show(drawn)
         if before["client"].isConnected():
             before["client"].disconnect()
 

@@ -142,6 +142,7 @@ def test_prints_under_a_body_and_the_body_move_with_the_ground() -> None:
         sunk, low, start = -tile.heights.min(), world.state("box").position[2], world.time
         step_on_moving(world, lambda time: 0.1 * (time - start), 240, every=8)
         assert world.state("box").position[2] - low == pytest.approx(0.1, abs=0.01)
+        assert world.state("box").linear == pytest.approx((0.0, 0.0, 0.1), abs=1e-3)
         world.ground.refresh(world.time, world.dt)
         assert tile.heights.max() - tile.heights.min() == pytest.approx(sunk, rel=0.3)
 
