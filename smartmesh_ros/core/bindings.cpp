@@ -12,7 +12,7 @@ NB_MODULE(_core, m) {
       .def("move", &Grid::move, "time"_a, "interval"_a, "x"_a, "y"_a, "spin"_a)
       .def("show", &Grid::show, "instant"_a)
       .def_prop_ro("shown", [](const Grid& g) { return g.grid.shown; })
-      .def("set_friction", &Grid::set_friction, "samples"_a.noconvert().none(), "uniform"_a)
+      .def("set_layer", &Grid::set_layer, "layer"_a, "samples"_a.noconvert().none(), "uniform"_a)
       .def("set_variances", &Grid::set_variances, "samples"_a.noconvert().none())
       .def("set_motion", &Grid::set_motion, "mode"_a, "max_velocity"_a, "settle"_a, "noise"_a, "smoothing"_a)
       .def("moves", [](const Grid& g, double time) { return g.grid.moves(time); }, "time"_a)

@@ -1,6 +1,7 @@
 // Arrays that Python gives to the core, and the parts of the ground that keep them. Each bindings_*.cpp adds one room.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <optional>
@@ -99,7 +100,8 @@ struct Grid {
   Array<float, 2> heights, offsets, rates;
   Array<float, 3> velocities;
   Array<std::uint8_t, 3> clocks;
-  std::optional<Floats2> friction, variances;
+  std::optional<Floats2> variances;
+  std::array<std::optional<Floats2>, LAYERS> layers;  // of the material
 
   Grid(Array<float, 2> heights_rc, Array<float, 3> velocities_krc, Array<float, 2> offsets_rc, Array<float, 2> rates_rc,
        Array<std::uint8_t, 3> clocks_rc)
@@ -150,16 +152,14 @@ struct Grid {
     const StepLock lock;
     grid.show(instant);
   }
-  // Sets the coefficient of friction of each sample (rows, columns), or a `uniform` one.
-  void set_friction(std::optional<Floats2> samples, double uniform) {
-    if (!(uniform >= 0.0 && std::isfinite(uniform))) throw std::invalid_argument("a coefficient of friction is zero or more");
-    if (samples && (samples->shape(0) != heights.shape(0) || samples->shape(1) != heights.shape(1)))
-      throw std::invalid_argument("friction must have the shape of heights");
-    if (samples) check_alignment(samples->data(), sizeof(float));
+  // Sets a layer of the material: samples (rows, columns), or a `uniform` number, NaN = not given.
+  void set_layer(int number, std::optional<Floats2> samples, double uniform) {
+    if (number < 0 || number >= LAYERS) throw std::invalid_argument("the layer must be one of Layer");
+    if (uniform < 0.0) throw std::invalid_argument("the number of a layer is zero or more");
+    if (samples) check_table(*samples, heights.shape(0), heights.shape(1), "a layer");
     const StepLock lock;
-    std::swap(friction, samples);  // the one before goes after the lock
-    grid.friction = friction ? friction->data() : nullptr;
-    grid.uniform_friction = uniform;
+    std::swap(layers[number], samples);  // the one before goes after the lock
+    grid.materials.layers[number] = {layers[number] ? layers[number]->data() : nullptr, uniform};
     ++grid.revision;
   }
   // Sets the variances of fused heights (rows, columns) [m^2]; none = they are exact.

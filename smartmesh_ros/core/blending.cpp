@@ -9,10 +9,10 @@ double instant_of_update(double time, double delay, double shown, double most) {
   return std::abs(shown - time) <= most ? shown : time + delay;
 }
 
-void set_blend(Clock& clock, double since, const MotionSettings& motion) {
+void set_blend(Clock& clock, double since, Mode mode, double smoothing) {
   clock.since = since;
-  clock.until = motion.mode == Mode::Interpolate ? std::max(clock.time + clock.delay, since) + clock.lifetime
-                                          : since + motion.smoothing * clock.lifetime;
+  clock.until = mode == Mode::Interpolate ? std::max(clock.time + clock.delay, since) + clock.lifetime
+                                          : since + smoothing * clock.lifetime;
 }
 
 ShownGround::ShownGround(const HeightGrid& grid, const Span& rows, const Span& columns, double instant)
@@ -32,25 +32,25 @@ void ShownGround::read(GridReader& reader, std::ptrdiff_t row, double* heights, 
   reader.read_row(r, c, count, heights), reader.read_rises(r, c, count, rises);
 }
 
-void ShownGround::write_deviations(HeightGrid& map) const {
+void ShownGround::write_deviations(const HeightGrid& grid, const MapArrays& map) const {
   const std::ptrdiff_t count = columns_.last - columns_.first;
   std::vector<double> heights(static_cast<std::size_t>(count)), rises(heights.size());
-  GridReader reader(map, instant_, READ_OVER);
+  GridReader reader(grid, instant_, READ_OVER);
   for (std::ptrdiff_t r = rows_.first; r < rows_.last; ++r) {
-    float *offsets = &map.offsets[r * map.columns], *rates = &map.rates[r * map.columns];
+    float *offsets = map.offsets + r * map.columns, *rates = map.rates + r * map.columns;
     std::fill(offsets + columns_.first, offsets + columns_.last, 0.0f);
     std::fill(rates + columns_.first, rates + columns_.last, 0.0f);
     read(reader, r, heights.data(), rises.data());
     const double *shown = &heights_[(r - rows_.first) * count], *shown_rise = &rises_[(r - rows_.first) * count];
     for (std::ptrdiff_t c = columns_.first, end; c < columns_.last; c = end) {
       end = std::min(block_span(c >> BLOCK_SHIFT, map.columns).last, columns_.last);
-      const Clock& clock = map.clock(static_cast<int>(r), static_cast<int>(c));
+      const Clock& clock = grid.clock(static_cast<int>(r), static_cast<int>(c));
       if (clock.known == 0) continue;
-      const float* newest = map.velocities_at(clock.newest) + r * map.columns;
+      const float* newest = map.velocities + (clock.newest * map.rows + r) * map.columns;
       for (std::ptrdiff_t i = c; i < end; ++i) {
         const std::ptrdiff_t k = i - columns_.first;
         const double offset = shown[k] - heights[k], rate = (shown_rise[k] - rises[k]) * (1.0 / READ_OVER);
-        const bool moves = (std::abs(static_cast<double>(newest[i])) <= map.max_velocity) & (offset == offset);
+        const bool moves = (std::abs(static_cast<double>(newest[i])) <= grid.max_velocity) & (offset == offset);
         offsets[i] = moves ? static_cast<float>(offset) : 0.0f;
         rates[i] = moves ? static_cast<float>(rate) : 0.0f;
       }

@@ -7,7 +7,7 @@
 
 #include <vector>
 
-#include "height_grid.h"
+#include "map_arrays.h"
 
 namespace smartmesh {
 
@@ -19,7 +19,7 @@ constexpr double READ_OVER = 1e-9;
 double instant_of_update(double time, double delay, double shown, double most);
 
 // Sets the time in which the deviations of a block decay, after an update that counts from the instant `since` [s] on.
-void set_blend(Clock& clock, double since, const MotionSettings& motion);
+void set_blend(Clock& clock, double since, Mode mode, double smoothing);
 
 // The ground of some rows and columns of a map, as it was shown at the instant of an update.
 class ShownGround {
@@ -27,7 +27,7 @@ class ShownGround {
   ShownGround(const HeightGrid& grid, const Span& rows, const Span& columns, double instant);
 
   // Writes the deviations from the motion after the update. Samples that are or were holes, or jumped, do not blend.
-  void write_deviations(HeightGrid& map) const;
+  void write_deviations(const HeightGrid& grid, const MapArrays& map) const;
 
  private:
   void read(GridReader& reader, std::ptrdiff_t row, double* heights, double* rises) const;

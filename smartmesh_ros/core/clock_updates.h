@@ -16,6 +16,12 @@ struct VelocityUpdate {
   double inverse = 0.0, keep = 1.0;
 };
 
+// Times between updates [s]. Updates that follow sooner than `least` are parts of one update; updates further apart than
+// `most` give no velocity.
+struct Intervals {
+  double least, most;
+};
+
 // Stores an update at `time` [s]. `given`: it contains velocities. `whole`: it covers the whole block.
 VelocityUpdate note_update(Clock& clock, double time, bool given, bool whole, const Intervals& intervals);
 

@@ -29,69 +29,20 @@ GridPose HeightGrid::pose_at(double time) const {
           phase.rate * track.spin};
 }
 
-HeightGrid::HeightGrid(int rows_, int columns_)
-    : rows(rows_), columns(columns_), block_columns(static_cast<int>(blocks_of({0, columns_}).last)),
-      heights(samples()), velocities(KEPT * samples()), offsets(samples()), rates(samples()),
-      clocks(static_cast<std::size_t>(blocks_of({0, rows_}).last * block_columns)), revision(next_revision()) {}
-
-void HeightGrid::note_change(const Region& place) {
-  note_change();
-  const Span down = blocks_of({place.top, place.bottom}), along = blocks_of({place.left, place.right});
-  for (std::ptrdiff_t row = down.first; row < down.last; ++row)
-    for (std::ptrdiff_t column = along.first; column < along.last; ++column) ++clocks[row * block_columns + column].updates;
-}
-
-void HeightGrid::set_motion(const MotionSettings& settings) {
-  if (settings.mode != mode || settings.smoothing != smoothing)
-    for (Clock& clock : clocks) clock.until = clock.since;
-  static_cast<MotionSettings&>(*this) = settings;
-  set_deviation(deviation);
-  revision = next_revision();
-}
-
-void HeightGrid::set_deviation(std::optional<double> of_heights) {
-  deviation = of_heights;
-  noise = deviation.value_or(usual_noise);
-}
-
-void HeightGrid::show(double instant) {
-  const double before = shown;
-  shown = std::isinf(shown) ? instant : std::max(shown, instant);
-  const auto changes = [&](const Clock& clock) { return remaining(clock, shown, settle) != remaining(clock, before, settle); };
-  if (mode == Mode::Correct && std::any_of(clocks.begin(), clocks.end(), changes)) revision = next_revision();
-}
-
-void HeightGrid::shift_time(double by) {
-  for (Clock& clock : clocks) clock.shift(by);
-  track.time += by;
-  if (mode == Mode::Correct) shown += by;
-  revision = next_revision();
-}
-
-bool HeightGrid::settles() const {
-  return mode == Mode::Correct && std::any_of(clocks.begin(), clocks.end(), [&](const Clock& clock) {
-           return remaining(clock, shown, settle) > 0.0;
-         });
-}
-
 bool HeightGrid::moves(double time) const {
   if ((track.x != 0.0 || track.y != 0.0 || track.spin != 0.0) && goes_on(time, track.time, track.interval, clocks[0].delay))
     return true;
-  if (mode == Mode::Correct) return settles();
-  return std::any_of(clocks.begin(), clocks.end(), [&](const Clock& clock) { return may_move(clock, time, mode); });
-}
-
-double HeightGrid::newest_time() const {
-  double newest = -std::numeric_limits<double>::infinity();
-  for (const Clock& clock : clocks) newest = std::max(newest, clock.time);
-  return newest;
+  for (int k = 0; k < blocks(); ++k) {
+    if (mode == Mode::Correct ? remaining(clocks[k], shown, settle) > 0.0 : may_move(clocks[k], time, mode)) return true;
+  }
+  return false;
 }
 
 double HeightGrid::lifetime() const {
-  const double newest = newest_time();
-  double longest = track.interval;
-  for (const Clock& clock : clocks)
-    if (goes_on(newest, clock.time, clock.lifetime, clock.delay)) longest = std::max(longest, clock.lifetime);
+  double newest = -std::numeric_limits<double>::infinity(), longest = track.interval;
+  for (int k = 0; k < blocks(); ++k) newest = std::max(newest, clocks[k].time);
+  for (int k = 0; k < blocks(); ++k)
+    if (goes_on(newest, clocks[k].time, clocks[k].lifetime, clocks[k].delay)) longest = std::max(longest, clocks[k].lifetime);
   return longest;
 }
 
@@ -101,18 +52,27 @@ double remaining(const Clock& clock, double shown, double settle) {
   return 1.0 - std::max(elapsed, 0.0) / settle;
 }
 
+void HeightGrid::show(double instant) {
+  const bool changes = mode == Mode::Correct && std::any_of(clocks, clocks + blocks(), [&](const Clock& clock) {
+    return remaining(clock, shown, settle) != remaining(clock, instant, settle);
+  });
+  shown = instant;
+  if (changes) ++revision;
+}
+
 void GridReader::enter(const Clock& clock) {
   const bool same = clock_ != nullptr && same_times(clock, *clock_);
   clock_ = &clock;
   if (same) return;
   blend_ = grid_.blends() && clock.known > 0 ? blend_of(clock, time_, ahead_) : Blend{};
-  if (grid_.mode == Mode::Correct) blend_.offset = remaining(clock, shown_, grid_.settle);
+  if (grid_.mode == Mode::Correct) blend_.offset = remaining(clock, grid_.shown, grid_.settle);
   phase_ = block_phase(clock, time_, grid_.mode);
   newest_ = nullptr;
-  if (grid_.mode == Mode::Correct || clock.known == 0) return;
-  newest_ = grid_.velocities_at(clock.newest);
-  second_ = grid_.velocities_at(clock.newest - 1);
-  third_ = grid_.velocities_at(clock.newest - 2);
+  if (grid_.mode == Mode::Correct || clock.known == 0 || clock.newest < 0 || clock.newest >= KEPT) return;
+  const std::size_t size = static_cast<std::size_t>(grid_.rows) * static_cast<std::size_t>(grid_.columns);
+  newest_ = grid_.velocities + size * static_cast<std::size_t>(clock.newest);
+  second_ = grid_.velocities + size * static_cast<std::size_t>((clock.newest + KEPT - 1) % KEPT);
+  third_ = grid_.velocities + size * static_cast<std::size_t>((clock.newest + KEPT - 2) % KEPT);
 }
 
 Motion GridReader::motion(int row, int column, std::size_t index) const {
@@ -138,7 +98,7 @@ Sample GridReader::read(int row, int column) {
 void GridReader::read_row(int row, int column, int count, double* heights) {
   std::fill(heights, heights + count, std::numeric_limits<double>::quiet_NaN());
   each_block(row, column, count, [&](int c, int inside) {
-    const float* known = &grid_.heights[grid_.index(row, c)];
+    const float* known = grid_.heights + grid_.index(row, c);
     double* out = heights + (c - column);
     for (int k = 0; k < inside; ++k) out[k] = grid_.z + static_cast<double>(known[k]);
     if (phase_.along != 0.0 || phase_.bend != 0.0)

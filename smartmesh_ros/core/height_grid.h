@@ -3,20 +3,16 @@
 
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
 #include <limits>
-#include <optional>
-#include <vector>
 
-#include "fusion.h"
-#include "map_prints.h"
-#include "map_region.h"
-#include "materials.h"
-#include "revision.h"
-#include "untouched.h"
+#include "material.h"
+#include "motion.h"
 #include "vec3.h"
 
 namespace smartmesh {
+
+// Side of the square blocks of samples that share one clock [samples], as the exponent of two.
+constexpr int BLOCK_SHIFT = 6;
 
 // Horizontal motion of a grid as a rigid body, see terrain/grid_track.py. `interval` [s]: between the last two maps, zero
 // at rest.
@@ -59,78 +55,60 @@ struct Sample {
   double height, rise;
 };
 
-// A height map: its samples and their motion.
+// Samples of a height map and their motion; the arrays belong to Python.
 //
 // `heights` (rows, columns) [m], NaN = hole. `velocities` (KEPT, rows, columns) [m/s]: a ring buffer, whose newest index is
 // in the clock of each block. `offsets` (rows, columns) [m]: old minus new heights of corrections; of other ground, the
 // deviations when the last map came of what was shown from the motion of that map, and `rates` (rows, columns) [m/s] those
-// of its velocity, see Blend. `clocks`: one for each block. `fused`: of corrected maps whose heights have variances.
-// `x`, `y`, `z` [m]: position of sample (0, 0) at the last map; z is added to every height. `yaw` [rad]: of the grid.
-// `deviation` [m]: standard deviation of the heights by the variances of the last update, if it had any. `shown` [s]:
-// instant up to which the ground was shown to bodies, infinity before; corrections are blended in up to then.
-struct HeightGrid : MotionSettings {
-  HeightGrid(int rows, int columns);
-  HeightGrid(const HeightGrid&) = delete;
-  HeightGrid& operator=(const HeightGrid&) = delete;
-
-  const int rows, columns, block_columns;
-  Untouched<float> heights, velocities, offsets, rates;
-  std::vector<Clock> clocks;
-  std::optional<FusedHeights> fused;
-  Prints prints;
-  Materials materials;
+// of its velocity, see Blend. `clocks`: one for each block. `x`, `y`, `z` [m]: position of sample (0, 0) at the last map; z is added to every height. `yaw` [rad]: of the grid.
+// `max_velocity` [m/s], `settle` [s]: see MotionConfig in terrain/motion.py. `noise` [m]: standard deviation of the heights
+// for the estimation of velocities. `smoothing` [map intervals]: see MotionConfig. `shown` [s]: instant up to which the
+// ground was shown to bodies, infinity before; corrections are blended in up to then. `variances` (rows,
+// columns) [m^2]: of fused heights; null: exact.
+struct HeightGrid {
+  const float* heights = nullptr;
+  const float* velocities = nullptr;
+  const float* offsets = nullptr;
+  const float* rates = nullptr;
+  const Clock* clocks = nullptr;
+  const float* variances = nullptr;
+  MaterialLayers materials;
+  int rows = 0, columns = 0, block_columns = 0;
   double x = 0.0, y = 0.0, z = 0.0, yaw = 0.0, resolution = 1.0;
-  std::optional<double> deviation;
-  double noise = 0.0;  // standard deviation of the heights for the estimation of velocities [m]; 0 = exact heights
+  Mode mode = Mode::Extrapolate;
+  double max_velocity = 0.0, settle = 0.0, noise = 0.0, smoothing = 0.0;
   double shown = std::numeric_limits<double>::infinity();
   GridTrack track;
-  std::int64_t version = 0;  // number of updates: heights, prints, materials
-  long revision;             // changes with them, and with what is shown
+  long revision = 0;  // grows with every change
 
   std::size_t index(int row, int column) const {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(column);
   }
+  Material material_of(int row, int column) const { return materials.at(index(row, column)); }
   bool has(int row, int column) const { return row >= 0 && column >= 0 && row < rows && column < columns; }
-  Region whole() const { return {0, 0, rows, columns}; }
-  std::size_t samples() const { return static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns); }
+  int blocks() const { return ((rows + (1 << BLOCK_SHIFT) - 1) >> BLOCK_SHIFT) * block_columns; }
   const Clock& clock(int row, int column) const {
     return clocks[(row >> BLOCK_SHIFT) * block_columns + (column >> BLOCK_SHIFT)];
   }
-  // Returns the velocities at an index of the ring buffer, of which there are KEPT; an index may be less than zero.
-  const float* velocities_at(std::int64_t index) const { return &velocities[samples() * static_cast<std::size_t>((index + KEPT) % KEPT)]; }
 
   GridPose pose_at(double time) const;
 
-  // Notes an update.
-  void note_change() { ++version, revision = next_revision(); }
-  // Notes that the ground of a place changed, for bodies that rest there.
-  void note_change(const Region& place);
-  // Takes other settings. What was shown by settings before is no part of the motion.
-  void set_motion(const MotionSettings& settings);
-  void set_deviation(std::optional<double> of_heights);
-  // Blends corrections in up to an `instant` [s]; earlier ones than before have no effect.
-  void show(double instant);
-  // Adds to all times [s].
-  void shift_time(double by);
+  // Blends corrections in up to the instant `shown` [s].
+  void show(double shown);
+  // Returns true if ground goes on from what was shown when a map comes, and does not jump.
+  bool blends() const { return mode == Mode::Interpolate || (mode == Mode::Extrapolate && smoothing > 0.0); }
 
-  // Returns true while corrections are being blended in.
-  bool settles() const;
   // Returns true if any sample may move at `time` [s].
   bool moves(double time) const;
   // Returns the expected time between maps of ground that moves [s]; 0 = no map expected.
   double lifetime() const;
-  // Returns the time of the newest update [s].
-  double newest_time() const;
 };
 
 // Reads samples of one grid at `time` [s] and their rise within the time `ahead` [s]. It keeps the phase of the last
 // block, because neighbouring samples share it, and most blocks are updated at the same times.
 class GridReader {
  public:
-  GridReader(const HeightGrid& grid, double time, double ahead) : GridReader(grid, time, ahead, grid.shown) {}
-  // Reads a map as if corrections were blended in up to the instant `shown` [s].
-  GridReader(const HeightGrid& grid, double time, double ahead, double shown)
-      : grid_(grid), time_(time), ahead_(ahead), shown_(shown) {}
+  GridReader(const HeightGrid& grid, double time, double ahead) : grid_(grid), time_(time), ahead_(ahead) {}
   Sample read(int row, int column);
 
   // Returns the height [m] of a sample inside the map, the same as that of `read`.
@@ -165,7 +143,7 @@ class GridReader {
   }
 
   const HeightGrid& grid_;
-  double time_, ahead_, shown_;
+  double time_, ahead_;
   const Clock* clock_ = nullptr;
   Phase phase_;
   Blend blend_;

@@ -1,5 +1,6 @@
 #include "map_updates.h"
 
+#include <optional>
 #include <vector>
 
 #include "blending.h"
@@ -17,8 +18,8 @@ struct BlockUpdate {
 };
 
 // Notes the update in the clocks of one row of blocks.
-void note_blocks(HeightGrid& map, const Region& place, const NewSamples& samples, std::ptrdiff_t block_row,
-                 std::vector<BlockUpdate>& blocks) {
+void note_blocks(const MapArrays& map, const Region& place, const NewSamples& samples, const Intervals& intervals,
+                 std::ptrdiff_t block_row, std::vector<BlockUpdate>& blocks) {
   blocks.clear();
   const Span rows = block_span(block_row, map.rows), touched = blocks_of({place.left, place.right});
   for (std::ptrdiff_t k = touched.first; k < touched.last; ++k) {
@@ -26,7 +27,7 @@ void note_blocks(HeightGrid& map, const Region& place, const NewSamples& samples
     const bool whole = place.top <= rows.first && place.bottom >= rows.last && place.left <= columns.first &&
                        place.right >= columns.last;
     Clock& clock = map.clocks[block_row * map.block_columns + k];
-    const VelocityUpdate update = note_update(clock, samples.time, samples.velocities != nullptr, whole, map.intervals);
+    const VelocityUpdate update = note_update(clock, samples.time, samples.velocities != nullptr, whole, intervals);
     blocks.push_back({columns, static_cast<std::ptrdiff_t>(clock.newest), update.estimate,
                       static_cast<float>(update.inverse), static_cast<float>(update.keep)});
   }
@@ -65,40 +66,37 @@ void write(float* velocities, float* heights, const float* fresh, const float* g
 }
 
 // Writes the part of a row that is in one block.
-void take_part(HeightGrid& map, const Region& place, const NewSamples& samples, std::ptrdiff_t row,
+void take_part(const MapArrays& map, const Region& place, const NewSamples& samples, std::ptrdiff_t row,
                const BlockUpdate& block) {
-  float* velocities = &map.velocities[(block.slot * map.rows + row) * map.columns];
+  float* velocities = map.velocities + (block.slot * map.rows + row) * map.columns;
   if (!place.has_row(row)) return rest(velocities, block.columns, block);
   const Span inside = block.columns.within(place.left, place.right);
   rest(velocities, {block.columns.first, inside.first}, block);
   rest(velocities, {inside.last, block.columns.last}, block);
   const std::ptrdiff_t from = (row - place.top) * place.width() + inside.first - place.left;
-  write(velocities + inside.first, &map.heights[row * map.columns + inside.first], samples.heights + from,
+  write(velocities + inside.first, map.heights + row * map.columns + inside.first, samples.heights + from,
         samples.velocities == nullptr ? nullptr : samples.velocities + from, inside.last - inside.first, block);
 }
 
 }  // namespace
 
-void take_heights(HeightGrid& map, const Region& place, const NewSamples& samples) {
-  map.note_change();
-  map.set_deviation(samples.deviation);
-  map.prints.lift(map);
+void take_heights(const HeightGrid& grid, const MapArrays& map, const Region& place, const NewSamples& samples,
+                  const Intervals& intervals) {
   std::vector<BlockUpdate> blocks;
   const Span touched = blocks_of({place.top, place.bottom}), along = blocks_of({place.left, place.right});
   const Span columns = {along.first << BLOCK_SHIFT, block_span(along.last - 1, map.columns).last};
-  const double instant = instant_of_update(samples.time, map.clocks[0].delay, map.shown, map.intervals.most);
+  const double instant = instant_of_update(samples.time, map.clocks[0].delay, grid.shown, intervals.most);
   for (std::ptrdiff_t block_row = touched.first; block_row < touched.last; ++block_row) {
     const Span rows = block_span(block_row, map.rows);
     std::optional<ShownGround> shown;
-    if (map.blends()) shown.emplace(map, rows, columns, instant);
-    note_blocks(map, place, samples, block_row, blocks);
+    if (grid.blends()) shown.emplace(grid, rows, columns, instant);
+    note_blocks(map, place, samples, intervals, block_row, blocks);
     for (std::ptrdiff_t row = rows.first; row < rows.last; ++row)  // in the order of memory
       for (const BlockUpdate& block : blocks) take_part(map, place, samples, row, block);
     for (std::ptrdiff_t k = along.first; k < along.last; ++k)
-      set_blend(map.clocks[block_row * map.block_columns + k], instant, map);
-    if (shown) shown->write_deviations(map);
+      set_blend(map.clocks[block_row * map.block_columns + k], instant, grid.mode, grid.smoothing);
+    if (shown) shown->write_deviations(grid, map);
   }
-  map.prints.put_back(map);
 }
 
 }  // namespace smartmesh

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 
 namespace smartmesh {
 
@@ -15,42 +14,15 @@ constexpr int INTERVALS_KEPT = 10;
 // As in terrain/motion.py; Correct is the last.
 enum class Mode : int { Hold, Extrapolate, Interpolate, Correct };
 
-// Update times of a block of samples. `time` [s]: last update, minus infinity before the first. `opened` [s]: first update
-// that contributes to the newest velocity. `lifetime` [s]: longest expected time until the next update, 0 = at rest. `delay`
-// [s]: expected age of an update on arrival. `middle`, `middle_1`, `middle_2` [s]: instants at which the velocities hold,
-// newest first; `middle` of a correction: instant shown when it came. `since`, `until` [s]: between these instants the
-// ground goes over from what was shown before the last map to the motion of that map. `known`: number of known velocities.
-// `newest`: index of the newest velocity in the ring buffer. `intervals` [s]: between the last `count` updates. `updates`:
-// number of updates so far.
+// Update times of a block of samples, with the layout of the NumPy type CLOCK in terrain/motion.py, which explains the
+// fields.
 struct Clock {
-  double time = -std::numeric_limits<double>::infinity();
-  double opened = 0.0, lifetime = 0.0, delay = 0.0, middle = 0.0, middle_1 = 0.0, middle_2 = 0.0, since = 0.0, until = 0.0;
-  std::int64_t known = 0, newest = 0;
-  double intervals[INTERVALS_KEPT] = {};
-  std::int64_t count = 0, updates = 0;
-
-  // Adds to all instants [s].
-  void shift(double by) {
-    for (double* instant : {&time, &opened, &middle, &middle_1, &middle_2, &since, &until}) *instant += by;
-  }
+  double time, opened, lifetime, delay, middle, middle_1, middle_2, since, until;
+  std::int64_t known, newest;
+  double intervals[INTERVALS_KEPT];
+  std::int64_t count, updates;
 };
-
-// Times between updates [s]. Updates that follow sooner than `least` are parts of one update; updates further apart than
-// `most` give no velocity.
-struct Intervals {
-  double least = 0.0, most = 0.0;
-};
-
-// Settings of the motion between maps; see MotionConfig in terrain/motion.py. `usual_noise` [m]: standard deviation of
-// heights that come without variances.
-struct MotionSettings {
-  Mode mode = Mode::Extrapolate;
-  double max_velocity = 0.0, settle = 0.0, usual_noise = 0.0, smoothing = 0.0;
-  Intervals intervals;
-
-  // Returns true if ground goes on from what was shown when a map comes, and does not jump.
-  bool blends() const { return mode == Mode::Interpolate || (mode == Mode::Extrapolate && smoothing > 0.0); }
-};
+static_assert(sizeof(Clock) == 184, "the layout of CLOCK in terrain/motion.py");
 
 // Age of the last map at which the ground is at rest at the map's heights, as a multiple of the age at which the next map
 // is expected: three times LATE_AFTER.

@@ -72,7 +72,9 @@ double denoised(double value, const Spread& around, double variance) {
 class VelocityReader {
  public:
   VelocityReader(const HeightGrid& grid, const Clock& clock) : grid_(grid), clock_(clock) {
-    for (int k = 0; k < KEPT; ++k) slot_[k] = grid.velocities_at(clock.newest - k);
+    const std::size_t size = static_cast<std::size_t>(grid.rows) * static_cast<std::size_t>(grid.columns);
+    for (int k = 0; k < KEPT; ++k)
+      slot_[k] = grid.velocities + size * static_cast<std::size_t>((clock.newest + KEPT - k) % KEPT);
   }
 
   Velocities read(std::size_t i) const { return {known(0, i), known(1, i), known(2, i)}; }

@@ -42,10 +42,10 @@ class HeightMap(MovingHeights):
     ``yaw`` place the grid (see `GridGeometry`; an origin of two numbers lies at z = 0); alternatively pass a
     ``geometry``. ``time`` [s]: instant of the heights, on the clock of `Ground` or `World`. ``velocities`` [m/s], same
     shape: vertical velocity of the ground; by default the difference quotient of successive heights. ``variance``
-    [m^2]: of the heights, one number or one for each; by default that of ``motion.noise``. ``friction``: coefficient of
-    the ground, by which that of a body is multiplied; one number or one for each sample (NaN = 1). By default it is 1,
-    or that of the map that this one replaces (see `Terrain.put`). ``soil``: which soil each sample is, by its place in
-    the list of a `Soil` (rows, columns); by default the first, or as in the map that this one replaces.
+    [m^2]: of the heights, one number or one for each; by default that of ``motion.noise``. ``material``: friction,
+    stiffness, damping, restitution, rolling resistance and soil of the ground, see `Material`; ``friction`` and
+    ``soil`` may be given by themselves. Layers that are not given are the usual ones, or those of the map that this one
+    replaces (see `Terrain.put`).
 
     If changes are corrections (see `MotionConfig`), the ground has no velocity, heights with a variance are fused over
     time, and the shown heights approach the fused ones as `show` advances.
@@ -53,11 +53,6 @@ class HeightMap(MovingHeights):
     The map also stores the last three velocities of each sample, in memory that is allocated when written, and the
     update times of each block of 64 x 64 samples. ``revision`` changes with every update.
     """
-
-    @property
-    def has_friction(self) -> bool:
-        """True if coefficients of friction were given."""
-        return self._friction is not None
 
     @property
     def size(self) -> int:

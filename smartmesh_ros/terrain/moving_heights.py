@@ -12,9 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.terrain.checked_heights import (
     checked,
-    checked_friction,
     checked_next_time,
-    checked_soil,
     checked_time,
     checked_variance,
     dense,
@@ -25,13 +23,14 @@ from smartmesh_ros.terrain.checked_heights import (
 from smartmesh_ros.terrain.corrections import Corrections, untouched_zeros
 from smartmesh_ros.terrain.grid import GridGeometry, geometry_of
 from smartmesh_ros.terrain.grid_track import at_rest, follow
+from smartmesh_ros.terrain.material import Material, together
 from smartmesh_ros.terrain.motion import BLOCK, CLOCK, KEPT, MotionConfig, MovingGround, next_revision
 from smartmesh_ros.terrain.prints import Prints
 
 
 class MovingHeights(MovingGround):
-    """What a `HeightMap` stores: heights, their last velocities and update times, corrections, friction, soil, and the
-    motion of the grid. All change in place; the core reads the same arrays."""
+    """What a `HeightMap` stores: heights, their last velocities and update times, corrections, material, and the motion
+    of the grid. All change in place; the core reads the same arrays."""
 
     def __init__(
         self,
@@ -46,6 +45,7 @@ class MovingHeights(MovingGround):
         variance: float | ArrayLike | None = None,
         friction: float | ArrayLike | None = None,
         soil: ArrayLike | None = None,
+        material: Material | None = None,
         motion: MotionConfig | None = None,
     ) -> None:
         if geometry is None:
@@ -69,14 +69,13 @@ class MovingHeights(MovingGround):
         )
         self._deviation: float | None = None  # standard deviation by the last update's variances [m], None = not given
         self.version = 0  # number of updates
-        self._friction = None if friction is None else checked_friction(friction, shape)
-        self._soil = None if soil is None else checked_soil(soil, shape)
+        self._material = together(material, friction=friction, soil=soil).checked(shape)
         self.soil_revision = 0  # changes with every assignment of the soil
         self.track = at_rest(geometry, time)  # pose and rigid motion of the grid
         self._tell_core()
         self._take(0, 0, new, speeds, time, checked_variance(variance, shape))
         self._tell_core()
-        self._tell_friction()
+        self._material.tell(self.core_reader)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy of the map, or one in another process, is made of: arrays, and what they mean."""
@@ -85,8 +84,7 @@ class MovingHeights(MovingGround):
             "map": {
                 "geometry": self.geometry,
                 "motion": self.motion,
-                "friction": self._friction,
-                "soil": self._soil,
+                "material": self._material,
             },
             "heights": self._heights,
             "clocks": self._clocks,
@@ -118,6 +116,10 @@ class MovingHeights(MovingGround):
         self.core_reader.show(state["shown"])
 
     @property
+    def _shape(self) -> tuple[int, int]:
+        return self.geometry.rows, self.geometry.columns
+
+    @property
     def heights(self) -> NDArray[np.float32]:
         """The last map's heights [m], (rows, columns), without the origin's z; read-only."""
         view = self._heights.view()
@@ -125,38 +127,41 @@ class MovingHeights(MovingGround):
         return view
 
     @property
-    def friction(self) -> float | NDArray[np.float32]:
-        """Coefficient of the ground, by which that of a body is multiplied: one number, or (rows, columns), NaN = 1;
-        read-only.
+    def material(self) -> Material:
+        """What the ground is made of; its layers are numbers, or read-only arrays (rows, columns).
 
-        Assign another to replace it; raises `InputError` and then changes nothing.
+        Assign another to replace it; raises `InputError` and then changes nothing. `give` replaces some layers.
         """
-        return 1.0 if self._friction is None else self._friction
+        return self._material
+
+    @material.setter
+    def material(self, material: Material) -> None:
+        self._lay(material.checked(self._shape))
+
+    def give(self, material: Material) -> None:
+        """Replace the layers of the ground that a material has; raises `InputError` and then changes nothing."""
+        self._lay(material.checked(self._shape).over(self._material))
+
+    @property
+    def friction(self) -> float | NDArray[np.float32]:
+        """Coefficient of friction of the `material`, by which that of a body is multiplied; may be assigned."""
+        friction: Any = self._material.friction
+        return 1.0 if friction is None else friction
 
     @friction.setter
     def friction(self, friction: float | ArrayLike) -> None:
-        self._friction = checked_friction(friction, (self.geometry.rows, self.geometry.columns))
-        self._clocks["updates"] += 1  # what rests on the ground looks at it again
-        self.revision = next_revision()
-        self._tell_friction()
+        self.give(Material(friction=friction))
 
     @property
     def soil(self) -> NDArray[np.uint8] | None:
-        """Which soil each sample is, by its place in the list of a `Soil` (rows, columns); None = the first everywhere;
-        read-only.
-
-        Assign others to replace them; raises `InputError` and then changes nothing. `Ground.update` tells its `Soil`.
-        """
-        if self._soil is None:
-            return None
-        view = self._soil.view()
-        view.setflags(write=False)
-        return view
+        """Which soil each sample is, of the `material`: its place in the list of a `Soil` (rows, columns); None = the
+        first everywhere; may be assigned. `Ground.update` tells its `Soil`."""
+        soil = self._material.soil
+        return None if soil is None else np.asarray(soil, np.uint8)
 
     @soil.setter
     def soil(self, soil: ArrayLike) -> None:
-        self._soil = checked_soil(soil, (self.geometry.rows, self.geometry.columns))
-        self.soil_revision = self.revision = next_revision()
+        self.give(Material(soil=soil))
 
     @property
     def arrays(self) -> tuple[NDArray[Any], ...]:
@@ -189,18 +194,16 @@ class MovingHeights(MovingGround):
         variance: float | ArrayLike | None = None,
         friction: float | ArrayLike | None = None,
         soil: ArrayLike | None = None,
+        material: Material | None = None,
     ) -> None:
-        """Replace all heights (rows, columns) [m], and the friction and the soil unless they are None; raises
-        `InputError` and then changes nothing."""
-        shape = (self.geometry.rows, self.geometry.columns)
-        time = checked_next_time(time, self.time)
+        """Replace all heights (rows, columns) [m], and the layers of the material that are given; raises `InputError`
+        and then changes nothing."""
+        time, shape = checked_next_time(time, self.time), self._shape
         certainty = checked_variance(variance, shape)
         new, speeds = checked(heights, velocities, shape, "the map")
-        places = None if soil is None else checked_soil(soil, shape)
-        if friction is not None:
-            self.friction = friction
-        if places is not None:
-            self.soil = places
+        laid = together(material, friction=friction, soil=soil).checked(shape)
+        if laid.layers:
+            self._lay(laid.over(self._material))
         self._take(0, 0, new, speeds, time, certainty)
         if not self.motion.corrects:
             self.follow(self, time)
@@ -215,17 +218,23 @@ class MovingHeights(MovingGround):
         time: float,
         velocities: ArrayLike | None = None,
         variance: float | ArrayLike | None = None,
+        material: Material | None = None,
     ) -> None:
-        """Replace the heights (h, w) [m] of the rectangle whose first sample is (``row``, ``column``).
+        """Replace the heights (h, w) [m] of the rectangle whose first sample is (``row``, ``column``), and the layers
+        of the material there that are given.
 
         The cost depends on the size of the rectangle, not of the map. Other samples of the blocks that the rectangle
         touches count as at rest. Raises `InputError` and then changes nothing.
         """
         time, heights = checked_next_time(time, self.time), unmasked(heights, "heights of the region")
         shape = heights.shape
-        require_region(row, column, shape, (self.geometry.rows, self.geometry.columns))
+        require_region(row, column, shape, self._shape)
         certainty = checked_variance(variance, shape)
         new, speeds = checked(heights, velocities, shape, "the region")
+        laid = (material or Material()).checked(shape)
+        if laid.layers:
+            place = slice(row, row + shape[0]), slice(column, column + shape[1])
+            self._lay(self._material.written(laid, place, self._shape))
         self._take(row, column, new, speeds, time, certainty)
         self._tell_core()
 
@@ -258,9 +267,14 @@ class MovingHeights(MovingGround):
         if motion.corrects:
             core.show(self.corrections.shown)
 
-    def _tell_friction(self) -> None:
-        samples, uniform = (None, self.friction) if isinstance(self.friction, float) else (self.friction, 1.0)
-        self.core_reader.set_friction(samples, uniform)
+    def _lay(self, material: Material) -> None:
+        """Replace the material by one that was checked."""
+        before, self._material = self._material, material
+        self.revision = next_revision()
+        if material.soil is not before.soil:
+            self.soil_revision = self.revision
+        self._clocks["updates"] += 1  # what rests on the ground looks at it again
+        material.tell(self.core_reader)
 
     def _take(
         self,

@@ -56,8 +56,8 @@ def corrected() -> Any:
     return grid
 
 
-def set_friction(friction: Any) -> None:
-    CORE.Grid(**arrays()).set_friction(friction, 1.0)
+def set_layer(samples: Any) -> None:
+    CORE.Grid(**arrays()).set_layer(0, samples, 1.0)
 
 
 def set_variances(variances: Any) -> None:
@@ -67,7 +67,7 @@ def set_variances(variances: Any) -> None:
 ENTRIES = {
     "Grid": Entry(CORE.Grid, arrays),
     "Mesh": Entry(CORE.Mesh, mesh_arrays, rows=("triangles",), within=(("triangles", 4),), finite=("vertices",)),
-    "set_friction": Entry(set_friction, lambda: {"friction": floats(ROWS, COLUMNS) + 1.0}, optional=("friction",)),
+    "set_layer": Entry(set_layer, lambda: {"samples": floats(ROWS, COLUMNS) + 1.0}, optional=("samples",)),
     "set_variances": Entry(
         set_variances, lambda: {"variances": floats(ROWS, COLUMNS) + 1.0}, optional=("variances",)
     ),

@@ -40,7 +40,7 @@ def test_a_grid_has_at_least_a_cell(rows: int, columns: int) -> None:
         ("place", (0, 0, 0, np.inf, 0.1)),
         *(("place", (0, 0, 0, 0, resolution)) for resolution in (np.nan, np.inf, -np.inf, 0.0, -1.0)),
         *(("set_motion", (mode, 1.0, 1.0, 0.0, 0.0)) for mode in (-1, 4, 2**31 - 1)),
-        *(("set_friction", (None, value)) for value in (-1.0, math.nan, math.inf)),
+        *(("set_layer", values) for values in ((0, None, -1.0), (-1, None, 1.0), (5, None, 1.0))),
     ],
 )  # fmt: skip
 def test_a_grid_has_a_finite_place_a_resolution_above_zero_and_a_known_motion(method: str, values: Any) -> None:

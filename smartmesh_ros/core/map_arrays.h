@@ -1,12 +1,22 @@
-// Rectangles of samples of a height map, and the blocks that they touch.
+// Arrays of a height map that are written to, and rectangles of its samples.
 #pragma once
 
 #include <algorithm>
 #include <cstddef>
 
-#include "motion.h"
+#include "height_grid.h"
 
 namespace smartmesh {
+
+// The arrays belong to Python and have the meanings of HeightGrid; null where they are not needed.
+struct MapArrays {
+  float* heights = nullptr;
+  float* velocities = nullptr;
+  float* offsets = nullptr;
+  float* rates = nullptr;
+  Clock* clocks = nullptr;
+  std::ptrdiff_t rows = 0, columns = 0, block_columns = 0;
+};
 
 // Rectangle of samples: first row and column, and the row and column after the last.
 struct Region {
@@ -15,10 +25,6 @@ struct Region {
   std::ptrdiff_t width() const { return right - left; }
   std::ptrdiff_t size() const { return (bottom - top) * (right - left); }
   bool has_row(std::ptrdiff_t row) const { return row >= top && row < bottom; }
-  // Returns the rectangle around this one and a sample.
-  Region with(std::ptrdiff_t row, std::ptrdiff_t column) const {
-    return {std::min(top, row), std::min(left, column), std::max(bottom, row + 1), std::max(right, column + 1)};
-  }
 };
 
 // Rows or columns of samples from `first` to `last` - 1.
