@@ -10,7 +10,7 @@ namespace {
 
 constexpr double INFINITE = std::numeric_limits<double>::infinity();
 // Rows, and samples in each.
-constexpr int SIDE = 16;
+constexpr int SIDE = 12;
 // Halvings of a step between samples in which the end of a row is found.
 constexpr int HALVINGS = 6;
 // Slope of a plane across the axis of a cylinder, below which the cylinder stands upright on it.

@@ -20,7 +20,7 @@ struct DepthSample {
   double depth, area;
 };
 
-// Finds samples of all that is below a plane of a shape, in the shape's frame: in 16 rows of 16, each as long as the shape
+// Finds samples of all that is below a plane of a shape, in the shape's frame: in 12 rows of 12, each as long as the shape
 // is there.
 void sample_below(const Convex& shape, const Plane& plane, std::vector<DepthSample>& samples);
 
