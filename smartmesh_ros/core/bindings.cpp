@@ -1,9 +1,16 @@
 // What Python sees of the core. Arguments are checked here or by nanobind's types; nothing else in the core knows Python.
 #include "bindings.h"
 
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include "record_layouts.h"
+
 NB_MODULE(_core, m) {
   using namespace smartmesh;
   nb::set_leak_warnings(false);  // a ground may live until the process ends
+  m.attr("CLOCK") = nb::make_tuple(sizeof(Clock), clock_layout());
+  m.attr("SHAPE") = nb::make_tuple(sizeof(Shape), shape_layout());
   nb::class_<Grid>(m, "Grid")
       .def(nb::init<Array<float, 2>, Array<float, 3>, Array<float, 2>, Array<float, 2>, Array<std::uint8_t, 3>>(),
            "heights"_a.noconvert(), "velocities"_a.noconvert(), "offsets"_a.noconvert(), "rates"_a.noconvert(),

@@ -15,7 +15,7 @@ def checked_time(time: float) -> float:
     """Return a time [s]; raises `InputError` if it is no finite number."""
     try:
         seconds = float(time)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         seconds = math.nan
     if not math.isfinite(seconds):
         raise InputError("time", f"the time is {time!r}; it must be a finite number of seconds")

@@ -22,6 +22,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from smartmesh_ros.core import CORE, dtype_of
 from smartmesh_ros.errors import InputError
 
 MotionMode = Literal["hold", "extrapolate", "interpolate"]
@@ -53,27 +54,7 @@ BLOCK = 1 << BLOCK_SHIFT
 # first. ``since``, ``until`` [s]: between these instants the ground goes over from what was shown before the last map
 # to the motion of that map. ``known``: number of known velocities. ``newest``: index of the newest velocity in the ring
 # buffer. ``intervals`` [s]: between the last ``count`` updates. ``updates``: number of updates so far.
-CLOCK = np.dtype(
-    (
-        np.record,
-        [
-            ("time", np.float64),
-            ("opened", np.float64),
-            ("lifetime", np.float64),
-            ("delay", np.float64),
-            ("middle", np.float64),
-            ("middle_1", np.float64),
-            ("middle_2", np.float64),
-            ("since", np.float64),
-            ("until", np.float64),
-            ("known", np.int64),
-            ("newest", np.int64),
-            ("intervals", np.float64, (INTERVALS_KEPT,)),
-            ("count", np.int64),
-            ("updates", np.int64),
-        ],
-    )
-)
+CLOCK = dtype_of(CORE.CLOCK)
 CLOCK_TIMES = ("time", "opened", "middle", "middle_1", "middle_2", "since", "until")  # fields that are instants
 
 

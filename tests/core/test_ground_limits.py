@@ -10,7 +10,8 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.terrain.motion import INTERVALS_KEPT, KEPT
+from smartmesh_ros.patches.shapes import SHAPE
+from smartmesh_ros.terrain.motion import CLOCK, INTERVALS_KEPT, KEPT
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts
 from tests.core.entries import COLUMNS, REFUSED, ROWS, arrays, clock_bytes, grid_of
@@ -260,3 +261,10 @@ def test_a_lattice_may_be_smaller_than_the_map_and_does_not_know_points_that_are
     assert counts[0] <= ROWS * COLUMNS
     for cell in (2**40, 2**63 - 1, -(2**63)):
         assert not CORE.moved_as_one(**(lattice() | {"cells": np.full((8, 14, 2), cell)}))
+
+
+@pytest.mark.parametrize("record", [CLOCK, SHAPE])
+def test_each_byte_of_a_shared_record_belongs_to_one_field(record: Any) -> None:
+    """So that a field that is added, or changes places, is the same one on both sides."""
+    bytes_of = [range(place, place + kind.itemsize) for kind, place in record.fields.values()]
+    assert sorted(byte for field in bytes_of for byte in field) == list(range(record.itemsize))

@@ -96,8 +96,8 @@ def client() -> Iterator[Any]:
 
 @pytest.mark.parametrize("kind", ["box", "hull"])
 def test_a_plate_with_an_eccentric_mass_tilts_as_its_bed_of_springs_does(client: Any, kind: str) -> None:
-    """By m g e / (k I - m g z), with the second moment of area I and the height z of the mass above the plate's underside,
-    whose tilt moves it outwards; the pressures are above zero everywhere."""
+    """By m g e / (k I - m g z), with the second moment of area I and the height z of the mass above the plate's
+    underside, whose tilt moves it outwards; the pressures are above zero everywhere."""
     half, off = (0.2, 0.3, 0.05), 0.03
     corners = [[x, y, z] for x in (-0.2, 0.2) for y in (-0.3, 0.3) for z in (-0.05, 0.05)]
     shape = (
