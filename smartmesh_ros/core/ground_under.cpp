@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "map_arrays.h"
+#include "map_region.h"
 #include "window.h"
 
 namespace smartmesh {

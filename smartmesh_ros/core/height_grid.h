@@ -7,6 +7,7 @@
 
 #include "material.h"
 #include "motion.h"
+#include "revision.h"
 #include "vec3.h"
 
 namespace smartmesh {
@@ -55,7 +56,7 @@ struct Sample {
   double height, rise;
 };
 
-// Samples of a height map and their motion; the arrays belong to Python.
+// Samples of a height map and their motion; the arrays are in a MapMemory.
 //
 // `heights` (rows, columns) [m], NaN = hole. `velocities` (KEPT, rows, columns) [m/s]: a ring buffer, whose newest index is
 // in the clock of each block. `offsets` (rows, columns) [m]: old minus new heights of corrections; of other ground, the
@@ -66,11 +67,11 @@ struct Sample {
 // ground was shown to bodies, infinity before; corrections are blended in up to then. `variances` (rows,
 // columns) [m^2]: of fused heights; null: exact.
 struct HeightGrid {
-  const float* heights = nullptr;
-  const float* velocities = nullptr;
-  const float* offsets = nullptr;
-  const float* rates = nullptr;
-  const Clock* clocks = nullptr;
+  float* heights = nullptr;
+  float* velocities = nullptr;
+  float* offsets = nullptr;
+  float* rates = nullptr;
+  Clock* clocks = nullptr;
   const float* variances = nullptr;
   MaterialLayers materials;
   int rows = 0, columns = 0, block_columns = 0;
@@ -79,7 +80,7 @@ struct HeightGrid {
   double max_velocity = 0.0, settle = 0.0, noise = 0.0, smoothing = 0.0;
   double shown = std::numeric_limits<double>::infinity();
   GridTrack track;
-  long revision = 0;  // grows with every change
+  long revision = next_revision();  // changes with every update, with the settings, and with what is shown
 
   std::size_t index(int row, int column) const {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(column);

@@ -11,7 +11,7 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.checked_heights import checked_time, unmasked
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray, overlap
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest
-from smartmesh_ros.terrain.motion import BLOCK, INSTANT, next_revision
+from smartmesh_ros.terrain.motion import BLOCK, INSTANT
 from smartmesh_ros.terrain.moving_heights import MovingHeights
 from smartmesh_ros.terrain.prints import Prints
 
@@ -74,8 +74,7 @@ class HeightMap(MovingHeights):
 
         ``cells``: (rows, columns) by which the map was scrolled, None = the maps lie on different grids.
         """
-        self.corrections.shown = before.corrections.shown
-        self._tell_core()
+        self.core_reader.show(before.corrections.shown if before.motion.corrects else math.inf)
         if cells is None:
             rows, columns = np.mgrid[: self.geometry.rows, : self.geometry.columns]
             shown = before.at(self.geometry.to_world(rows, columns).reshape(-1, 2), before.time).heights
@@ -87,7 +86,6 @@ class HeightMap(MovingHeights):
         known = self._heights.copy() if fused is None else fused.heights
         self._heights[...] = shown.reshape(known.shape) - self.geometry.origin[2]
         self._correct(0, 0, known, self.time)
-        self._tell_core()
 
     def moving(self, time: float) -> bool:
         """Return True if any sample may move at ``time`` [s]."""
@@ -104,7 +102,6 @@ class HeightMap(MovingHeights):
         self.track = at_rest(self.geometry, self.time)
         if motion != STILL:
             self.track = self.track._replace(motion=motion, interval=interval)
-        self._tell_core()
 
     def press(self, places: IntArray, heights: NDArray[np.float32]) -> None:
         """Write the ``heights`` (n,) [m] to which bodies pressed the samples at ``places`` (n, 2), rows and columns.
@@ -115,9 +112,8 @@ class HeightMap(MovingHeights):
         self.prints.press(places, heights)
         self._clocks["updates"][tuple(places.T // BLOCK)] += 1
         self.version += len(places)
-        self.revision = next_revision()
-        self._deviation = None
-        self._tell_core()
+        self._set_deviation(None)
+        self.core_reader.note_change()
 
     def go_on_from(self, before: "HeightMap", cells: tuple[int, int]) -> None:
         """Estimate vertical velocities as if these heights had replaced those of ``before``, a map on the same grid but

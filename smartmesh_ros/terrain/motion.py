@@ -16,7 +16,6 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from itertools import count
 from typing import Literal, get_args
 
 import numpy as np
@@ -133,12 +132,9 @@ class MotionConfig:
         return int(Mode[self.mode.upper()])
 
 
-_numbers = count(1)
-
-
 def next_revision() -> int:
-    """Return a number higher than all revisions before."""
-    return next(_numbers)
+    """Return a number higher than all revisions before, of the core's maps too."""
+    return int(CORE.next_revision())
 
 
 class MovingGround(ABC):
@@ -148,13 +144,17 @@ class MovingGround(ABC):
     """
 
     version: int
-    revision: int
     _motion: MotionConfig
     _clocks: NDArray[np.void]  # records of ``CLOCK``
 
     @abstractmethod
-    def _tell_core(self) -> None:
-        """Tell the core what has changed beside the arrays."""
+    def _set_motion(self) -> None:
+        """Set the motion in the core."""
+
+    @property
+    @abstractmethod
+    def revision(self) -> int:
+        """Revision of the last change."""
 
     @property
     def motion(self) -> MotionConfig:
@@ -166,7 +166,7 @@ class MovingGround(ABC):
         if (motion.code, motion.smoothing) != (self._motion.code, self._motion.smoothing):
             self._clocks["until"] = self._clocks["since"]  # what was shown by other settings is no part of the motion
         self._motion = motion
-        self._tell_core()
+        self._set_motion()
 
     @property
     def time(self) -> float:
