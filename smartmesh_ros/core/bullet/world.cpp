@@ -26,6 +26,7 @@ void BulletWorld::look() {
 
 void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   world_ = world;
+  surface.set_tiles({}, {});
   soil = nullptr;
   ++worlds_;
   owned = drawn = false;
@@ -145,6 +146,19 @@ std::vector<int> BulletWorld::find_gone() const {
   std::vector<int> found;
   for (std::size_t k = 0; gone_ > 0 && k < slots_.size(); ++k)
     if (slots_[k].used && slots_[k].body < 0) found.push_back(static_cast<int>(k));
+  return found;
+}
+
+std::vector<bool> BulletWorld::find_touching() {
+  std::vector<bool> found(slots_.size(), false);
+  btDispatcher& dispatcher = *world_->getDispatcher();
+  for (int k = 0; k < dispatcher.getNumManifolds(); ++k) {
+    const btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(k);
+    if (manifold.getNumContacts() == 0) continue;
+    const Slot* slot = slot_of(*manifold.getBody0());
+    if (slot == nullptr) slot = slot_of(*manifold.getBody1());
+    if (slot != nullptr) found[slot - slots_.data()] = true;
+  }
   return found;
 }
 

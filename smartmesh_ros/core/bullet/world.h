@@ -39,6 +39,12 @@ ObjectName name_of(const btCollisionObject& object);
 // Throws `std::invalid_argument` if a body is soft.
 void require_rigid(const btCollisionObject& object);
 
+// A convex part of a body, as of its margin; without `convex` it is of unknown kind.
+struct KnownPart {
+  double margin;  // [m]
+  std::optional<Convex> convex;
+};
+
 // An attached body or link, by PyBullet's numbers, and its proxy, a body without mass.
 struct Slot {
   bool used = false, is_robot = false;
@@ -54,7 +60,7 @@ struct Slot {
   Vec3 turning;            // of the ground at a contact that has friction against turning, in the last step [rad/s]
   Belt belt;
   Rest rest;
-  std::unordered_map<const btCollisionShape*, std::optional<Convex>> shapes;  // none = of unknown kind
+  std::unordered_map<const btCollisionShape*, KnownPart> parts;
   SoilParts on_soil;  // by their shapes
 };
 
@@ -71,7 +77,6 @@ class BulletWorld {
   double time = 0.0;     // at the start of the next step [s]
   double duration = 0.0; // of a step [s]
   double margin = 0.001;  // distance up to which contacts are found beside the motion of a step [m]
-  bool carry_velocity = true;
 
   // Finds its Bullet world at a `place` of the server's memory.
   explicit BulletWorld(WorldPlace place);
@@ -115,6 +120,9 @@ class BulletWorld {
   bool is_asleep(int slot) const { return slots_[slot].rest.asleep; }
   // Returns a number that changes when a body falls asleep, wakes or is moved asleep.
   long sleep_changes() const { return sleep_changes_; }
+
+  // Returns true for the slots that have contacts with the ground.
+  std::vector<bool> find_touching();
 
   // Returns the parts of the body in a slot that came near the soil.
   const SoilParts& parts_on_soil(int slot) const { return slots_[slot].on_soil; }
@@ -208,8 +216,6 @@ class BulletWorld {
   bool is_attached(const btCollisionObject& object) const;
   // Returns `margin` and the way that gravity adds to the motion of a body in a step.
   double margin_in(double step) const;
-  // Returns the time over which velocities of the ground are means in a step [s]; zero if they are not carried.
-  double ahead_in(double step) const;
   Approach approach_of(const Slot& slot, double step) const;
   const Convex* convex_of_part(Slot& slot, const btCollisionShape& shape);
   // Returns the body in a slot as the soil sees it now, in a step of some duration [s].

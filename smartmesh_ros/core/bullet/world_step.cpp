@@ -79,13 +79,13 @@ void BulletWorld::press_soil() {
 // A robot rests on those of its links alike that touched the soil in the last step.
 OnSoil BulletWorld::on_soil(const Slot& slot, double step) const {
   int count = 0;
-  for (const Slot& other : slots_) {
-    if (!other.used || other.body != slot.body) continue;
-    for (const auto& [shape, part] : other.on_soil) count += soil->was_near(part) && !part.up.empty();
+  for (const Role& role : bodies_[slot.body].roles) {
+    if (role.is_proxy) continue;
+    for (const auto& [shape, part] : slots_[role.slot].on_soil) count += soil->was_near(part) && !part.up.empty();
   }
   OnSoil found;
   found.pose = from_bullet(slot.object->getWorldTransform());
-  found.soil = soil->motion_at(found.pose.at, time, ahead_in(step));
+  found.soil = soil->motion_at(found.pose.at, time, step);
   found.approach.centre = found.pose.at;
   found.approach.linear = slot.linear - found.soil.velocity, found.approach.angular = slot.angular;
   found.approach.ground = found.soil.velocity;
@@ -116,7 +116,7 @@ void BulletWorld::place(Slot& slot) {
   low.setMin(low + travel), high.setMax(high + travel);
   const double grown = margin_in(duration) + turn * size;
   const Bounds swept = Bounds{from_bullet(low), from_bullet(high)}.grown(grown);
-  const NearbyGround& near = slot.near = surface.near(swept, time, ahead_in(duration));
+  const NearbyGround& near = slot.near = surface.near(swept, time, duration);
   const double moved = (norm(near.velocity) + near.spread) * duration;
   low = to_bullet(swept.grown(moved).low), high = to_bullet(swept.grown(moved).high);
   if (near.highest < low.z()) high = low -= btVector3(0, 0, APART);  // so that they are no pair
@@ -137,10 +137,13 @@ void BulletWorld::place(Slot& slot) {
 }
 
 const Convex* BulletWorld::convex_of_part(Slot& slot, const btCollisionShape& shape) {
-  auto known = slot.shapes.find(&shape);
-  if (known == slot.shapes.end())
-    known = slot.shapes.emplace(&shape, convex_of(static_cast<const btConvexShape&>(shape))).first;
-  return known->second ? &*known->second : nullptr;
+  const auto [known, is_new] = slot.parts.try_emplace(&shape);
+  KnownPart& part = known->second;
+  if (is_new || part.margin != shape.getMargin()) {
+    part = {shape.getMargin(), convex_of(static_cast<const btConvexShape&>(shape))};
+    slot.on_soil.erase(&shape);
+  }
+  return part.convex ? &*part.convex : nullptr;
 }
 
 void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground,
@@ -169,7 +172,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
     soil->touch(*shape, pose, on_soil(slot, step), before_, slot.on_soil[body.getCollisionShape()], contacts_, rows_);
   } else {
     search_.run(*shape, pose, surface, time, approach, contacts_);
-    choose_contacts(approach, before_, contacts_);
+    choose_contacts(*shape, pose, approach, before_, contacts_);
     const bool has_material = surface.has_material();
     if (has_material) {
       const SurfaceReader ground_now = surface.reader(time, INSTANT);
@@ -208,8 +211,6 @@ double BulletWorld::anchor_time(double step) const {
 
 double BulletWorld::margin_in(double step) const { return margin + world_->getGravity().length() * step * step; }
 
-double BulletWorld::ahead_in(double step) const { return carry_velocity ? step : 0.0; }
-
 Approach BulletWorld::approach_of(const Slot& slot, double step) const {
   Approach approach;
   approach.centre = from_bullet(slot.object->getWorldTransform().getOrigin());
@@ -219,7 +220,7 @@ Approach BulletWorld::approach_of(const Slot& slot, double step) const {
   approach.margin = margin_in(step) + slot.near.spread * step;
   approach.gravity = from_bullet(world_->getGravity());
   approach.ground = slot.near.velocity;
-  approach.ahead = ahead_in(step);
+  approach.ahead = step;
   return approach;
 }
 
