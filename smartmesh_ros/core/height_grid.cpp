@@ -49,7 +49,7 @@ void HeightGrid::show(double instant) {
     return remaining(clock, shown, settle) != remaining(clock, instant, settle);
   });
   shown = instant;
-  if (changes) ++revision;
+  if (changes) revision = next_revision();
 }
 
 void GridReader::enter(const Clock& clock) {

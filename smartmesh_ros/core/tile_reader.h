@@ -19,6 +19,13 @@ constexpr double INSTANT = 1e-9;
 // Height of a point above all ground [m].
 constexpr double ABOVE_ALL = 1e300;
 
+// A height map where it is at an instant. `bounds`: of its samples; they hold for x and y.
+struct MapAtInstant {
+  HeightGrid* grid;
+  GridPose pose;
+  Bounds bounds;
+};
+
 // One of the height maps at the instant.
 struct Tile {
   const HeightGrid* grid;
@@ -55,6 +62,8 @@ class TileReader {
  public:
   // Velocities are means over the time `ahead` [s].
   TileReader(const std::vector<HeightGrid*>& grids, double time, double ahead);
+  // For some of the maps of a surface, which bridges gaps of `widest_cell` [m].
+  TileReader(const std::vector<const MapAtInstant*>& maps, double widest_cell, double time, double ahead);
 
   // Returns the facet at (x, y). Ground above `z` [m] does not count.
   TileFacet at(double x, double y, double z = ABOVE_ALL);
@@ -63,8 +72,8 @@ class TileReader {
   GroundPoint sample(double x, double y);
   Sample across(std::size_t tile, double row, double column);
 
-  // Returns the coefficient of friction at (x, y): of the nearest sample of the first map there, 1 elsewhere.
-  double friction(double x, double y) const;
+  // Returns the material at (x, y): of the nearest sample of the first map there, the usual one elsewhere.
+  Material material(double x, double y) const;
 
   // Returns true if a place beyond the edge of a map is on the facets that continue it.
   bool continues(std::size_t tile, double x, double y);

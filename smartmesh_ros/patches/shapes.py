@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.core import CORE, as_bytes
+from smartmesh_ros.core import CORE, as_bytes, dtype_of
 from smartmesh_ros.patches.tables import with_rows
 from smartmesh_ros.terrain.grid import FloatArray
 
@@ -35,22 +35,7 @@ class ShapeKind(IntEnum):
 # [m] and ``turn`` (x, y, z, w): pose of the shape in the frame of the body's centre of mass; ``reach`` [m]: bounding
 # radius about the shape's middle; ``radius`` [m]: bounding radius about the centre of mass; ``first``, ``rows``: first
 # row and number of a hull's vertices, or of a compound's parts.
-SHAPE = np.dtype(
-    (
-        np.record,
-        [
-            ("kind", np.int64),
-            ("half", np.float64, (3,)),
-            ("rounding", np.float64),
-            ("offset", np.float64, (3,)),
-            ("turn", np.float64, (4,)),
-            ("reach", np.float64),
-            ("radius", np.float64),
-            ("first", np.int64),
-            ("rows", np.int64),
-        ],
-    )
-)
+SHAPE = dtype_of(CORE.SHAPE)
 
 # Columns of a table of bodies (N, 13): position [m], orientation (x, y, z, w), velocity [m/s], angular velocity
 # [rad/s].

@@ -12,7 +12,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.grid_track import cells_moved
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples, ground_heights
 from smartmesh_ros.terrain.motion import next_revision
-from smartmesh_ros.terrain.scrolling import carry_layers, follow_across
+from smartmesh_ros.terrain.scrolling import carry_material, follow_across
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 MainMesh = HeightMap | TriangleMesh
@@ -42,8 +42,8 @@ class Terrain:
         """Add a tile or replace the tile of that name.
 
         If a height map replaces another one, its motion or correction is estimated from both, as by
-        `HeightMap.replace`; velocities that were given with the map are kept. The ground keeps its friction and its
-        soil unless the new map was given one, 1.0 included: what is new in a map are its heights.
+        `HeightMap.replace`; velocities that were given with the map are kept. The ground keeps the layers of its
+        material that the new map was not given: what is new in a map are its heights.
         """
         if not isinstance(mesh, MainMesh):
             raise InputError(
@@ -52,7 +52,7 @@ class Terrain:
             )  # fmt: skip
         old = self.tiles.get(name)
         if isinstance(old, HeightMap) and isinstance(mesh, HeightMap) and old is not mesh:
-            carry_layers(old, mesh)
+            carry_material(old, mesh)
             if mesh.motion.corrects:
                 mesh.correct_from(old, cells_moved(old.geometry, mesh.geometry))
             else:
@@ -112,7 +112,7 @@ class Terrain:
         found = np.full(len(xy_w), np.nan)
         unknown = np.ones(len(xy_w), np.bool_)
         maps = [mesh for mesh in self.tiles.values() if isinstance(mesh, HeightMap)]
-        for heightmap in maps if any(heightmap.has_friction for heightmap in maps) else ():
+        for heightmap in maps if any(heightmap.material.friction is not None for heightmap in maps) else ():
             chosen = np.flatnonzero(unknown & (heightmap.beyond(xy_w) <= 0.0))
             rows, columns = np.rint(heightmap.geometry.to_grid(xy_w[chosen])).astype(np.int64).T
             ground = ~np.isnan(heightmap.heights[rows, columns])

@@ -54,7 +54,7 @@ class TriangleMesh(MovingGround):
             self._now, self._velocities, self._offsets, self._rates, as_bytes(self._clocks), self.triangles
         )
         self._motion = motion or MotionConfig()
-        self._tell_core()
+        self._set_motion()
         self.graph = TriangleGraph(self.triangles, self.size)
         first, second = self._now[:, self.triangles[:, 0]], self._now[:, self.triangles[:, 1]]
         self.edge_length = float(np.linalg.norm(first - second, axis=0).mean())
@@ -63,7 +63,7 @@ class TriangleMesh(MovingGround):
         self._incident_at = np.searchsorted(self.triangles.ravel()[corners], np.arange(self.size + 1))
         self._shape: MeshShape | None = None
         self.version = 0
-        self.revision = next_revision()
+        self._revision = next_revision()
         if velocities is not None:
             self.move(vertices, time=time, velocities=velocities)
         self.triangles.setflags(write=False)
@@ -79,7 +79,7 @@ class TriangleMesh(MovingGround):
         self.version = state["version"]
         for array, kept in zip(self._moving, state["moving"], strict=True):
             array[...] = kept
-        self._tell_core()
+        self._set_motion()
 
     @property
     def _moving(self) -> tuple[NDArray[Any], ...]:
@@ -142,9 +142,14 @@ class TriangleMesh(MovingGround):
         CORE.move_vertices(self.core_reader, chosen, np.ascontiguousarray(new), given, time, intervals)
         self._shape = shape
         self.version += 1
-        self.revision = next_revision()
+        self._revision = next_revision()
 
-    def _tell_core(self) -> None:
+    @property
+    def revision(self) -> int:
+        """Revision of the last update."""
+        return self._revision
+
+    def _set_motion(self) -> None:
         self.core_reader.set_motion(self.motion.code, self.motion.max_velocity, self.motion.smoothing)
 
     def moving(self, time: float) -> bool:

@@ -9,7 +9,7 @@ from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.shapes import SHAPE, ball, box, compound, hull
 from smartmesh_ros.world.state_table import LIMITS
 from tests.bodies import TETRAHEDRON, shapes_of
-from tests.core.entries import COLUMNS, ROWS, Arguments, Entry, arrays
+from tests.core.entries import COLUMNS, ROWS, Arguments, Entry, new_grid
 
 BODIES = 3  # of tables of shapes
 SLOTS = 8  # of other tables
@@ -57,7 +57,7 @@ def near_any(states: Any, radii: Any, margins: Any, places: Any, speeds: Any, ot
 
 def soil() -> Arguments:
     return {
-        "grid": CORE.Grid(**arrays()), "kinds": np.zeros((ROWS, COLUMNS), np.uint8),
+        "grid": new_grid(), "kinds": np.zeros((ROWS, COLUMNS), np.uint8),
         "soils": np.array([[1e6, 0.0, 1.0, 0.0, 0.5, 0.01, 2e8, 3e4]]), "spacing": 0.5,
     }  # fmt: skip
 

@@ -176,7 +176,6 @@ def test_the_test_of_the_page_for_launch_testing_passes(
     for name in ("launch_ros", "launch_testing"):
         monkeypatch.setattr(sys.modules[name], "actions", sys.modules[f"{name}.actions"], raising=False)
     [code] = blocks("docs/testing.md", "py")
-    monkeypatch.setattr("rclpy.utilities.g_default_context", None)  # other tests may have used it
     page: dict[str, Any] = {"__name__": "test_ball"}
     exec(compile(code, "test_ball.py", "exec"), page)
     [[node, _]] = page["generate_test_description"]().args

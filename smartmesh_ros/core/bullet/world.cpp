@@ -26,6 +26,7 @@ void BulletWorld::look() {
 
 void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   world_ = world;
+  surface.set_tiles({}, {});
   soil = nullptr;
   ++worlds_;
   owned = drawn = false;

@@ -39,6 +39,12 @@ ObjectName name_of(const btCollisionObject& object);
 // Throws `std::invalid_argument` if a body is soft.
 void require_rigid(const btCollisionObject& object);
 
+// A convex part of a body, as of its margin; without `convex` it is of unknown kind.
+struct KnownPart {
+  double margin;  // [m]
+  std::optional<Convex> convex;
+};
+
 // An attached body or link, by PyBullet's numbers, and its proxy, a body without mass.
 struct Slot {
   bool used = false, is_robot = false;
@@ -54,7 +60,7 @@ struct Slot {
   Vec3 turning;            // of the ground at a contact that has friction against turning, in the last step [rad/s]
   Belt belt;
   Rest rest;
-  std::unordered_map<const btCollisionShape*, std::optional<Convex>> shapes;  // none = of unknown kind
+  std::unordered_map<const btCollisionShape*, KnownPart> parts;
   SoilParts on_soil;  // by their shapes
 };
 

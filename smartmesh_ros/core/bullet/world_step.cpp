@@ -10,6 +10,7 @@
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
 #include "contact_points.h"
+#include "foundation.h"
 #include "step_lock.h"
 
 namespace smartmesh {
@@ -78,9 +79,9 @@ void BulletWorld::press_soil() {
 // A robot rests on those of its links alike that touched the soil in the last step.
 OnSoil BulletWorld::on_soil(const Slot& slot, double step) const {
   int count = 0;
-  for (const Slot& other : slots_) {
-    if (!other.used || other.body != slot.body) continue;
-    for (const auto& [shape, part] : other.on_soil) count += soil->was_near(part) && !part.up.empty();
+  for (const Role& role : bodies_[slot.body].roles) {
+    if (role.is_proxy) continue;
+    for (const auto& [shape, part] : slots_[role.slot].on_soil) count += soil->was_near(part) && !part.up.empty();
   }
   OnSoil found;
   found.pose = from_bullet(slot.object->getWorldTransform());
@@ -136,10 +137,13 @@ void BulletWorld::place(Slot& slot) {
 }
 
 const Convex* BulletWorld::convex_of_part(Slot& slot, const btCollisionShape& shape) {
-  auto known = slot.shapes.find(&shape);
-  if (known == slot.shapes.end())
-    known = slot.shapes.emplace(&shape, convex_of(static_cast<const btConvexShape&>(shape))).first;
-  return known->second ? &*known->second : nullptr;
+  const auto [known, is_new] = slot.parts.try_emplace(&shape);
+  KnownPart& part = known->second;
+  if (is_new || part.margin != shape.getMargin()) {
+    part = {shape.getMargin(), convex_of(static_cast<const btConvexShape&>(shape))};
+    slot.on_soil.erase(&shape);
+  }
+  return part.convex ? &*part.convex : nullptr;
 }
 
 void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground,
@@ -161,25 +165,32 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   read_contacts(manifold, before_);
   const Approach approach = approach_of(slot, step);
   const btContactSolverInfo& solver = world_->getSolverInfo();
+  const auto* rigid = btRigidBody::upcast(slot.object);
+  const Vec3 pull = rigid != nullptr ? from_bullet(rigid->getTotalForce() * (rigid->getInvMass() * step))
+                                     : from_bullet(world_->getGravity() * step);
   if (soil != nullptr && soil->is_under(pose.at, time)) {
     soil->touch(*shape, pose, on_soil(slot, step), before_, slot.on_soil[body.getCollisionShape()], contacts_, rows_);
   } else {
     search_.run(*shape, pose, surface, time, approach, contacts_);
-    choose_contacts(approach, before_, contacts_);
-    if (surface.has_friction()) {
+    choose_contacts(*shape, pose, approach, before_, contacts_);
+    const bool has_material = surface.has_material();
+    if (has_material) {
       const SurfaceReader ground_now = surface.reader(time, INSTANT);
-      for (Contact& contact : contacts_) contact.friction = ground_now.tiles.friction(contact.point.x, contact.point.y);
+      for (Contact& contact : contacts_) contact.material = ground_now.tiles.material(contact.point.x, contact.point.y);
     }
     BodySurface own;
     read_surface(*slot.object, *slot.ground, own);
     if (slot.belt.speed != 0.0) own.belt = belt_of(slot), own.mass = mass_of(*slot.object);
     find_rows(contacts_, approach, own, {solver.m_erp2, solver.m_linearSlop, solver.m_restitutionVelocityThreshold}, rows_);
     place_in_mid_step(*shape, pose, contacts_, approach, rows_);
+    if (has_material) {
+      lay_on_foundation(*shape, pose, approach, own, contacts_, rows_);
+      resist_rolling(contacts_, approach, pull, rows_);
+    }
   }
   const bool resists_turning = !rows_.empty() && rows_[0].friction.rolling + rows_[0].friction.spinning > 0.0;
   slot.turning = resists_turning ? contacts_[0].ground.turning : Vec3{};
-  if (const auto* rigid = btRigidBody::upcast(slot.object)) {  // robots have a solver with a cone of its own
-    const Vec3 pull = from_bullet(rigid->getTotalForce() * (rigid->getInvMass() * step));
+  if (rigid != nullptr) {  // robots have a solver with a cone of its own
     find_slips(contacts_, before_, approach, {pull, slot.pull, mass_of(*slot.object)}, rows_);
     slot.pull = pull;
   }

@@ -17,7 +17,7 @@ from smartmesh_ros.tools.client.remote import Remote
 from smartmesh_ros.tools.view.camera import Cameras
 from smartmesh_ros.tools.view.looks import Entry, PatchLook
 from smartmesh_ros.tools.view.scene import Scene
-from smartmesh_ros.tools.view.terrain_scene import Depth, Grip
+from smartmesh_ros.tools.view.terrain_scene import Depth, Give, Grip
 
 # Time over which missed deadlines are counted [s].
 WINDOW = 10.0
@@ -69,6 +69,7 @@ class Panel:
                 shadows = gui.add_checkbox("shadows", False, hint="Slow without a graphics card.")
             with gui.add_folder("Ground", expand_by_default=False):
                 gui.add_html(_legend(Grip))
+                gui.add_html(_legend(Give))
                 sunk = gui.add_checkbox("sunk ground", False, hint="It lies below its first map, such as ruts.")
                 gui.add_html(_legend(Depth))
             with gui.add_folder("Step and reset", expand_by_default=False):

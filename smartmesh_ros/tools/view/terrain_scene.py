@@ -1,4 +1,4 @@
-"""The terrain on the page: a mesh a tile, at full resolution near bodies, and the colours of depth and friction."""
+"""The terrain on the page: a mesh a tile, at full resolution near bodies, and the colours of depth and material."""
 
 from __future__ import annotations
 
@@ -46,7 +46,15 @@ class Grip(Entry, Enum):
     ROUGH = "more than 1", FRICTION[1.0], 1.0
 
 
-Bands = type[Depth] | type[Grip]
+class Give(Entry, Enum):
+    """Entries of the legend of ground that gives, by its depth under a pressure of 1 kPa [mm]."""
+
+    FIRM = "gives 0.1 to 1 mm under 1 kPa", (186, 214, 160), 0.1
+    SOFT = "1 to 10 mm", (134, 188, 108), 1.0
+    SOFTEST = "more than 10 mm", (78, 148, 66), 10.0
+
+
+Bands = type[Depth] | type[Grip] | type[Give]
 
 
 class Mesh(NamedTuple):
@@ -147,7 +155,7 @@ class _Relief:
     def meshes(
         self, tile: HeightMap, bodies: FloatArray, radii: FloatArray, first: NDArray[np.float32] | None
     ) -> dict[str, Mesh]:
-        """Return the ground with bodies at (B, 3) [m] of ``radii`` (B,) [m], the colours of its friction, and of what
+        """Return the ground with bodies at (B, 3) [m] of ``radii`` (B,) [m], the colours of its material, and of what
         lies below the heights of its ``first`` map (rows, columns) [m], by path."""
         wanted = tile.revision, first is not None, self._moved.tobytes() + self._heights.tobytes()
         if self._cut(bodies, radii) or wanted != self._made_from:
@@ -168,7 +176,11 @@ class _Relief:
         vertices = np.column_stack([self._xy, z]).astype(np.float32)
         yield self._path, Mesh(vertices, triangles, GROUND)
         coloured: list[tuple[str, Bands, FloatArray]] = []
-        if tile.has_friction:
+        stiffness = tile.material.stiffness
+        if stiffness is not None:
+            gives = 1e6 / np.broadcast_to(np.asarray(stiffness, np.float64), tile.heights.shape)[place]
+            coloured.append(("give", Give, np.where(np.isnan(gives), 0.0, gives)))
+        if tile.material.friction is not None:
             friction = np.broadcast_to(tile.friction, tile.heights.shape)[place].astype(np.float64)
             friction[np.isnan(friction) | (friction == 1.0)] = -1.0  # below all entries
             coloured.append(("grip", Grip, friction))
