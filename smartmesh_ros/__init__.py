@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from smartmesh_ros.terrain.motion import MotionConfig
     from smartmesh_ros.terrain.terrain import Terrain
     from smartmesh_ros.world.height_scanner import HeightScanner
+    from smartmesh_ros.world.imu import Imu, ImuConfig, ImuReading
     from smartmesh_ros.world.snapshot import Snapshot
     from smartmesh_ros.world.world import World, WorldConfig
 
@@ -31,6 +32,7 @@ _MODULES = {
     "ground.config": ("PhysicsConfig",),
     "ground.ground": ("Ground",),
     "world.height_scanner": ("HeightScanner",),
+    "world.imu": ("Imu", "ImuConfig", "ImuReading"),
     "world.snapshot": ("Snapshot",),
     "ground.shapes": ("Box", "Capsule", "Cylinder", "Sphere"),
     "ground.state": ("BodyState",),
@@ -55,6 +57,9 @@ __all__ = [
     "HeightMap",
     "HeightScan",
     "HeightScanner",
+    "Imu",
+    "ImuConfig",
+    "ImuReading",
     "InputError",
     "MotionConfig",
     "PatchConfig",

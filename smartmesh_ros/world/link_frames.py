@@ -50,6 +50,12 @@ def _point_state(state: BodyState, offset: Vector, sign: float) -> BodyState:
     return replace(state, position=tuple(position.tolist()), linear=tuple(linear.tolist()))
 
 
+def link_index(client: Any, uid: int, name: str) -> int | None:
+    """Return PyBullet's index of a robot's link, -1 = the root; None if there is none of that name."""
+    names = [client.getBodyInfo(uid)[0], *(client.getJointInfo(uid, k)[12] for k in range(client.getNumJoints(uid)))]
+    return names.index(name.encode()) - 1 if name.encode() in names else None
+
+
 class LinkFrame(NamedTuple):
     """Pose of a link's frame in that of its ``parent`` (index of the list): translation [m] and rotation (x, y, z, w).
     The root's parent is -1, and its pose that of no motion."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pybullet as pb
@@ -32,12 +32,22 @@ from smartmesh_ros.world.snapshot import Snapshot, body_snapshot
 __all__ = ["World", "WorldConfig"]
 
 
+class StepWatcher(Protocol):
+    """What takes part in the steps of a world, such as a sensor."""
+
+    def before_step(self) -> None:
+        """Do what is to be done right before the physics of a step."""
+
+    def after_step(self) -> None:
+        """Do what is to be done right after it, at the world's new time."""
+
+
 class World(Population):
     """Bodies on a terrain, stepped at a fixed rate. Close it, or use it as a context manager.
 
     ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``behind_real_time``: set
     True while the simulation runs behind real time; new maps then do not shorten the lifetime of patches. ``guests``:
-    remote bodies, simulated by other nodes.
+    remote bodies, simulated by other nodes. ``watchers``: take part in each step.
     """
 
     def __init__(
@@ -50,6 +60,7 @@ class World(Population):
         self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.behind_real_time = False
+        self.watchers: list[StepWatcher] = []
         self._refreshes = self._rescues = 0  # of the grounds before `restore`
         self.lost: dict[str, str] = {}  # why bodies were removed, by name; readers may clear it
         self._start()
@@ -146,9 +157,13 @@ class World(Population):
                 self.prepare()
             prepared()
             with self.stopwatch.stage("total"), self.stopwatch.stage("step"):
+                for watcher in self.watchers:
+                    watcher.before_step()
                 self._drive_all()
                 self.client.stepSimulation()
-            self.time += self.config.physics.dt
+                self.time += self.config.physics.dt
+                for watcher in self.watchers:
+                    watcher.after_step()
             self.guests.note_contacts()
             self.stopwatch.lap()
 

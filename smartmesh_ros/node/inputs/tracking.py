@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from smartmesh_ros.ground.limits import FASTEST, FASTEST_SPIN
-from smartmesh_ros.ground.quaternions import conjugate, product
-from smartmesh_ros.ground.state import BodyState, Quaternion
+from smartmesh_ros.ground.quaternions import conjugate, product, rotation_vector
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.world import World
 
@@ -121,7 +121,8 @@ class Tracking:
 def _velocity(before: BodyState, after: BodyState, interval: float) -> FloatArray:
     """Return the mean velocity (2, 3), linear and angular, between two poses ``interval`` [s] apart."""
     way = np.array(after.position) - np.array(before.position)
-    return np.stack([way, _rotation_between(before.orientation, after.orientation)]) / interval
+    turn = rotation_vector(product(after.orientation, conjugate(before.orientation)))
+    return np.stack([way, np.array(turn)]) / interval
 
 
 def _with_velocity(state: BodyState, change: FloatArray, before: FloatArray | None) -> BodyState:
@@ -137,13 +138,3 @@ def _confirmed(velocity: FloatArray, before: FloatArray) -> FloatArray:
     square = float(velocity @ velocity)
     share = float(velocity @ before) / square if square > 0.0 else 0.0
     return velocity * min(max(share, 0.0), 1.0)
-
-
-def _rotation_between(first: Quaternion, second: Quaternion) -> FloatArray:
-    """Return the rotation vector [rad] from the first to the second orientation, in the fixed frame."""
-    *vector_part, scalar = product(second, conjugate(first))
-    vector = np.array(vector_part)
-    if scalar < 0.0:
-        vector, scalar = -vector, -scalar
-    length = float(np.linalg.norm(vector))
-    return vector * (2.0 * math.atan2(length, scalar) / length) if length > 1e-12 else np.zeros(3)
