@@ -34,6 +34,7 @@ class Scene:
         plugin = self.client.loadPlugin(_core.__file__, "_smartmesh")
         self.ground = _core.Ground(self.client.executePluginCommand(plugin, "", []))
         self.ground.duration = STEP
+        self.ground.set_sleep(0.05, 1e-2, 1.0, 2.5e-4, 3.0, 5e-3)
         self.spacing = float(rng.choice(SPACING))
         self.half = 0.5 * self.spacing * (SAMPLES - 1)
         self.map = HeightMap(self.heights(0.0), resolution=self.spacing, origin=(-self.half, -self.half))
@@ -105,7 +106,7 @@ class Scene:
             self.client.removeBody(self.proxies.pop(slot))
             self.ground.detach(slot)
         else:
-            self.ground.enable(self.rng.integers(2, size=1 + max(self.proxies)).astype(bool))
+            self.ground.wake(int(self.rng.choice(list(self.proxies))))
 
     def run(self) -> None:
         for step in range(STEPS):
@@ -114,6 +115,7 @@ class Scene:
                 self.mesh.move(self.folded(step * STEP)[0], time=step * STEP)
             if step % 20 == 10:
                 self.disturb()
+            self.ground.put_to_sleep(self.ground.find_resting(self.rng.integers(2, size=20).astype(bool)))
             self.client.stepSimulation()
         self.client.resetSimulation()
         self.client.stepSimulation()

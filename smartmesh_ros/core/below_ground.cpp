@@ -10,7 +10,7 @@ Lift lift_out(SurfaceReader& surface, const BodySolid& body) {
   GroundPoint ground = surface.at(middle.x, middle.y, middle.z);
   if (std::isnan(ground.height)) ground = surface.at(middle.x, middle.y);
   if (!(middle.z < ground.height)) return {};
-  return {true, ground.height - body.lowest(), ground.velocity};
+  return {true, ground.height - body.lowest(), ground.velocity.z};
 }
 
 }  // namespace smartmesh

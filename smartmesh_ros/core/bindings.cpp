@@ -13,6 +13,7 @@ NB_MODULE(_core, m) {
       .def("show", &Grid::show, "instant"_a)
       .def_prop_ro("shown", [](const Grid& g) { return g.grid.shown; })
       .def("set_friction", &Grid::set_friction, "samples"_a.noconvert().none(), "uniform"_a)
+      .def("set_variances", &Grid::set_variances, "samples"_a.noconvert().none())
       .def("set_motion", &Grid::set_motion, "mode"_a, "max_velocity"_a, "settle"_a, "noise"_a, "smoothing"_a)
       .def("moves", [](const Grid& g, double time) { return g.grid.moves(time); }, "time"_a)
       .def("lifetime", [](const Grid& g) { return g.grid.lifetime(); })
@@ -24,7 +25,8 @@ NB_MODULE(_core, m) {
       .def(nb::init<States, Array<double, 3>, States, States, Array<std::uint8_t, 2>, Whole2>(), "vertices"_a.noconvert(),
            "velocities"_a.noconvert(), "offsets"_a.noconvert(), "rates"_a.noconvert(), "clock"_a.noconvert(), "triangles"_a.noconvert())
       .def("set_motion", &Mesh::set_motion, "mode"_a, "max_velocity"_a, "smoothing"_a)
-      .def("moves", [](const Mesh& m, double time) { return m.surface.moves(time); }, "time"_a);
+      .def("moves", [](const Mesh& m, double time) { return m.surface.moves(time); }, "time"_a)
+      .def("update", &Mesh::update);
   add_ground(m);
   add_contacts(m);
   add_queries(m);

@@ -54,8 +54,8 @@ void ground_heights(const nb::list& tiles, Points points, double time, Rows heig
   for (std::size_t k = 0; k < count; ++k) {
     const double x = points.data()[2 * k], y = points.data()[2 * k + 1];
     const GroundPoint ground =
-        std::isfinite(x) && std::isfinite(y) ? reader.at(x, y) : GroundPoint{NONE, 0.0};
-    heights.data()[k] = ground.height, velocities.data()[k] = ground.velocity;
+        std::isfinite(x) && std::isfinite(y) ? reader.at(x, y) : GroundPoint{NONE, {}};
+    heights.data()[k] = ground.height, velocities.data()[k] = ground.velocity.z;
   }
 }
 

@@ -7,7 +7,6 @@
 
 namespace smartmesh {
 
-void add_sleep(nb::module_& m);  // in bindings_sleep.cpp
 
 namespace {
 
@@ -133,7 +132,6 @@ void add_rows(nb::module_& m) {
   m.def("may_meet", &may_meet, "origins"_a.noconvert(), "ways"_a.noconvert(), "reach"_a.noconvert(),
         "boxes"_a.noconvert());
   m.def("split_bodies", &split, "content"_a.noconvert(), "at"_a, "rows"_a.noconvert());
-  add_sleep(m);
 }
 
 }  // namespace smartmesh

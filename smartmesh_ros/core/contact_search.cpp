@@ -101,11 +101,13 @@ void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface,
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
   if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;
   const ShapeReach reach(shape, pose, grown);
-  surface.gather(bounds, time, reach, maps_);
-  surface.gather_meshes(bounds, time, reach, meshes_);
+  surface.gather(bounds, time, approach.ahead, reach, maps_);
+  surface.gather_meshes(bounds, time, approach.ahead, reach, meshes_);
   for (Patch* patch : {&maps_, &meshes_}) {
     patch->finish();
+    const std::size_t first = contacts.size();
     find_contacts(shape, pose, *patch, approach, contacts);
+    for (std::size_t k = first; k < contacts.size(); ++k) contacts[k].ground = patch->motion_at(contacts[k].point);
   }
 }
 

@@ -35,8 +35,8 @@ struct GridPose {
   }
   // Returns the pose of a window of the grid that starts at a place.
   GridPose from(const GridPoint& place, double resolution) const {
-    const Vec3 corner = point(place, resolution);
-    return {corner.x, corner.y, cos, sin, slide_x, slide_y, spin};
+    const Vec3 corner = point(place, resolution), velocity = slide(corner.x, corner.y);
+    return {corner.x, corner.y, cos, sin, velocity.x, velocity.y, spin};
   }
   // Returns true if the grid moves horizontally.
   bool slides() const { return slide_x != 0.0 || slide_y != 0.0 || spin != 0.0; }
@@ -63,7 +63,8 @@ struct Sample {
 // `max_velocity` [m/s], `settle` [s]: see MotionConfig in terrain/motion.py. `noise` [m]: standard deviation of the heights
 // for the estimation of velocities. `smoothing` [map intervals]: see MotionConfig. `shown` [s]: instant up to which the
 // ground was shown to bodies, infinity before; corrections are blended in up to then. `friction` (rows,
-// columns): coefficient of each sample, NaN = 1; null: `uniform_friction` everywhere.
+// columns): coefficient of each sample, NaN = 1; null: `uniform_friction` everywhere. `variances` (rows, columns) [m^2]: of
+// fused heights; null: exact.
 struct HeightGrid {
   const float* heights = nullptr;
   const float* velocities = nullptr;
@@ -71,6 +72,7 @@ struct HeightGrid {
   const float* rates = nullptr;
   const Clock* clocks = nullptr;
   const float* friction = nullptr;
+  const float* variances = nullptr;
   double uniform_friction = 1.0;
   int rows = 0, columns = 0, block_columns = 0;
   double x = 0.0, y = 0.0, z = 0.0, yaw = 0.0, resolution = 1.0;

@@ -11,6 +11,8 @@ namespace {
 constexpr double PREFERENCE = 1e-3;
 // Share by which a new contact must span a larger area.
 constexpr double AREA_PREFERENCE = 1.2;
+// Distance within which a contact of other features takes over impulses [m].
+constexpr double MATCHING = 0.05;
 // Distance below which contacts with one normal are the same [m].
 constexpr double SAME_PLACE = 1e-6;
 
@@ -33,7 +35,7 @@ std::vector<Candidate> candidates_of(const Approach& approach, const std::vector
                                      const std::vector<Contact>& contacts) {
   std::vector<Candidate> found;
   for (const Contact& contact : contacts) {
-    const double closing = std::min(0.0, dot(contact.normal, approach.velocity_at(contact.point)));
+    const double closing = std::min(0.0, dot(contact.normal, approach.velocity_at(contact)));
     const bool was_there = std::any_of(before.begin(), before.end(), [&](const OldContact& old) {
       return old.body_feature == contact.body_feature && old.ground_feature == contact.ground_feature;
     });
@@ -83,9 +85,9 @@ void choose_contacts(const Approach& approach, const std::vector<OldContact>& be
   for (int k : {first, second, third, fourth}) add_distinct(found[k].contact, contacts);
 }
 
-const OldContact* matching(const Contact& contact, const std::vector<OldContact>& before, double radius) {
+const OldContact* matching(const Contact& contact, const std::vector<OldContact>& before) {
   const OldContact* best = nullptr;
-  double nearest = radius * radius;
+  double nearest = MATCHING * MATCHING;
   for (const OldContact& old : before) {
     if (old.body_feature == contact.body_feature && old.ground_feature == contact.ground_feature) return &old;
     const double distance = norm2(old.point - contact.point);

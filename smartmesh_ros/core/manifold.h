@@ -9,19 +9,19 @@ namespace smartmesh {
 
 constexpr int MOST_CONTACTS = 4;
 
-// A contact of the last step and its impulses [N s].
+// A contact of the last step, its impulse along the normal, and the impulse of friction on the body [N s].
 struct OldContact {
   int body_feature, ground_feature;
   Vec3 point;
-  double normal_impulse, lateral_impulse[2];
+  double normal_impulse;
+  Vec3 friction;
 };
 
 // Reduces contacts to at most four: the one that closes the most, and those that span the largest area with it. Contacts
 // that were there in the last step are preferred. `duration` [s]: of the step.
 void choose_contacts(const Approach& approach, const std::vector<OldContact>& before, std::vector<Contact>& contacts);
 
-// Returns the contact of the last step that became this one: of the same features, or else the nearest within `radius`
-// [m]; null = none.
-const OldContact* matching(const Contact& contact, const std::vector<OldContact>& before, double radius);
+// Returns the contact of the last step that became this one: of the same features, or else the nearest; null = none.
+const OldContact* matching(const Contact& contact, const std::vector<OldContact>& before);
 
 }  // namespace smartmesh

@@ -103,19 +103,7 @@ MeshPoint MeshReader::below(double x, double y, double z) {
   if (best < 0) return {};
   const auto& k = mesh_->topology_.facets[best];
   const Vec3 a = position(k[0]), normal = unit(cross(position(k[1]) - a, position(k[2]) - a));
-  return {height, (rise(k[0]) * weights[0] + rise(k[1]) * weights[1] + rise(k[2]) * weights[2]) * (1.0 / ahead_), normal,
-          best};
-}
-
-Vec3 MeshReader::turn(int facet) const {
-  const auto& k = mesh_->topology_.facets[facet];
-  const Vertex a = read(k[0]), b = read(k[1]), c = read(k[2]);
-  const Vec3 u = b.position - a.position, v = c.position - a.position, du = b.rise - a.rise, dv = c.rise - a.rise;
-  const double length = norm(u);
-  const Vec3 along = u * (1.0 / length), up = unit(cross(u, v)), across = cross(up, along);
-  const double spin = dot(du, across) / length, pitch = -dot(du, up) / length;
-  const double roll = (dot(dv, up) + dot(v, along) * pitch) / dot(v, across);
-  return (along * roll + across * pitch + up * spin) * (1.0 / ahead_);
+  return {height, (rise(k[0]) * weights[0] + rise(k[1]) * weights[1] + rise(k[2]) * weights[2]) * (1.0 / ahead_), normal};
 }
 
 }  // namespace smartmesh

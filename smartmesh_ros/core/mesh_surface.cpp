@@ -50,6 +50,7 @@ class MeshAdder {
       scratch_.stamp_of_vertex[v] = scratch_.stamp;
       scratch_.point_of[v] = static_cast<int>(patch_.points.size());
       patch_.points.push_back(reader_.position(v));
+      if (reader_.ahead() > 0.0) patch_.velocities.push_back(reader_.rise(v) * (1.0 / reader_.ahead()));
       patch_.names.push_back(first_name_ + v);
     }
     return scratch_.point_of[v];
@@ -180,12 +181,20 @@ double MeshSurface::drift(double time) const {
   return speed_ * std::abs(phase.along) + acceleration_ * std::abs(phase.bend) + offset_ * blend.offset + rate_ * blend.rate;
 }
 
-void MeshSurface::gather(const Bounds& bounds, double time, const Reach& reach, int number, MeshScratch& scratch,
-                         Patch& patch) const {
+void MeshSurface::gather(const Bounds& bounds, double time, double ahead, const Reach& reach, int number,
+                         MeshScratch& scratch, Patch& patch) const {
   tree_.find(bounds.grown(drift(time)), scratch.found);
   if (scratch.found.empty()) return;
   scratch.begin(static_cast<std::size_t>(vertices), topology_.edges.size());
-  MeshAdder(topology_, MeshReader(*this, time, 0.0), number, reach, scratch, patch).run(bounds);
+  MeshAdder(topology_, MeshReader(*this, time, ahead), number, reach, scratch, patch).run(bounds);
+}
+
+void MeshSurface::add_velocities(const Bounds& bounds, double time, double ahead, MeshScratch& scratch,
+                                 Bounds& speeds) const {
+  const MeshReader reader(*this, time, ahead);
+  tree_.find(bounds.grown(drift(time) + drift(time + ahead)), scratch.found);
+  for (int f : scratch.found)
+    for (int v : topology_.facets[f]) speeds.add(reader.rise(v) * (1.0 / ahead));
 }
 
 }  // namespace smartmesh

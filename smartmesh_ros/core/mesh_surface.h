@@ -13,12 +13,11 @@
 
 namespace smartmesh {
 
-// Ground of a mesh under a point: height [m] (NaN = none), and of the facet there its number, the mean velocity at that
-// point [m/s] over a duration and the unit normal on the counterclockwise side.
+// Ground of a mesh under a point: height [m] (NaN = none), and of the facet there the mean velocity at that point [m/s] over
+// a duration and the unit normal on the counterclockwise side.
 struct MeshPoint {
   double height = std::numeric_limits<double>::quiet_NaN();
   Vec3 velocity, normal;
-  int facet = -1;
 };
 
 // Where a ray meets the ground: distance [m], infinity = nowhere, and the unit normal there.
@@ -60,10 +59,12 @@ struct MeshSurface {
   // Returns true if any vertex may move at `time` [s].
   bool moves(double time) const;
 
-  // Adds the facets inside `bounds` at `time` [s] that are in `reach`, and their convex edges and peaks. `number`: of
-  // the mesh, for the names of points.
-  void gather(const Bounds& bounds, double time, const Reach& reach, int number, MeshScratch& scratch,
+  // Adds the facets inside `bounds` at `time` [s] that are in `reach`, and their convex edges and peaks. Velocities are
+  // means over the time `ahead` [s]; zero = they are not read. `number`: of the mesh, for the names of points.
+  void gather(const Bounds& bounds, double time, double ahead, const Reach& reach, int number, MeshScratch& scratch,
               Patch& patch) const;
+  // Adds the velocities of the facets that come into `bounds` within the time `ahead` [s] to `speeds`.
+  void add_velocities(const Bounds& bounds, double time, double ahead, MeshScratch& scratch, Bounds& speeds) const;
 
  private:
   friend class MeshReader;

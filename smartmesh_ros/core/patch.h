@@ -43,10 +43,16 @@ struct PatchCells {
   std::size_t at(int row, int column) const { return static_cast<std::size_t>(row) * columns + column; }
 };
 
+// Motion of the ground at a point: velocity there [m/s], and the rate at which its facet turns [rad/s].
+struct GroundMotion {
+  Vec3 velocity, turning;
+};
+
 struct Patch {
   bool is_mesh = false;  // facets are touched from both sides; else what is under them is below the ground
   PatchCells cells;
   std::vector<Vec3> points;
+  std::vector<Vec3> velocities;  // of the points [m/s]; empty: none moves
   std::vector<Facet> facets;
   std::vector<Edge> edges;
   std::vector<Peak> peaks;
@@ -60,10 +66,14 @@ struct Patch {
 
   // Makes all features one cell, if they are not divided, and finds the highest point.
   void finish();
+  // Returns the motion of the ground at a point of it, by the facet nearest to the point.
+  GroundMotion motion_at(const Vec3& p) const;
+  // Returns the rate at which a facet turns [rad/s].
+  Vec3 turning(const Facet& facet) const;
   void clear() {
     cells.rows = cells.columns = 0;
     steepest = -1.0;
-    points.clear(), facets.clear(), edges.clear(), peaks.clear(), neighbours.clear(), names.clear();
+    points.clear(), velocities.clear(), facets.clear(), edges.clear(), peaks.clear(), neighbours.clear(), names.clear();
   }
 };
 

@@ -30,7 +30,8 @@ GroundPoint SurfaceReader::at(double x, double y, double z) {
   const GridFacet tile = tiles.at(x, y).facet;
   const MeshReader* highest = nullptr;
   const MeshPoint mesh = meshes_at(x, y, z, highest);
-  return is_higher(mesh, tile.height) ? GroundPoint{mesh.height, mesh.velocity.z} : GroundPoint{tile.height, tile.velocity};
+  return is_higher(mesh, tile.height) ? GroundPoint{mesh.height, mesh.velocity}
+                                        : GroundPoint{tile.height, {0.0, 0.0, tile.velocity}};
 }
 
 GroundSample SurfaceReader::below(const Vec3& p) {
@@ -38,10 +39,9 @@ GroundSample SurfaceReader::below(const Vec3& p) {
   if (const TileFacet here = tiles.at(p.x, p.y, p.z); here.tile != nullptr) {
     const HeightGrid& grid = *here.tile->grid;
     const GridPoint place = clamped(grid, here.tile->place(p.x, p.y));
-    const Vec3 slide = here.tile->pose.slide(p.x, p.y);
     const Clock& clock = grid.clock(static_cast<int>(place.row), static_cast<int>(place.column));
     found = {here.facet.height, here.tile->normal(here.facet.per_column, here.facet.per_row),
-             {slide.x, slide.y, here.facet.velocity}, tiles.time() - clock.time};
+             here.tile->velocity(p.x, p.y, here.facet.velocity), tiles.time() - clock.time};
   }
   const MeshReader* mesh = nullptr;
   const MeshPoint ground = meshes_at(p.x, p.y, p.z, mesh);
@@ -60,19 +60,15 @@ SurfaceReader Surface::reader(double time, double ahead) const {
   return made;
 }
 
-double Surface::widest_cell() const {
-  double widest = 0.0;
-  for (const HeightGrid* grid : tiles_) widest = std::max(widest, grid->resolution);
-  return widest;
-}
-
 Bounds Surface::with_gaps(const Bounds& bounds) const {
-  return tiles_.size() > 1 ? bounds.grown(widest_cell()) : bounds;
+  return tiles_.size() > 1 ? bounds.grown(widest_cell_) : bounds;
 }
 
 void Surface::set_tiles(const std::vector<HeightGrid*>& tiles, const std::vector<MeshSurface*>& meshes) {
   tiles_ = tiles;
   meshes_ = meshes;
+  widest_cell_ = 0.0;
+  for (const HeightGrid* grid : tiles_) widest_cell_ = std::max(widest_cell_, grid->resolution);
   layout_ += NEW_LAYOUT;
 }
 
@@ -98,101 +94,133 @@ bool Surface::moves(double time) const {
          std::any_of(meshes_.begin(), meshes_.end(), [&](const MeshSurface* mesh) { return mesh->moves(time); });
 }
 
-void Surface::ground_under(const Bounds& bounds, double time, std::vector<double>& found) {
+void Surface::ground_under(const Bounds& bounds, double time, GroundUnder& found) {
   found.clear();
   const Bounds grown = with_gaps(bounds);
-  for (const HeightGrid* grid : tiles_) {
-    const CellRange cells = cells_under(*grid, time, grown);
-    if (cells.empty()) continue;
-    read_window(*grid, cells, time, window_);
-    for (double height : window_.heights) found.push_back(std::isnan(height) ? 1e300 : height);
-    for (int row = cells.top; row <= cells.bottom; ++row)
-      for (int column = cells.left; column <= cells.right; ++column) found.push_back(grid->friction_of(row, column));
-  }
+  for (const HeightGrid* grid : tiles_) add_ground_under(*grid, time, grown, found);
   Patch near;
-  gather_meshes(bounds, time, Everything{}, near);
-  for (const Vec3& p : near.points) found.insert(found.end(), {p.x, p.y, p.z});
+  gather_meshes(bounds, time, 0.0, Everything{}, near);
+  for (const Vec3& p : near.points) found.vertices.insert(found.vertices.end(), {p.x, p.y, p.z});
 }
 
-void Surface::gather_meshes(const Bounds& bounds, double time, const Reach& reach, Patch& patch) {
+void Surface::blocks_under(const Bounds& bounds, double time, std::vector<BlockUnder>& found) const {
+  found.clear();
+  const Bounds grown = with_gaps(bounds);
+  for (const HeightGrid* grid : tiles_) add_blocks_under(*grid, time, grown, found);
+}
+
+Updates Surface::updates_of(const std::vector<BlockUnder>& blocks, double time) const {
+  Updates found;
+  for (const BlockUnder& block : blocks) found.add(block, time);
+  for (const MeshSurface* mesh : meshes_) found.count += mesh->revision, found.moves |= mesh->moves(time);
+  return found;
+}
+
+void Surface::gather_meshes(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch) {
   patch.clear();
   patch.is_mesh = true;
   for (std::size_t k = 0; k < meshes_.size(); ++k)
-    meshes_[k]->gather(bounds, time, reach, static_cast<int>(k), scratch_, patch);
+    meshes_[k]->gather(bounds, time, ahead, reach, static_cast<int>(k), scratch_, patch);
 }
 
-double Surface::highest_under(const Bounds& bounds, double time) {
-  if (!meshes_.empty()) return 1e300;  // not worth a search of its own
-  double highest = -1e300;
-  const Bounds grown = with_gaps(bounds);
-  for (const HeightGrid* grid : tiles_) {
-    const CellRange cells = cells_under(*grid, time, grown);
-    if (cells.empty()) continue;
-    read_window(*grid, cells, time, window_);
-    highest = std::max(highest, window_.highest());
+void Surface::place_tiles(double time) {
+  const long now = revision();
+  if (time == placed_at_ && now == placed_revision_) return;
+  placed_at_ = time, placed_revision_ = now;
+  placed_.clear();
+  for (HeightGrid* grid : tiles_) {
+    const GridPose pose = grid->pose_at(time);
+    placed_.push_back({grid, pose, {}});
+    for (const double row : {0.0, grid->rows - 1.0})
+      for (const double column : {0.0, grid->columns - 1.0})
+        placed_.back().bounds.add(pose.point({row, column}, grid->resolution));
   }
-  return highest;
 }
 
-void Surface::gather(const Bounds& bounds, double time, const Reach& reach, Patch& patch) {
+void Surface::find_under(const Bounds& bounds, double time) {
+  place_tiles(time);
+  under_.clear();
+  for (const MapAtInstant& map : placed_) {
+    const bool apart = map.bounds.low.x > bounds.high.x || map.bounds.high.x < bounds.low.x ||
+                       map.bounds.low.y > bounds.high.y || map.bounds.high.y < bounds.low.y;
+    if (!apart && !cells_under(*map.grid, map.pose, bounds).empty()) under_.push_back(&map);
+  }
+}
+
+void Surface::gather(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch) {
   patch.clear();
-  const HeightGrid* finest = nullptr;
-  int met = 0;
-  const Bounds grown = with_gaps(bounds);
-  for (const HeightGrid* grid : tiles_) {
-    if (cells_under(*grid, time, grown).empty()) continue;
-    ++met;
-    if (finest == nullptr || grid->resolution < finest->resolution) finest = grid;
-  }
-  if (met == 0) return;
-  if (met > 1) {
-    sample_across(*finest, bounds, time);
-    add_cells(window_, 0, 0, reach, patch);
+  find_under(with_gaps(bounds), time);
+  if (under_.empty()) return;
+  if (under_.size() > 1) {
+    const MapAtInstant& finest = **std::min_element(under_.begin(), under_.end(), [](const MapAtInstant* a, const MapAtInstant* b) {
+      return a->grid->resolution < b->grid->resolution;
+    });
+    sample_across(finest, bounds, time, ahead, reach, patch);
     return;
   }
-  const CellRange cells = cells_under(*finest, time, bounds);
+  const auto& [grid, pose, _] = *under_[0];
+  const CellRange cells = cells_under(*grid, pose, bounds);
   if (cells.empty()) return;
-  read_window(*finest, cells, time, window_);
+  read_window(*grid, pose, cells, time, ahead, window_);
   if (window_.highest() >= bounds.low.z) add_cells(window_, cells.top - 1, cells.left - 1, reach, patch);
 }
 
-// Samples all tiles on the lattice of the finest one, which may go on beyond its edge.
-void Surface::sample_across(const HeightGrid& finest, const Bounds& bounds, double time) {
-  const GridPose pose = finest.pose_at(time);
-  const auto [low, high] = extent_of(pose, finest.resolution, bounds);
+// Samples the tiles under a body on the lattice of the finest one, which may go on beyond its edge.
+void Surface::sample_across(const MapAtInstant& finest, const Bounds& bounds, double time, double ahead, const Reach& reach,
+                            Patch& patch) {
+  Bounds here;  // where there are tiles
+  for (const MapAtInstant* map : under_) here.add(map->bounds.low), here.add(map->bounds.high);
+  const double resolution = finest.grid->resolution;
+  const auto [low, high] = extent_of(finest.pose, resolution, bounds.common(here));
   const double top = std::floor(low.row) - 1.0, left = std::floor(low.column) - 1.0;
   window_.rows = static_cast<int>(std::ceil(high.row) - top) + 2;
   window_.columns = static_cast<int>(std::ceil(high.column) - left) + 2;
-  window_.resolution = finest.resolution;
-  window_.pose = pose.from({top, left}, finest.resolution);
-  window_.heights.resize(static_cast<std::size_t>(window_.rows) * window_.columns);
-  TileReader tiles(tiles_, time, INSTANT);
+  window_.resolution = resolution;
+  window_.pose = finest.pose.from({top, left}, resolution);
+  window_.heights.clear(), window_.rises.clear(), window_.slides.clear();
+  window_.ahead = ahead;
+  TileReader tiles(under_, widest_cell_, time, ahead > 0.0 ? ahead : INSTANT);
   for (int r = 0; r < window_.rows; ++r) {
     for (int c = 0; c < window_.columns; ++c) {
-      const Vec3 p = window_.point(r, c);
-      window_.at(r, c) = tiles.sample(p.x, p.y).height;
+      const Vec3 p = window_.pose.point({static_cast<double>(r), static_cast<double>(c)}, window_.resolution);
+      const GroundPoint ground = tiles.sample(p.x, p.y);
+      window_.heights.push_back(ground.height);
+      if (!(ahead > 0.0)) continue;
+      window_.slides.push_back({ground.velocity.x, ground.velocity.y, 0.0});
+      window_.rises.push_back(ground.velocity.z * ahead);
     }
   }
+  add_cells(window_, static_cast<long>(top), static_cast<long>(left), reach, patch);
 }
 
-GroundMotion Surface::motion_at(double x, double y, double half, double time, double ahead, double z) const {
-  SurfaceReader ground = reader(time, ahead);
-  TileReader& tiles = ground.tiles;
-  const TileFacet here = tiles.at(x, y);
-  const MeshReader* highest = nullptr;
-  const MeshPoint mesh = ground.meshes_at(x, y, z, highest);
-  if (is_higher(mesh, here.facet.height)) return {true, {x, y, mesh.height}, mesh.velocity, highest->turn(mesh.facet)};
-  if (here.tile == nullptr) return {};
-  const auto slope = [&](double dx, double dy) {
-    const TileFacet low = tiles.at(x - dx, y - dy), high = tiles.at(x + dx, y + dy);
-    if (low.tile == nullptr || high.tile == nullptr) return 0.0;
-    return (high.facet.velocity - low.facet.velocity) / (2.0 * half);
-  };
-  const Vec3 slide = here.tile->pose.slide(x, y);
-  return {true,
-          {x, y, here.facet.height},
-          {slide.x, slide.y, here.facet.velocity},
-          {slope(0.0, half), -slope(half, 0.0), slide.z}};
+NearbyGround Surface::near(const Bounds& bounds, double time, double ahead) {
+  NearbyGround found;
+  Bounds speeds;
+  const Vec3 middle = (bounds.low + bounds.high) * 0.5;
+  place_tiles(time);
+  double comes = 0.0;  // ground that slides [m]
+  for (const MapAtInstant& map : placed_) {
+    if (!map.pose.slides()) continue;
+    const Vec3 slide = map.pose.slide(middle.x, middle.y);
+    const double speed = std::hypot(slide.x, slide.y) + std::abs(slide.z) * norm(bounds.high - middle);
+    comes = std::max(comes, speed * ahead);
+  }
+  const Bounds grown = with_gaps(bounds).grown(comes);
+  find_under(grown, time);
+  for (const MapAtInstant* map : under_) {
+    read_window(*map->grid, map->pose, cells_under(*map->grid, map->pose, grown), time, ahead, window_);
+    found.highest = std::max(found.highest, window_.highest());
+    for (int r = 0; r < window_.rows; ++r)
+      for (int c = 0; c < window_.columns; ++c)
+        if (!std::isnan(window_.at(r, c))) speeds.add(window_.moves() ? window_.velocity(r, c) : Vec3{});
+  }
+  if (!meshes_.empty()) found.highest = 1e300;  // not worth a search of its own
+  if (ahead > 0.0)
+    for (const MeshSurface* mesh : meshes_) mesh->add_velocities(bounds, time, ahead, scratch_, speeds);
+  if (!(speeds.low.x <= speeds.high.x)) return found;
+  found.velocity = (speeds.low + speeds.high) * 0.5;
+  found.spread = norm(speeds.high - found.velocity);
+  return found;
 }
 
 }  // namespace smartmesh

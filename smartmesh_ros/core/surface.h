@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "ground_under.h"
 #include "mesh_reader.h"
 #include "patch.h"
 #include "tile_reader.h"
@@ -10,11 +11,12 @@
 
 namespace smartmesh {
 
-// Velocity of the ground near a point, as that of a rigid body: `linear` [m/s] at the ground under the point, `angular`
-// [rad/s] from the gradient of the vertical velocity, or of the mesh's facet there. `foot` [m]: the ground under the point.
-struct GroundMotion {
-  bool known = false;
-  Vec3 foot, linear, angular;
+// The ground near a body: a height that none of it exceeds [m], -1e300 = no ground, and the middle of its velocities, from
+// which none differs by more than `spread` [m/s].
+struct NearbyGround {
+  double highest = -1e300;
+  Vec3 velocity;
+  double spread = 0.0;
 };
 
 // The ground at a point: height [m], NaN = none, unit normal towards the side of the bodies, velocity [m/s] with horizontal
@@ -49,15 +51,15 @@ class Surface {
   void set_tiles(const std::vector<HeightGrid*>& tiles, const std::vector<MeshSurface*>& meshes);
 
   // Fills `patch` with the ground of height maps, or of meshes, inside `bounds` at `time` [s], as far as it is in `reach`.
-  void gather(const Bounds& bounds, double time, const Reach& reach, Patch& patch);
-  void gather_meshes(const Bounds& bounds, double time, const Reach& reach, Patch& patch);
+  // Velocities are means over the time `ahead` [s]; zero = they are not read.
+  void gather(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch);
+  void gather_meshes(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch);
 
   // Returns a reader at `time` [s], with mean velocities over the time `ahead` [s].
   SurfaceReader reader(double time, double ahead) const;
 
-  // Returns the motion of the highest ground at (x, y) over the time `ahead` [s]. Ground of meshes above `z` [m] does not
-  // count. The gradient of height maps is taken over `half` [m] to each side.
-  GroundMotion motion_at(double x, double y, double half, double time, double ahead, double z = ABOVE_ALL) const;
+  // Returns the ground that comes under `bounds` within the time `ahead` [s], as it is at `time` [s].
+  NearbyGround near(const Bounds& bounds, double time, double ahead);
 
   // Notes that bodies met the ground up to the instant `time` [s].
   void note_shown(double time);
@@ -69,20 +71,29 @@ class Surface {
   bool has_friction() const;
   // Returns true if any ground may move at `time` [s].
   bool moves(double time) const;
-  // Returns a height that no ground inside `bounds` exceeds at `time` [s]; -1e300 = no ground.
-  double highest_under(const Bounds& bounds, double time);
-  // Writes heights and friction of the samples inside `bounds` at `time` [s], and the coordinates of the vertices of facets
-  // there.
-  void ground_under(const Bounds& bounds, double time, std::vector<double>& found);
+  // Finds the ground inside `bounds` at `time` [s], and the blocks of samples there, which are known until the surface gets
+  // other tiles.
+  void ground_under(const Bounds& bounds, double time, GroundUnder& found);
+  void blocks_under(const Bounds& bounds, double time, std::vector<BlockUnder>& found) const;
+  // Returns the updates so far of some blocks, and of all meshes.
+  Updates updates_of(const std::vector<BlockUnder>& blocks, double time) const;
 
  private:
-  double widest_cell() const;
   // Returns bounds that hold the tiles on both sides of each gap that is bridged inside `bounds`.
   Bounds with_gaps(const Bounds& bounds) const;
-  void sample_across(const HeightGrid& finest, const Bounds& bounds, double time);
+  void place_tiles(double time);
+  // Finds the maps that have cells under `bounds` at `time` [s], in their order.
+  void find_under(const Bounds& bounds, double time);
+  void sample_across(const MapAtInstant& finest, const Bounds& bounds, double time, double ahead, const Reach& reach,
+                     Patch& patch);
 
   std::vector<HeightGrid*> tiles_;
   std::vector<MeshSurface*> meshes_;
+  double widest_cell_ = 0.0;                // [m]
+  std::vector<MapAtInstant> placed_;           // as of a time [s] and a revision
+  double placed_at_ = 0.0;
+  long placed_revision_ = -1;
+  std::vector<const MapAtInstant*> under_;  // a body
   Window window_;
   MeshScratch scratch_;
   long layout_ = 0;

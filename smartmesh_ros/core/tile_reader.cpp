@@ -28,6 +28,12 @@ TileReader::TileReader(const std::vector<HeightGrid*>& grids, double time, doubl
   }
 }
 
+TileReader::TileReader(const std::vector<const MapAtInstant*>& maps, double widest_cell, double time, double ahead)
+    : time_(time), ahead_(ahead), widest_gap_(widest_cell * (1.0 + GAP_ROUNDING)) {
+  tiles_.reserve(maps.size());
+  for (const MapAtInstant* map : maps) tiles_.push_back({map->grid, map->pose, GridReader(*map->grid, time, ahead)});
+}
+
 TileFacet TileReader::on_maps(double x, double y, double z, bool& on_any) {
   on_any = false;
   for (Tile& tile : tiles_) {
@@ -80,20 +86,20 @@ Sample TileReader::across(std::size_t number, double row, double column) {
     return tile.reader.read(static_cast<int>(row), static_cast<int>(column));
   const Vec3 at = tile.pose.point({row, column}, grid.resolution);
   const GroundPoint ground = sample(at.x, at.y);
-  return {ground.height, ground.velocity * ahead_};
+  return {ground.height, ground.velocity.z * ahead_};
 }
 
 GroundPoint TileReader::sample(double x, double y) {
   bool on_any;
   const TileFacet here = on_maps(x, y, ABOVE_ALL, on_any);
-  if (here.tile != nullptr) return {here.facet.height, here.facet.velocity};
-  return on_any ? GroundPoint{NONE, 0.0} : bridged(x, y);
+  if (here.tile != nullptr) return {here.facet.height, here.tile->velocity(x, y, here.facet.velocity)};
+  return on_any ? GroundPoint{NONE, {}} : bridged(x, y);
 }
 
 // Interpolates between the edges of at least two maps.
 GroundPoint TileReader::bridged(double x, double y) {
   double weights = 0.0;
-  GroundPoint sum{0.0, 0.0};
+  GroundPoint sum{0.0, {}};
   int sides = 0;
   for (Tile& tile : tiles_) {
     const GridPoint place = tile.place(x, y);
@@ -103,10 +109,10 @@ GroundPoint TileReader::bridged(double x, double y) {
     if (std::isnan(edge.height)) continue;
     weights += 1.0 / distance;
     sum.height += edge.height / distance;
-    sum.velocity += edge.velocity / distance;
+    sum.velocity = sum.velocity + tile.velocity(x, y, edge.velocity) * (1.0 / distance);
     ++sides;
   }
-  return sides < 2 ? GroundPoint{NONE, 0.0} : GroundPoint{sum.height / weights, sum.velocity / weights};
+  return sides < 2 ? GroundPoint{NONE, {}} : GroundPoint{sum.height / weights, sum.velocity * (1.0 / weights)};
 }
 
 double TileReader::friction(double x, double y) const {

@@ -8,15 +8,23 @@
 
 namespace smartmesh {
 
-// Ground under a point: height [m] (NaN = none) and mean vertical velocity [m/s] over a duration.
+// Ground under a point: height [m] (NaN = none) and mean velocity [m/s] over a duration.
 struct GroundPoint {
-  double height, velocity;
+  double height;
+  Vec3 velocity;
 };
 
 // Duration over which a velocity is that of an instant [s], as in terrain/motion.py.
 constexpr double INSTANT = 1e-9;
 // Height of a point above all ground [m].
 constexpr double ABOVE_ALL = 1e300;
+
+// A height map where it is at an instant. `bounds`: of its samples; they hold for x and y.
+struct MapAtInstant {
+  HeightGrid* grid;
+  GridPose pose;
+  Bounds bounds;
+};
 
 // One of the height maps at the instant.
 struct Tile {
@@ -28,6 +36,11 @@ struct Tile {
 
   // Returns how far a place lies outside the map [m], along the axis where it is farthest.
   double beyond(const GridPoint& p) const;
+  // Returns the velocity of a facet of the map at (x, y) [m/s]. `rise` [m/s]: its vertical velocity there.
+  Vec3 velocity(double x, double y, double rise) const {
+    const Vec3 slide = pose.slide(x, y);
+    return {slide.x, slide.y, rise};
+  }
   // Returns the upward unit normal of a facet whose height changes so much per column and row [m].
   Vec3 normal(double per_column, double per_row) const {
     const double east = -per_column / grid->resolution, north = -per_row / grid->resolution;
@@ -49,6 +62,8 @@ class TileReader {
  public:
   // Velocities are means over the time `ahead` [s].
   TileReader(const std::vector<HeightGrid*>& grids, double time, double ahead);
+  // For some of the maps of a surface, which bridges gaps of `widest_cell` [m].
+  TileReader(const std::vector<const MapAtInstant*>& maps, double widest_cell, double time, double ahead);
 
   // Returns the facet at (x, y). Ground above `z` [m] does not count.
   TileFacet at(double x, double y, double z = ABOVE_ALL);

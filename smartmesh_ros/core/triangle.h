@@ -47,4 +47,27 @@ inline bool nearest_on_lines(const Vec3& a, const Vec3& b, const Vec3& p, const 
   return true;
 }
 
+// Finds the barycentric weights of the point of the triangle (a, b, c) with unit normal `n` that is nearest to `p`. Returns
+// its squared distance from `p` [m^2].
+inline double nearest_weights(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& n, double (&weights)[3]) {
+  const Vec3* const corner[3] = {&a, &b, &c};
+  const double area = dot(cross(b - a, c - a), n);
+  bool is_inside = true;
+  for (int k = 0; k < 3; ++k) {
+    const Vec3 &q = *corner[(k + 1) % 3], &r = *corner[(k + 2) % 3];
+    weights[k] = dot(cross(r - q, p - q), n) / area;
+    is_inside &= weights[k] >= 0.0;
+  }
+  if (is_inside) return dot(n, p - a) * dot(n, p - a);
+  double least = 1e300;
+  for (int k = 0; k < 3; ++k) {
+    const Vec3 &q = *corner[(k + 1) % 3], &r = *corner[(k + 2) % 3];
+    const double t = std::clamp(along_segment(p, q, r), 0.0, 1.0), distance2 = norm2(q + (r - q) * t - p);
+    if (distance2 >= least) continue;
+    least = distance2;
+    weights[k] = 0.0, weights[(k + 1) % 3] = 1.0 - t, weights[(k + 2) % 3] = t;
+  }
+  return least;
+}
+
 }  // namespace smartmesh

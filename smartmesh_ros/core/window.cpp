@@ -25,23 +25,34 @@ GridExtent extent_of(const GridPose& pose, double resolution, const Bounds& boun
   return extent;
 }
 
-CellRange cells_under(const HeightGrid& grid, double time, const Bounds& bounds) {
-  const GridExtent extent = extent_of(grid.pose_at(time), grid.resolution, bounds);
+CellRange cells_under(const HeightGrid& grid, const GridPose& pose, const Bounds& bounds) {
+  const GridExtent extent = extent_of(pose, grid.resolution, bounds);
   if (!extent.meets(grid)) return {};
   const int last_row = grid.rows - 2, last_column = grid.columns - 2;
   return {floor_within(extent.low.row, 0, last_row), floor_within(extent.low.column, 0, last_column),
           floor_within(extent.high.row, 0, last_row) + 1, floor_within(extent.high.column, 0, last_column) + 1};
 }
 
-void read_window(const HeightGrid& grid, const CellRange& cells, double time, Window& window) {
+void read_window(const HeightGrid& grid, const GridPose& pose, const CellRange& cells, double time, double ahead,
+                 Window& window) {
   const int top = cells.top - 1, left = cells.left - 1;
   window.rows = cells.bottom - cells.top + 3;
   window.columns = cells.right - cells.left + 3;
   window.resolution = grid.resolution;
-  window.pose = grid.pose_at(time).from({static_cast<double>(top), static_cast<double>(left)}, grid.resolution);
-  window.heights.resize(static_cast<std::size_t>(window.rows) * window.columns);
-  GridReader reader(grid, time, 0.0);
-  for (int r = 0; r < window.rows; ++r) reader.read_row(top + r, left, window.columns, &window.at(r, 0));
+  window.pose = pose.from({static_cast<double>(top), static_cast<double>(left)}, grid.resolution);
+  const std::size_t count = static_cast<std::size_t>(window.rows) * window.columns;
+  window.heights.resize(count);
+  window.ahead = ahead;
+  window.slides.clear();
+  std::vector<double>& rises = window.rises;
+  rises.resize(ahead > 0.0 ? count : 0);
+  GridReader reader(grid, time, ahead);
+  for (int r = 0; r < window.rows; ++r) {
+    reader.read_row(top + r, left, window.columns, &window.at(r, 0));
+    if (ahead > 0.0) reader.read_rises(top + r, left, window.columns, &rises[window.index(r, 0)]);
+  }
+  const bool moves = window.pose.slides() || std::any_of(rises.begin(), rises.end(), [](double rise) { return rise != 0.0; });
+  if (!moves) rises.clear();
 }
 
 }  // namespace smartmesh

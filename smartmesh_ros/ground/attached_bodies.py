@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.body_shapes import links_with_shape, require_body, shape_of
-from smartmesh_ros.ground.bullet import NoClient, connected_client, undone
-from smartmesh_ros.ground.bullet_sleep import SleepContacts, is_fixed
+from smartmesh_ros.ground.body_shapes import require_body, shapes_of
+from smartmesh_ros.ground.bullet import NoClient, connected_client, is_fixed, undone
 from smartmesh_ros.ground.colliders.patch_contacts import PatchContacts
 from smartmesh_ros.ground.config import SleepConfig, time_step_of
 from smartmesh_ros.ground.followers import Belt, Follower, Followers
 from smartmesh_ros.ground.map_contacts import MapContacts, SoilSupport, SteppedSoil, missing_for
 from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.ground.shown_ground import ShownGround
 from smartmesh_ros.ground.shown_patches import ShownPatches
-from smartmesh_ros.ground.sleeping import Sleeping
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.patches.config import PatchConfig, require_usable
 from smartmesh_ros.patches.shapes import BodyShape
@@ -55,10 +55,12 @@ class AttachedBodies:
         self.refreshes = self.rescues = 0
         self.soil: SteppedSoil | None = None
         self._soil_revision = 0  # of the places of soils that bodies stand on
+        self._shown: ShownGround | None = None
         self._client = client
         self.patches = ShownPatches(self.terrain, self.config, self.followers, self.stopwatch)
         self.contacts = self._new_contacts(self.config)
-        self._sleeping = Sleeping(client, self.followers, self.terrain)
+        self._may_sleep: Callable[[int], bool] | None = None
+        self._sleep = SleepConfig()
         self._stale = True  # the next step needs an update, even if the last one has not expired
         self._steps = 1  # lifetime of the last update [steps]
 
@@ -73,9 +75,9 @@ class AttachedBodies:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make a ground that answers questions about its terrain, and refuses what needs a client."""
         nobody: Any = NoClient()
-        vars(self).update(state, _client=nobody, patches=nobody, contacts=nobody, _sleeping=nobody)
-        self.followers, self.stopwatch, self.soil = Followers(), Stopwatch(), None
-        self.no_proxies = NoClient.WHY
+        vars(self).update(state, _client=nobody, patches=nobody, contacts=nobody)
+        self.followers, self.stopwatch, self.soil, self._shown = Followers(), Stopwatch(), None, None
+        self.no_proxies, self._may_sleep, self._sleep = NoClient.WHY, None, SleepConfig()
         self.refreshes, self.rescues, self._stale, self._steps = 0, 0, True, 1
 
     def attach(
@@ -89,22 +91,19 @@ class AttachedBodies:
     ) -> Follower:
         """Put each link of ``body`` that has a collision shape onto the ground, or one ``link`` (-1 = the base).
 
-        Shapes are read from PyBullet, unless the base's or link's is given: as a ``shape`` about the centre of mass (or
-        one that was read before), or as the ``radius`` [m] of a bounding sphere. ``solid=False`` computes patches
-        without contacts. Returns the follower of the link, or of the first one; ``followers.of(body)`` lists all.
-        Raises `InputError`, and attaches nothing, if there is no such body or link, or if a link has no shape or is
-        attached already.
+        Shapes are those that PyBullet collides, unless the base's or link's is given: as a ``shape`` about the centre
+        of mass (or one that was read before), or as the ``radius`` [m] of a bounding sphere. ``solid=False`` computes
+        patches without contacts. Returns the follower of the link, or of the first one; ``followers.of(body)`` lists
+        all. Raises `InputError`, and attaches nothing, if there is no such body or link, if the body is soft, or if a
+        link has no shape or is attached already.
         """
         require_body(self._client, body, link)
         if self.is_ground(body):
             raise InputError("unknown_body", f"body {body} is a piece of this ground; attach what stands on it")
-        if link is not None or radius is not None or shape is not None:
-            links = [-1 if link is None else link]
-        else:
-            links = links_with_shape(self._client, body)
-        records = [shape_of(self._client, body, each, shape, radius) for each in links]
-        made = [Follower(body, each, record, solid) for each, record in zip(links, records, strict=True)]
-        self.followers.require_new(body, links)
+        self._drop_gone()
+        shapes = shapes_of(self._client, body, link, shape, radius)
+        made = [Follower(body, each, record, solid) for each, record in shapes.items()]
+        self.followers.require_new(body, list(shapes))
         own = solid and not is_fixed(self._client, body)
         if not len(self.followers):
             self.contacts.set_time(self.time, time_step_of(self._client))
@@ -114,16 +113,17 @@ class AttachedBodies:
                 self._put_on(follower, own=own)
                 added.append(follower.slot)
         if self.contacts.exact:
-            self.contacts.refresh(self._sleeping.stopping)
+            self.contacts.refresh()
         self._stale = True
         return made[0]
 
     def is_ground(self, body: int) -> bool:
         """Return True if a PyBullet body stands for the ground, such as the other body of a contact point."""
-        return self.contacts.is_ground(body)
+        return self.contacts.is_ground(body) or body in self.shown.values()
 
     def detach(self, body: int) -> None:
-        """Take ``body`` and its links off the ground. Call it before the body is removed from PyBullet."""
+        """Take ``body`` and its links off the ground. A body that is removed from PyBullet is taken off by itself, but
+        not where there are colliders of PyBullet's own."""
         self._take_off(list(self.followers.of(body)))
         self._stale = True
 
@@ -132,10 +132,13 @@ class AttachedBodies:
         with undone(lambda: self.followers.remove(follower.slot)):
             self.contacts.attach(follower)
 
+    def _drop_gone(self) -> None:
+        """Take off what was removed from PyBullet, whose number another body may have by now."""
+        if gone := self.contacts.find_gone():
+            self._take_off(gone)
+
     def _take_off(self, slots: list[int]) -> None:
         """Detach all of these followers, or none if PyBullet fails."""
-        for slot in slots:
-            self._sleeping.wake_near(slot)
         self.contacts.detach(slots)
         for slot in slots:
             self.followers.remove(slot)
@@ -162,16 +165,28 @@ class AttachedBodies:
             contacts.drive(follower)
 
     def let_sleep(self, may_sleep: Callable[[int], bool] | None, config: SleepConfig | None = None) -> None:
-        """Put bodies at rest to sleep from now on, without contacts, if ``may_sleep`` returns True for the PyBullet
-        body; None = wake all, and let none sleep. Whoever pushes a body by other means than PyBullet's contacts must
-        `wake` it before."""
-        self._stale |= bool(self.followers.asleep.size)
-        self._sleeping.configure(may_sleep, config or SleepConfig())
+        """Let `step` and `update` put bodies at rest to sleep from now on, if ``may_sleep`` returns True for the
+        PyBullet body; None = wake all, and let none sleep.
+
+        A sleeping body keeps its contacts, and costs little. It wakes with all that it touches, in the step in which
+        something touches or moves it: other bodies, attached or not; constraints; poses, velocities, forces and joint
+        commands that are set through PyBullet; another ground. A multibody that a constraint holds to something else
+        stays awake; whoever changes a constraint of rigid bodies must `wake` them. On colliders of PyBullet's own no
+        body sleeps.
+        """
+        self._may_sleep, self._sleep = may_sleep, config or SleepConfig()
+        self._set_sleep()
 
     def wake(self, body: int | None = None) -> None:
-        """Wake a body, or all (None), with what it may touch. Call it after you moved a body, too."""
-        self._sleeping.wake(None if body is None else np.array(self.followers.of(body), np.int64))
+        """Wake a body, or all (None), with what it touches. It must be still for `SleepConfig.after` before it
+        sleeps."""
+        self.contacts.wake(None if body is None else self.followers.of(body))
         self._stale = True
+
+    def is_asleep(self, body: int) -> bool:
+        """Return True if a body sleeps with all its links."""
+        self.contacts.note_sleep()
+        return not self.followers.table["awake"][self.followers.of(body)].any()
 
     def note_remote_states(self, bodies: list[int], states: FloatArray) -> None:
         """Note that bodies of other nodes were set to states (n, 13). They sleep only while their owners say that they
@@ -180,8 +195,7 @@ class AttachedBodies:
         slots = np.array([followers.of(body)[0] for body in bodies], np.int64)
         jumps = np.linalg.norm(states[:, :3] - followers.positions_w[slots], axis=1)
         active = slots[states[:, 7:13].any(axis=1) | ~(jumps <= followers.radii[slots])]
-        self._stale |= not followers.table["awake"][active].all()
-        self._sleeping.wake(active)
+        self.contacts.wake(active.tolist())
 
     def configure(self, config: PatchConfig, *, gravity: float | None = None) -> None:
         """Replace the settings of patches, and ``gravity`` [m/s^2] unless it is None, from the next update on. Bodies
@@ -189,6 +203,8 @@ class AttachedBodies:
         settings."""
         self._require_usable(config)
         self._require_exact_for(self.soil, config)
+        if self._shown is not None and not self._is_exact(config):
+            raise InputError("show", f"patches of the kind {config.kind!r} are no ground that is drawn; hide it first")
         self.wake()
         if self._is_exact(config) != self.contacts.exact:
             self._exchange_contacts(config)
@@ -199,9 +215,43 @@ class AttachedBodies:
 
     def close(self) -> None:
         """Detach all bodies, and leave the client to another ground."""
+        self.hide()
         for follower in list(self.followers):
             self.detach(follower.body)
         self.contacts.close()
+
+    def show(self, rate: float = 10.0) -> None:
+        """Draw the ground in PyBullet's window and pictures, where its rays meet it: now, and with later steps and
+        updates at most ``rate`` [Hz] times a second of simulated time. Nothing touches what is drawn.
+
+        Maps are drawn with their holes and the colours of their friction; those of more than 256 samples a side at
+        every 2nd, 3rd, ... sample. Raises `InputError` if contacts do not come from the map, or the rate is no number
+        above zero.
+        """
+        if not (math.isfinite(rate) and rate > 0.0):
+            raise InputError("rate", f"the ground is drawn at a rate of {rate} Hz; it must be finite and above zero")
+        contacts = self._require_map("show", "the ground is drawn")
+        contacts.require_client()
+        if self._shown is None:
+            self._shown = contacts.shown(rate)
+        self._shown.rate = rate
+        self._shown.draw(self.clock)
+
+    def hide(self) -> None:
+        """Remove what `show` draws."""
+        if self._shown is not None:
+            self._shown.close()
+            self._shown = None
+
+    @property
+    def drawn(self) -> float:
+        """Rate at which the ground is drawn [Hz]; 0 = it is not."""
+        return 0.0 if self._shown is None else self._shown.rate
+
+    @property
+    def shown(self) -> dict[str, int]:
+        """PyBullet's bodies of the drawn tiles, by the tiles' names: the ids that rays report."""
+        return {} if self._shown is None else self._shown.bodies
 
     def set_soil(self, soil: SteppedSoil | None) -> None:
         """Let bodies stand on a soil of one of the terrain's height maps, such as a `Soil`, from now on; None =
@@ -238,14 +288,15 @@ class AttachedBodies:
         }
 
     @property
+    def clock(self) -> float:
+        """Time [s] at the start of the next step. PyBullet's steps advance it, whoever calls them; with colliders of
+        PyBullet's own it is that of the last update."""
+        return self.contacts.time
+
+    @property
     def exact(self) -> bool:
         """True if contacts come from the map itself."""
         return self.contacts.exact
-
-    @property
-    def contacts_asleep(self) -> dict[int, SleepContacts]:
-        """By slot: the contacts of sleeping bodies with their ground, in the last step before they fell asleep."""
-        return self._sleeping.contacts
 
     def require_usable(self, mesh: MainMesh, config: PatchConfig | None = None) -> None:
         """Raise `InputError` if a mesh cannot be ground with these settings, or the present ones (None)."""
@@ -254,10 +305,13 @@ class AttachedBodies:
 
     def require_belts(self) -> MapContacts:
         """Return the contacts, in which surfaces can move; raises `InputError` if they are PyBullet's own."""
+        return self._require_map("surface", "a surface moves")
+
+    def _require_map(self, reason: str, what: str) -> MapContacts:
         if isinstance(self.contacts, MapContacts):
             return self.contacts
         cause = self.no_proxies or f"the kind of patch is {self.config.kind!r}; choose 'auto'"
-        raise InputError("surface", f"a surface moves only where contacts come from the map itself: {cause}")
+        raise InputError(reason, f"{what} only where contacts come from the map itself: {cause}")
 
     def _has(self, mesh: MainMesh) -> bool:
         """Return True if a mesh is a tile of the terrain."""
@@ -283,6 +337,10 @@ class AttachedBodies:
                 new.attach(follower)
             old.close()
         self.contacts = new
+        self._set_sleep()
+
+    def _set_sleep(self) -> None:
+        self.contacts.let_sleep(self._sleep if self._may_sleep else None)
 
     def _new_contacts(self, config: PatchConfig) -> MapContacts | PatchContacts:
         if self._is_exact(config):

@@ -1,50 +1,34 @@
-"""Shapes of bodies and links, as users give them or as PyBullet reports them."""
+"""Shapes of bodies and links, as users give them or as Bullet collides them."""
 
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pybullet as pb
 
+from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.quaternions import rotate
+from smartmesh_ros.ground.layout_probe import number_of
+from smartmesh_ros.ground.map_contacts import missing_for
 from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.ground.state import Quaternion, Vector
-from smartmesh_ros.patches.shapes import BodyShape, ball, compound, hull, primitive
-from smartmesh_ros.terrain.grid import FloatArray
-
-# Margin by which PyBullet's loader grows the hulls of links [m]; ``changeDynamics`` changes that of base links only.
-HULL_MARGIN = 1e-3
+from smartmesh_ros.patches.shapes import BodyShape, ball, compound, part_of, primitive
 
 
-def read_shape(client: Any, body: int, link: int = -1) -> BodyShape:
-    """Read the shape of a body or link from PyBullet: what PyBullet collides, meshes as their convex hulls.
+def read_shapes(client: Any, body: int) -> dict[int, BodyShape]:
+    """Return the shapes of those links of a body that have one, -1 = its base: what Bullet collides, meshes as their
+    convex hulls. Raises `InputError` if the body is soft.
 
-    If PyBullet does not report the shape, or the file of a mesh cannot be read, the result is the bounding ball. If the
-    body has no shape, the radius is zero.
+    Without the core in PyBullet a mesh, and what PyBullet does not report, is its bounding ball.
     """
+    if missing_for(client):
+        return _reported_shapes(client, body)
     try:
-        found = client.getCollisionShapeData(body, link)
-    except pb.error:  # PyBullet does not report the shapes of bodies in maximal coordinates
-        return ball(_radius_of_bounds(client, body, link))
-    if not found:
-        return ball(0.0)
-    parts: list[BodyShape] = []
-    for index, (_, _, kind, size, file, position, turn) in enumerate(found):
-        if kind == pb.GEOM_MESH:
-            margin = _margin(client, body, link, alone=len(found) == 1)
-            hulls = _hulls(client, body, link, index, (size, file, position, turn))
-            known = [hull(points, margin) for points in hulls]
-        else:
-            simple = primitive(pb, kind, size, position, turn)
-            known = [] if simple is None else [simple]
-        if not known:
-            return ball(_radius_of_bounds(client, body, link))
-        parts += known
-    return compound(parts)
+        found = CORE.shapes_of(number_of(client), body)
+    except ValueError as error:
+        raise InputError("geometry", f"body {body} cannot stand on the ground: {error}") from None
+    return {link: compound([part_of(*part) for part in parts]) for link, parts in found.items()}
 
 
 # Most bodies that a message lists.
@@ -71,48 +55,35 @@ def require_body(client: Any, body: int, link: int | None = None) -> None:
         raise InputError("unknown_body", f"body {body} has no link {link!r}; it has {links}")
 
 
-def shape_of(client: Any, body: int, link: int, shape: Shape | BodyShape | None, radius: float | None) -> BodyShape:
-    """Return the given ``shape``, or else a ball of the given ``radius`` [m], or else the shape that PyBullet reports;
-    raises `InputError` if it has no size, and names the links that have a shape."""
-    if shape is None and radius is None:
-        require_shape(client, body, link)
-    if isinstance(shape, BodyShape):
-        made = shape
-    elif shape is not None:
-        made = shape.body_shape
-    else:
-        made = read_shape(client, body, link) if radius is None else ball(radius)
-    if not (math.isfinite(made.radius) and made.radius > 0.0):
-        raise InputError(
-            "geometry", f"the radius of body {body}, link {link} is {made.radius} m; it must be above zero"
-        )
-    return made
-
-
-def links_with_shape(client: Any, body: int) -> list[int]:
-    """Return the links of a body that have a collision shape, -1 = its base; raises `InputError` if there are none."""
-    links = [link for link in range(-1, client.getNumJoints(body)) if _has_shape(client, body, link)]
-    if not links:
+def shapes_of(
+    client: Any, body: int, link: int | None, shape: Shape | BodyShape | None, radius: float | None
+) -> dict[int, BodyShape]:
+    """Return the shapes of all links of a body that have one, or of one ``link``. The base's or link's is the given
+    ``shape``, or a ball of the given ``radius`` [m], if there is one. Raises `InputError` if a shape has no size, and
+    names the links that have a shape."""
+    given = ball(radius) if radius is not None else shape.body_shape if isinstance(shape, Shape) else shape
+    found = read_shapes(client, body) if given is None else {-1 if link is None else link: given}
+    if not found:
         raise InputError("geometry", f"body {body} has no collision shape, so nothing of it could touch the ground")
-    return links
+    if link is not None and link not in found:
+        raise _no_shape(client, body, link, list(found))
+    if link is not None:
+        found = {link: found[link]}
+    for each, made in found.items():
+        if not (math.isfinite(made.radius) and made.radius > 0.0):
+            raise InputError(
+                "geometry", f"the radius of body {body}, link {each} is {made.radius} m; it must be above zero"
+            )
+    return found
 
 
-def require_shape(client: Any, body: int, link: int) -> None:
-    """Raise `InputError`, which names the links that have a collision shape, if a link has none."""
-    if not _has_shape(client, body, link):
-        known = ", ".join(f"{other} {link_name(client, body, other)!r}" for other in links_with_shape(client, body))
-        raise InputError(
-            "geometry",
-            f"link {link} {link_name(client, body, link)!r} of body {body} has no collision shape; links that have "
-            f"one: {known}. Without a link, the whole robot is attached",
-        )
-
-
-def _has_shape(client: Any, body: int, link: int) -> bool:
-    try:
-        return bool(client.getCollisionShapeData(body, link))
-    except pb.error:  # PyBullet does not report the shapes of bodies in maximal coordinates
-        return True
+def _no_shape(client: Any, body: int, link: int, links: list[int]) -> InputError:
+    known = ", ".join(f"{other} {link_name(client, body, other)!r}" for other in links)
+    return InputError(
+        "geometry",
+        f"link {link} {link_name(client, body, link)!r} of body {body} has no collision shape; links that have one: "
+        f"{known}. Without a link, the whole robot is attached",
+    )
 
 
 def link_name(client: Any, body: int, link: int) -> str:
@@ -121,29 +92,20 @@ def link_name(client: Any, body: int, link: int) -> str:
     return name.decode(errors="replace")
 
 
-def _hulls(
-    client: Any, body: int, link: int, index: int, mesh: tuple[Vector, bytes, Vector, Quaternion]
-) -> list[FloatArray]:
-    """Return the points (n, 3) [m] of the hulls that PyBullet makes of a mesh, in the frame of the centre of mass; none
-    if they are unknown.
-
-    PyBullet makes a hull of each object of an OBJ file, but returns the points of the last one only, so such files are
-    read here. All other meshes, and cylinders that are no primitives in PyBullet, are one hull.
-    """
-    scale, file, position, turn = mesh
-    path = file.decode(errors="replace")
-    objects = obj_parts(path) if path.lower().endswith(".obj") else [np.empty((0, 3))]
-    if len(objects) != 1:
-        axes = np.array([rotate(turn, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))])
-        return [points * scale @ axes + position for points in objects]
-    count, points = client.getMeshData(body, link, index)
-    return [np.array(points, np.float64)] if count else []
-
-
-def _margin(client: Any, body: int, link: int, *, alone: bool) -> float:
-    """Return the margin by which PyBullet grows a hull [m]."""
-    told = float(client.getDynamicsInfo(body, link)[11])
-    return told if link < 0 and alone else max(told, HULL_MARGIN)
+def _reported_shapes(client: Any, body: int) -> dict[int, BodyShape]:
+    """Return the shapes of a body's links as PyBullet reports them."""
+    found = {}
+    for link in range(-1, client.getNumJoints(body)):
+        try:
+            reported = client.getCollisionShapeData(body, link)
+        except pb.error:  # PyBullet does not report the shapes of bodies in maximal coordinates
+            reported = [(None,) * 7]
+        parts = [primitive(pb, kind, size, place, turn) for _, _, kind, size, _, place, turn in reported]
+        known = [part for part in parts if part is not None]
+        if parts:
+            whole = len(known) == len(parts)
+            found[link] = compound(known) if whole else ball(_radius_of_bounds(client, body, link))
+    return found
 
 
 def _radius_of_bounds(client: Any, body: int, link: int) -> float:
@@ -152,27 +114,3 @@ def _radius_of_bounds(client: Any, body: int, link: int) -> float:
     pose = client.getBasePositionAndOrientation(body) if link < 0 else client.getLinkState(body, link)
     centre = np.array(pose[0])
     return float(np.linalg.norm(np.maximum(np.abs(low - centre), np.abs(high - centre))))
-
-
-def obj_parts(path: str) -> list[FloatArray]:
-    """Return the points (n, 3) that the faces of each object or group of an OBJ file use; an empty list if the file
-    cannot be read."""
-    try:
-        lines = Path(path).read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        return []
-    points: list[list[float]] = []
-    objects: list[set[int]] = [set()]
-    for line in lines:
-        words = line.split()
-        if not words:
-            continue
-        if words[0] == "v":
-            points.append([float(word) for word in words[1:4]])
-        elif words[0] in ("o", "g"):
-            objects.append(set())
-        elif words[0] == "f":
-            numbers = [int(word.partition("/")[0]) for word in words[1:]]
-            objects[-1].update(number - 1 if number > 0 else len(points) + number for number in numbers)
-    array = np.array(points, np.float64).reshape(-1, 3)
-    return [array[sorted(used)] for used in objects if used]

@@ -94,6 +94,11 @@ class BulletCalls:
         return np.array([*found[0], *found[1], *found[6], *found[7]])
 
 
+def is_fixed(client: Any, body: int) -> bool:
+    """Return True if the base of a body has no mass, so that physics does not move it."""
+    return float(client.getDynamicsInfo(body, -1)[0]) == 0.0
+
+
 @contextmanager
 def undone(undo: Callable[[], object]) -> Iterator[None]:
     """Call ``undo`` if the block raises, and let its error pass."""

@@ -91,11 +91,11 @@ class Followers:
     Arrays with a row for each slot: ``table``, records of ``FOLLOWER``; ``bodies``, PyBullet bodies; ``radii``, about
     the centres of mass [m]; ``states`` (S, 13) at the last update; ``positions_w`` (S, 3) before the current step [m];
     ``moved_w`` (S, 3), motion in one step [m]. ``shape_table``: their shapes; ``tables``: what others know of a slot.
-    ``epoch`` changes when a follower is added or removed; ``wakes`` also when one falls asleep or wakes.
+    ``epoch`` changes when a follower is added or removed.
     """
 
     def __init__(self) -> None:
-        self.epoch = self.wakes = next_revision()
+        self.epoch = next_revision()
         self.table: Any = np.zeros(0, FOLLOWER)
         self.shape_table = ShapeTable()
         self.states = np.empty((0, BODY_COLUMNS))
@@ -196,12 +196,11 @@ class Followers:
         self.positions_w[slots] = states[:, :3]
         self.moved_w[slots] = states[:, 7:10] * dt
 
-    def set_awake(self, slots: IntArray, *, awake: bool) -> None:
-        """Note that bodies woke, or fell asleep and do not move."""
-        if len(slots):
-            self.table["awake"][slots] = awake
-            self.moved_w[slots] = 0.0
-            self._note_wakes()
+    def set_asleep(self, asleep: BoolArray) -> None:
+        """Note which followers sleep (S,), and do not move."""
+        self.table["awake"] = self.table["alive"] & ~asleep
+        self.moved_w[asleep] = 0.0
+        self._note_wakes()
 
     @cached_property
     def awake(self) -> IntArray:
@@ -235,13 +234,12 @@ class Followers:
 
     def _note_wakes(self) -> None:
         """Note that the lists of slots changed; each is computed again when it is read."""
-        self.wakes = next_revision()
         for name in ("awake", "asleep", "solid", "guarded", "tracked"):
             self.__dict__.pop(name, None)
 
     def _changed(self) -> None:
         self._note_wakes()
-        self.epoch = self.wakes
+        self.epoch = next_revision()
 
     def _grow(self, slots: int) -> None:
         self.table = with_rows(self.table, slots, False)

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.ground.attached_bodies import AttachedBodies
-from smartmesh_ros.ground.bullet import BulletCalls
-from smartmesh_ros.ground.bullet_sleep import is_fixed
+from smartmesh_ros.ground.bullet import BulletCalls, is_fixed
 from smartmesh_ros.ground.config import gravity_of
 from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.terrain.checked_heights import checked_time
@@ -83,9 +82,9 @@ FASTEST_RESCUED = 5.0
 class Ground(AttachedBodies):
     """The deforming terrain as ground of the attached bodies of a PyBullet world.
 
-    Contacts come from the map itself. Where that is impossible, because the client is not a DIRECT one, or
-    ``config.kind`` asks for it, each body has a small collider of PyBullet's own instead; ``no_proxies`` tells why,
-    empty if contacts can come from the map.
+    Contacts come from the map itself. Where that is impossible, because the client's server runs in another process,
+    or ``config.kind`` asks for it, each body has a small collider of
+    PyBullet's own instead; ``no_proxies`` tells why, empty if contacts can come from the map.
 
     ``client`` is a connected `pybullet_utils.bullet_client.BulletClient` or the module ``pybullet`` itself. `attach`
     bodies, and call `step` in place of ``stepSimulation``. If you call ``stepSimulation`` yourself, contacts come from
@@ -132,50 +131,55 @@ class Ground(AttachedBodies):
         with corrections of the ground, wake and put to sleep, take the terrain's tiles, replace colliders."""
         time = checked_time(time)
         self.check_soil()
-        duration, contacts, sleeping = dt * steps, self.contacts, self._sleeping
+        duration, contacts = dt * steps, self.contacts
         self._stale = True  # until the end: an update that failed is made again before the next step
         contacts.set_time(time, dt)
+        self._drop_gone()
         with self.stopwatch.stage("bodies"):
+            contacts.settle(self._may_sleep)
             corrections = show_corrections(self.terrain, time)
-            sleeping.wake_changed(time, duration, self.gravity)
             if corrections and len(self.followers):
                 contacts.read(self.followers.states, 0.0)
                 move_with_corrections(self._client, corrections, self.followers, self.patches.supports, time)
             contacts.read(self.followers.states, dt)
-            sleeping.settle(time, dt, steps)
         self._steps, self.time = steps, time
         fall = 0.5 * self.gravity * duration**2 if contacts.exact else math.inf
         self.patches.begin(time, duration, fall)
         if not contacts.exact:
             self._require_usable(self.config)
-        contacts.refresh(sleeping.stopping)
+            contacts.refresh()
+        self._draw(time)
         self._stale = False
 
     def go_on(self, time: float, dt: float) -> bool:
-        """Go on from the last `update` for a further step of ``dt`` [s] from ``time`` [s] on. Wakes sleeping bodies
-        that something may touch in this step. Returns True if it needed an `update`."""
+        """Go on from the last `update` for a further step of ``dt`` [s] from ``time`` [s] on. Returns True if it needed
+        an `update`."""
         time = checked_time(time)
         if not (self._stale or self._must_update(time, dt)):
+            self._draw(time)
             return False
         self.update(time, dt, self._steps)
         return True
 
+    def _draw(self, time: float) -> None:
+        if self._shown is not None:
+            self._shown.refresh(time)
+
     def _must_update(self, time: float, dt: float) -> bool:
         followers, contacts = self.followers, self.contacts
-        if not followers.awake.size:
+        if not len(followers):
             return False
         if contacts.exact and any(correcting(mesh) for mesh in self.terrain.tiles.values()):
             return True  # bodies move with the ground in every step of a correction
         contacts.set_time(time, dt)
-        if not (followers.asleep.size or followers.has_remote):
-            return False
-        with self.stopwatch.stage("bodies"):
-            contacts.read(np.empty_like(followers.states), dt)
-            return self._sleeping.wake_reached(time, time - self.time)
+        contacts.note_sleep()
+        if followers.has_remote:
+            with self.stopwatch.stage("bodies"):
+                contacts.read(np.empty_like(followers.states), dt)
+        return False
 
     def stand_still(self, duration: float) -> None:
         """Note that time advanced by ``duration`` [s] without a step; the next step needs an `update`."""
-        self._sleeping.stand_still(duration)
         self.time += duration
         self._stale = True
 

@@ -1,4 +1,4 @@
-"""Contacts straight from the map, in DIRECT clients.
+"""Contacts straight from the map.
 
 Each attached body or link has a ground proxy: a PyBullet body that stands for the ground near it. The C++ core, loaded
 into PyBullet as a plugin, works out the contacts of the two from height maps and meshes, in each ``stepSimulation``.
@@ -7,6 +7,8 @@ Nothing here runs in a step.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -15,9 +17,12 @@ import pybullet as pb
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import undone
+from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
+from smartmesh_ros.ground.layout_probe import misread, number_of
+from smartmesh_ros.ground.shown_ground import FAR_AWAY, ShownGround
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -47,51 +52,27 @@ class SoilSupport(NamedTuple):
     carried: float
 
 
-# What the names of the plugin's functions end with.
-POSTFIX = "_smartmesh"
-
-
-# Pose and velocities of a body that is read both ways: (x, y, z) [m], quaternion (x, y, z, w), [m/s], [rad/s].
-PROBE = ((1.0, -2.0, 3.0), (0.6, 0.0, 0.0, 0.8), (0.1, 0.2, -0.3), (-0.4, 0.5, 0.6))
+# Kinds of clients whose server runs in another process, whose memory the core does not see.
+ELSEWHERE = (pb.SHARED_MEMORY, pb.UDP, pb.TCP)
 
 
 def missing_for(client: Any) -> str:
     """Return why a client cannot have ground proxies, empty if it can."""
-    method = client.getConnectionInfo().get("connectionMethod")
-    if method != pb.DIRECT:
-        return "the PyBullet client is not a DIRECT one"
-    plugin = client.loadPlugin(CORE.__file__, POSTFIX)
-    if plugin < 0:
+    if wrong := misread():
+        return f"the core was built for another PyBullet: the two differ in {wrong}"
+    if client.getConnectionInfo().get("connectionMethod") in ELSEWHERE:
+        return "the PyBullet server of this client runs in another process"
+    if number_of(client) < 0:
         return f"this PyBullet does not load the core {CORE.__file__}"
-    return "" if _reads_as_pybullet(client, plugin) else "the core was built for another PyBullet"
+    return ""
 
 
-def ground_in(client: Any, plugin: int) -> Any:
+def ground_in(client: Any) -> Any:
     """Return the core's ground in a client; raises `InputError` if the client has one already."""
     try:
-        return CORE.Ground(client.executePluginCommand(plugin, "number", []))
+        return CORE.Ground(number_of(client))
     except RuntimeError as error:
         raise InputError("client", str(error)) from None
-
-
-def _reads_as_pybullet(client: Any, plugin: int) -> bool:
-    """Return True if the core finds in Bullet's memory what PyBullet reports of a rigid body and a multibody."""
-    core, found = ground_in(client, plugin), np.zeros((2, 13))
-    try:
-        shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=0.1)
-        for slot in range(2):
-            body = client.createMultiBody(
-                1.0, shape, basePosition=PROBE[0], baseOrientation=PROBE[1], useMaximalCoordinates=slot
-            )
-            with undone(lambda: client.removeBody(body)):  # noqa: B023
-                client.resetBaseVelocity(body, PROBE[2], PROBE[3])
-                core.attach(slot, body, -1, -1)
-                core.read(np.full(1, slot), found)
-                core.detach(slot)
-                client.removeBody(body)
-    finally:
-        core.release()
-    return np.allclose(found, np.concatenate(PROBE), rtol=0.0, atol=1e-9)
 
 
 class MapContacts:
@@ -104,13 +85,13 @@ class MapContacts:
         self._client = client
         self._followers = followers
         self._terrain = terrain
-        self._core = ground_in(client, client.loadPlugin(CORE.__file__, POSTFIX))
+        self._core = ground_in(client)
         self._uids: dict[int, int] = {}  # of the proxies, by slot
         self._proxies: set[int] = set()  # the same numbers
         self._shape: int | None = None
         self._visual: int | None = None
         self._layout = -1
-        self._wakes = -1
+        self._sleep_changes = -1
         self.configure(config)
 
     def configure(self, config: PatchConfig) -> None:
@@ -119,11 +100,16 @@ class MapContacts:
 
     def attach(self, follower: Follower) -> None:
         """Give a follower a proxy if it is solid; other followers are only read."""
-        proxy = -1
+        proxy = self._new_body() if follower.solid else -1
+        try:
+            self._core.attach(follower.slot, follower.body, follower.link, proxy)
+        except ValueError as error:
+            if follower.solid:
+                self._client.removeBody(proxy)
+            raise InputError("geometry", f"body {follower.body} cannot stand on the ground: {error}") from None
         if follower.solid:
-            proxy = self._uids[follower.slot] = self._new_body()
+            self._uids[follower.slot] = follower.collider = proxy
             self._proxies.add(proxy)
-        self._core.attach(follower.slot, follower.body, follower.link, proxy)
         if follower.belt.speed:
             self.drive(follower)
 
@@ -137,25 +123,66 @@ class MapContacts:
                         self._client.removeBody(self._uids[slot])
                     self._core.detach(slot)
                 self._proxies.discard(self._uids.pop(slot, -1))
+                self._followers[slot].collider = None
                 gone.append(slot)
 
-    def refresh(self, stopped: BoolArray) -> None:
-        """Collide the followers that are awake with the tiles of the terrain from now on. Those that are ``stopped``
-        (S,) in PyBullet are left to sleep, even if their ground changes."""
+    def refresh(self) -> None:
+        """Collide the followers with the tiles of the terrain from now on."""
         if self._layout != self._terrain.layout_revision:
             self._layout = self._terrain.layout_revision
             self._core.set_tiles(self._terrain.readers)
-        if self._wakes != self._followers.wakes:
-            self._wakes = self._followers.wakes
-            awake = self._followers.flags("awake")
-            self._core.enable(awake)
-            for slot, uid in self._uids.items():
-                self._followers[slot].collider = uid if awake[slot] else None
-        self._core.hold(stopped)
+
+    def let_sleep(self, config: SleepConfig | None) -> None:
+        """Wake all bodies; let those that are still sleep from now on that `put_to_sleep` names, None = none."""
+        self.require_client()
+        it = config or SleepConfig(after=math.inf)
+        self._core.set_sleep(it.after, it.distance, it.joint, it.ground, it.noise, it.most)
+        self.note_sleep()
+
+    def settle(self, may_sleep: Callable[[int], bool] | None) -> None:
+        """Take the terrain's tiles, wake what something disturbed that PyBullet wakes nobody for, as each step does,
+        and let the PyBullet bodies sleep that are still and rest on something, and for which ``may_sleep`` returns
+        True; None = nobody. The owner of a remote body knows on what it rests."""
+        self.refresh()
+        self._core.wake_disturbed()
+        if may_sleep is not None:
+            resting = self._core.find_resting(self._followers.flags("remote"))
+            self._core.put_to_sleep([body for body in resting if may_sleep(body)])
+        self.note_sleep()
+
+    def wake(self, slots: list[int] | None) -> None:
+        """Wake followers, None = all. What touches them wakes in the next step."""
+        if not self._core.is_there:
+            return
+        if slots is None:
+            self._core.wake_all()
+        for slot in slots or ():
+            self._core.wake(slot)
+        self.note_sleep()
+
+    def find_gone(self) -> list[int]:
+        """Return the slots whose bodies were removed from PyBullet."""
+        gone: list[int] = self._core.find_gone()
+        return gone
+
+    def note_sleep(self) -> bool:
+        """Note which followers sleep, and where; returns True if that has changed."""
+        if self._sleep_changes == self._core.sleep_changes:
+            return False
+        self._sleep_changes = self._core.sleep_changes
+        asleep = np.zeros(self._followers.capacity, np.bool_)
+        self._core.read_asleep(asleep)
+        self._followers.set_asleep(asleep)
+        self._core.read(np.flatnonzero(asleep), self._followers.states)
+        return True
 
     def drive(self, follower: Follower) -> None:
         """Move the surface of a follower by its belt."""
         self._core.drive(follower.slot, follower.belt.axis, follower.belt.speed)
+
+    def shown(self, rate: float) -> ShownGround:
+        """Return the ground as PyBullet draws it and its rays meet it, not drawn yet."""
+        return ShownGround(self._client, self._core, self._terrain, rate)
 
     def set_soil(self, soil: Any) -> None:
         """Take contacts from a core's soil where its map is; None = from the map itself."""
@@ -171,10 +198,17 @@ class MapContacts:
         self.require_client()
         self._core.time, self._core.duration = time, dt
 
+    @property
+    def time(self) -> float:
+        """Time [s] at the start of the next step."""
+        return float(self._core.time)
+
     def require_client(self) -> None:
-        """Raise `InputError` if the client was reset or closed."""
+        """Raise `InputError` if the client was reset or closed, and PyBullet's error if a step failed in the core."""
         if not self._core.is_there:
             raise InputError("client", "the PyBullet client was reset or closed: close this ground, and make another")
+        if fault := self._core.take_fault():
+            raise pb.error(f"in a step of PyBullet a body had no contacts with the ground: {fault}")
 
     def is_ground(self, body: int) -> bool:
         """Return True if a PyBullet body is a proxy."""
@@ -194,14 +228,10 @@ class MapContacts:
 
     def close(self) -> None:
         """Remove all proxies."""
-        slots = list(self._uids)
-        self.detach(slots)
-        for slot in slots:
-            self._followers[slot].collider = None
+        self.detach(list(self._uids))
         self._core.release()
 
     def _attach_again(self, slots: list[int]) -> None:
-        self._wakes = -1  # new proxies are ground of sleeping bodies, too
         for slot in slots:
             self.attach(self._followers[slot])
 
@@ -210,8 +240,8 @@ class MapContacts:
         client = self._client
         if self._shape is None or self._visual is None:
             self._shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=1e-3)
-            self._visual = client.createVisualShape(pb.GEOM_BOX, halfExtents=[1e-3] * 3)
-        uid = int(client.createMultiBody(0.0, self._shape, self._visual, useMaximalCoordinates=1))
+            self._visual = client.createVisualShape(pb.GEOM_BOX, halfExtents=[0.0] * 3)  # so that no picture has it
+        uid = int(client.createMultiBody(0.0, self._shape, self._visual, FAR_AWAY, useMaximalCoordinates=1))
         # PyBullet multiplies the coefficients of the two bodies, so 1 leaves the body's own coefficients in effect.
         with undone(lambda: client.removeBody(uid)):
             client.changeDynamics(uid, -1, lateralFriction=1.0, restitution=1.0)

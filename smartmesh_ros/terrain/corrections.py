@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.checked_heights import dense
-from smartmesh_ros.terrain.grid import FloatArray, IntArray, overlap
+from smartmesh_ros.terrain.grid import overlap
 from smartmesh_ros.terrain.motion import BLOCK
 
 FloatGrid = NDArray[np.float32]
@@ -145,16 +145,6 @@ class Corrections:
         known.heights[new], known.variances[new] = before.fused.heights[old], before.fused.variances[old]
         fuse(known, measured.heights, measured.variances, elapsed, FusionConfig())
         self.fused = known
-
-    def deviations_at(self, cells: IntArray) -> FloatArray:
-        """Return the standard deviation of the estimate at samples (N, 2); zero outside the map, where nothing was
-        measured, and without an estimate (N,) [m]."""
-        deviations = np.zeros(len(cells))
-        if self.fused is not None:
-            inside = ((cells >= 0) & (cells < self.offsets.shape)).all(axis=1)
-            variances = self.fused.variances[cells[inside, 0], cells[inside, 1]]
-            deviations[inside] = np.sqrt(np.where(np.isfinite(variances), variances, 0.0))
-        return deviations
 
 
 def untouched_zeros(shape: tuple[int, ...]) -> NDArray[np.float32]:

@@ -252,6 +252,8 @@ class MovingHeights(MovingGround):
         geometry, track, motion, core = self.geometry, self.track, self.motion, self.core_reader
         core.place(*geometry.origin, geometry.yaw, geometry.resolution)
         core.move(track.time, track.interval, *track.motion)
+        fused = self.corrections.fused
+        core.set_variances(None if fused is None else fused.variances)
         core.set_motion(motion.code, motion.max_velocity, motion.settle, self.noise, motion.smoothing)
         if motion.corrects:
             core.show(self.corrections.shown)

@@ -126,13 +126,3 @@ class Terrain:
             found[here] = friction if isinstance(friction, float) else friction[rows[ground], columns[ground]]
         found[np.isnan(found)] = 1.0
         return found
-
-    def deviations_at(self, xy_w: FloatArray) -> FloatArray:
-        """Return the standard deviation of fused heights at points (N, 2) [m], zero where maps are not fused (N,)
-        [m]."""
-        deviations = np.zeros(len(xy_w))
-        for mesh in self.tiles.values():
-            if isinstance(mesh, HeightMap) and mesh.corrections.fused is not None:
-                cells = np.rint(mesh.geometry.to_grid(xy_w)).astype(np.int64)
-                deviations = np.maximum(deviations, mesh.corrections.deviations_at(cells))
-        return deviations

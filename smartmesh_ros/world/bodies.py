@@ -11,9 +11,8 @@ import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.body_shapes import link_name, shape_of
-from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.ground.bullet_sleep import is_fixed
+from smartmesh_ros.ground.body_shapes import link_name, read_shapes
+from smartmesh_ros.ground.bullet import is_fixed, undone
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.limits import FASTEST_SPIN, MASSES, SIZES, require_between
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
@@ -186,7 +185,7 @@ class BodyFactory:
                     command_joint(client, uid, index, JointCommand())
         if not links:
             raise InputError("urdf", "the URDF has no collision shape, so nothing could touch the ground")
-        shapes = {link: robot.shapes.get(link) or shape_of(client, uid, link, None, None) for link in links}
+        shapes = dict(robot.shapes) or read_shapes(client, uid)
         couple_joints(client, uid, joints, robot.mimics)
         body = Body(
             name, uid, next(iter(shapes.values())).radius, False, BodyState(), links, joints, urdf=robot.given,

@@ -33,12 +33,8 @@ def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
     """Return the contacts with the ground in the last step; for tracked bodies, contacts with the ground as of the last
     update."""
     followers = ground.followers
-    colliders: dict[int | None, str] = {
-        follower.collider: follower.name for follower in followers if follower.collider is not None
-    }
+    colliders = {follower.collider: follower.name for follower in followers if follower.collider is not None}
     contacts = contacts_from(client.getContactPoints(), colliders)
-    for slot, (collider, points) in ground.contacts_asleep.items():
-        contacts += contacts_from(points, {collider: followers[slot].name})
     tracked = followers.tracked.tolist()
     if tracked:
         ground.patches.choose_tracked()
@@ -47,7 +43,7 @@ def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
     return contacts
 
 
-def contacts_from(points: Iterable[Any], colliders: dict[int | None, str]) -> list[GroundContact]:
+def contacts_from(points: Iterable[Any], colliders: dict[int, str]) -> list[GroundContact]:
     """Return the contacts with the ``colliders``, which map PyBullet bodies to the names of their followers, among
     PyBullet's contact ``points``. Points that neither touch nor hold, of what comes near in the step, do not count."""
     contacts = []
@@ -95,13 +91,12 @@ class GroundWrench:
 
 def wrenches_of_step(client: Any, ground: Ground) -> list[GroundWrench]:
     """Return the wrenches of the last step on the simulated bodies of a ``ground``; for sleeping bodies, of the step
-    before they fell asleep.
+    before they fell asleep, whose contacts PyBullet keeps.
 
     Rolling and spinning friction, which URDFs may ask for, are not included.
     """
     found: list[GroundWrench] = []
-    of_colliders: dict[int | None, GroundWrench] = {}
-    asleep = ground.contacts_asleep
+    of_colliders: dict[int, GroundWrench] = {}
     for follower in ground.followers:
         if follower.solid:
             centre = np.array(_centre(client, follower))
@@ -109,13 +104,11 @@ def wrenches_of_step(client: Any, ground: Ground) -> list[GroundWrench]:
             found.append(wrench)
             if follower.collider is not None:
                 of_colliders[follower.collider] = wrench
-            elif follower.slot in asleep:
-                _add(asleep[follower.slot].points, {asleep[follower.slot].collider: wrench})
     _add(client.getContactPoints(), of_colliders)
     return found
 
 
-def _add(points: Iterable[Any], of_colliders: dict[int | None, GroundWrench]) -> None:
+def _add(points: Iterable[Any], of_colliders: dict[int, GroundWrench]) -> None:
     """Add the forces of PyBullet's contact ``points`` with colliders to the wrenches on their followers."""
     for point in points:
         # PyBullet reports the forces on the first of the two bodies.

@@ -150,14 +150,6 @@ class Driving:
         for link, belt in belts.items():
             self.ground.drive(body.uid, link_of(body, link), belt.axis, belt.speed)
 
-    def _may_sleep(self, uid: int) -> bool:
-        """Return True if no joint of a PyBullet body is driven to move. Efforts are applied in each step, and PyBullet
-        sums those that a sleeping robot does not heed."""
-        slot = self.ground.followers.of(uid)[0]
-        body = self.bodies[self.ground.followers[slot].name.partition("/")[0]]
-        commands = body.commands.values()
-        return not any(command.velocity or (command.is_effort and command.effort) for command in commands)
-
     def _joint(self, body: Body, joint: str) -> int:
         """Return PyBullet's index of a joint; raises `InputError` if there is none."""
         if joint not in body.joints:

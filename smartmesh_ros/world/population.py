@@ -178,13 +178,12 @@ class Population(Driving):
             self.ground.wake(body.uid)
 
     def wake(self, name: str | None = None) -> None:
-        """Wake a body, or all (None), with what it may touch. Only who pushes bodies through the ``client`` needs this:
-        PyBullet's forces and velocities do not wake a sleeping body."""
+        """Wake a body, or all (None), with what it touches; see `Ground.let_sleep`."""
         self.ground.wake(None if name is None else self._body(name).uid)
 
     def is_asleep(self, name: str) -> bool:
         """Return True if a body sleeps; raises `InputError` if there is none of that name."""
-        return not self.followers.table["awake"][self.followers.of(self._body(name).uid)].any()
+        return self.ground.is_asleep(self._body(name).uid)
 
     def state(self, name: str) -> BodyState:
         """Return the state of a body's centre of mass."""

@@ -229,10 +229,12 @@ class World(Population):
         before = dict(vars(self))
         with undone(lambda: vars(self).update(before)):
             self._refreshes, self._rescues = self.refreshes, self.rescues
-            soil = self.ground.soil
+            soil, drawn = self.ground.soil, self.ground.drawn
             self._start()
             self.ground.set_soil(soil)
             self._fill(snapshot, robots)
+            if drawn:
+                self.ground.show(drawn)
         if before["client"].isConnected():
             before["client"].disconnect()
 
@@ -311,4 +313,4 @@ class World(Population):
             self.ground.go_on(self.time, self.dt)
 
     def _let_sleep(self) -> None:
-        self.ground.let_sleep(self._may_sleep if self.config.physics.sleep else None, self.config.sleep)
+        self.ground.let_sleep((lambda _: True) if self.config.physics.sleep else None, self.config.sleep)

@@ -259,7 +259,7 @@ ROWS = (
     Row("sleep: robot pushes", robot_pushes, 50.0, "mm", CHAOS),
     Row("sleep: joint commanded", _COMMAND, 5.0, "mm", CHAOS, quick=True),
     Row("sleep: gravity turns", _TURNS, 1.0, "mm", SOURCE, quick=True),
-    Row("sleep: guest comes", guest_comes, 1.0, "mm", SOURCE, quick=True),
+    Row("sleep: guest comes", guest_comes, 5.0, "mm", CHAOS, quick=True),
     Row("sleep: fused noise", noise, 50.0, "%", "asleep most of the time"),
     Row("sleep: an hour on 25 degrees", long_on_slope, 0.0, "mm", "Coulomb"),
     Row("sleep: rolls on 0.5 degrees", rolls_on, 0.0, "mm", SOURCE, quick=True),

@@ -6,15 +6,16 @@ The ground is a prism below each triangle of the main mesh; a link is the shapes
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import coal
 import numpy as np
 import pybullet as pb
 
-from smartmesh_ros.ground.body_shapes import obj_parts
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.tools.evaluation.clearance import rotate
+from smartmesh_ros.world.robots.meshes import obj_parts
 
 # Depth of the prisms [m]: deeper than any link sinks.
 THICK = 1.0
@@ -62,7 +63,7 @@ def _read_link(client: Any, uid: int, link: int) -> list[Part]:
             found.append(Part(coal.Cylinder(size[1], size[0]), pose))
         elif kind == pb.GEOM_CAPSULE:
             found.append(Part(coal.Capsule(size[1], size[0]), pose))
-        elif (file := shape[4].decode()).endswith(".obj") and len(parts := obj_parts(file)) > 1:
+        elif (file := Path(shape[4].decode())).suffix == ".obj" and len(parts := obj_parts(file)) > 1:
             # PyBullet gives the vertices of one object only.
             found += [hull(points * size, pose) for points in parts]
         else:  # the vertices of a mesh are given in the frame of the link's inertia

@@ -57,16 +57,6 @@ def feet_on_patches() -> Arguments:
     return bodies() | more
 
 
-def asleep() -> Arguments:
-    return {"asleep": slots(), "boxes": zeros(6), "radii": np.ones(SLOTS), "near": 0.1, "share": 0.1}
-
-
-def under() -> Arguments:
-    boxes = np.tile([0.0, 0.0, 0.0, 1.0, 1.0, 1.0], (SLOTS, 1))
-    ground = HeightMap(np.zeros((ROWS, COLUMNS)), resolution=0.1).core_reader
-    return {"map": ground, "time": 0.1, "chosen": slots(), "boxes": boxes, "counts": np.zeros(3, np.int64)}
-
-
 def faults() -> Arguments:
     return {
         "states": zeros(13), "radii": np.ones(SLOTS), "kinds": np.ones(SLOTS, np.uint8), "dimensions": zeros(3),
@@ -91,7 +81,6 @@ def above_grid() -> Arguments:
 
 
 OF_SLOTS = (("slots", BODIES),)
-CHOSEN = (("chosen", SLOTS),)
 ENTRIES = {
     "find_below": Entry(CORE.find_below, below, rows=("slots",), within=OF_SLOTS, finite=("time",)),
     "find_feet": Entry(
@@ -112,29 +101,6 @@ ENTRIES = {
     "Shapes": Entry(CORE.Shapes, lambda: {
         "shapes": as_bytes(np.zeros(2, SHAPE)), "parts": as_bytes(np.zeros(2, SHAPE)), "vertices": zeros(3, 2),
     }, rows=("shapes", "parts", "vertices")),
-    "note_motion": Entry(CORE.note_motion, lambda: {
-        "chosen": slots(), "shapes": as_bytes(np.zeros(SLOTS, SHAPE)), "states": zeros(13), "boxes": zeros(6),
-        "anchors": zeros(8), "time": 0.1, "distance": 0.001,
-    }, written=("boxes", "anchors"), rows=("chosen",), within=CHOSEN),
-    "islands": Entry(CORE.islands, lambda: {
-        "chosen": slots(), "owners": np.arange(SLOTS), "boxes": zeros(6), "radii": np.ones(SLOTS), "near": 0.1,
-        "share": 0.1,
-    }, rows=("chosen",), within=CHOSEN),
-    "Sleepers": Entry(CORE.Sleepers, asleep, rows=("asleep",), within=(("asleep", SLOTS),)),
-    "mark_near": Entry(
-        CORE.Sleepers(**asleep()).mark_near, lambda: {"slot": 1, "found": np.zeros(SLOTS, bool)}, written=("found",),
-        within=(("slot", SLOTS),),
-    ),
-    "mark_connected": Entry(
-        CORE.Sleepers(**asleep()).mark_connected, lambda: {"found": np.zeros(SLOTS, bool)}, written=("found",)
-    ),
-    "mark_reached": Entry(CORE.Sleepers(**asleep()).mark_reached, lambda: {
-        "movers": np.array([1, 2]), "states": zeros(13), "positions": zeros(3), "moved": zeros(3),
-        "anchors": zeros(8), "stillness": (1.0, 0.5, 0.001), "elapsed": 0.01, "found": np.zeros(SLOTS, bool),
-    }, written=("found",), rows=("movers",), within=(("movers", SLOTS),)),
-    "strayed": Entry(CORE.strayed, lambda: {"state": np.zeros(13), "anchor": np.zeros(7), "radius": 1.0}),
-    "count_updates": Entry(CORE.count_updates, under, written=("counts",), within=CHOSEN),
-    "samples_under": Entry(CORE.samples_under, under, written=("counts",), within=CHOSEN),
     "first_fault": Entry(CORE.first_fault, faults),
     "extrapolated": Entry(CORE.extrapolated, lambda: {"states": zeros(13), "duration": 0.1}, rows=("states",)),
     "blended": Entry(CORE.blended, lambda: {"states": zeros(13), "targets": zeros(13), "share": 0.5}),

@@ -60,10 +60,17 @@ def set_friction(friction: Any) -> None:
     CORE.Grid(**arrays()).set_friction(friction, 1.0)
 
 
+def set_variances(variances: Any) -> None:
+    CORE.Grid(**arrays()).set_variances(variances)
+
+
 ENTRIES = {
     "Grid": Entry(CORE.Grid, arrays),
     "Mesh": Entry(CORE.Mesh, mesh_arrays, rows=("triangles",), within=(("triangles", 4),), finite=("vertices",)),
     "set_friction": Entry(set_friction, lambda: {"friction": floats(ROWS, COLUMNS) + 1.0}, optional=("friction",)),
+    "set_variances": Entry(
+        set_variances, lambda: {"variances": floats(ROWS, COLUMNS) + 1.0}, optional=("variances",)
+    ),
     "hull": Entry(
         lambda points: CORE.Shape.hull(points, 0.0),
         lambda: {"points": np.random.default_rng(0).normal(size=(8, 3))},

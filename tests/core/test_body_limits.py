@@ -14,7 +14,7 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.world.state_table import LIMITS
 from tests.bodies import shapes_of, state_at
 from tests.core import mesh_parts
-from tests.core.body_entries import SLOTS, above_grid, below, faults, feet_on_patches, soil, zeros
+from tests.core.body_entries import above_grid, below, faults, feet_on_patches, soil, zeros
 from tests.core.entries import REFUSED
 
 
@@ -92,17 +92,6 @@ def test_numbers_of_dimensions_lead_out_of_no_array(counts: Any) -> None:
         CORE.first_fault(**given | {"limits": (counts, *LIMITS[1:])})
     except REFUSED:
         assert counts is None or len(counts) == 4 or counts.dtype == np.float64
-
-
-def test_sleeping_bodies_at_unknown_places_are_searched_last() -> None:
-    boxes = zeros(6)
-    boxes[[0, 3]] = np.nan
-    marked = np.zeros(SLOTS, bool)
-    search = CORE.Sleepers(np.arange(SLOTS), boxes, np.ones(SLOTS), 0.1, 0.1)
-    assert search.mark_near(1, marked)
-    assert marked[[1, 2, 4, 5, 6, 7]].all()
-    boxes[:, 0] = np.arange(SLOTS)[::-1]  # another order than the one that was searched
-    search.mark_near(1, marked)
 
 
 @pytest.mark.parametrize("at", [0, 3, 496, 500, 501, 2**63, 2**64 - 1])

@@ -136,6 +136,7 @@ def test_slots_that_nobody_has_are_refused(ground: Any, slot: int) -> None:
         lambda: ground.read(np.array([slot], np.int64), states),
         lambda: ground.attach(slot, 0, -1, 0),  # PyBullet has no body
         lambda: ground.drive(slot, (0.0, 1.0, 0.0), 1.0),
+        lambda: ground.wake(slot),
     ):
         with pytest.raises(REFUSED):
             wrong()
@@ -144,7 +145,9 @@ def test_slots_that_nobody_has_are_refused(ground: Any, slot: int) -> None:
 def test_flags_tiles_and_plugins_that_do_not_fit_are_refused(ground: Any) -> None:
     for flags in (np.zeros(3), np.zeros((2, 2), bool), np.zeros(6, bool)[::2], None):
         with pytest.raises(REFUSED):
-            ground.enable(flags)
+            ground.find_resting(flags)
+        with pytest.raises(REFUSED):
+            ground.read_asleep(flags)
     for tiles in NO_TILES:
         with pytest.raises((*REFUSED, RuntimeError)):
             ground.set_tiles(tiles)
@@ -153,8 +156,17 @@ def test_flags_tiles_and_plugins_that_do_not_fit_are_refused(ground: Any) -> Non
             CORE.Ground(number)
 
 
+@pytest.mark.parametrize("rules", [(-1.0, *(0.1,) * 5), (math.nan, *(0.1,) * 5), (0.5, math.nan, *(0.1,) * 4)])
+def test_rules_of_sleep_are_numbers(ground: Any, rules: tuple[float, ...]) -> None:
+    with pytest.raises(REFUSED):
+        ground.set_sleep(*rules)
+
+
 def test_flags_of_slots_that_nobody_has_do_no_harm(ground: Any) -> None:
-    ground.enable(np.ones(1000, bool))
+    asleep = np.ones(1000, bool)
+    ground.read_asleep(asleep)
+    assert not asleep.any() and not ground.find_resting(asleep)
+    ground.put_to_sleep([0, 1000])
     states = np.zeros((4, 13))
     ground.read(np.arange(4), states)
     assert np.isnan(states).all()

@@ -1,5 +1,6 @@
 """Shapes read from PyBullet hold what PyBullet collides."""
 
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -8,19 +9,29 @@ import pybullet as pb
 import pybullet_data
 import pytest
 
-from smartmesh_ros import Box, Capsule, Cylinder, Sphere
-from smartmesh_ros.ground.body_shapes import HULL_MARGIN, read_shape
+from smartmesh_ros import Box, Capsule, Cylinder, Ground, HeightMap, Sphere
+from smartmesh_ros.ground import body_shapes
+from smartmesh_ros.ground.body_shapes import read_shapes
 from smartmesh_ros.patches.shapes import BodyShape, ShapeKind
 from tests import urdfs
 from tests.bodies import lowest_of, put
 
 SHAPES = (Sphere(0.2), Box(0.2, 0.4, 0.6), Cylinder(radius=0.1, height=0.5), Capsule(radius=0.1, height=0.5))
+# By which PyBullet's loader grows the hulls of links [m].
+HULL_MARGIN = 1e-3
 FLOOR = Box(100.0, 100.0, 100.0)  # whose top is at zero
 
 
+def read_shape(client: Any, body: int, link: int = -1) -> BodyShape:
+    return read_shapes(client, body)[link]
+
+
+@pytest.mark.parametrize("maximal", [False, True])
 @pytest.mark.parametrize("shape", SHAPES)
-def test_a_shape_given_is_the_shape_read(client: Any, shape: Any) -> None:
-    given_, read = shape.body_shape, read_shape(client, put(client, shape, (0.0, 0.0, 0.0)))
+def test_a_shape_given_is_the_shape_read(client: Any, shape: Any, maximal: bool) -> None:
+    """Also where PyBullet does not report it."""
+    body = put(client, shape, (0.0, 0.0, 0.0), useMaximalCoordinates=maximal)
+    given_, read = shape.body_shape, read_shape(client, body)
     for name in ("kind", "half", "rounding", "offset", "radius"):
         np.testing.assert_allclose(read.record[name], given_.record[name], atol=1e-9)
     assert read.radius == pytest.approx(shape.bounding_radius)
@@ -66,8 +77,9 @@ def test_links_reach_as_far_as_they_do_in_bullet(client: Any, urdf: str, flags: 
     """Wheels, hulls in frames of their own, and meshes of many parts."""
     rng, floor = np.random.default_rng(1), put(client, FLOOR, (0.0, 0.0, -50.0), 0.0)
     robot = client.loadURDF(f"{pybullet_data.getDataPath()}/{urdf}.urdf", flags=flags)
-    links = [link for link in range(-1, client.getNumJoints(robot)) if client.getCollisionShapeData(robot, link)]
-    shapes = {link: read_shape(client, robot, link) for link in links}
+    links = {link for link in range(-1, client.getNumJoints(robot)) if client.getCollisionShapeData(robot, link)}
+    shapes = read_shapes(client, robot)
+    assert shapes.keys() == links
     for turn in rng.normal(size=(6, 4)):
         client.resetBasePositionAndOrientation(robot, (0.0, 0.0, 3.0), turn / np.linalg.norm(turn))
         for link, shape in shapes.items():
@@ -98,8 +110,8 @@ def obj_file(folder: Path) -> Path:
     return path
 
 
-def test_a_mesh_of_several_objects_is_their_compound_or_if_it_cannot_be_read_a_ball(
-    client: Any, tmp_path: Path
+def test_a_mesh_of_several_objects_is_their_compound_or_without_the_core_in_pybullet_a_ball(
+    client: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = obj_file(tmp_path)
     robot = tmp_path / "robot.urdf"
@@ -109,9 +121,25 @@ def test_a_mesh_of_several_objects_is_their_compound_or_if_it_cannot_be_read_a_b
     assert [part.kind for part in shape.parts] == [ShapeKind.HULL] * 2
     np.testing.assert_allclose(shape.record["half"], (0.6, 0.2, 0.1), atol=2.0 * HULL_MARGIN)
     np.testing.assert_allclose(shape.record["offset"], (0.6, 0.2, -0.1), atol=2.0 * HULL_MARGIN)
-    file.unlink()
+    monkeypatch.setattr(body_shapes, "missing_for", lambda _: "nothing to read it with")
     assert read_shape(client, body).kind == ShapeKind.BALL
 
 
 def test_a_body_without_a_shape_has_no_size(client: Any) -> None:
-    assert read_shape(client, client.createMultiBody(1.0)).radius == 0.0
+    assert not read_shapes(client, client.createMultiBody(1.0))
+
+
+def test_a_margin_that_changes_after_the_first_contact_counts(client: Any) -> None:
+    client.setGravity(0.0, 0.0, -9.81)
+    corners = np.array(np.meshgrid([-0.2, 0.2], [-0.2, 0.2], [-0.2, 0.2])).reshape(3, 8).T
+    form = client.createCollisionShape(pb.GEOM_MESH, vertices=corners.tolist())
+    with closing(Ground(client, HeightMap(np.zeros((9, 9)), resolution=0.5, origin=(-2.0, -2.0)))) as ground:
+        body = client.createMultiBody(1.0, form, basePosition=[0.0, 0.0, 0.22])
+        ground.attach(body)
+        heights = []
+        for margin in (0.001, 0.05):
+            client.changeDynamics(body, -1, collisionMargin=margin)
+            for _ in range(240):
+                client.stepSimulation()
+            heights.append(client.getBasePositionAndOrientation(body)[0][2])
+    assert heights[1] - heights[0] == pytest.approx(0.049, abs=1e-3)

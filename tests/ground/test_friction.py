@@ -168,3 +168,37 @@ def test_on_a_height_field_the_friction_of_ground_and_body_are_multiplied(fricti
     ground = way_of(sliding(flat(friction), -9.0, 2.0, kind="heightfield"))
     body = way_of(sliding(flat(), -9.0, 2.0, friction, kind="heightfield"))
     assert ground == pytest.approx(body, rel=1e-3)
+
+
+@pytest.mark.parametrize("spin", [0.0, 4.0])
+@pytest.mark.parametrize("heading", [0.0, 0.4, math.pi / 4])
+def test_friction_of_each_contact_that_slips_is_on_the_cone_and_against_the_slip(heading: float, spin: float) -> None:
+    with World(flat(), WorldConfig(physics=PhysicsConfig(friction=0.5, sleep=False))) as world:
+        linear = (2.0 * math.cos(heading), 2.0 * math.sin(heading), 0.0)
+        world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 0.1), linear=linear, angular=(0.0, 0.0, spin)))
+        world.step(4)
+        for _ in range(48):
+            world.step()
+            state, box = world.state("box"), world.bodies["box"].uid
+            for point in world.client.getContactPoints(box):
+                sign = 1.0 if point[1] == box else -1.0
+                friction = sign * (point[10] * np.array(point[11]) + point[12] * np.array(point[13]))
+                slip = np.array(state.linear) + np.cross(state.angular, np.array(point[5]) - state.position)
+                assert np.linalg.norm(friction) == pytest.approx(0.5 * point[9], rel=1e-3, abs=1e-6)
+                assert friction == pytest.approx(-0.5 * point[9] * slip / np.linalg.norm(slip), abs=0.03 * point[9])
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.5, math.pi / 4])
+def test_a_box_at_rest_on_a_slope_stays_exactly_there(heading: float) -> None:
+    """Where the solver does not end early, friction that takes its direction from the last step does not creep."""
+    axis = 0.1 * np.arange(-20, 21)
+    x, y = np.meshgrid(axis, axis)
+    heights = math.tan(math.radians(20.0)) * (x * math.cos(heading) + y * math.sin(heading))
+    ground = HeightMap(heights, resolution=0.1, origin=(-2.0, -2.0))
+    config = WorldConfig(physics=PhysicsConfig(friction=0.5, sleep=False, solver_residual=0.0))
+    with World(ground, config) as world:
+        world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 0.25)))
+        world.step(480)
+        before = np.array(world.state("box").position)
+        world.step(2400)
+        assert np.array(world.state("box").position) == pytest.approx(before, abs=2e-6)

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pybullet as pb
+import pybullet_data
 import pytest
 
 from smartmesh_ros import Ground, HeightMap, InputError, PatchConfig, Sphere
@@ -196,13 +197,55 @@ def test_a_client_that_was_reset_is_named_and_takes_a_new_ground(client: Any) ->
     require_standing(client, Ground(client, level()))
 
 
-def test_a_core_that_reads_bullets_memory_otherwise_is_not_used(client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(map_contacts, "PROBE", ((1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0), (0.0,) * 3, (1e-3, 0.0, 0.0)))
-    assert Ground(client, level()).no_proxies == ""
-    monkeypatch.setattr(np, "allclose", lambda *_, **__: False)
+@pytest.mark.parametrize("maximal", [False, True])
+@pytest.mark.parametrize("terrain", [level(), TriangleMesh(*mesh_parts.sheet(6.0, 1))], ids=["map", "mesh"])
+def test_a_collision_query_between_steps_finds_the_ground(client: Any, terrain: Any, maximal: bool) -> None:
+    """Of bodies where their user put them since the last step, or before the first."""
+    bodies = [put(client, BALL, (x, 0.3, 0.5), useMaximalCoordinates=maximal) for x in (0.0, 1.0)]
+    ground = Ground(client, terrain)
+    for body in bodies:
+        ground.attach(body)
+    for depth in (0.05, 0.01):
+        client.resetBasePositionAndOrientation(bodies[0], (0.7, -0.5, BALL.radius - depth), (0, 0, 0, 1))
+        client.performCollisionDetection()
+        assert [point[8] for point in client.getContactPoints(bodies[0])] == pytest.approx([-depth])
+        assert not client.getContactPoints(bodies[1])
+        for step in range(10):
+            ground.step(step * DT, DT)
+
+
+def test_a_soft_body_is_refused_with_a_sentence(client: Any) -> None:
+    client.setAdditionalSearchPath(pybullet_data.getDataPath())
+    soft = client.loadSoftBody("bunny.obj", basePosition=(0, 0, 1), mass=0.1, useMassSpring=1)
+    ground, bodies = Ground(client, level()), client.getNumBodies()
+    for given in ({}, {"radius": 0.1}):
+        with pytest.raises(InputError, match="it is soft, and only rigid bodies and robots collide with the map"):
+            ground.attach(soft, **given)
+    assert not len(ground.followers)
+    assert client.getNumBodies() == bodies
+
+
+def test_a_body_that_is_removed_without_a_word_is_taken_off_the_ground(client: Any) -> None:
+    """The next body gets its number from PyBullet: it stands on the ground if it is attached."""
+    ground, body = Ground(client, level()), put(client, BALL, START)
+    ground.attach(body)
+    ground.step(0.0, DT)
+    for attached in (False, True):
+        client.removeBody(body)
+        assert put(client, BALL, START) == body
+        if attached:
+            ground.attach(body)
+        for step in range(1, 240):
+            ground.step(step * DT, DT)
+        assert (height(client, body) > 0.0) == attached
+        assert len(ground.followers) == attached
+        assert client.getNumBodies() == 1 + attached
+
+
+def test_without_the_core_bodies_stand_on_colliders_of_pybullet(client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(map_contacts, "misread", lambda: "contacts")
     ground = Ground(client, level())
-    assert ground.no_proxies == "the core was built for another PyBullet"
-    monkeypatch.undo()
+    assert ground.no_proxies == "the core was built for another PyBullet: the two differ in contacts"
     require_standing(client, ground, 1e-3)
     assert not ground.exact
 

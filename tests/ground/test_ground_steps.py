@@ -35,6 +35,26 @@ def test_a_body_whose_middle_is_below_the_ground_is_pushed_up_and_not_down(devia
     assert z - float(terrain.at([(x, y)], 0.0).heights[0]) > 0.019
 
 
+@pytest.mark.parametrize("maximal", [False, True])
+@pytest.mark.parametrize("shape", [Box(0.5, 0.4, 0.02), Cylinder(radius=0.2, height=0.02), Sphere(0.01)])
+@pytest.mark.parametrize("cover", [0.015, 0.03])
+def test_a_body_that_a_map_covers_is_lifted_onto_it_and_no_higher(
+    client: Any, shape: Shape, maximal: bool, cover: float
+) -> None:
+    """By the shape that Bullet collides."""
+    terrain, body = level(), put(client, shape, (0.013, 0.021, 0.01), useMaximalCoordinates=maximal)
+    ground = Ground(client, terrain)
+    ground.attach(body)
+    heights = []
+    for step in range(120):
+        if step == 60:
+            terrain.replace(terrain.heights + cover, time=step * DT + 100.0)  # long after: no velocity
+        ground.step(step * DT, DT)
+        heights.append(height(client, body))
+    assert max(heights) == pytest.approx(cover + 0.01, abs=1e-3)
+    assert heights[-1] == pytest.approx(cover + 0.01, abs=1e-4)
+
+
 def test_bodies_that_physics_does_not_move_stay_where_they_are(client: Any) -> None:
     fixed, patched = put(client, BALL, (0.013, 0.021, -0.01), 0.0), put(client, BALL, (0.013, 0.021, -1.0))
     ground = Ground(client, level())

@@ -142,6 +142,7 @@ def test_prints_under_a_body_and_the_body_move_with_the_ground() -> None:
         sunk, low, start = -tile.heights.min(), world.state("box").position[2], world.time
         step_on_moving(world, lambda time: 0.1 * (time - start), 240, every=8)
         assert world.state("box").position[2] - low == pytest.approx(0.1, abs=0.01)
+        assert world.state("box").linear == pytest.approx((0.0, 0.0, 0.1), abs=1e-3)
         world.ground.refresh(world.time, world.dt)
         assert tile.heights.max() - tile.heights.min() == pytest.approx(sunk, rel=0.3)
 
@@ -205,7 +206,7 @@ def test_a_box_sinks_upright_and_as_deep_wherever_its_edges_are_among_the_sample
 @pytest.mark.parametrize("rate", [60.0, 240.0])
 def test_energy_never_grows_in_set_downs(number: int, rate: float) -> None:
     rose = set_down(number, ("dry_sand", "lunar", "clay", "hit_lss1")[number % 4], rate=rate).rose
-    assert rose < (1e-4 if rate == 240.0 else 2e-3)
+    assert rose < (1e-4 if rate == 240.0 else 3e-3)
 
 
 def test_a_body_that_is_put_into_the_soil_is_not_thrown() -> None:

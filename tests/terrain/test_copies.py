@@ -56,7 +56,7 @@ def seen(ground: Terrain, time: float) -> list[np.ndarray]:
     points = np.stack(np.meshgrid(np.linspace(-0.2, 2.0, 25), np.linspace(-0.1, 0.9, 12)), axis=-1).reshape(-1, 2)
     soil = ground.tile("").soil
     return [
-        *ground.at(points, time), ground.friction_at(points), ground.deviations_at(points),
+        *ground.at(points, time), ground.friction_at(points),
         np.empty(0) if soil is None else soil.copy(),
     ]  # fmt: skip
 

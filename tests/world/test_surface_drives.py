@@ -9,12 +9,25 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import BodyState, Box, Ground, InputError, PatchConfig, Snapshot, Sphere, World, WorldConfig
+from smartmesh_ros import (
+    BodyState,
+    Box,
+    Ground,
+    HeightMap,
+    InputError,
+    PatchConfig,
+    PhysicsConfig,
+    Snapshot,
+    Sphere,
+    World,
+    WorldConfig,
+)
 from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.robots.prepared import prepare_robot
+from tests import urdfs
 from tests.bodies import put
 from tests.tracked import NAME, UNDERCARRIAGE, drive, slope, speed, standing
 
@@ -38,6 +51,34 @@ def test_any_body_can_creep_on_its_surface() -> None:
         world.step(480)
         assert world.state("box").linear == pytest.approx((0.0, 0.3, 0.0), abs=3e-3)
         assert world.surfaces("box") == []
+
+
+BLOCK = urdfs.robot(urdfs.link("box", urdfs.box((0.4, 0.3, 0.2)), 1.0, (0.4, 0.3, 0.2)))
+
+
+@pytest.mark.parametrize("is_robot", [False, True])
+@pytest.mark.parametrize("degrees", [7.0, 27.0, 30.0, 33.0, 40.0])
+def test_a_driven_surface_pulls_no_more_than_friction_allows(degrees: float, is_robot: bool) -> None:
+    """Up a slope that is too steep, a box slides down by the law of Coulomb, as fast as its surface may run."""
+    friction, gravity, angle, time, speed_ = 0.5, 9.81, math.radians(degrees), 2.0, 1.0
+    axis = 0.25 * np.arange(-60, 61)
+    heights = np.tan(angle) * np.broadcast_to(axis, (121, 121))
+    ground = HeightMap(heights, resolution=0.25, origin=(-15.0, -15.0))
+    up = np.array([math.cos(angle), 0.0, math.sin(angle)])
+    turn = (0.0, -math.sin(angle / 2.0), 0.0, math.cos(angle / 2.0))
+    start = BodyState((-0.1 * math.sin(angle), 0.0, 0.1 * math.cos(angle)), turn)
+    with World(ground, WorldConfig(physics=PhysicsConfig(friction=friction, sleep=False))) as world:
+        if is_robot:
+            world.spawn_robot("box", BLOCK, start)
+        else:
+            world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, start)
+        world.drive_surface("box", "box" if is_robot else "", speed_, axis=(0.0, 1.0, 0.0))
+        world.step(round(time * 240))
+        way = float((np.array(world.state("box").position) - start.position) @ up)
+    slides = gravity * (math.sin(angle) - friction * math.cos(angle))
+    gains = speed_ / -slides if slides < 0.0 else math.inf  # time until it runs as fast as its surface [s]
+    law = -0.5 * slides * time**2 if gains > time else speed_ * (time - 0.5 * gains)
+    assert way == pytest.approx(law, rel=0.01, abs=0.02)
 
 
 def test_the_axis_is_one_of_the_frame_of_the_link() -> None:
@@ -257,7 +298,7 @@ def test_a_command_wakes_a_body_that_sleeps_in_pybullet_and_one_that_creeps_does
     assert run(ground, client, 960) == 0.0, "it sleeps again"
 
 
-def test_without_pybullets_correction_of_friction_a_surface_stands_still(ground: Ground, client: Any) -> None:
+def test_without_pybullets_correction_of_friction_a_robots_surface_stands_still(ground: Ground, client: Any) -> None:
     client.setPhysicsEngineParameter(frictionERP=0.0)
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
     assert run(ground, client, 240) == pytest.approx(0.0, abs=1e-3)

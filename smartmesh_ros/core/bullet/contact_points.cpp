@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
 #include <BulletCollision/CollisionDispatch/btManifoldResult.h>
 #include <BulletCollision/NarrowPhaseCollision/btPersistentManifold.h>
+#include <BulletDynamics/Dynamics/btRigidBody.h>
 
 #include "convert.h"
 
@@ -13,130 +13,131 @@ namespace smartmesh {
 
 namespace {
 
-// Distance within which a contact of other features takes over impulses [m].
-constexpr double MATCHING = 0.05;
 // Largest distance of contacts from what Bullet keeps in a manifold [m]: none is dropped by its distance.
 constexpr double FARTHEST = 1e9;
-// Largest speed at which a body that is inside the ground is pushed out [m/s].
-constexpr double PUSH_OUT = 1.0;
-// Shortest time in which it is pushed out [s]: a share of its depth in each step, however short the step, would throw
-// bodies the higher, the shorter the steps.
-constexpr double PUSH_OUT_TIME = 0.014;
+// Least depth that the solver is told to push a contact out of, and the most of soft contacts [m]: Bullet corrects deeper
+// ones apart from their forces.
+constexpr double LEAST_DEPTH = 1e-3, MOST_DEPTH = 0.03;
 
-// Sine of the angle between a belt's axis and a normal, below which the contact is at the side of the belt and stands still.
-constexpr double SIDE = 0.5;
-
-// Sets what Bullet's solver reads of the two materials, as btManifoldResult does.
-void combine(const btCollisionObject& a, const btCollisionObject& b, btManifoldPoint& point) {
-  point.m_combinedFriction = btManifoldResult::calculateCombinedFriction(&a, &b);
-  point.m_combinedRestitution = btManifoldResult::calculateCombinedRestitution(&a, &b);
-  point.m_combinedRollingFriction = btManifoldResult::calculateCombinedRollingFriction(&a, &b);
-  point.m_combinedSpinningFriction = btManifoldResult::calculateCombinedSpinningFriction(&a, &b);
-  const int flags = a.getCollisionFlags() | b.getCollisionFlags();
-  if (flags & btCollisionObject::CF_HAS_CONTACT_STIFFNESS_DAMPING) {
-    point.m_combinedContactDamping1 = btManifoldResult::calculateCombinedContactDamping(&a, &b);
-    point.m_combinedContactStiffness1 = btManifoldResult::calculateCombinedContactStiffness(&a, &b);
-    point.m_contactPointFlags |= BT_CONTACT_FLAG_CONTACT_STIFFNESS_DAMPING;
-  }
-  if (flags & btCollisionObject::CF_HAS_FRICTION_ANCHOR) point.m_contactPointFlags |= BT_CONTACT_FLAG_FRICTION_ANCHOR;
-}
-
-// Sets how a contact bounces. The solver turns a body back as soon as it would reach the ground within the step, at a
-// distance d above it. From there it must not rise higher than from the ground: v'^2 / 2g + v' dt / 2 + d, in the
-// solver's steps, equals e^2 (v^2 + 2 g d) / 2g.
-double restitution_of(const Contact& contact, const Approach& approach, double restitution) {
-  const double closing = -dot(contact.normal, approach.velocity_at(contact.point)), d = contact.distance;
-  if (restitution == 0.0 || closing <= 0.0 || closing * approach.duration < d) return 0.0;
-  const double g = std::max(0.0, -dot(approach.gravity, contact.normal)), half = 0.5 * g * approach.duration;
-  const double e2 = restitution * restitution;
-  const double square = half * half + e2 * closing * closing - 2.0 * g * d * (1.0 - e2);
-  return square > 0.0 ? std::max(0.0, (std::sqrt(square) - half) / closing) : 0.0;
-}
-
-btManifoldPoint point_of(const Contact& contact, const Touching& touching, bool ground_is_b) {
-  const btCollisionObject& body = *touching.body.getCollisionObject();
-  const btCollisionObject& ground = *touching.ground.getCollisionObject();
+// Returns the point of a contact, as it is.
+btManifoldPoint point_of(const Contact& contact, const Touching& touching) {
+  const btTransform& body = touching.body.getWorldTransform();
+  const btTransform& ground = touching.ground.getWorldTransform();
   const btVector3 on_ground = to_bullet(contact.point), normal = to_bullet(contact.normal);
   const btVector3 on_body = on_ground + normal * contact.distance;
-  const btVector3 local_body = body.getWorldTransform().invXform(on_body);
-  const btVector3 local_ground = ground.getWorldTransform().invXform(on_ground);
-  btManifoldPoint point = ground_is_b ? btManifoldPoint(local_body, local_ground, normal, contact.distance)
-                                      : btManifoldPoint(local_ground, local_body, -normal, contact.distance);
+  const btVector3 in_body = body.invXform(on_body), in_ground = ground.invXform(on_ground);
+  const bool ground_is_b = touching.ground_is_b;
+  btManifoldPoint point = ground_is_b ? btManifoldPoint(in_body, in_ground, normal, contact.distance)
+                                      : btManifoldPoint(in_ground, in_body, -normal, contact.distance);
   point.m_positionWorldOnA = ground_is_b ? on_body : on_ground;
   point.m_positionWorldOnB = ground_is_b ? on_ground : on_body;
-  combine(ground_is_b ? body : ground, ground_is_b ? ground : body, point);
-  point.m_combinedFriction *= contact.friction;
-  point.m_combinedRestitution = restitution_of(contact, touching.approach, point.m_combinedRestitution);
-  if (point.m_combinedRestitution > 0.0) point.m_distance1 = std::min(0.0, contact.distance);  // it bounces now
-  if (contact.distance < 0.0) {
-    const double duration = touching.approach.duration;
-    point.m_contactPointFlags |= BT_CONTACT_FLAG_HAS_CONTACT_ERP;
-    point.m_contactERP = std::min({touching.erp, duration / PUSH_OUT_TIME, PUSH_OUT * duration / -contact.distance});
-  }
-  if (touching.softness > 0.0) {
-    point.m_contactPointFlags |= BT_CONTACT_FLAG_HAS_CONTACT_CFM;
-    point.m_contactCFM = touching.softness;
-  }
-  btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
-  if (norm2(touching.belt) > 0.0)
-    run_on(surface_velocity(touching.belt, contact.normal) * touching.anchor_time, ground_is_b, point);
   point.m_partId0 = ground_is_b ? 0 : 1;
   point.m_index0 = contact.body_feature, point.m_index1 = contact.ground_feature;
   return point;
 }
 
-}  // namespace
-
-Vec3 surface_velocity(const Vec3& belt, const Vec3& normal) {
-  const Vec3 along = cross(belt, normal);
-  const double speed = norm(belt), share = norm(along) / speed;
-  return share > SIDE ? along * (1.0 / share) : Vec3{};
+// Tells the solver the least speed along the normal, relative to the proxy [m/s].
+void tell_speed(double speed, double softness, const Touching& touching, btManifoldPoint& point) {
+  const double dt = touching.duration;
+  if (softness > 0.0) {
+    point.m_contactPointFlags |= BT_CONTACT_FLAG_HAS_CONTACT_CFM;
+    point.m_contactCFM = softness * dt;
+  }
+  if (speed <= 0.0) {
+    point.m_distance1 = -speed * dt - touching.slop;
+    return;
+  }
+  double depth = std::max(-point.m_distance1 - touching.slop, LEAST_DEPTH);
+  if (softness > 0.0) depth = std::min(depth, MOST_DEPTH);
+  point.m_distance1 = -depth - touching.slop;
+  point.m_contactPointFlags |= BT_CONTACT_FLAG_HAS_CONTACT_ERP;
+  point.m_contactERP = speed * dt / depth;
 }
 
-void run_on(const Vec3& ahead, bool ground_is_b, btManifoldPoint& point) {
-  // As if the body held on to a point of the ground, which friction pulls it to in the step.
-  (ground_is_b ? point.m_positionWorldOnB : point.m_positionWorldOnA) += to_bullet(ahead);
-  point.m_contactPointFlags |= BT_CONTACT_FLAG_FRICTION_ANCHOR;
+// Tells the solver the velocity along the ground, relative to the proxy, that friction aims at [m/s], and against which
+// slip it acts.
+void tell_slide(const Vec3& slide, const Slip& slip, const Vec3& normal, const Touching& touching, btManifoldPoint& point) {
+  const btVector3 aim = to_bullet(slide - normal * dot(slide, normal));
+  btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
+  if (btRigidBody::upcast(&touching.body) == nullptr || touching.body.hasAnisotropicFriction()) {
+    // As if the body held on to a point of the ground, which friction pulls it to in the step.
+    if (aim.fuzzyZero()) return;
+    (touching.ground_is_b ? point.m_positionWorldOnB : point.m_positionWorldOnA) += aim * touching.anchor_time;
+    point.m_contactPointFlags |= BT_CONTACT_FLAG_FRICTION_ANCHOR;
+    return;
+  }
+  // Bullet limits friction along two directions by the same force; a shorter one makes it less.
+  if (norm2(slip.along) > 0.0) {
+    point.m_lateralFrictionDir1 = to_bullet(unit(slip.along));
+    point.m_lateralFrictionDir2 = point.m_lateralFrictionDir1.cross(point.m_normalWorldOnB) * slip.across;
+  }
+  const double sign = touching.ground_is_b ? 1.0 : -1.0;
+  point.m_contactMotion1 = sign * aim.dot(point.m_lateralFrictionDir1);
+  point.m_contactMotion2 = sign * aim.dot(point.m_lateralFrictionDir2);
+  point.m_contactPointFlags |= BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED;
+}
+
+}  // namespace
+
+void read_surface(const btCollisionObject& body, const btCollisionObject& ground, BodySurface& surface) {
+  surface.friction = {btManifoldResult::calculateCombinedFriction(&body, &ground),
+                      btManifoldResult::calculateCombinedRollingFriction(&body, &ground),
+                      btManifoldResult::calculateCombinedSpinningFriction(&body, &ground)};
+  surface.restitution = btManifoldResult::calculateCombinedRestitution(&body, &ground);
+  surface.is_soft = body.getCollisionFlags() & btCollisionObject::CF_HAS_CONTACT_STIFFNESS_DAMPING;
+  if (!surface.is_soft) return;
+  surface.stiffness = btManifoldResult::calculateCombinedContactStiffness(&body, &ground);
+  surface.damping = btManifoldResult::calculateCombinedContactDamping(&body, &ground);
 }
 
 void read_contacts(const btPersistentManifold& manifold, std::vector<OldContact>& before) {
   before.clear();
   for (int k = 0; k < manifold.getNumContacts(); ++k) {
     const btManifoldPoint& point = manifold.getContactPoint(k);
-    const bool is_first = point.m_partId0 == 0;  // the ground is body B
-    const btVector3& at = is_first ? point.m_positionWorldOnB : point.m_positionWorldOnA;
+    const bool ground_is_b = point.m_partId0 == 0;
+    const btVector3& at = ground_is_b ? point.m_positionWorldOnB : point.m_positionWorldOnA;
+    const btVector3 friction = point.m_lateralFrictionDir1 * point.m_appliedImpulseLateral1 +
+                               point.m_lateralFrictionDir2 * point.m_appliedImpulseLateral2;
     before.push_back({point.m_index0, point.m_index1, from_bullet(at), point.m_appliedImpulse,
-                      {point.m_appliedImpulseLateral1, point.m_appliedImpulseLateral2}});
+                      from_bullet(ground_is_b ? friction : -friction)});
   }
 }
 
-void write_contacts(const std::vector<Contact>& contacts, const std::vector<OldContact>& before,
-                    const Touching& touching, btPersistentManifold& manifold) {
-  const bool ground_is_b = manifold.getBody0() == touching.body.getCollisionObject();
+void write_contacts(const std::vector<Contact>& contacts, const std::vector<ContactRow>& rows,
+                    const std::vector<OldContact>& before, const Touching& touching, btPersistentManifold& manifold,
+                    std::vector<TruePoint>& told) {
+  const double sign = touching.ground_is_b ? 1.0 : -1.0;
+  const btTransform& proxy = touching.ground.getWorldTransform();
   manifold.setContactBreakingThreshold(FARTHEST);
   const int count = std::min<int>(static_cast<int>(contacts.size()), MANIFOLD_CACHE_SIZE);
   for (int k = 0; k < count; ++k) {
-    btManifoldPoint point = point_of(contacts[k], touching, ground_is_b);
-    if (const OldContact* old = matching(contacts[k], before, MATCHING)) {
-      point.m_appliedImpulse = old->normal_impulse;
-      point.m_appliedImpulseLateral1 = old->lateral_impulse[0];
-      point.m_appliedImpulseLateral2 = old->lateral_impulse[1];
-      point.m_lifeTime = 1;
-    }
-    manifold.getContactPoint(k) = point;
+    const Contact& contact = contacts[k];
+    const ContactRow& row = rows[k];
+    btManifoldPoint& point = manifold.getContactPoint(k) = point_of(contact, touching);
+    told.push_back({&point, point.m_distance1, point.m_positionWorldOnA, point.m_positionWorldOnB});
+    point.m_positionWorldOnA += to_bullet(row.at - contact.point);
+    point.m_positionWorldOnB += to_bullet(row.at - contact.point);
+    point.m_combinedFriction = row.friction.sliding;
+    point.m_combinedRollingFriction = row.friction.rolling;
+    point.m_combinedSpinningFriction = row.friction.spinning;
+    point.m_combinedRestitution = 0.0;  // the speed of the row has it
+    const Vec3 carried = from_bullet(touching.ground.getVelocityInLocalPoint(to_bullet(contact.point) - proxy.getOrigin()));
+    tell_speed(row.speed - dot(contact.normal, carried), row.softness, touching, point);
+    tell_slide(row.slide - carried, row.slip, contact.normal, touching, point);
+    const OldContact* old = matching(contact, before);
+    if (old == nullptr) continue;
+    const btVector3 friction = to_bullet(old->friction * sign);
+    point.m_appliedImpulse = old->normal_impulse;
+    point.m_appliedImpulseLateral1 = friction.dot(point.m_lateralFrictionDir1);
+    point.m_appliedImpulseLateral2 = friction.dot(point.m_lateralFrictionDir2) / point.m_lateralFrictionDir2.length2();
+    point.m_lifeTime = 1;
   }
   manifold.setNumContacts(count);
 }
 
-void put_back_places(btPersistentManifold& manifold, bool ground_is_b) {
-  const btTransform& ground = (ground_is_b ? manifold.getBody1() : manifold.getBody0())->getWorldTransform();
-  for (int k = 0; k < manifold.getNumContacts(); ++k) {
-    btManifoldPoint& point = manifold.getContactPoint(k);
-    if (ground_is_b)
-      point.m_positionWorldOnB = ground * point.m_localPointB;
-    else
-      point.m_positionWorldOnA = ground * point.m_localPointA;
-  }
+void restore(const TruePoint& told) {
+  told.point->m_distance1 = told.distance;
+  told.point->m_positionWorldOnA = told.on_a, told.point->m_positionWorldOnB = told.on_b;
 }
 
 }  // namespace smartmesh

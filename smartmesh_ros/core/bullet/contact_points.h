@@ -3,40 +3,47 @@
 
 #include <vector>
 
-#include "manifold.h"
+#include <LinearMath/btVector3.h>
 
+#include "contact_row.h"
+
+class btCollisionObject;
 class btManifoldPoint;
 class btPersistentManifold;
-struct btCollisionObjectWrapper;
+class btRigidBody;
 
 namespace smartmesh {
 
 // Reads the contacts of the last step and their impulses.
 void read_contacts(const btPersistentManifold& manifold, std::vector<OldContact>& before);
 
-// A body and its ground. `erp`: share of a penetration that the solver corrects in a step. `belt`: axis that the body's
-// surface runs about, as long as its speed [m/s]. `anchor_time` [s]: in which the solver's friction closes a distance.
-// `softness` [s/kg]: of contacts that share a load; zero = rigid.
+// Reads what Bullet knows of a body's surface on its ground.
+void read_surface(const btCollisionObject& body, const btCollisionObject& ground, BodySurface& surface);
+
+// A body and its ground proxy in a step. `duration` [s]; `slop` [m]: depth that the solver leaves; `anchor_time` [s]: in
+// which the solver's friction closes a distance.
 struct Touching {
-  const btCollisionObjectWrapper &body, &ground;
-  const Approach& approach;
-  double erp;
-  Vec3 belt{};
-  double anchor_time = 0.0;
-  double softness = 0.0;
+  const btCollisionObject& body;
+  const btRigidBody& ground;
+  bool ground_is_b;
+  double duration, slop, anchor_time;
 };
 
-// Puts contacts into a manifold in place of those of the last step, whose impulses go on.
-void write_contacts(const std::vector<Contact>& contacts, const std::vector<OldContact>& before,
-                    const Touching& touching, btPersistentManifold& manifold);
+// What is true of a point, where the solver was told otherwise to do the right thing.
+struct TruePoint {
+  btManifoldPoint* point;
+  double distance;
+  btVector3 on_a, on_b;
+};
 
-// Returns the velocity [m/s] at which a body with a belt moves where the ground touches it without slip.
-Vec3 surface_velocity(const Vec3& belt, const Vec3& normal);
+// Puts contacts into a manifold in place of those of the last step, whose impulses go on, with what the solver has to bring
+// about: along the normal by the distance of a point; along the ground by its desired motion, or by an anchor of friction
+// for solvers that read no motion. `told`: takes what is true of the points.
+void write_contacts(const std::vector<Contact>& contacts, const std::vector<ContactRow>& rows,
+                    const std::vector<OldContact>& before, const Touching& touching, btPersistentManifold& manifold,
+                    std::vector<TruePoint>& told);
 
-// Lets friction move a body `ahead` on the ground, at the velocity at which it closes this distance [m].
-void run_on(const Vec3& ahead, bool ground_is_b, btManifoldPoint& point);
-
-// Gives the contacts of a body with a belt their places on the ground again, which `write_contacts` moved for the solver.
-void put_back_places(btPersistentManifold& manifold, bool ground_is_b);
+// Writes what is true of a point, for those who read it after the step.
+void restore(const TruePoint& told);
 
 }  // namespace smartmesh

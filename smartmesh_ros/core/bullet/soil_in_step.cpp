@@ -3,20 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include <BulletCollision/CollisionDispatch/btCollisionObject.h>
-#include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
-#include <BulletCollision/NarrowPhaseCollision/btPersistentManifold.h>
-
-#include "contact_points.h"
-
 namespace smartmesh {
 
 namespace {
 
 // Share of a cylinder's radius at which vertices of its hull count as on its rim; PyBullet gives URDF cylinders 32.
 constexpr double ON_RIM = 0.97;
-// Depths of contacts that the solver is told [m]: it corrects deeper ones apart from their forces.
-constexpr double LEAST_DEPTH = 1e-3, MOST_DEPTH = 0.03;
 // Motion between two steps from which a body was moved by somebody else [m].
 constexpr double MOVED = 1e-4;
 // Speed of a body that appears near the soil from which it falls onto it [m/s]: that of a fall from 1 cm. A slower one is
@@ -24,31 +16,8 @@ constexpr double MOVED = 1e-4;
 constexpr double FALLEN = 0.45;
 // Speed of a body that was set down at which it rests, as a share of that of a fall from the depth of its sinkage.
 constexpr double AT_REST = 0.005;
-// Largest distance of contacts from what Bullet keeps in a manifold [m]: none is dropped by its distance.
-constexpr double FARTHEST = 1e9;
 
 double along(const Vec3& v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
-
-// Returns a contact whose row in Bullet's solver is the spring: v + J / (slope dt) = speed + force / slope, with the
-// impulse J and the speed v at the end of the step.
-btManifoldPoint point_of(const SoilSpring& spring, const btCollisionObject& body, const btCollisionObject& ground,
-                         bool ground_is_b, double dt, double slop) {
-  const double bias = spring.speed + spring.force / spring.slope;
-  const double depth = std::min(std::max(spring.sunk, LEAST_DEPTH), MOST_DEPTH);
-  const double distance = (bias > 0.0 ? -depth : -bias * dt) - slop;
-  const btVector3 at = to_bullet(spring.point), normal = to_bullet(spring.normal);
-  const btVector3 in_body = body.getWorldTransform().invXform(at), in_ground = ground.getWorldTransform().invXform(at);
-  btManifoldPoint point = ground_is_b ? btManifoldPoint(in_body, in_ground, normal, distance)
-                                      : btManifoldPoint(in_ground, in_body, -normal, distance);
-  point.m_positionWorldOnA = point.m_positionWorldOnB = at;
-  point.m_combinedFriction = spring.friction;
-  point.m_combinedRestitution = point.m_combinedRollingFriction = point.m_combinedSpinningFriction = 0.0;
-  point.m_contactPointFlags |= BT_CONTACT_FLAG_HAS_CONTACT_ERP | BT_CONTACT_FLAG_HAS_CONTACT_CFM;
-  point.m_contactERP = bias > 0.0 ? bias * dt / depth : 1.0;
-  point.m_contactCFM = 1.0 / spring.slope;
-  btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
-  return point;
-}
 
 }  // namespace
 
@@ -82,10 +51,10 @@ PressingShape pressing_shape(const Convex& convex) {
 MovingSolid SoilInStep::moving(const SoilPart& part, const Pose& pose, const OnSoil& on) const {
   MovingSolid found;
   found.solid.shape = &part.shape.shape;
-  found.solid.centre = pose.at - Vec3{0.0, 0.0, on.rise};
+  found.solid.centre = pose.at - Vec3{0.0, 0.0, on.soil.rise};
   found.solid.axes = transpose(pose.turn);
-  found.linear = on.linear + cross(on.angular, pose.at - on.centre);
-  found.angular = on.angular;
+  found.linear = on.approach.velocity_at(pose.at);
+  found.angular = on.approach.angular;
   if (norm2(on.belt) > 0.0) found.surface = -surface_velocity(on.belt, {0.0, 0.0, 1.0});
   return found;
 }
@@ -96,51 +65,58 @@ bool SoilInStep::is_under(const Vec3& point, double time) const {
   return at.row >= 0.0 && at.column >= 0.0 && at.row <= map.rows - 1 && at.column <= map.columns - 1;
 }
 
-double SoilInStep::rise_at(const Vec3& point, double time) const {
+SoilMotion SoilInStep::motion_at(const Vec3& point, double time, double ahead) const {
   const HeightGrid& map = lattice.map();
-  if (!map.moves(time)) return 0.0;
-  const GridPoint at = to_grid(map.pose_at(time), map.resolution, point.x, point.y);
+  if (!map.moves(time)) return {};
+  const GridPose pose = map.pose_at(time);
+  const GridPoint at = to_grid(pose, map.resolution, point.x, point.y);
   const int row = static_cast<int>(std::lround(at.row)), column = static_cast<int>(std::lround(at.column));
-  if (!map.has(row, column)) return 0.0;
-  const double rise = GridReader(map, time, 0.0).read(row, column).height - map.z - map.heights[map.index(row, column)];
-  return std::isfinite(rise) ? rise : 0.0;
+  if (!map.has(row, column)) return {};
+  const Sample sample = GridReader(map, time, ahead).read(row, column);
+  const double rise = sample.height - map.z - map.heights[map.index(row, column)];
+  if (!std::isfinite(rise)) return {};
+  if (!(ahead > 0.0)) return {rise, {}};
+  const Vec3 slide = pose.slide(point.x, point.y);
+  return {rise, {slide.x, slide.y, sample.rise / ahead}};
 }
 
-void SoilInStep::touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground, const Convex& convex,
-                       const Pose& pose, const OnSoil& on, double slop, SoilPart& part, btPersistentManifold& manifold) {
+void SoilInStep::touch(const Convex& convex, const Pose& pose, const OnSoil& on, const std::vector<OldContact>& before,
+                       SoilPart& part, std::vector<Contact>& contacts, std::vector<ContactRow>& rows) {
   if (part.step == 0) part.shape = pressing_shape(convex);
   const Pose now = pose * part.shape.pose;
   part.pose = seen_from(on.pose, now);
   const MovingSolid solid = moving(part, now, on);
-  const SoilStep step{on.time, on.duration, step_};
-  Carried carried{on.mass, on.mass * on.gravity, false};
-  const int before = manifold.getNumContacts();
+  const double dt = on.approach.duration;
+  const SoilStep step{on.time, dt, step_};
+  Carried carried{on.mass, on.mass * norm(on.approach.gravity), false};
   const bool was_moved = part.step == 0 || !(norm(now.at - part.at) < MOVED);
   if (was_moved) {
     under_.make_room(lattice, solid, step), part.rim.reset();
     part.is_set_down = norm(solid.linear) < FALLEN;
   }
   carried.is_set_down = part.is_set_down;
-  if (was_near(part) && !was_moved && before > 0 && before == static_cast<int>(part.up.size())) {
+  if (was_near(part) && !was_moved && !before.empty() && before.size() == part.up.size()) {
     double up = 0.0;
-    for (int k = 0; k < before; ++k) up += manifold.getContactPoint(k).m_appliedImpulse * part.up[k];
-    carried.load = std::max(0.0, (up - on.mass * (solid.linear.z - part.speed)) / on.duration);
+    for (std::size_t k = 0; k < before.size(); ++k) up += before[k].normal_impulse * part.up[k];
+    carried.load = std::max(0.0, (up - on.mass * (solid.linear.z - part.speed)) / dt);
   }
   const auto& springs = under_.find_springs(lattice, solid, carried, part.rim, step);
-  const bool ground_is_b = manifold.getBody0() == body.getCollisionObject();
-  manifold.setContactBreakingThreshold(FARTHEST);
-  part.up.clear();
-  for (SoilSpring spring : springs) {
-    spring.point.z += on.rise;
-    const int k = static_cast<int>(part.up.size());
-    btManifoldPoint point =
-        point_of(spring, *body.getCollisionObject(), *ground.getCollisionObject(), ground_is_b, on.duration, slop);
-    if (norm2(on.belt) > 0.0) run_on(surface_velocity(on.belt, spring.normal) * on.anchor_time, ground_is_b, point);
-    if (k < before) point.m_appliedImpulse = manifold.getContactPoint(k).m_appliedImpulse, point.m_lifeTime = 1;
-    manifold.getContactPoint(k) = point;
-    part.up.push_back(spring.normal.z);
+  contacts.clear(), rows.clear(), part.up.clear();
+  for (const SoilSpring& spring : springs) {
+    // v + J / (slope dt) = speed + force / slope, with the impulse J and the speed v at the end of the step.
+    const double speed = spring.speed + spring.force / spring.slope;
+    Contact contact{spring.point, spring.normal, std::max(0.0, -speed * dt), static_cast<int>(contacts.size()), 0};
+    contact.point.z += on.soil.rise;
+    contact.ground.velocity = on.soil.velocity;
+    ContactRow row;
+    row.at = contact.point;
+    row.speed = speed + dot(spring.normal, contact.ground.velocity);
+    row.softness = 1.0 / (spring.slope * dt);
+    row.slide = contact.ground.velocity;
+    if (norm2(on.belt) > 0.0) row.slide = row.slide + surface_velocity(on.belt, spring.normal);
+    row.friction.sliding = spring.friction;
+    contacts.push_back(contact), rows.push_back(row), part.up.push_back(spring.normal.z);
   }
-  manifold.setNumContacts(static_cast<int>(springs.size()));
   part.speed = solid.linear.z;
   part.step = step_;
 }
@@ -152,11 +128,11 @@ void SoilInStep::press(const OnSoil& on, SoilParts& parts) {
       continue;
     }
     const Pose now = on.pose * part.pose;
-    const SoilStep step{on.time, on.duration, step_};
+    const SoilStep step{on.time, on.approach.duration, step_};
     const MovingSolid solid = moving(part, now, on);
     part.sums = under_.press(lattice, solid, part.rim, step);
     part.at = now.at;
-    if (std::abs(solid.linear.z) < AT_REST * std::sqrt(on.gravity * part.sums.sinkage)) part.is_set_down = false;
+    if (std::abs(solid.linear.z) < AT_REST * std::sqrt(norm(on.approach.gravity) * part.sums.sinkage)) part.is_set_down = false;
   }
 }
 

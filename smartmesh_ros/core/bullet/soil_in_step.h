@@ -6,11 +6,8 @@
 
 #include <BulletCollision/CollisionShapes/btCollisionShape.h>
 
-#include "convert.h"
+#include "contact_row.h"
 #include "soil_contact.h"
-
-class btPersistentManifold;
-struct btCollisionObjectWrapper;
 
 namespace smartmesh {
 
@@ -36,13 +33,21 @@ struct SoilPart {
 };
 using SoilParts = std::unordered_map<const btCollisionShape*, SoilPart>;
 
-// A body near the soil at the start or the end of a step. Velocities are relative to the ground, that of the point
-// `centre` [m]. `mass` [kg]: of what rests on each part of it alone. `rise` [m]: of the ground there since its last map.
-// `belt`, `anchor_time`: as in Touching.
+// How the soil at a place moves with its map: `rise` [m] since the last map, and velocity [m/s].
+struct SoilMotion {
+  double rise = 0.0;
+  Vec3 velocity;
+};
+
+// A body near the soil at the start or the end of a step. `approach`: its motion relative to the soil, whose margin does
+// not count. `mass` [kg]: of what rests on each part of it alone. `soil`: motion of the soil under its middle. `belt`: as
+// in BodySurface. `time` [s]: of the step.
 struct OnSoil {
   Pose pose;
-  Vec3 linear, angular, centre, belt;
-  double mass, gravity, duration, time, rise, anchor_time;  // [m/s^2], [s]
+  Approach approach;
+  SoilMotion soil;
+  Vec3 belt;
+  double mass = 0.0, time = 0.0;
 };
 
 class SoilInStep {
@@ -52,12 +57,11 @@ class SoilInStep {
   SoilLattice lattice;
 
   bool is_under(const Vec3& point, double time) const;
-  // Returns how far the ground near a point has moved up since its last map [m].
-  double rise_at(const Vec3& point, double time) const;
-  // Replaces the contacts of a part of a body, a convex shape at `pose`, by those with the soil. `slop` [m]: depth that
-  // Bullet's solver leaves.
-  void touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground, const Convex& convex,
-             const Pose& pose, const OnSoil& on, double slop, SoilPart& part, btPersistentManifold& manifold);
+  // Returns the motion of the soil near a point, with its mean velocity over the time `ahead` [s]; zero = it counts as still.
+  SoilMotion motion_at(const Vec3& point, double time, double ahead) const;
+  // Finds the contacts of a part of a body, a convex shape at `pose`, with the soil. `before`: those of the last step.
+  void touch(const Convex& convex, const Pose& pose, const OnSoil& on, const std::vector<OldContact>& before,
+             SoilPart& part, std::vector<Contact>& contacts, std::vector<ContactRow>& rows);
   // Presses the soil to where the parts of an awake body are at the end of a step.
   void press(const OnSoil& on, SoilParts& parts);
 

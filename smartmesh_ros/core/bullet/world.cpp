@@ -1,49 +1,70 @@
 #include "world.h"
 
 #include <algorithm>
+#include <stdexcept>
 
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
-#include "ground_algorithm.h"
 #include "link_motion.h"
-
-// Bullet's own library, which defines this, exports nothing.
-void btMultiBody::wakeUp() {
-  m_sleepTimer = 0;
-  m_awake = true;
-}
 
 namespace smartmesh {
 
-namespace {
-
-// Depth at which the bounds of proxies lie that are switched off [m].
-constexpr double FAR_AWAY = 1e6;
-
-bool is_of(const btCollisionObject& object, int body, int link) {
+ObjectName name_of(const btCollisionObject& object) {
   if (const auto* collider = btMultiBodyLinkCollider::upcast(&object))
-    return collider->m_multiBody->getUserIndex2() == body && collider->m_link == link;
-  return link < 0 && object.getUserIndex2() == body;
+    return {collider->m_multiBody->getUserIndex2(), collider->m_link};
+  return {object.getUserIndex2(), -1};
 }
 
-}  // namespace
+BulletWorld::BulletWorld(WorldPlace place) : place_(place) { look(); }
+
+void BulletWorld::look() {
+  btDiscreteDynamicsWorld* now = *place_;
+  // A new world may lie where the one before was; its dispatcher does not know the ground.
+  if (now != world_ || (now != nullptr && !algorithms_.are_in(*now))) enter(now);
+}
 
 void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   world_ = world;
+  surface.set_tiles({}, {});
   soil = nullptr;
   ++worlds_;
-  owned = false;
+  owned = drawn = false;
   slots_.clear();
-  roles_.clear();
+  bodies_.clear();
+  gone_ = 0;
+  is_hooked_ = stepping_ = false;
+  beside_.clear();
+  rules_ = {};
+  vacated_.clear();
   slot_of_ground_.clear();
-  if (world != nullptr) register_algorithm(*world, this);
+  told_.clear();
+  ++sleep_changes_, objects_known_ = -1;
+  if (world == nullptr) return;
+  algorithms_.enter(*world);
+  world->getSolverInfo().m_solverMode |= SOLVER_ENABLE_FRICTION_DIRECTION_CACHING;  // read the directions of our points
+}
+
+void require_rigid(const btCollisionObject& object) {
+  if (object.getInternalType() == btCollisionObject::CO_SOFT_BODY)
+    throw std::invalid_argument("it is soft, and only rigid bodies and robots collide with the map");
+}
+
+bool BulletWorld::leave() {
+  look();
+  if (world_ == nullptr) return true;
+  release();
+  untouchable_.leave(*world_);
+  world_ = nullptr;
+  return false;
 }
 
 btCollisionObject* BulletWorld::find(int body, int link) const {
   auto& objects = world_->getCollisionObjectArray();
-  for (int k = 0; k < objects.size(); ++k)
-    if (is_of(*objects[k], body, link)) return objects[k];
+  for (int k = 0; k < objects.size(); ++k) {
+    const ObjectName name = name_of(*objects[k]);
+    if (name.body == body && name.link == link) return objects[k];
+  }
   return nullptr;
 }
 
@@ -51,13 +72,14 @@ void BulletWorld::release() {
   for (std::size_t k = 0; k < slots_.size(); ++k)
     if (slots_[k].used) detach(static_cast<int>(k));
   surface.set_tiles({}, {});
+  rules_ = {};
   soil = nullptr;
-  owned = false;
+  owned = drawn = false;
 }
 
-std::vector<BulletWorld::Role>& BulletWorld::roles_of(int body) {
-  if (body >= static_cast<int>(roles_.size())) roles_.resize(body + 1);
-  return roles_[body];
+BulletWorld::OfBody& BulletWorld::of_body(int body) {
+  if (body >= static_cast<int>(bodies_.size())) bodies_.resize(body + 1);
+  return bodies_[body];
 }
 
 bool BulletWorld::attach(int index, int body, int link, int proxy) {
@@ -65,16 +87,20 @@ bool BulletWorld::attach(int index, int body, int link, int proxy) {
   btCollisionObject* found = proxy < 0 ? nullptr : find(proxy, -1);
   btRigidBody* ground = found == nullptr ? nullptr : btRigidBody::upcast(found);
   if (object == nullptr || (proxy >= 0 && ground == nullptr)) return false;
+  require_rigid(*object);
+  if (!is_hooked_) hook_.enter(*world_), is_hooked_ = true;
   if (index >= static_cast<int>(slots_.size())) slots_.resize(index + 1);
   Slot& slot = slots_[index];
   slot = Slot{};
-  slot.used = true;
+  slot.used = true, slot.is_robot = robot_of(*object) != nullptr;
   slot.body = body, slot.link = link, slot.proxy = proxy;
   slot.object = object, slot.ground = ground;
-  roles_of(body).push_back({index, false});
+  slot.rest.radius = bounding_radius(*object);
+  of_body(body).roles.push_back({index, false});
+  ++sleep_changes_, objects_known_ = -1;
   if (ground == nullptr) return true;
-  roles_of(proxy).push_back({index, true});
-  slot.shape = std::make_unique<GroundShape>(&surface, &time);
+  of_body(proxy).roles.push_back({index, true});
+  slot.shape = std::make_unique<GroundShape>(this);
   slot_of_ground_[slot.shape.get()] = index;
   slot.shape_before = ground->getCollisionShape();
   ground->setCollisionShape(slot.shape.get());
@@ -86,52 +112,66 @@ bool BulletWorld::attach(int index, int body, int link, int proxy) {
 void BulletWorld::detach(int index) {
   find_objects();
   Slot& slot = slots_[index];
+  if (slot.body >= 0) wake_body(slot.body);
+  else --gone_;
   if (slot.ground != nullptr) slot.ground->setCollisionShape(slot.shape_before);
   for (int body : {slot.body, slot.proxy}) {
     if (body < 0) continue;
-    auto& roles = roles_of(body);
+    auto& roles = of_body(body).roles;
     roles.erase(std::remove_if(roles.begin(), roles.end(), [&](const Role& role) { return role.slot == index; }),
                 roles.end());
   }
   if (slot.shape != nullptr) slot_of_ground_.erase(slot.shape.get());
   slot = Slot{};
+  ++sleep_changes_, objects_known_ = -1;
 }
 
-void BulletWorld::enable(int index, bool enabled) {
-  Slot& slot = slots_[index];
-  if (slot.enabled == enabled) return;
-  slot.enabled = enabled;
-  if (enabled || slot.ground == nullptr) return;
-  // Its bounds lie where nothing is, so that the step after it is switched on makes a new pair.
-  btBroadphaseProxy* bounds = slot.ground->getBroadphaseHandle();
-  const btVector3 away(index, 0.0, -FAR_AWAY);
-  world_->getBroadphase()->setAabb(bounds, away, away, world_->getDispatcher());
-  world_->getPairCache()->removeOverlappingPairsContainingProxy(bounds, world_->getDispatcher());
+void BulletWorld::note_removed(int body) {
+  objects_known_ = -1;
+  if (body < 0 || body >= static_cast<int>(bodies_.size())) return;
+  for (const Role& role : bodies_[body].roles) {
+    Slot& slot = slots_[role.slot];
+    if (role.is_proxy) {
+      slot.ground = nullptr;
+      continue;
+    }
+    if (slot.rest.asleep) note_awake(slot);
+    slot.object = nullptr, slot.body = -1;
+    ++gone_;
+  }
+  bodies_[body] = {};
+}
+
+std::vector<int> BulletWorld::find_gone() const {
+  std::vector<int> found;
+  for (std::size_t k = 0; gone_ > 0 && k < slots_.size(); ++k)
+    if (slots_[k].used && slots_[k].body < 0) found.push_back(static_cast<int>(k));
+  return found;
+}
+
+bool BulletWorld::keep_apart(int body) {
+  btCollisionObject* object = find(body, -1);
+  if (object != nullptr) untouchable_.keep_apart(*world_, *object);
+  return object != nullptr;
 }
 
 void BulletWorld::drive(int index, const Belt& belt) {
   find_objects();
-  Slot& slot = slots_[index];
-  slot.belt = belt;
-  if (slot.object != nullptr) wake(slot);
-}
-
-void BulletWorld::wake_all() {
-  find_objects();
-  for (const Slot& slot : slots_)
-    if (slot.object != nullptr && slot.enabled) wake(slot);
+  slots_[index].belt = belt;
+  wake(index);
 }
 
 void BulletWorld::find_objects() {
+  if (objects_known_ == world_->getNumCollisionObjects()) return;
+  objects_known_ = world_->getNumCollisionObjects();
+  others_listed_ = false;
   for (Slot& slot : slots_) slot.object = nullptr, slot.ground = nullptr;
   auto& objects = world_->getCollisionObjectArray();
   for (int k = 0; k < objects.size(); ++k) {
     btCollisionObject* object = objects[k];
-    int body = object->getUserIndex2(), link = -1;
-    if (auto* collider = btMultiBodyLinkCollider::upcast(object))
-      body = collider->m_multiBody->getUserIndex2(), link = collider->m_link;
-    if (body < 0 || body >= static_cast<int>(roles_.size())) continue;
-    for (const Role& role : roles_[body]) {
+    const auto [body, link] = name_of(*object);
+    if (body < 0 || body >= static_cast<int>(bodies_.size())) continue;
+    for (const Role& role : bodies_[body].roles) {
       Slot& slot = slots_[role.slot];
       if (!role.is_proxy && slot.link == link) slot.object = object;
       if (role.is_proxy && object->getCollisionShape() == slot.shape.get()) slot.ground = btRigidBody::upcast(object);

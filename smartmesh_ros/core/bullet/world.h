@@ -1,20 +1,25 @@
 // The ground in one Bullet world: a ground proxy for each attached body or link, and its contacts.
 #pragma once
 
+#include <exception>
 #include <memory>
 #include <optional>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include <BulletDynamics/Dynamics/btDiscreteDynamicsWorld.h>
 
+#include "bounds_hook.h"
+#include "contact_points.h"
 #include "contact_search.h"
+#include "ground_algorithm.h"
 #include "ground_shape.h"
-#include "manifold.h"
+#include "rest.h"
+#include "server_world.h"
 #include "soil_in_step.h"
 #include "solid.h"
-
-class btMultiBody;
+#include "untouchable.h"
 
 namespace smartmesh {
 
@@ -26,10 +31,23 @@ struct Belt {
   double speed = 0.0;
 };
 
+// PyBullet's numbers of a body and its link, -1 = the base; `body` is -1 for what PyBullet did not make.
+struct ObjectName {
+  int body, link;
+};
+ObjectName name_of(const btCollisionObject& object);
+// Throws `std::invalid_argument` if a body is soft.
+void require_rigid(const btCollisionObject& object);
+
+// A convex part of a body, as of its margin; without `convex` it is of unknown kind.
+struct KnownPart {
+  double margin;  // [m]
+  std::optional<Convex> convex;
+};
+
 // An attached body or link, by PyBullet's numbers, and its proxy, a body without mass.
 struct Slot {
-  bool used = false, enabled = true;
-  bool held = false;  // its body sleeps until somebody else wakes it, whatever the ground does
+  bool used = false, is_robot = false;
   int body = -1, link = -1;
   int proxy = -1;                       // -1 = the body is only read
   btCollisionObject* object = nullptr;  // found anew in each step; null = it is gone
@@ -37,11 +55,20 @@ struct Slot {
   btCollisionShape* shape_before = nullptr;  // of the proxy
   std::unique_ptr<GroundShape> shape;
   Vec3 linear, angular;    // of the body [m/s], [rad/s]
+  NearbyGround near;       // in this step
+  Vec3 pull;               // what gravity and applied forces added to a rigid body's velocity in the last step [m/s]
+  Vec3 turning;            // of the ground at a contact that has friction against turning, in the last step [rad/s]
   Belt belt;
-  std::vector<double> slept_on;  // the ground under a body that PyBullet put to sleep, as of `Surface::ground_under`
-  long slept_at = -1;            // revision of the ground when it was read
-  std::unordered_map<const btCollisionShape*, std::optional<Convex>> shapes;  // none = of unknown kind
+  Rest rest;
+  std::unordered_map<const btCollisionShape*, KnownPart> parts;
   SoilParts on_soil;  // by their shapes
+};
+
+// What the ground reads of a world's solver: `duration` [s] of the last step, shares of a penetration and of a friction
+// anchor's distance that a step corrects, and the penetration [m] that is left.
+struct SolverSettings {
+  Vec3 gravity;
+  double duration, erp, friction_erp, slop;
 };
 
 class BulletWorld {
@@ -52,12 +79,18 @@ class BulletWorld {
   double margin = 0.001;  // distance up to which contacts are found beside the motion of a step [m]
   bool carry_velocity = true;
 
-  // Called by the plugin when PyBullet makes a world, at the start and at `resetSimulation`.
-  void enter(btDiscreteDynamicsWorld* world);
-  void leave() { world_ = nullptr; }
+  // Finds its Bullet world at a `place` of the server's memory.
+  explicit BulletWorld(WorldPlace place);
+  BulletWorld(const BulletWorld&) = delete;
+
+  // Takes the world that the server has now. Call it before anything else that is done from outside.
+  void look();
+  // Leaves the world for good. False if the world lives on, whose pairs then still name this object.
+  bool leave();
   // Detaches all bodies and forgets the tiles, which may go.
   void release();
   bool alive() const { return world_ != nullptr; }
+  btDiscreteDynamicsWorld& bullet() const { return *world_; }
   // Number of worlds that the client has had; `resetSimulation` makes a new one.
   int worlds() const { return worlds_; }
 
@@ -65,32 +98,71 @@ class BulletWorld {
   bool attach(int slot, int body, int link, int proxy);
   void detach(int slot);
   bool has(int slot) const { return slot >= 0 && slot < static_cast<int>(slots_.size()) && slots_[slot].used; }
-  // Switches the ground of a slot on or off; call `find_objects` before.
-  void enable(int slot, bool enabled);
-  // Sets whether a body that sleeps in PyBullet is left to sleep when its ground changes.
-  void hold(int slot, bool held) { slots_[slot].held = held; }
+  // Lets nothing touch a body from now on, which rays still meet; false if PyBullet has no such body.
+  bool keep_apart(int body);
 
   // Moves the surface of the body in a slot, which wakes the body if it sleeps in PyBullet.
   void drive(int slot, const Belt& belt);
 
-  // Wakes the bodies that sleep in PyBullet, and whose ground is switched on.
+  // Wakes the body in a slot, or all that sleep. None sleeps before it has been still for the whole time of the rules.
+  void wake(int slot) { wake_body(slots_[slot].body); }
   void wake_all();
+
+  // Sets when bodies fall asleep and wake, after waking all.
+  void set_rules(const SleepRules& rules);
+  // Returns the PyBullet bodies that are still and rest on something, or whose slot `is_trusted` (S,), and which were not
+  // put to sleep yet.
+  std::vector<int> find_resting(const std::vector<bool>& is_trusted);
+  // Lets bodies fall asleep in the next step, if their islands are then still. An island keeps its contacts.
+  void put_to_sleep(const std::vector<int>& bodies);
+  // Wakes the sleeping bodies that something disturbed beside a contact: that are moved, pushed or driven, whose ground is
+  // another one, or beside which something moved or went. It is done in each step, too.
+  void wake_disturbed();
+  bool is_asleep(int slot) const { return slots_[slot].rest.asleep; }
+  // Returns a number that changes when a body falls asleep, wakes or is moved asleep.
+  long sleep_changes() const { return sleep_changes_; }
 
   // Returns the parts of the body in a slot that came near the soil.
   const SoilParts& parts_on_soil(int slot) const { return slots_[slot].on_soil; }
 
   // Finds the objects of all slots; call it before `read`.
   void find_objects();
+  // Notes that PyBullet made or removed a body. What was attached of a removed one is gone for good: PyBullet gives its
+  // number to another.
+  void note_added() { objects_known_ = -1; }
+  void note_removed(int body);
+  // Returns the slots whose bodies were removed from PyBullet.
+  std::vector<int> find_gone() const;
   // Writes the state of the body in a slot; false if it is gone.
   bool read(int slot, BodyState& state);
 
   // Places the proxies under their bodies, before a step of the world.
   void before_step();
   void after_step();
+  // Places the proxies for a collision query between steps.
+  void before_query();
+  bool is_stepping() const { return stepping_; }
+  bool drawn = false;  // rays meet other bodies that stand for the ground
+
+  // Runs what Bullet calls. An exception must not pass through PyBullet: it is kept for `take_fault`.
+  template <class Action>
+  void guarded(Action&& action) noexcept {
+    try {
+      action();
+    } catch (...) {
+      fault_ = std::current_exception();
+    }
+  }
+  // Returns the last exception since the call before; null if there was none.
+  std::exception_ptr take_fault() { return std::exchange(fault_, nullptr); }
 
   // Finds the contacts of a body's shape with the ground of its proxy.
   void touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground, btPersistentManifold& manifold,
              double duration);
+
+  // For a check of the memory's layout: what is read of the solver, and of the contacts of a slot in the last step.
+  SolverSettings settings() const;
+  std::vector<OldContact> contacts_of(int slot);
 
   bool owned = false;    // by a ground of Python
   SoilInStep* soil = nullptr;  // belongs to Python; null = none
@@ -101,37 +173,99 @@ class BulletWorld {
     int slot;
     bool is_proxy;
   };
-  std::vector<Role>& roles_of(int body);
+  // What belongs to a PyBullet body. `still` [s]: time for which all its slots are.
+  struct OfBody {
+    std::vector<Role> roles;
+    Sleeper sleeper;
+    double still = 0.0;
+    bool wanted = false, driven = false, supported = false;
+  };
+  OfBody& of_body(int body);
+  void enter(btDiscreteDynamicsWorld* world);
   btCollisionObject* find(int body, int link) const;
+  void list_slots();
   void read_velocity(Slot& slot) const;
+  void place_proxies();
   void place(Slot& slot);
   void press_soil();
   // Returns the axis that the surface of a body runs about, as long as its speed [m/s].
   Vec3 belt_of(const Slot& slot) const;
   // Returns the time in which the solver's friction closes a distance [s].
   double anchor_time(double step) const;
-  static void wake(const Slot& slot);
-  // Returns true for the ground of a body whose surface moves.
-  bool is_driven(const btCollisionObject& ground) const;
-  bool keeps_asleep(Slot& slot, const btVector3& low, const btVector3& high);
+  static void stir(const Slot& slot);
+  void note_rest();
+  void note_asleep(Slot& slot);
+  void note_awake(Slot& slot);
+  void wake_body(int body);
+  void wake_in(const Bounds& bounds);
+  bool is_disturbed(Slot& slot);
+  bool is_another_ground(Slot& slot);
+  void wake_beside_others();
+  void look_beside();
+  void find_reached();
+  void note_driven();
+  void follow_corrections(OfBody& body, double least);
+  void raise_contacts();
+  const Slot* slot_of(const btCollisionObject& ground) const;
+  Slot* moving_slot(const OfBody& body);
+  void find_joined();
+  void find_supported();
+  bool can_sleep(const OfBody& body, const std::vector<bool>& is_trusted) const;
+  bool is_attached(const btCollisionObject& object) const;
   // Returns `margin` and the way that gravity adds to the motion of a body in a step.
   double margin_in(double step) const;
-  Approach approach_of(const Slot& slot) const;
+  // Returns the time over which velocities of the ground are means in a step [s]; zero if they are not carried.
+  double ahead_in(double step) const;
+  Approach approach_of(const Slot& slot, double step) const;
   const Convex* convex_of_part(Slot& slot, const btCollisionShape& shape);
   // Returns the body in a slot as the soil sees it now, in a step of some duration [s].
   OnSoil on_soil(const Slot& slot, double step) const;
 
+  WorldPlace place_;
+  GroundAlgorithms algorithms_{this};
+  UntouchableFilter untouchable_;
   btDiscreteDynamicsWorld* world_ = nullptr;
   int worlds_ = 0;
+  std::exception_ptr fault_;
   std::vector<Slot> slots_;
-  std::vector<std::vector<Role>> roles_;  // by PyBullet body
+  std::vector<OfBody> bodies_;  // by PyBullet's numbers
   std::unordered_map<const btCollisionShape*, int> slot_of_ground_;
   std::vector<Contact> contacts_;
   std::vector<OldContact> before_;
+  std::vector<ContactRow> rows_;
+  std::vector<TruePoint> told_;  // in this step
   ContactSearch search_;
+
+  // Something that attached bodies may rest on, and that is not attached or does not move by physics.
+  struct Beside {
+    const btCollisionObject* object;
+    btTransform pose;
+    Bounds bounds;
+  };
+  SleepRules rules_;
+  std::vector<Beside> beside_;
+  bool others_listed_ = false;  // since PyBullet made or removed an object
+  std::vector<Bounds> vacated_;  // where sleeping bodies wake: others woke or went there, or come there
+  bool stepping_ = false;  // Bullet takes a step, for which it has applied gravity
+  BoundsHook hook_{[this] { before_query(); }};
+  bool is_hooked_ = false;
+  std::vector<const btMultiBody*> joined_;  // robots that a constraint holds to something else, whose pivot may be moved
+  long sleep_changes_ = 0;
+  int objects_known_ = -1;            // number of objects when they were found last; -1 = they changed since
+  std::vector<int> awake_, asleep_;   // used slots, as of a number of changes
+  long listed_at_ = -1;
+  int gone_ = 0;  // number of slots whose bodies were removed
+  bool any_raised_ = false;
+  long revision_ = -1;          // of the ground at the last look
+  bool ground_stands_ = false;  // it is that of the last look, and does not move
+  int constraints_ = 0, rigid_constraints_ = 0;  // at the last look, all and those of rigid bodies
+  GroundUnder ground_, next_;
+  std::vector<int> corrected_;  // bodies on ground that may have been corrected, in a step
+  btVector3 gravity_{0.0, 0.0, 0.0};
 };
 
-// Returns the world with the number that the plugin's command gave; null if its client was disconnected.
+// Returns the world with the number that the plugin's command gave; null if its client was disconnected, or its server runs
+// in another process.
 BulletWorld* world_of(int number);
 
 }  // namespace smartmesh

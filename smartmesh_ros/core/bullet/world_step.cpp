@@ -10,6 +10,7 @@
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
 #include "contact_points.h"
+#include "step_lock.h"
 
 namespace smartmesh {
 
@@ -31,31 +32,43 @@ double mass_of(const btCollisionObject& object) {
 
 void BulletWorld::before_step() {
   if (world_ == nullptr) return;
+  stepping_ = true;
+  told_.clear();
+  place_proxies();
+}
+
+void BulletWorld::before_query() {
+  const StepLock lock;
+  guarded([&] {
+    if (world_ != nullptr && !stepping_) place_proxies();
+  });
+}
+
+void BulletWorld::place_proxies() {
   find_objects();
-  for (Slot& slot : slots_)
-    if (slot.used && slot.ground != nullptr) place(slot);
+  wake_disturbed();
+  list_slots();
+  for (int k : awake_)
+    if (slots_[k].ground != nullptr) guarded([&] { place(slots_[k]); });
 }
 
 void BulletWorld::after_step() {
+  stepping_ = false;
   if (world_ == nullptr) return;
   duration = world_->getDispatchInfo().m_timeStep;
   time += duration;
   surface.note_shown(time);
   press_soil();
-  if (std::none_of(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.belt.speed != 0.0; })) return;
-  btDispatcher& dispatcher = *world_->getDispatcher();
-  for (int k = 0; k < dispatcher.getNumManifolds(); ++k) {
-    btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(k);
-    const bool ground_is_b = is_driven(*manifold.getBody1());
-    if (ground_is_b || is_driven(*manifold.getBody0())) put_back_places(manifold, ground_is_b);
-  }
+  for (const TruePoint& point : told_) restore(point);
+  told_.clear();
+  note_rest();
 }
 
 void BulletWorld::press_soil() {
   if (soil == nullptr) return;
   for (Slot& slot : slots_) {
     if (slot.on_soil.empty() || slot.object == nullptr || slot.ground == nullptr) continue;
-    if (!slot.enabled || !slot.object->isActive()) continue;
+    if (!slot.object->isActive()) continue;
     read_velocity(slot);
     soil->press(on_soil(slot, duration), slot.on_soil);
   }
@@ -65,26 +78,22 @@ void BulletWorld::press_soil() {
 // A robot rests on those of its links alike that touched the soil in the last step.
 OnSoil BulletWorld::on_soil(const Slot& slot, double step) const {
   int count = 0;
-  for (const Slot& other : slots_) {
-    if (!other.used || other.body != slot.body) continue;
-    for (const auto& [shape, part] : other.on_soil) count += soil->was_near(part) && !part.up.empty();
+  for (const Role& role : bodies_[slot.body].roles) {
+    if (role.is_proxy) continue;
+    for (const auto& [shape, part] : slots_[role.slot].on_soil) count += soil->was_near(part) && !part.up.empty();
   }
-  OnSoil found{};
+  OnSoil found;
   found.pose = from_bullet(slot.object->getWorldTransform());
-  found.centre = found.pose.at;
-  found.linear = slot.linear - from_bullet(slot.ground->getLinearVelocity());
-  found.angular = slot.angular;
-  if (slot.belt.speed != 0.0) found.belt = belt_of(slot), found.anchor_time = anchor_time(step);
+  found.soil = soil->motion_at(found.pose.at, time, ahead_in(step));
+  found.approach.centre = found.pose.at;
+  found.approach.linear = slot.linear - found.soil.velocity, found.approach.angular = slot.angular;
+  found.approach.ground = found.soil.velocity;
+  found.approach.duration = step;
+  found.approach.gravity = from_bullet(world_->getGravity());
+  if (slot.belt.speed != 0.0) found.belt = belt_of(slot);
   found.mass = mass_of(*slot.object) / std::max(count, 1);
-  found.gravity = world_->getGravity().length();
-  found.duration = step, found.time = time;
-  found.rise = soil->rise_at(found.centre, time);
+  found.time = time;
   return found;
-}
-
-bool BulletWorld::is_driven(const btCollisionObject& ground) const {
-  const auto found = slot_of_ground_.find(ground.getCollisionShape());
-  return found != slot_of_ground_.end() && slots_[found->second].belt.speed != 0.0;
 }
 
 void BulletWorld::place(Slot& slot) {
@@ -93,71 +102,47 @@ void BulletWorld::place(Slot& slot) {
   ground.setAngularVelocity(btVector3(0, 0, 0));
   slot.shape->low = slot.shape->high = btVector3(0, 0, 0);
   ground.forceActivationState(ISLAND_SLEEPING);  // Bullet wakes whatever lies on a kinematic body that is awake
-  if (slot.object == nullptr || !slot.enabled) return;
-  if (slot.belt.speed != 0.0) wake(slot);  // PyBullet would let it sleep while it creeps
+  if (slot.object == nullptr) return;
+  if (slot.belt.speed != 0.0) stir(slot);  // PyBullet would let it sleep while it creeps
   const btTransform& pose = slot.object->getWorldTransform();
   btVector3 low, high;
   slot.object->getCollisionShape()->getAabb(pose, low, high);
-  if (keeps_asleep(slot, low, high)) return;
   read_velocity(slot);
-  const double half = 0.5 * std::max(high.x() - low.x(), high.y() - low.y());
   const Vec3 at = from_bullet(pose.getOrigin());
   if (!std::isfinite(at.x + at.y + at.z + norm2(slot.linear) + norm2(slot.angular))) return;
   const double size = norm(from_bullet(high - low)), turn = std::min(1.0, norm(slot.angular) * duration);
-  GroundMotion motion;
-  if (carry_velocity && duration > 0.0) motion = surface.motion_at(at.x, at.y, half, time, duration, high.z());
-  const double moved = norm(motion.linear) * duration;
-  const double grown = margin_in(duration) + turn * size + moved;
-  const btVector3 by(grown, grown, grown), travel = to_bullet(slot.linear * duration);
+  const btVector3 travel = to_bullet(slot.linear * duration);
   low.setMin(low + travel), high.setMax(high + travel);
-  low -= by, high += by;
-  if (surface.highest_under({from_bullet(low), from_bullet(high)}, time) < low.z())
-    high = low -= btVector3(0, 0, APART);  // so that they are no pair
+  const double grown = margin_in(duration) + turn * size;
+  const Bounds swept = Bounds{from_bullet(low), from_bullet(high)}.grown(grown);
+  const NearbyGround& near = slot.near = surface.near(swept, time, ahead_in(duration));
+  const double moved = (norm(near.velocity) + near.spread) * duration;
+  low = to_bullet(swept.grown(moved).low), high = to_bullet(swept.grown(moved).high);
+  if (near.highest < low.z()) high = low -= btVector3(0, 0, APART);  // so that they are no pair
   // Bullet itself renews the bounds of awake objects only.
   world_->getBroadphase()->setAabb(ground.getBroadphaseHandle(), low, high, world_->getDispatcher());
   if (low == high) return;
   btTransform foot;
   foot.setIdentity();
-  foot.setOrigin(motion.known ? to_bullet(motion.foot) : pose.getOrigin());
+  foot.setOrigin(pose.getOrigin());
   slot.shape->low = low - foot.getOrigin();
   slot.shape->high = high - foot.getOrigin();
   slot.shape->origin = foot.getOrigin();
   ground.setWorldTransform(foot);
   ground.setInterpolationWorldTransform(foot);
-  ground.setLinearVelocity(to_bullet(motion.linear));
-  ground.setAngularVelocity(to_bullet(motion.angular));
-  if (moved > 0.0 || norm2(motion.angular) > 0.0) wake(slot);
-}
-
-// Returns true if PyBullet put a body to sleep and the ground under it is what it fell asleep on; wakes it otherwise.
-bool BulletWorld::keeps_asleep(Slot& slot, const btVector3& low, const btVector3& high) {
-  if (slot.object->isActive()) {
-    slot.slept_on.clear();
-    slot.slept_at = -1;
-    return false;
-  }
-  if (slot.held) return true;
-  const bool moves = surface.moves(time);
-  if (!moves && slot.slept_at == surface.revision()) return true;
-  slot.slept_at = surface.revision();
-  std::vector<double> ground;
-  surface.ground_under({from_bullet(low), from_bullet(high)}, time, ground);
-  const bool same = slot.slept_on.empty() || slot.slept_on == ground;
-  if (slot.slept_on.empty()) slot.slept_on = ground;
-  if (same) return true;
-  wake(slot);
-  return false;
-}
-
-void BulletWorld::wake(const Slot& slot) {
-  if (auto* collider = btMultiBodyLinkCollider::upcast(slot.object)) collider->m_multiBody->wakeUp();
-  slot.object->activate();
+  ground.setLinearVelocity(to_bullet(near.velocity));
+  ground.setAngularVelocity(to_bullet(slot.turning));
+  if (moved > 0.0) stir(slot);
 }
 
 const Convex* BulletWorld::convex_of_part(Slot& slot, const btCollisionShape& shape) {
-  const auto [known, is_new] = slot.shapes.try_emplace(&shape);
-  if (is_new) known->second = convex_of(static_cast<const btConvexShape&>(shape));
-  return known->second ? &*known->second : nullptr;
+  const auto [known, is_new] = slot.parts.try_emplace(&shape);
+  KnownPart& part = known->second;
+  if (is_new || part.margin != shape.getMargin()) {
+    part = {shape.getMargin(), convex_of(static_cast<const btConvexShape&>(shape))};
+    slot.on_soil.erase(&shape);
+  }
+  return part.convex ? &*part.convex : nullptr;
 }
 
 void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground,
@@ -168,7 +153,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
     return;
   }
   Slot& slot = slots_[found->second];
-  if (slot.object != body.getCollisionObject() || !slot.enabled) {
+  if (slot.object != body.getCollisionObject()) {
     manifold.setNumContacts(0);
     return;
   }
@@ -176,29 +161,34 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   if (shape == nullptr) return;
   Pose pose = from_bullet(body.getWorldTransform());
   for (Vec3& row : pose.turn.row) row = rotated(shape->turn.inverse(), row);
-  if (soil != nullptr && soil->is_under(pose.at, time)) {
-    soil->touch(body, ground, *shape, pose, on_soil(slot, step), world_->getSolverInfo().m_linearSlop,
-                slot.on_soil[body.getCollisionShape()], manifold);
-    return;
-  }
-  Approach approach = approach_of(slot);
-  approach.duration = step;
-  approach.gravity = from_bullet(world_->getGravity());
-  approach.margin = margin_in(step);
-  search_.run(*shape, pose, surface, time, approach, contacts_);
   read_contacts(manifold, before_);
-  choose_contacts(approach, before_, contacts_);
-  if (surface.has_friction()) {
-    const SurfaceReader ground_now = surface.reader(time, INSTANT);
-    for (Contact& contact : contacts_) contact.friction = ground_now.tiles.friction(contact.point.x, contact.point.y);
+  const Approach approach = approach_of(slot, step);
+  const btContactSolverInfo& solver = world_->getSolverInfo();
+  if (soil != nullptr && soil->is_under(pose.at, time)) {
+    soil->touch(*shape, pose, on_soil(slot, step), before_, slot.on_soil[body.getCollisionShape()], contacts_, rows_);
+  } else {
+    search_.run(*shape, pose, surface, time, approach, contacts_);
+    choose_contacts(approach, before_, contacts_);
+    if (surface.has_friction()) {
+      const SurfaceReader ground_now = surface.reader(time, INSTANT);
+      for (Contact& contact : contacts_) contact.friction = ground_now.tiles.friction(contact.point.x, contact.point.y);
+    }
+    BodySurface own;
+    read_surface(*slot.object, *slot.ground, own);
+    if (slot.belt.speed != 0.0) own.belt = belt_of(slot), own.mass = mass_of(*slot.object);
+    find_rows(contacts_, approach, own, {solver.m_erp2, solver.m_linearSlop, solver.m_restitutionVelocityThreshold}, rows_);
+    place_in_mid_step(*shape, pose, contacts_, approach, rows_);
   }
-  Touching touching{body, ground, approach, world_->getSolverInfo().m_erp2};
-  if (slot.belt.speed != 0.0) {
-    touching.belt = belt_of(slot), touching.anchor_time = anchor_time(step);
-    // Rigid contacts may share a load in any way. These share it as equal springs, 0.1 mm deep at 240 Hz.
-    touching.softness = step / mass_of(*slot.object);
+  const bool resists_turning = !rows_.empty() && rows_[0].friction.rolling + rows_[0].friction.spinning > 0.0;
+  slot.turning = resists_turning ? contacts_[0].ground.turning : Vec3{};
+  if (const auto* rigid = btRigidBody::upcast(slot.object)) {  // robots have a solver with a cone of its own
+    const Vec3 pull = from_bullet(rigid->getTotalForce() * (rigid->getInvMass() * step));
+    find_slips(contacts_, before_, approach, {pull, slot.pull, mass_of(*slot.object)}, rows_);
+    slot.pull = pull;
   }
-  write_contacts(contacts_, before_, touching, manifold);
+  const bool ground_is_b = manifold.getBody0() == slot.object;
+  write_contacts(contacts_, rows_, before_,
+                 {*slot.object, *slot.ground, ground_is_b, step, solver.m_linearSlop, anchor_time(step)}, manifold, told_);
 }
 
 Vec3 BulletWorld::belt_of(const Slot& slot) const {
@@ -213,14 +203,18 @@ double BulletWorld::anchor_time(double step) const {
 
 double BulletWorld::margin_in(double step) const { return margin + world_->getGravity().length() * step * step; }
 
-Approach BulletWorld::approach_of(const Slot& slot) const {
-  const btRigidBody& proxy = *slot.ground;
-  const btVector3 centre = slot.object->getWorldTransform().getOrigin();
+double BulletWorld::ahead_in(double step) const { return carry_velocity ? step : 0.0; }
+
+Approach BulletWorld::approach_of(const Slot& slot, double step) const {
   Approach approach;
-  approach.centre = from_bullet(centre);
-  approach.angular = slot.angular - from_bullet(proxy.getAngularVelocity());
-  approach.linear =
-      slot.linear - from_bullet(proxy.getVelocityInLocalPoint(centre - proxy.getWorldTransform().getOrigin()));
+  approach.centre = from_bullet(slot.object->getWorldTransform().getOrigin());
+  approach.angular = slot.angular;
+  approach.linear = slot.linear - slot.near.velocity;
+  approach.duration = step;
+  approach.margin = margin_in(step) + slot.near.spread * step;
+  approach.gravity = from_bullet(world_->getGravity());
+  approach.ground = slot.near.velocity;
+  approach.ahead = ahead_in(step);
   return approach;
 }
 

@@ -5,19 +5,22 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.ground.bullet import BulletCalls, undone
-from smartmesh_ros.ground.colliders.made import Field, MeshCollider, make_field, make_mesh, quarter_turn
+from smartmesh_ros.ground.colliders.made import Field, MeshCollider, make_field, make_mesh
 from smartmesh_ros.ground.colliders.whole_mesh import WholeMesh
+from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
+from smartmesh_ros.ground.height_field import quarter_turn
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig, is_mesh, is_whole
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
 
@@ -96,7 +99,7 @@ class PatchContacts:
         self._pairs = Pairs(client)
         self._held: dict[Follower, Field | MeshCollider] = {}
         self._whole = WholeMesh(client, terrain)
-        self._time = 0.0
+        self.time = 0.0
 
     def configure(self, config: PatchConfig) -> None:
         """Take settings from the next `refresh` on."""
@@ -110,21 +113,35 @@ class PatchContacts:
         for slot in slots:
             self._release(self._followers[slot])
 
+    def let_sleep(self, config: SleepConfig | None) -> None:
+        """Nobody sleeps on colliders."""
+
+    def settle(self, may_sleep: Callable[[int], bool] | None) -> None:
+        """Nobody sleeps."""
+
+    def wake(self, slots: list[int] | None) -> None:
+        """Nobody sleeps."""
+
+    def note_sleep(self) -> bool:
+        """Nobody sleeps."""
+        return False
+
+    def find_gone(self) -> list[int]:
+        """Return nobody: who removes a body detaches it before."""
+        return []
+
     def set_time(self, time: float, dt: float) -> None:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""
-        self._time = time
+        self.time = time
 
-    def refresh(self, stopped: BoolArray) -> None:
-        """Set the colliders to the patches of the followers that are awake, and remove those of the others. Colliders
-        wake no body that is ``stopped`` (S,)."""
-        for follower in [follower for follower in self._held if not self._followers.table["awake"][follower.slot]]:
-            self._release(follower)
-        if not self._followers.awake.size:
+    def refresh(self) -> None:
+        """Set the colliders to the patches of the followers."""
+        if not len(self._followers):
             return
         batches, supports = self._patches.batches, self._patches.supports
         with self._patches.stopwatch.stage("collider"):
             if is_whole(self._config.kind):
-                self._whole.update(self._config.kind, self._time)
+                self._whole.update(self._config.kind, self.time)
             else:
                 self._whole.release()
             self._apply(batches, supports)

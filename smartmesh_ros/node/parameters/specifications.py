@@ -67,8 +67,8 @@ SPECS = (
     _param("physics.restitution", "Coefficient of restitution of simulated bodies, and of links of robots without "
         "<contact>, spawned after the change.", 0.0, 1.0),
     _param("physics.guard", "Put bodies that are below the ground back onto it."),
-    _param("physics.sleep", "Bodies at rest on ground at rest sleep, without a collider, until anything comes near or "
-        "the ground changes."),
+    _param("physics.sleep", "Bodies at rest on ground at rest sleep, until anything touches or moves them or the "
+        "ground changes."),
     _param("physics.solver_residual", "The solver stops iterating once the squared change of every contact's velocity "
         "is below this [m^2/s^2]; higher is faster and less accurate.", 0.0, 1.0),
     _param("physics.contact_erp", "Fraction of a penetration that the solver corrects in one step.", 0.01, 1.0),

@@ -15,7 +15,6 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.body_shapes import obj_parts
 from smartmesh_ros.terrain.grid import FloatArray
 
 _STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -27,7 +26,7 @@ def mesh_parts(path: Path, scale: tuple[float, float, float]) -> list[FloatArray
     """Return the points (n, 3) [m] of each convex part of a mesh. Raises `InputError` that names the file."""
     readers: dict[str, Callable[[Path], list[FloatArray]]] = {
         ".stl": _stl,
-        ".obj": lambda path: obj_parts(str(path)),
+        ".obj": obj_parts,
         ".dae": lambda path: [collada_points(ElementTree.parse(path).getroot())],
     }
     reader = readers.get(path.suffix.lower())
@@ -59,6 +58,26 @@ def _stl(path: Path) -> list[FloatArray]:
             raise ValueError("it is neither a binary nor an ASCII STL, or it is not complete")
         return [words.astype(np.float64)]
     return [np.frombuffer(data, _STL_FACET, count, _HEADER)["corners"].reshape(-1, 3).astype(np.float64)]
+
+
+def obj_parts(path: Path) -> list[FloatArray]:
+    """Return the points (n, 3) that the faces of each object or group of an OBJ file use."""
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    points: list[list[float]] = []
+    objects: list[set[int]] = [set()]
+    for line in lines:
+        words = line.split()
+        if not words:
+            continue
+        if words[0] == "v":
+            points.append([float(word) for word in words[1:4]])
+        elif words[0] in ("o", "g"):
+            objects.append(set())
+        elif words[0] == "f":
+            numbers = [int(word.partition("/")[0]) for word in words[1:]]
+            objects[-1].update(number - 1 if number > 0 else len(points) + number for number in numbers)
+    array = np.array(points, np.float64).reshape(-1, 3)
+    return [array[sorted(used)] for used in objects if used]
 
 
 _PRIMITIVES = ("triangles", "polylist", "polygons", "tristrips", "trifans")

@@ -1,0 +1,189 @@
+"""What moves a sleeping body moves it as one that never slept, in the step in which it comes: among many others that
+sleep, in a PyBullet world of the user's own."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+import pytest
+from pybullet_utils.bullet_client import BulletClient
+
+from smartmesh_ros import Ground
+from smartmesh_ros.ground.config import SleepConfig
+from tests.grounds import level
+
+DT = 1.0 / 240.0
+SIDE = 0.2  # half the edge of a box [m]
+SETTLED, STEPS = 240, 240
+OTHERS = 20
+
+
+@dataclass
+class Yard:
+    """A box at the origin, others far away, and whatever a case puts beside them."""
+
+    maximal: bool
+    sleeps: bool
+    client: Any = field(default_factory=lambda: BulletClient(pb.DIRECT))
+    ids: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.client.setGravity(0.0, 0.0, -9.81)
+        self.terrain = level(201)
+        self.ground = Ground(self.client, self.terrain)
+        self.box = self.add((0.0, 0.0, SIDE))
+        for k in range(OTHERS):
+            self.add((-8.0 + 0.6 * k, 5.0, SIDE))
+        self.ground.let_sleep((lambda _: True) if self.sleeps else None)
+
+    def add(self, place: tuple[float, float, float], mass: float = 2.0, attached: bool = True) -> int:
+        shape = self.client.createCollisionShape(pb.GEOM_BOX, halfExtents=(SIDE,) * 3)
+        body = int(self.client.createMultiBody(mass, shape, basePosition=place, useMaximalCoordinates=self.maximal))
+        if attached:
+            self.ground.attach(body)
+        return body
+
+    def put(
+        self, body: int, place: tuple[float, ...], turn: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    ) -> None:
+        self.client.resetBasePositionAndOrientation(body, place, turn)
+
+    def push(self, force: tuple[float, float, float], torque: tuple[float, float, float]) -> None:
+        self.client.applyExternalForce(self.box, -1, force, (0.0, 0.0, 0.0), pb.LINK_FRAME)
+        self.client.applyExternalTorque(self.box, -1, torque, pb.WORLD_FRAME)
+
+    def run(self, first: int, count: int, act: Callable[[int], object] = lambda _: None) -> np.ndarray:
+        """Poses of the box after each step."""
+        places = []
+        for step in range(first, first + count):
+            act(step - first)
+            self.ground.step(step * DT, DT)
+            places.append(np.concatenate(self.client.getBasePositionAndOrientation(self.box)))
+        return np.array(places)
+
+
+Act = Callable[[Yard, int], object]
+
+
+def table(yard: Yard) -> None:
+    """The box stands on a table of the user's own."""
+    shape = yard.client.createCollisionShape(pb.GEOM_BOX, halfExtents=(1.0, 1.0, 0.25))
+    yard.ids["table"] = yard.client.createMultiBody(0.0, shape, basePosition=(0.0, 0.0, 0.25))
+    yard.put(yard.box, (0.0, 0.0, 0.5 + SIDE))
+
+
+def tied(yard: Yard) -> None:
+    """A rod ties the box to another one."""
+    yard.ids["other"] = yard.add((1.0, 0.0, SIDE))
+    pivots = (0.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
+    yard.client.createConstraint(yard.box, -1, yard.ids["other"], -1, pb.JOINT_POINT2POINT, (0, 0, 0), *pivots)
+
+
+def stacked(yard: Yard) -> None:
+    """The box stands on another one."""
+    yard.ids["other"] = yard.add((0.0, 0.0, SIDE))
+    yard.put(yard.box, (0.0, 0.0, 3.0 * SIDE))
+
+
+def pusher(yard: Yard) -> None:
+    """A body of the user's own that he moves himself."""
+    yard.ids["pusher"] = yard.add((-0.6, 0.0, SIDE), 0.0, attached=False)
+
+
+def alone(yard: Yard) -> None:
+    """Nothing more."""
+
+
+def moved(name: str, place: tuple[float, float, float], velocity: tuple[float, float, float]) -> Act:
+    """What its user moves in each step from a place on [m], at a velocity [m/s]."""
+
+    def act(yard: Yard, step: int) -> None:
+        yard.put(yard.ids[name], tuple(np.add(place, np.multiply(velocity, step * DT))))
+        yard.client.resetBaseVelocity(yard.ids[name], velocity)
+
+    return act
+
+
+def belt(yard: Yard, _: int) -> None:
+    """The table is held where it is, and has a velocity."""
+    yard.put(yard.ids["table"], (0.0, 0.0, 0.25))
+    yard.client.resetBaseVelocity(yard.ids["table"], (0.3, 0.0, 0.0))
+
+
+def at_first(act: Callable[[Yard], object]) -> Act:
+    """Something that is done before the first step."""
+    return lambda yard, step: act(yard) if step == 0 else None
+
+
+def taken(name: str) -> Act:
+    """What is removed from PyBullet."""
+    return at_first(lambda yard: yard.client.removeBody(yard.ids[name]))
+
+
+def thrown_aside(name: str) -> Act:
+    """What is put elsewhere."""
+    return at_first(lambda yard: yard.put(yard.ids[name], (5.0, 0.0, 1.0)))
+
+
+CASES: dict[str, tuple[Callable[[Yard], None], Act]] = {
+    "a tied body is driven": (tied, lambda yard, _: yard.client.resetBaseVelocity(yard.ids["other"], (0.5, 0.0, 0.0))),
+    "the box below is detached": (stacked, at_first(lambda yard: yard.ground.detach(yard.ids["other"]))),
+    "the box below is removed": (stacked, taken("other")),
+    "the box below is thrown aside": (stacked, thrown_aside("other")),
+    "its table is removed": (table, taken("table")),
+    "its table is thrown aside": (table, thrown_aside("table")),
+    "its table is a lift": (table, moved("table", (0.0, 0.0, 0.25), (0.0, 0.0, 0.2))),
+    "its table is a conveyor": (table, belt),
+    "a pusher comes": (pusher, moved("pusher", (-0.6, 0.0, SIDE), (0.5, 0.0, 0.0))),
+    "a body falls on it": (alone, at_first(lambda yard: yard.add((0.1, 0.0, 1.5), 5.0, attached=False))),
+    "an attached body falls on it": (alone, at_first(lambda yard: yard.add((0.1, 0.0, 1.5), 5.0))),
+    "its velocity is set": (alone, at_first(lambda yard: yard.client.resetBaseVelocity(yard.box, (1.0, 0.0, 1.0)))),
+    "it is turned": (alone, at_first(lambda yard: yard.put(yard.box, (0.0, 0.0, SIDE), (0.0, 0.0, 0.1, 0.995)))),
+    "it is lifted": (alone, at_first(lambda yard: yard.put(yard.box, (0.0, 0.0, 1.0)))),
+    "it is pushed": (alone, lambda yard, _: yard.push((15.0, 0.0, 0.0), (0.0, 0.0, 0.0))),
+    "it is spun": (alone, lambda yard, _: yard.push((0.0, 0.0, 0.0), (0.0, 0.0, 5.0))),
+    "gravity turns": (alone, at_first(lambda yard: yard.client.setGravity(7.0, 0.0, -7.0))),
+    "its ground falls": (alone, at_first(lambda yard: yard.terrain.replace(yard.terrain.heights - 0.5, time=1000.0))),
+}
+
+
+@pytest.mark.parametrize("maximal", [True, False], ids=["rigid body", "multibody"])
+@pytest.mark.parametrize("name", CASES)
+def test_a_sleeping_body_moves_as_if_it_were_awake(name: str, maximal: bool) -> None:
+    build, act = CASES[name]
+    paths = []
+    for sleeps in (True, False):
+        yard = Yard(maximal, sleeps)
+        build(yard)
+        start = yard.run(0, SETTLED)[-1]
+        held = name == "a tied body is driven" and not maximal  # by a pivot that may be moved at any time
+        assert yard.ground.is_asleep(yard.box) == (sleeps and not held)
+        paths.append(yard.run(SETTLED, STEPS, lambda step: act(yard, step)))  # noqa: B023
+        yard.client.disconnect()
+    asleep, awake = paths
+    assert np.abs(awake - start).max() > 0.01 or "falls on it" in name, "it does move"
+    lawful = [0, 2] if "tied" in name else range(7)  # a box that is pulled along drifts aside, by no law
+    np.testing.assert_allclose(asleep[:, lawful], awake[:, lawful], rtol=0.0, atol=5e-3)
+
+
+def test_a_motor_that_is_told_something_else_through_pybullet_wakes_its_robot(client: Any) -> None:
+    shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=(0.2, 0.1, 0.1))
+    robot = client.createMultiBody(
+        1.0, shape, -1, (0.0, 0.0, 0.1), linkMasses=[0.3], linkCollisionShapeIndices=[shape],
+        linkVisualShapeIndices=[-1], linkPositions=[(0.0, 0.0, 0.25)], linkOrientations=[(0, 0, 0, 1)],
+        linkInertialFramePositions=[(0, 0, 0)], linkInertialFrameOrientations=[(0, 0, 0, 1)], linkParentIndices=[0],
+        linkJointTypes=[pb.JOINT_REVOLUTE], linkJointAxis=[(0, 0, 1)],
+    )  # fmt: skip
+    ground = Ground(client, level())
+    ground.attach(robot)
+    ground.let_sleep(lambda _: True, SleepConfig(after=0.1))
+    hold = {"controlMode": pb.POSITION_CONTROL, "force": 5.0}
+    for step in range(480):
+        target = 0.5 if step >= 240 else 0.0
+        client.setJointMotorControl2(robot, 0, targetPosition=target, **hold)
+        ground.step(step * DT, DT)
+        assert step != 239 or ground.is_asleep(robot)
+    assert client.getJointState(robot, 0)[0] == pytest.approx(0.5, abs=0.02)
+    assert ground.is_asleep(robot)

@@ -1,0 +1,236 @@
+"""Contacts move as the ground does at each of them: bodies ride on ground that waves, rocks and turns."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import (
+    BodyState,
+    Box,
+    Cylinder,
+    GridGeometry,
+    HeightMap,
+    PhysicsConfig,
+    Sphere,
+    Terrain,
+    World,
+    WorldConfig,
+)
+from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.bodies import rotation
+from tests.core import mesh_parts
+from tests.grounds import terrain_of
+from tests.urdfs import box, link, robot
+
+RATE, SIDE, CELL, HALF = 240.0, 65, 0.25, 8.0
+LYING = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # with its axis along y
+BALL, BOX, WHEEL, FOOT = Sphere(0.2), Box(0.5, 0.4, 0.3), Cylinder(height=0.2, radius=0.25), Sphere(0.1)
+AXIS = np.linspace(-HALF, HALF, SIDE)
+X, Y = np.meshgrid(AXIS, AXIS)
+
+
+def waves(x: FloatArray, y: FloatArray, time: float) -> FloatArray:
+    """Rings that come in with up to 9 m/s^2 [m]."""
+    return np.asarray(0.35 * np.sin(1.8 * np.hypot(x, y) + 5.0 * time))
+
+
+def hills(x: FloatArray, y: FloatArray, _: float = 0.0) -> FloatArray:
+    return np.asarray(0.3 * np.sin(1.5 * x) * np.sin(1.5 * y))
+
+
+Change = Callable[[float], None]  # brings the ground to a time [s]
+
+
+def one_map() -> tuple[Terrain, Change]:
+    ground = HeightMap(waves(X, Y, 0.0), resolution=CELL, origin=(-HALF, -HALF))
+    return terrain_of(all=ground), lambda time: ground.replace(waves(X, Y, time), time=time)
+
+
+def two_tiles() -> tuple[Terrain, Change]:
+    """With a gap of a cell between them, under the middle of the bodies."""
+    west, east = X[:, : SIDE // 2], X[:, SIDE // 2 :]
+    y = Y[:, :1]
+    tiles = {
+        name: HeightMap(waves(part, y, 0.0), resolution=CELL, origin=(part[0, 0], -HALF))
+        for name, part in (("west", west), ("east", east))
+    }
+
+    def change(time: float) -> None:
+        tiles["west"].replace(waves(west, y, time), time=time)
+        tiles["east"].replace(waves(east, y, time), time=time)
+
+    return terrain_of(**tiles), change
+
+
+def waving_mesh() -> tuple[Terrain, Change]:
+    vertices, triangles = mesh_parts.sheet(2.0 * HALF, SIDE - 1)
+    mesh = TriangleMesh(vertices + [0.0, 0.0, 1.0] * waves(vertices[:, :1], vertices[:, 1:2], 0.0), triangles)
+
+    def change(time: float) -> None:
+        x, y = vertices[:, 0], vertices[:, 1]
+        mesh.move(np.stack([x, y, waves(x, y, time)], axis=1), time=time)
+
+    return terrain_of(all=mesh), change
+
+
+def turning_map() -> tuple[Terrain, Change]:
+    """Hills that turn about z at 0.4 rad/s."""
+    terrain = Terrain()
+
+    def change(time: float) -> None:
+        cos, sin = math.cos(0.4 * time), math.sin(0.4 * time)
+        origin = (HALF * (sin - cos), -HALF * (sin + cos), 0.0)
+        geometry = GridGeometry(rows=SIDE, columns=SIDE, resolution=CELL, origin=origin, yaw=0.4 * time)
+        terrain.put("", HeightMap(hills(X, Y), geometry=geometry, time=time))
+
+    change(0.0)
+    return terrain, change
+
+
+def rocking_mesh() -> tuple[Terrain, Change]:
+    """Hills that rock about y by up to 0.3 rad, with up to 1.2 rad/s."""
+    vertices, triangles = mesh_parts.sheet(2.0 * HALF, SIDE - 1, hills)
+    mesh = TriangleMesh(vertices, triangles)
+
+    def change(time: float) -> None:
+        half = 0.15 * math.sin(4.0 * time)
+        turned = vertices @ rotation(np.array([0.0, math.sin(half), 0.0, math.cos(half)])).T
+        mesh.move(turned, time=time)
+
+    return terrain_of(all=mesh), change
+
+
+def surface_of(shape: Shape) -> FloatArray:
+    """Points (n, 3) on a shape, in its frame."""
+    if isinstance(shape, Box):
+        grid = np.array(np.meshgrid(*[np.linspace(-0.5, 0.5, 7)] * 3)).reshape(3, -1).T
+        return grid[np.abs(grid).max(axis=1) == 0.5] * (shape.x, shape.y, shape.z)
+    turns = np.linspace(0.0, 2.0 * math.pi, 48, endpoint=False)
+    if isinstance(shape, Cylinder):
+        ring = np.stack([np.cos(turns), np.sin(turns), 0.0 * turns], axis=1) * shape.radius
+        return np.concatenate([ring + (0.0, 0.0, z) for z in shape.height * np.linspace(-0.5, 0.5, 5)])
+    assert isinstance(shape, Sphere)
+    k = np.arange(400)
+    z, turns = 1.0 - 2.0 * (k + 0.5) / 400, math.pi * (1.0 + math.sqrt(5.0)) * k
+    ring = np.sqrt(1.0 - z * z)
+    return shape.radius * np.stack([ring * np.cos(turns), ring * np.sin(turns), z], axis=1)
+
+
+def depth_of(world: World, name: str, surface: FloatArray) -> float:
+    """How deep a body is in the ground [m]."""
+    state = world.state(name)
+    points = surface @ rotation(np.array(state.orientation)).T + state.position
+    ground = world.ground.at(points[:, :2], world.time)
+    return float(np.max((ground.z - points[:, 2]) * ground.normals[:, 2]))
+
+
+# Depth that a share of the bodies does not exceed [m], [%]. Of a wheel that turns, another point of the rim may be the
+# lowest at the end of a step.
+MOST = {BALL: (0.3e-3, 99), BOX: (1.2e-3, 99), WHEEL: (0.4e-3, 90), FOOT: (0.2e-3, 99)}
+
+
+@pytest.mark.parametrize("ground", [one_map, two_tiles, waving_mesh, turning_map, rocking_mesh])
+def test_bodies_on_moving_ground_do_not_sink_in(ground: Callable[[], tuple[Terrain, Change]]) -> None:
+    """Told in each step, so that only contacts can be wrong."""
+    terrain, change = ground()
+    rng = np.random.default_rng(3)
+    depths: dict[Shape, list[float]] = {shape: [] for shape in MOST}
+    surfaces = {shape: surface_of(shape) for shape in MOST}
+    with World(terrain, WorldConfig(physics=PhysicsConfig(rate=RATE, sleep=False, guard=False))) as world:
+        bodies: dict[str, Shape] = {}
+        for k, (x, y) in enumerate(rng.uniform(-4.0, 4.0, (16, 2)) * (0.3, 1.0)):
+            shape = list(MOST)[k % 4]
+            start = BodyState((x, y, 1.0), LYING if shape is WHEEL else (0.0, 0.0, 0.0, 1.0))
+            bodies[f"{k}"] = shape
+            if shape is FOOT:
+                world.spawn_robot(f"{k}", robot(link("foot", '<sphere radius="0.1"/>')), start)
+            else:
+                world.spawn(f"{k}", shape, 1.0, start)
+        for step in range(round(2.0 * RATE)):
+            if step:
+                change(world.time)
+            world.step()
+            if step > RATE and step % 5 == 0:
+                for name, shape in bodies.items():
+                    depths[shape].append(depth_of(world, name, surfaces[shape]))
+    for shape, (most, share) in MOST.items():
+        assert np.percentile(depths[shape], share) < most, shape
+
+
+@pytest.mark.parametrize("is_robot", [False, True])
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_a_ball_leaves_a_flank_that_rises_by_its_restitution(is_robot: bool, restitution: float) -> None:
+    """Relative to the ground at the contact, which moves as no ground under its middle does; told with the true gap."""
+    rises = np.clip(X / CELL, 0.0, 1.0)  # [m/s]
+    ground = HeightMap(rises * 0.15, resolution=CELL, origin=(-HALF, -HALF))
+    config = WorldConfig(physics=PhysicsConfig(restitution=restitution))
+    with World(ground, config) as world:
+        for step in range(1, 31):  # the velocities are known
+            ground.replace(rises * (0.15 + step / RATE), time=step / RATE)
+            world.step()
+        start = BodyState((-0.03, 0.01, 0.65), linear=(0.0, 0.0, -1.0))
+        if is_robot:
+            world.spawn_robot("ball", robot(link("ball", '<sphere radius="0.3"/>')), start)
+        else:
+            world.spawn("ball", Sphere(0.3), 1.0, start)
+        pressed = []
+        while not pressed:
+            step += 1
+            ground.replace(rises * (0.15 + step / RATE), time=step / RATE)
+            before, time = world.state("ball"), world.time
+            world.step()
+            pressed = [contact for contact in world.contacts() if contact.normal_force > 0.0]
+        after, normal = world.state("ball"), np.array(pressed[0].normal)
+        place = np.array(pressed[0].position)
+        speed = np.clip(place[0] / CELL, 0.0, 1.0)
+        assert 0.1 < speed < 0.9 and place[2] == pytest.approx(speed * (0.15 + time), abs=1e-6)
+        assert -pressed[0].depth == pytest.approx(np.linalg.norm(before.position - place) - 0.3, abs=1e-6)
+        closing, leaving = ((np.array(state.linear) - (0.0, 0.0, speed)) @ normal for state in (before, after))
+        allowed = pressed[0].depth * RATE if restitution == 0.0 else 0.0  # it comes as far as the ground
+        assert leaving == pytest.approx(-restitution * closing + allowed, rel=0.03, abs=0.02)
+
+
+@pytest.mark.parametrize("is_robot", [False, True])
+def test_friction_against_spinning_is_that_with_the_ground(is_robot: bool) -> None:
+    terrain, change = turning_map()
+    with World(terrain, WorldConfig(physics=PhysicsConfig(sleep=False))) as world:
+        start = BodyState((0.0, 0.0, 0.2))
+        if is_robot:
+            world.spawn_robot("ball", robot(link("ball", '<sphere radius="0.2"/>')), start)
+        else:
+            world.spawn("ball", BALL, 1.0, start)
+        world.client.changeDynamics(world.bodies["ball"].uid, -1, spinningFriction=0.05)
+        for _ in range(120):
+            change(world.time)
+            world.step()
+        assert world.state("ball").angular[2] == pytest.approx(0.4, abs=0.01)
+
+
+@pytest.mark.parametrize(("is_robot", "error"), [(False, 0.03), (True, 0.15)], ids=["body", "robot"])
+def test_a_box_on_two_belts_that_run_apart_turns_on_the_spot(is_robot: bool, error: float) -> None:
+    """Until the slips of its corners, at +-a and +-b, have no moment: at v a / (a^2 + b^2).
+
+    PyBullet's solver for robots weighs slips by the mass that each axis meets.
+    """
+    speed, (a, b) = 0.5, (0.25, 0.2)
+    vertices, triangles = mesh_parts.sheet(8.0, 16)
+    belts = {side: TriangleMesh(vertices + (4.0 * side, 0.0, 0.0), triangles) for side in (-1, 1)}
+    terrain = terrain_of(west=belts[-1], east=belts[1])
+    with World(terrain, WorldConfig(physics=PhysicsConfig(sleep=False))) as world:
+        edges = (2.0 * a, 2.0 * b, 0.3)
+        if is_robot:
+            world.spawn_robot("box", robot(link("box", box(edges), 1.0, edges)), BodyState((0.0, 0.0, 0.15)))
+        else:
+            world.spawn("box", Box(*edges), 1.0, BodyState((0.0, 0.0, 0.15)))
+        for _ in range(28):
+            for side, belt in belts.items():
+                now = vertices + (4.0 * side, side * speed * world.time, 0.0)
+                belt.move(now, time=world.time, velocities=np.full(now.shape, (0.0, side * speed, 0.0)))
+            world.step()
+        state = world.state("box")
+        assert state.position == pytest.approx((0.0, 0.0, 0.15), abs=1e-3)
+        assert state.angular[2] == pytest.approx(speed * a / (a * a + b * b), rel=error)
