@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from smartmesh_ros.terrain.heightmap import HeightMap
     from smartmesh_ros.terrain.motion import MotionConfig
     from smartmesh_ros.terrain.terrain import Terrain
+    from smartmesh_ros.world.base import Base, BaseOdometry
+    from smartmesh_ros.world.base_geometry import BaseConfig
     from smartmesh_ros.world.height_scanner import HeightScanner
     from smartmesh_ros.world.imu import Imu, ImuConfig, ImuReading
     from smartmesh_ros.world.snapshot import Snapshot
@@ -31,6 +33,8 @@ _MODULES = {
     "patches.config": ("PatchConfig",),
     "ground.config": ("PhysicsConfig",),
     "ground.ground": ("Ground",),
+    "world.base": ("Base", "BaseOdometry"),
+    "world.base_geometry": ("BaseConfig",),
     "world.height_scanner": ("HeightScanner",),
     "world.imu": ("Imu", "ImuConfig", "ImuReading"),
     "world.snapshot": ("Snapshot",),
@@ -48,6 +52,9 @@ _MODULES = {
 _MODULE_OF = {name: f"{__name__}.{module}" for module, names in _MODULES.items() for name in names}
 
 __all__ = [
+    "Base",
+    "BaseConfig",
+    "BaseOdometry",
     "BodyState",
     "Box",
     "Capsule",

@@ -27,6 +27,7 @@ from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer, st
 from smartmesh_ros.node.timing.stamps import Placed
 from smartmesh_ros.node.transport import Clock, Transport
 from smartmesh_ros.stopwatch import Stopwatch
+from smartmesh_ros.world.base import Base
 from smartmesh_ros.world.world import World
 
 # What is done with a request and its response, or with a response and its error.
@@ -65,7 +66,8 @@ class Session:
     ``topics``: the node's inputs and outputs. ``jumps``: number of jumps of tracked bodies, by topic. ``unstamped``:
     number of transforms without stamp, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s],
     None = without stamps. ``names``: names of the peer nodes. ``turns``: answers under way. ``robots``: prepares
-    robots for the world. ``lost``: why bodies were removed, by name, until a reset.
+    robots for the world. ``bases``: robots that drive, by name. ``lost``: why bodies were removed, by name, until a
+    reset.
     """
 
     def __init__(self, node: Transport, settings: Settings, clock: Clock) -> None:
@@ -74,6 +76,7 @@ class Session:
         self.world = World(config=settings.world, stopwatch=Stopwatch(now=clock.steady))
         self.world.say, self.world.note = node.get_logger().warning, node.get_logger().info
         self.tracking = Tracking(self.world, settings.body_timeout, settings.max_velocity)
+        self.bases = {entry.body: Base(self.world, entry.body, entry.config) for entry in settings.bases}
         self.robot_names = RobotNames(self.world, always=settings.robot_prefix)
         self.jumps: Counter[str] = Counter()
         self.unstamped: Counter[str] = Counter()

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, fields
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import pybullet as pb
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import conjugate, product, rotate, rotation_vector, slerp
@@ -18,7 +17,7 @@ from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.link_frames import InertialFrame, link_index
 from smartmesh_ros.world.world import World
 
-# Largest magnitude of a setting, in its unit.
+# Largest magnitude of a bias, a noise density or a random walk, in its unit.
 LARGEST = 1e6
 # Bounds of the rate [Hz].
 RATES = (0.01, 10_000.0)
@@ -32,15 +31,12 @@ ROUNDING = 1e-3
 class ImuConfig:
     """Settings of an IMU; the names of those of its noise are Kalibr's.
 
-    ``position`` [m], ``rpy`` [rad]: of the sensor in the frame of its link, the angles as in URDF. ``rate`` [Hz] of
-    readings in simulated time, at most one a step. Of the accelerometer [m/s^2] and the gyroscope [rad/s]:
-    ``*_noise_density`` of white noise, per square root of a hertz; ``*_random_walk`` of the bias, the same per second;
-    ``*_bias``, the bias at the start, along the axes of the sensor. ``seed``: of the noise, which is the same in each
-    run. Raises `InputError` for an impossible value.
+    ``rate`` [Hz] of readings in simulated time, at most one a step. Of the accelerometer [m/s^2] and the gyroscope
+    [rad/s]: ``*_noise_density`` of white noise, per square root of a hertz; ``*_random_walk`` of the bias, the same per
+    second; ``*_bias``, the bias at the start, along the axes of the sensor. ``seed``: of the noise, which is the same
+    in each run. Raises `InputError` for an impossible value.
     """
 
-    position: Vector = (0.0, 0.0, 0.0)
-    rpy: Vector = (0.0, 0.0, 0.0)
     rate: float = 100.0
     accelerometer_noise_density: float = 0.0
     accelerometer_random_walk: float = 0.0
@@ -51,28 +47,23 @@ class ImuConfig:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("position", "rpy", "accelerometer_bias", "gyroscope_bias"):
-            values = getattr(self, name)
-            if len(values) != 3 or not all(abs(value) <= LARGEST for value in values):  # also True for NaN
-                raise InputError("imu", f"{name} of an IMU is {values}; it must be three finite numbers")
-        if not RATES[0] <= self.rate <= RATES[1]:
-            raise InputError("imu", f"rate of an IMU is {self.rate}; it must be {RATES[0]:g} to {RATES[1]:g} Hz")
-        for name in (one.name for one in fields(self) if one.name.endswith(("density", "walk"))):
-            if not 0.0 <= getattr(self, name) <= LARGEST:
-                raise InputError("imu", f"{name} of an IMU is {getattr(self, name)}; it must be zero or more")
-        if self.seed < 0:
-            raise InputError("imu", f"seed of an IMU is {self.seed}; it must be a whole number from 0 on")
+        for name, value in ((one.name, getattr(self, one.name)) for one in fields(self)):
+            if name == "seed":
+                possible, wanted = type(value) is int and value >= 0, "a whole number from 0 on"
+            elif name == "rate":
+                possible, wanted = _is_between(value, *RATES), f"{RATES[0]:g} to {RATES[1]:g} Hz"
+            elif name.endswith("bias"):
+                possible = isinstance(value, list | tuple) and len(value) == 3
+                possible = possible and all(_is_between(one, -LARGEST, LARGEST) for one in value)
+                wanted = "three finite numbers"
+            else:
+                possible, wanted = _is_between(value, 0.0, LARGEST), f"0 to {LARGEST:g}"
+            if not possible:
+                raise InputError("imu", f"{name} of an IMU is {value!r}; it must be {wanted}")
 
-    @property
-    def orientation(self) -> Quaternion:
-        """Orientation of the sensor in the frame of its link (x, y, z, w)."""
-        x, y, z, w = pb.getQuaternionFromEuler(self.rpy)
-        return x, y, z, w
 
-    @property
-    def is_offset(self) -> bool:
-        """True if the sensor has a frame of its own."""
-        return any(self.position) or any(self.rpy)
+def _is_between(value: Any, low: float, high: float) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high
 
 
 class ImuReading(NamedTuple):
@@ -98,7 +89,7 @@ class Imu:
     """Measures in each step of a world, from its creation until `close`.
 
     ``name``: of a simulated body, or of a robot; ``link``: of the robot, "" = its root link. The sensor of a body that
-    is no robot is at its centre of mass. Nothing is measured while the body or link is not there.
+    is no robot is at its centre of mass, that of a link at the origin of the link's frame, with its axes. Nothing is measured while the body or link is not there.
 
     The specific force of a step is the change of the sensor's velocity in this step, divided by its duration, minus
     gravity, along the axes that the sensor has halfway. The angular velocity is the rotation in the step, divided by
@@ -109,7 +100,6 @@ class Imu:
     def __init__(self, world: World, name: str, link: str = "", config: ImuConfig | None = None) -> None:
         self.name, self.link, self.config = name, link, config or ImuConfig()
         self._world = world
-        self._orientation = self.config.orientation
         self._body: Body | None = None  # that is measured
         self._link: int | None = None  # its link in PyBullet, -1 = the root, None = there is none
         self._readings: deque[ImuReading] = deque(maxlen=MOST_KEPT)
@@ -181,13 +171,11 @@ class Imu:
         else:  # PyBullet computes it from the joints anew, which changes no step
             _, turn, *centre, _, _, linear, angular = world.client.getLinkState(body.uid, self._link, 1, 1)
             inertial = InertialFrame(*centre)
-        frame = product(turn, conjugate(inertial.orientation))
-        (x, y, z), (cx, cy, cz) = self.config.position, inertial.position
-        ax, ay, az = rotate(frame, (x - cx, y - cy, z - cz))  # from the centre of mass to the sensor
+        orientation = product(turn, conjugate(inertial.orientation))
+        ax, ay, az = rotate(orientation, inertial.position)  # from the origin of the link to its centre of mass
         wx, wy, wz = angular
         vx, vy, vz = linear
-        velocity = (vx + wy * az - wz * ay, vy + wz * ax - wx * az, vz + wx * ay - wy * ax)
-        orientation = product(frame, self._orientation)
+        velocity = (vx - wy * az + wz * ay, vy - wz * ax + wx * az, vz - wx * ay + wy * ax)
         if not math.isfinite(sum(velocity) + sum(orientation)):  # a body that the world is about to remove
             return None
         return _State(orientation, velocity)
@@ -212,4 +200,3 @@ class Imu:
         """Forget what was measured since the last reading."""
         self._gained, self._turned = np.zeros(3), np.zeros(3)  # along the axes of the sensor [m/s], [rad]
         self._duration = 0.0  # [s]
-

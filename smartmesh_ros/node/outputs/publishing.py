@@ -31,6 +31,7 @@ from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.node.outputs.body_outputs import BodyDescriptions, ScanOutput
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
+from smartmesh_ros.node.outputs.motion_outputs import ImuOutput, OdometryOutput
 from smartmesh_ros.node.outputs.scene_outputs import RobotModel, SceneMarkers
 from smartmesh_ros.node.outputs.soil_outputs import sinkage_message, update_message
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
@@ -146,7 +147,13 @@ class Publishing:
         self._sunk = -1  # revision of the map in the last message on ~/sinkage
         self._robot_model = RobotModel(session)
         self._scans = [ScanOutput(session, entry, self._qos) for entry in session.settings.height_scans]
-        ends: list[Any] = [self._descriptions, self._robot_model, *self._scans, *self._outputs.values()]
+        self._imus = [ImuOutput(session, entry, self._qos) for entry in session.settings.imus]
+        self._odometry = [
+            OdometryOutput(session, entry, session.bases[entry.body], transforms, self._qos)
+            for entry in session.settings.bases
+        ]
+        motions = [*self._imus, *self._odometry]
+        ends: list[Any] = [self._descriptions, self._robot_model, *self._scans, *motions, *self._outputs.values()]
         self._diagnostics = Diagnostics(session, peers, self._clock, [end.publisher for end in ends])
         self._time = RateTime(session)
         # Staggered, so that no step publishes all outputs.
@@ -170,6 +177,12 @@ class Publishing:
         with enduring("height_scan"):
             for scan in self._scans:
                 scan.publish(now=now)
+        with enduring("imu"):
+            for imu in self._imus:
+                imu.publish()
+        with enduring("odom"):
+            for odometry in self._odometry:
+                odometry.publish(now=now)
         with enduring("clock"):
             self._clock.publish(steady)
         with enduring("tf"):
