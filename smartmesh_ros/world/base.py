@@ -19,9 +19,11 @@ STANDSTILL = 1e-6
 
 
 class BaseOdometry(NamedTuple):
-    """Dead reckoning of a base from its wheels or tracks, in a frame that was the root link's at the start: place ``x``,
-    ``y`` [m] and ``yaw`` [rad], which is not wrapped, of the root link; its velocities forward and to the ``side``
-    [m/s], and about z, ``angular`` [rad/s]."""
+    """Dead reckoning of a base from its wheels or tracks, in a frame that was the root link's at the start.
+
+    ``x``, ``y`` [m] and ``yaw`` [rad], which is not wrapped: pose of the root link; ``linear``, ``side`` [m/s] and
+    ``angular`` [rad/s]: its velocities forward, to the left, and about z.
+    """
 
     x: float
     y: float
@@ -32,12 +34,19 @@ class BaseOdometry(NamedTuple):
 
 
 class Base:
-    """Drives the robot ``name`` of a world in each step, from its creation until `close`. The robot may come and go; its
-    wheels or tracks are held until it is told to drive. What does not fit the robot is said once.
+    """Drives the robot ``name`` of a world in each step, from its creation until `close`. The robot may come and go.
+    Its wheels or tracks are held until it is told to drive. What does not fit the robot is said once.
 
     Without slip on level ground the robot drives as told. A robot that has wheels behind one another and no steering
     slips aside in turns; see `BaseConfig.track`.
     """
+
+    # Forward speed [m/s], and angular velocity [rad/s] or, of a base with steering, curvature [1/m].
+    _target: tuple[float, float]
+    _now: tuple[float, float]
+    _time: float  # of the world after the last step [s]
+    _pose: tuple[float, float, float]  # of the axle, as of odometry
+    _velocity: tuple[float, float]  # measured [m/s, rad/s]
 
     def __init__(self, world: World, name: str, config: BaseConfig) -> None:
         self.name, self.config = name, config
@@ -165,13 +174,12 @@ class Base:
 
     def _stand(self) -> None:
         """Forget all commands."""
-        # Forward speed [m/s], and angular velocity [rad/s] or, of a base with steering, curvature [1/m].
         self._target, self._now = (0.0, 0.0), (0.0, 0.0)
         self._lasts, self._end, self._fresh = math.inf, math.inf, True
 
     def _start(self) -> None:
         """Start the odometry anew."""
-        self._time, self._pose, self._velocity = -math.inf, (0.0, 0.0, 0.0), (0.0, 0.0)  # the pose of the axle
+        self._time, self._pose, self._velocity = -math.inf, (0.0, 0.0, 0.0), (0.0, 0.0)
 
 
 def _towards(value: float, target: float, most: float) -> float:

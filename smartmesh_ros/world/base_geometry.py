@@ -69,7 +69,9 @@ class BaseConfig:
             else:
                 _require(0.0 <= value <= LARGEST, field.name, value, f"0 to {LARGEST:g} m; 0 = that of the robot")
         if bool(self.wheels) == bool(self.tracks) or (self.tracks and self.steering):
-            raise InputError("base", "a base has wheels, with or without steering, or tracks: name the joints of either")
+            raise InputError(
+                "base", "a base has wheels, with or without steering, or tracks: name the joints of either"
+            )
         if self.steering and (self.track or self.angular_acceleration < math.inf):
             raise InputError("base", "a base that is steered has no track and no angular_acceleration; leave them out")
         if self.wheelbase and not self.steering:
@@ -143,7 +145,7 @@ class BaseGeometry:
     def inverse(self) -> FloatArray:
         """Of a base without steering, what makes of the speeds over ground of its wheels [m/s] its forward speed [m/s]
         and angular velocity [rad/s], (2, n): a least-squares fit."""
-        return np.linalg.pinv(self.ways([]))
+        return np.asarray(np.linalg.pinv(self.ways([])), np.float64)
 
     def ways(self, angles: Sequence[float]) -> FloatArray:
         """Return the rows (n, 2) of each wheel that times (forward speed [m/s], angular velocity [rad/s]) are its speed
@@ -186,7 +188,9 @@ def _turning(x: FloatArray, y: FloatArray, track: float, name: str) -> FloatArra
     base turns as if it were wider by the factor 1 + mean(x^2) / mean(y^2), x from the middle of the wheels.
     """
     if not (y.min() < 0.0 < y.max()):
-        raise InputError("base", f"the wheels or tracks of {name!r} are all on one side of its middle; name those of both")
+        raise InputError(
+            "base", f"the wheels or tracks of {name!r} are all on one side of its middle; name those of both"
+        )
     if track:
         return np.sign(y) * 0.5 * track
     return y * (1.0 + float(np.var(x) / np.mean(y * y)))
@@ -238,7 +242,9 @@ def _steering(client: Any, body: Body, frames: list[LinkFrame], name: str) -> St
     index, _ = _joint(client, body, name)
     along, (x, y, _) = _axis(client, body, frames, index), frames[index + 1].translation
     if abs(along[2]) < STRAIGHT:
-        raise InputError("base", f"the axis of steering joint {name!r} of {body.name!r} is not along z of the root link")
+        raise InputError(
+            "base", f"the axis of steering joint {name!r} of {body.name!r} is not along z of the root link"
+        )
     low, high = client.getJointInfo(body.uid, index)[8:10]
     right, left = (STEEPEST, STEEPEST) if low >= high else (max(-low, 0.0), max(high, 0.0))  # equal or crossed = none
     if along[2] < 0.0:

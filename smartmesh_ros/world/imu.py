@@ -88,14 +88,19 @@ class _State(NamedTuple):
 class Imu:
     """Measures in each step of a world, from its creation until `close`.
 
-    ``name``: of a simulated body, or of a robot; ``link``: of the robot, "" = its root link. The sensor of a body that
-    is no robot is at its centre of mass, that of a link at the origin of the link's frame, with its axes. Nothing is measured while the body or link is not there.
+    ``name``: of a simulated body, or of a robot; ``link``: of the robot, "" = its root link. The sensor is at the
+    origin of the link's frame, with its axes; that of a body that is no robot at its centre of mass. Nothing is
+    measured while the body or link is not there.
 
     The specific force of a step is the change of the sensor's velocity in this step, divided by its duration, minus
     gravity, along the axes that the sensor has halfway. The angular velocity is the rotation in the step, divided by
     its duration. So integrals of the readings are the motion, impacts included; a body that is teleported between two
     steps has not accelerated. A reading has the means of all steps since the one before.
     """
+
+    _time: float  # of the world after the last step [s]
+    _turn: int  # number of the last reading, by the rate and the world's time
+    _before: _State | None  # before the step
 
     def __init__(self, world: World, name: str, link: str = "", config: ImuConfig | None = None) -> None:
         self.name, self.link, self.config = name, link, config or ImuConfig()
@@ -193,7 +198,7 @@ class Imu:
         self._time, self._turn = -math.inf, math.floor(self._world.time * self.config.rate)
         self._random = np.random.default_rng(self.config.seed)
         self._biases = np.array([self.config.accelerometer_bias, self.config.gyroscope_bias], np.float64)
-        self._before: _State | None = None
+        self._before = None
         self._forget()
 
     def _forget(self) -> None:

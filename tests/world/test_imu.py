@@ -7,8 +7,19 @@ import math
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, Imu, ImuConfig, ImuReading, InputError, MotionConfig, PhysicsConfig, World
-from smartmesh_ros import WorldConfig as Config
+from smartmesh_ros import (
+    BodyState,
+    Box,
+    HeightMap,
+    Imu,
+    ImuConfig,
+    ImuReading,
+    InputError,
+    MotionConfig,
+    PhysicsConfig,
+    World,
+    WorldConfig,
+)
 from tests import urdfs
 from tests.grounds import moving
 
@@ -62,7 +73,9 @@ def test_in_free_fall_it_measures_nothing_and_off_the_centre_the_spin() -> None:
         urdfs.joint("mount", "fixed", "base", "imu", xyz="0.4 0 0"),
     )  # fmt: skip
     with World() as world:
-        world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 50.0), linear=(1.0, 0.0, 3.0), angular=(0, 0, 3)))
+        world.spawn(
+            "box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 50.0), linear=(1.0, 0.0, 3.0), angular=(0, 0, 3))
+        )
         world.spawn_robot("rod", rod, BodyState((5.0, 0.0, 50.0), angular=(0.0, 0.0, 5.0)))
         centre, base, tip = Imu(world, "box"), Imu(world, "rod"), Imu(world, "rod", "imu")
         world.step(240)
@@ -147,7 +160,7 @@ def _matrix(q: np.ndarray) -> np.ndarray:
 
 
 def noisy(config: ImuConfig, steps: int, physics: PhysicsConfig | None = None) -> list[ImuReading]:
-    with World(config=Config(physics=physics or PhysicsConfig(gravity=(0.0, 0.0, 0.0)))) as world:
+    with World(config=WorldConfig(physics=physics or PhysicsConfig(gravity=(0.0, 0.0, 0.0)))) as world:
         world.spawn("box", Box(0.4, 0.4, 0.2), 1.0)
         imu = Imu(world, "box", config=config)
         world.step(steps)
@@ -222,7 +235,8 @@ def test_a_teleport_is_no_acceleration_and_what_is_not_there_is_not_measured() -
 @pytest.mark.parametrize(
     ("name", "value"),
     [("rate", 0.0), ("rate", math.nan), ("rate", "fast"), ("seed", -1), ("seed", 0.5), ("gyroscope_bias", (0.0, 1.0)),
-     ("accelerometer_bias", (0.0, 0.0, math.inf)), ("gyroscope_noise_density", -1.0), ("accelerometer_random_walk", True)],
+     ("accelerometer_bias", (0.0, 0.0, math.inf)), ("gyroscope_noise_density", -1.0),
+     ("accelerometer_random_walk", True)],
 )  # fmt: skip
 def test_settings_that_cannot_be_are_refused(name: str, value: object) -> None:
     with pytest.raises(InputError, match=f"{name} of an IMU is"):

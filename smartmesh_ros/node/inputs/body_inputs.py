@@ -23,6 +23,7 @@ from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.session import Session, require_name
 from smartmesh_ros.node.timing.stamps import Placed, StampClock, stamp_seconds
+from smartmesh_ros.world.base import Base
 
 SOURCE = "bodies.frames"
 # Longest time between two look-ups of the frames without a new transform [s], for static frames.

@@ -179,8 +179,8 @@ SPECS = (
         "<service>/_service_event; with contents a bag holds the calls, and a replay repeats them."),
     _fixed("height_scans", "Height scans on ~/height_scan/<body>, each a YAML mapping such as {body: robot, layout: "
         "isaac_lab, rate: 50, noise: 0.01}; see docs/height_scan.md."),
-    _fixed("imus", "IMUs on ~/imu/<body> or ~/imu/<body>/<link>, each a YAML mapping such as {body: robot, link: imu_link, "
-        "rate: 100}; see docs/driving.md."),
+    _fixed("imus", "IMUs on ~/imu/<body> or ~/imu/<body>/<link>, each a YAML mapping such as {body: robot, link: "
+        "imu_link, rate: 100}; see docs/driving.md."),
     _fixed("bases", "Bases that drive by ~/cmd_vel/<body>, each a YAML mapping such as {body: robot, wheels: [left, "
         "right]}; see docs/driving.md."),
     _fixed("frame_id", "Frame of the terrain; empty = the frame of the first map."),
