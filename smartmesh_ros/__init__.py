@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from smartmesh_ros.terrain.motion import MotionConfig
     from smartmesh_ros.terrain.terrain import Terrain
     from smartmesh_ros.world.base import Base, BaseOdometry
-    from smartmesh_ros.world.base_geometry import BaseConfig
+    from smartmesh_ros.world.base_config import BaseConfig
     from smartmesh_ros.world.height_scanner import HeightScanner
     from smartmesh_ros.world.imu import Imu, ImuConfig, ImuReading
     from smartmesh_ros.world.snapshot import Snapshot
@@ -34,7 +34,7 @@ _MODULES = {
     "ground.config": ("PhysicsConfig",),
     "ground.ground": ("Ground",),
     "world.base": ("Base", "BaseOdometry"),
-    "world.base_geometry": ("BaseConfig",),
+    "world.base_config": ("BaseConfig",),
     "world.height_scanner": ("HeightScanner",),
     "world.imu": ("Imu", "ImuConfig", "ImuReading"),
     "world.snapshot": ("Snapshot",),

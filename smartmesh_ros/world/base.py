@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.world.base_geometry import BaseConfig, BaseGeometry, geometry_of
+from smartmesh_ros.world.base_config import BaseConfig
+from smartmesh_ros.world.base_geometry import BaseGeometry, geometry_of
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.world import World

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pybullet as pb
@@ -28,18 +28,9 @@ from smartmesh_ros.world.population import Population
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.settings import WorldConfig
 from smartmesh_ros.world.snapshot import Snapshot, body_snapshot
+from smartmesh_ros.world.watching import StepWatcher
 
 __all__ = ["World", "WorldConfig"]
-
-
-class StepWatcher(Protocol):
-    """What takes part in the steps of a world, such as a sensor."""
-
-    def before_step(self) -> None:
-        """Do what is to be done right before the physics of a step."""
-
-    def after_step(self) -> None:
-        """Do what is to be done right after it, at the world's new time."""
 
 
 class World(Population):

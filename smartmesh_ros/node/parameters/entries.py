@@ -12,7 +12,7 @@ import yaml
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.height_scan import HeightScan
-from smartmesh_ros.world.base_geometry import BaseConfig
+from smartmesh_ros.world.base_config import BaseConfig
 from smartmesh_ros.world.imu import ImuConfig
 
 # Bounds of a rate [Hz].
