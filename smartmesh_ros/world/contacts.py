@@ -10,6 +10,7 @@ import numpy as np
 
 from smartmesh_ros.ground.followers import Follower
 from smartmesh_ros.ground.ground import Ground
+from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.terrain.grid import FloatArray
 
@@ -38,7 +39,7 @@ def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
     tracked = followers.tracked.tolist()
     if tracked:
         ground.patches.choose_tracked()
-        found = (_contact_of_sphere(followers[slot].name, ground, slot) for slot in tracked)
+        found = (_contact_of_tracked(followers[slot].name, ground, slot) for slot in tracked)
         contacts += [contact for contact in found if contact is not None]
     return contacts
 
@@ -59,14 +60,18 @@ def contacts_from(points: Iterable[Any], colliders: dict[int, str]) -> list[Grou
     return contacts
 
 
-def _contact_of_sphere(name: str, ground: Ground, slot: int) -> GroundContact | None:
-    """Return the deepest contact of a tracked sphere, None if there is none. If the centre is below the surface, the
-    contact is that of a sphere pushed through the ground."""
-    support, radius = ground.patches.supports[slot], ground.followers[slot].radius
+def _contact_of_tracked(name: str, ground: Ground, slot: int) -> GroundContact | None:
+    """Return the deepest contact of a tracked body, None if there is none. If the centre of a sphere is below the
+    surface, the contact is that of a sphere pushed through the ground."""
+    support, follower = ground.patches.supports[slot], ground.followers[slot]
     if support.state == Support.NONE:
         return None
     foot = np.array([support.foot_x, support.foot_y, support.foot_z])
     facet = np.array([support.facet_x, support.facet_y, support.facet_z])
+    if follower.shape.kind != ShapeKind.BALL:
+        touches = support.gap < 0.0
+        return GroundContact(name, tuple(foot), tuple(facet), -support.gap, float("nan")) if touches else None
+    radius = follower.radius
     away = ground.followers.states[slot, :3] - foot
     distance = float(np.linalg.norm(away))
     below = bool(away @ facet < 0.0)

@@ -14,6 +14,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls, undone
 from smartmesh_ros.ground.config import set_up
 from smartmesh_ros.ground.ground import Ground
+from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
@@ -236,10 +237,10 @@ class World(Population):
             surface = Surface(body.friction, body.restitution)
             if body.name in robots:
                 self._add(self._factory.robot(body.name, robots[body.name], body.state, surface))
-            elif body.shape is not None:
+            elif body.tracked:
+                self.track(body.name, body.shape or body.radius, body.state)
+            elif body.shape is not None and not isinstance(body.shape, Hull):
                 self._add(self._factory.simulated(body.name, body.shape, body.mass, body.state, surface))
-            else:
-                self.track(body.name, body.radius, body.state)
             new = self.bodies[body.name]
             new.initial = body.initial
             for joint, (position, velocity) in body.joints.items():

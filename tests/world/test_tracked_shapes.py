@@ -1,0 +1,119 @@
+"""Tracked bodies have their shapes: what they push, carry and let through is what their geometry says."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, PhysicsConfig, Sphere, World, WorldConfig
+from smartmesh_ros.ground.shapes import Hull, Solid
+from smartmesh_ros.world.snapshot import Snapshot
+
+RAMP = Hull(((-0.4, -0.3, -0.2), (0.4, -0.3, -0.2), (0.4, 0.3, -0.2), (-0.4, 0.3, -0.2), (0.4, -0.3, 0.2), (0.4, 0.3, 0.2)))
+DECK = Hull(tuple((x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-0.2, 0.2)))
+SHAPES: list[Solid] = [Sphere(0.3), Box(0.8, 0.6, 0.4), Cylinder(height=0.4, radius=0.3), Capsule(height=0.4, radius=0.2), RAMP]
+NAMES = [type(shape).__name__ for shape in SHAPES]
+SIDE = (0.0, math.sin(math.pi / 4), 0.0, math.cos(math.pi / 4))  # their z axis along x
+
+
+def level() -> HeightMap:
+    return HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))
+
+
+def world_of(ground: HeightMap | None = None, friction: float = 0.8) -> World:
+    return World(ground, WorldConfig(physics=PhysicsConfig(friction=friction)))
+
+
+def top_of(shape: Solid, x: float, y: float) -> float:
+    """Height of a shape over a point [m]; -inf beside it."""
+    if isinstance(shape, Sphere):
+        return math.sqrt(shape.radius**2 - x * x - y * y)
+    if isinstance(shape, Box):
+        return 0.5 * shape.z
+    if isinstance(shape, Cylinder):
+        return 0.5 * shape.height
+    if isinstance(shape, Capsule):
+        return 0.5 * shape.height + math.sqrt(shape.radius**2 - x * x - y * y)
+    return 0.5 * x  # the ramp rises from -0.2 to 0.2 over 0.8 m
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=NAMES)
+def test_rays_meet_it_where_it_is(shape: Solid) -> None:
+    with world_of() as world:
+        turned = (0.0, 0.0, math.sin(0.35), math.cos(0.35))
+        world.track("it", shape, BodyState((1.0, 2.0, 3.0), turned))
+        points = np.array([(0.0, 0.0), (0.1, 0.05), (-0.1, 0.1), (0.05, -0.12)])
+        c, s = math.cos(0.7), math.sin(0.7)
+        starts = np.column_stack([1.0 + points @ (c, -s), 2.0 + points @ (s, c), np.full(4, 9.0)])
+        hits = world.cast_rays(starts, np.tile([0.0, 0.0, -1.0], (4, 1)), 20.0)
+        expected = [6.0 - top_of(shape, *point) for point in points]
+        np.testing.assert_allclose(hits.distances, expected, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("shape", "turn", "reach"),
+    [
+        (Box(0.8, 0.6, 0.4), (0, 0, 0, 1), 0.4), (Box(0.2, 0.6, 0.6), (0, 0, 0, 1), 0.1),
+        (Cylinder(height=0.4, radius=0.3), (0, 0, 0, 1), 0.3), (Cylinder(height=0.9, radius=0.2), SIDE, 0.45),
+        (Capsule(height=0.5, radius=0.15), SIDE, 0.4), (RAMP, (0, 0, 0, 1), 0.4),
+    ],
+)  # fmt: skip
+def test_it_pushes_with_its_velocity_and_its_side(shape: Solid, turn: tuple[float, ...], reach: float) -> None:
+    """A crate that drags on the ground stays on its front, at its velocity."""
+    with world_of(level(), friction=0.4) as world:
+        world.spawn("crate", Box(0.4, 0.4, 0.4), 1.0, BodyState((1.0, 0.0, 0.2)))
+        for step in range(480):
+            place = (0.7 - reach + 0.8 * step / 240.0, 0.0, 0.22)
+            world.track("it", shape, BodyState(place, turn, linear=(0.8, 0.0, 0.0)))  # type: ignore[arg-type]
+            world.step()
+            if step == 239:
+                before = world.state("crate").position
+        after = world.state("crate").position
+        np.testing.assert_allclose(np.subtract(after, before), (0.8, 0.0, 0.0), atol=0.01)
+        assert after[0] - world.state("it").position[0] == pytest.approx(reach + 0.2, abs=0.01)
+
+
+@pytest.mark.parametrize("shape", [Box(2.0, 2.0, 0.4), DECK], ids=["Box", "Hull"])
+def test_it_carries_what_stands_on_it_as_it_moves_rises_and_turns(shape: Solid) -> None:
+    with world_of() as world:
+        world.spawn("crate", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.5, 0.0, 2.3)))
+        for linear, angular in (((0.4, 0.2, 0.3), 0.0), ((0.0, 0.0, 0.0), 0.5)):
+            for _ in range(360):
+                known = world.state("it") if "it" in world.bodies else BodyState((0.0, 0.0, 2.0))
+                moved = BodyState(known.position, known.orientation, linear, (0.0, 0.0, angular))
+                world.track("it", shape, moved)
+                world.step()
+            crate, it = world.state("crate"), world.state("it")
+            arm = np.array(crate.position) - it.position
+            expected = np.array(linear) + (-angular * arm[1], angular * arm[0], 0.0)
+            np.testing.assert_allclose(crate.linear, expected, atol=0.02)
+            assert crate.angular == pytest.approx((0.0, 0.0, angular), abs=0.01)
+            assert arm[2] == pytest.approx(0.3, abs=2e-3)
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=NAMES)
+def test_its_contact_with_the_ground_is_that_of_its_lowest_point(shape: Solid) -> None:
+    with world_of(level()) as world:
+        lowest = {"Sphere": 0.3, "Box": 0.2, "Cylinder": 0.2, "Capsule": 0.4, "Hull": 0.2}[type(shape).__name__]
+        world.track("it", shape, BodyState((0.5, 0.5, lowest - 0.02)))
+        world.refresh()
+        [contact] = world.contacts()
+        assert contact.depth == pytest.approx(0.02, abs=2e-3)
+        assert contact.normal == pytest.approx((0.0, 0.0, 1.0), abs=1e-6)
+        world.track("it", shape, BodyState((0.5, 0.5, lowest + 0.05)))
+        world.refresh()
+        assert not world.contacts()
+
+
+def test_another_shape_replaces_it_and_a_snapshot_keeps_it() -> None:
+    with world_of(level()) as world, world_of(level()) as other:
+        for shape in SHAPES:
+            world.track("it", shape, BodyState((0.0, 0.0, 1.0), linear=(0.1, 0.0, 0.0)))
+            assert world.bodies["it"].shape == shape
+            world.step()
+            other.restore(Snapshot.from_json(world.snapshot().to_json()))
+            assert other.bodies["it"].shape == shape
+            assert other.bodies["it"].tracked
+            assert other.snapshot().hash == world.snapshot().hash
