@@ -203,10 +203,10 @@ class AttachedBodies:
         settings."""
         self._require_usable(config)
         self._require_exact_for(self.soil, config)
-        if self._shown is not None and not self._is_exact(config):
+        if self._shown is not None and not self.is_exact(config):
             raise InputError("show", f"patches of the kind {config.kind!r} are no ground that is drawn; hide it first")
         self.wake()
-        if self._is_exact(config) != self.contacts.exact:
+        if self.is_exact(config) != self.contacts.exact:
             self._exchange_contacts(config)
         self.patches.configure(config)
         self.contacts.configure(config)
@@ -301,7 +301,7 @@ class AttachedBodies:
     def require_usable(self, mesh: MainMesh, config: PatchConfig | None = None) -> None:
         """Raise `InputError` if a mesh cannot be ground with these settings, or the present ones (None)."""
         config = config or self.config
-        require_usable(config, mesh, exact=self._is_exact(config))
+        require_usable(config, mesh, exact=self.is_exact(config))
 
     def require_belts(self) -> MapContacts:
         """Return the contacts, in which surfaces can move; raises `InputError` if they are PyBullet's own."""
@@ -318,7 +318,7 @@ class AttachedBodies:
         return any(tile is mesh for tile in self.terrain.tiles.values())
 
     def _require_exact_for(self, soil: SteppedSoil | None, config: PatchConfig) -> None:
-        if soil is not None and not self._is_exact(config):
+        if soil is not None and not self.is_exact(config):
             why = self.no_proxies or f"patches are of the kind {config.kind!r}"
             raise InputError("soil", f"bodies stand on soil only where contacts come from the map: {why}")
 
@@ -326,7 +326,8 @@ class AttachedBodies:
         for mesh in self.terrain.tiles.values():
             self.require_usable(mesh, config)
 
-    def _is_exact(self, config: PatchConfig) -> bool:
+    def is_exact(self, config: PatchConfig) -> bool:
+        """Return True if contacts come from the map itself with these settings."""
         return not self.no_proxies and config.kind == "auto"
 
     def _exchange_contacts(self, config: PatchConfig) -> None:
@@ -343,6 +344,6 @@ class AttachedBodies:
         self.contacts.let_sleep(self._sleep if self._may_sleep else None)
 
     def _new_contacts(self, config: PatchConfig) -> MapContacts | PatchContacts:
-        if self._is_exact(config):
+        if self.is_exact(config):
             return MapContacts(self._client, self.followers, self.terrain, config)
         return PatchContacts(self._client, self.followers, self.terrain, config, self.patches)

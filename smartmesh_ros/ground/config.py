@@ -74,22 +74,24 @@ class SleepConfig:
     most: float = 5e-3
 
 
-# Motion at which PyBullet drops a cached contact point [body sizes]. At PyBullet's default of 0.02 a rolling body is
-# held back by old contact points and hops. Far smaller values let boxes creep down slopes. PyBullet shares the value
-# among all worlds of a process.
-CONTACT_BREAKING = 2e-4
+# Motion at which PyBullet drops a cached contact point [body sizes]: its default, and that on colliders of PyBullet's
+# own, where a rolling body is held back by old contact points and hops; far smaller values let boxes creep down slopes.
+# Contacts from the map are found anew in each step. Contacts of hulls and cylinders with other bodies come one in a
+# step, so that a box on them rattles and turns if the others are dropped. PyBullet shares the value among all worlds
+# of a process.
+CONTACT_BREAKING, CONTACT_BREAKING_ON_COLLIDERS = 0.02, 2e-4
 # Largest relative difference between two step lengths that counts as rounding.
 ROUNDING = 1e-9
 
 
-def set_up(client: Any, physics: PhysicsConfig) -> None:
-    """Set the gravity, time step and contact parameters of a client."""
+def set_up(client: Any, physics: PhysicsConfig, *, exact: bool = True) -> None:
+    """Set the gravity, time step and contact parameters of a client. ``exact``: contacts come from the map."""
     client.setGravity(*physics.gravity)
     client.setTimeStep(physics.dt)
     client.setPhysicsEngineParameter(
         contactERP=physics.contact_erp,
         erp=physics.contact_erp,
-        contactBreakingThreshold=CONTACT_BREAKING,
+        contactBreakingThreshold=CONTACT_BREAKING if exact else CONTACT_BREAKING_ON_COLLIDERS,
         solverResidualThreshold=physics.solver_residual,
     )
 

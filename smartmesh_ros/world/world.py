@@ -61,9 +61,9 @@ class World(Population):
         """Initialise without bodies, at time zero."""
         self.time = 0.0
         client: Any = BulletClient(pb.DIRECT)
-        set_up(client, self.config.physics)
         gravity = math.hypot(*self.config.physics.gravity)
         ground = Ground(client, self.terrain, self.config.patch, self.stopwatch, gravity=gravity)
+        set_up(client, self.config.physics, exact=ground.exact)
         self._begin(client, ground, self.config.physics)
         self.guests = Guests(self, self.config.guests)
         self.falls = Falls(ground.followers, self.terrain, self.config.falls)
@@ -93,8 +93,8 @@ class World(Population):
         only."""
         self.ground.wake()  # PyBullet changes the gravity of awake bodies only
         before = self.config
-        with undone(lambda: set_up(self.client, before.physics)):
-            set_up(self.client, config.physics)
+        with undone(lambda: set_up(self.client, before.physics, exact=self.ground.is_exact(before.patch))):
+            set_up(self.client, config.physics, exact=self.ground.is_exact(config.patch))
             self.ground.configure(config.patch, gravity=math.hypot(*config.physics.gravity))
         self.config = config
         if (config.physics.sleep, config.sleep) != (before.physics.sleep, before.sleep):

@@ -11,9 +11,17 @@ from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, PhysicsC
 from smartmesh_ros.ground.shapes import Hull, Solid
 from smartmesh_ros.world.snapshot import Snapshot
 
-RAMP = Hull(((-0.4, -0.3, -0.2), (0.4, -0.3, -0.2), (0.4, 0.3, -0.2), (-0.4, 0.3, -0.2), (0.4, -0.3, 0.2), (0.4, 0.3, 0.2)))
+RAMP = Hull(
+    ((-0.4, -0.3, -0.2), (0.4, -0.3, -0.2), (0.4, 0.3, -0.2), (-0.4, 0.3, -0.2), (0.4, -0.3, 0.2), (0.4, 0.3, 0.2))
+)
 DECK = Hull(tuple((x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-0.2, 0.2)))
-SHAPES: list[Solid] = [Sphere(0.3), Box(0.8, 0.6, 0.4), Cylinder(height=0.4, radius=0.3), Capsule(height=0.4, radius=0.2), RAMP]
+SHAPES: list[Solid] = [
+    Sphere(0.3),
+    Box(0.8, 0.6, 0.4),
+    Cylinder(height=0.4, radius=0.3),
+    Capsule(height=0.4, radius=0.2),
+    RAMP,
+]
 NAMES = [type(shape).__name__ for shape in SHAPES]
 SIDE = (0.0, math.sin(math.pi / 4), 0.0, math.cos(math.pi / 4))  # their z axis along x
 
@@ -75,21 +83,23 @@ def test_it_pushes_with_its_velocity_and_its_side(shape: Solid, turn: tuple[floa
         assert after[0] - world.state("it").position[0] == pytest.approx(reach + 0.2, abs=0.01)
 
 
-@pytest.mark.parametrize("shape", [Box(2.0, 2.0, 0.4), DECK], ids=["Box", "Hull"])
+@pytest.mark.parametrize("shape", [Box(2.0, 2.0, 0.4), DECK, Cylinder(height=0.4, radius=1.0)])
 def test_it_carries_what_stands_on_it_as_it_moves_rises_and_turns(shape: Solid) -> None:
+    """Means over half a second: on hulls and cylinders a box rattles by millimetres a second, on its way nowhere."""
     with world_of() as world:
         world.spawn("crate", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.5, 0.0, 2.3)))
-        for linear, angular in (((0.4, 0.2, 0.3), 0.0), ((0.0, 0.0, 0.0), 0.5)):
+        for linear, spin in (((0.4, 0.2, 0.3), 0.0), ((0.0, 0.0, 0.0), 0.5)):
+            twists = []
             for _ in range(360):
                 known = world.state("it") if "it" in world.bodies else BodyState((0.0, 0.0, 2.0))
-                moved = BodyState(known.position, known.orientation, linear, (0.0, 0.0, angular))
-                world.track("it", shape, moved)
+                world.track("it", shape, BodyState(known.position, known.orientation, linear, (0.0, 0.0, spin)))
                 world.step()
-            crate, it = world.state("crate"), world.state("it")
-            arm = np.array(crate.position) - it.position
-            expected = np.array(linear) + (-angular * arm[1], angular * arm[0], 0.0)
-            np.testing.assert_allclose(crate.linear, expected, atol=0.02)
-            assert crate.angular == pytest.approx((0.0, 0.0, angular), abs=0.01)
+                crate, it = world.state("crate"), world.state("it")
+                arm = np.array(crate.position) - it.position
+                twists.append(
+                    [*(np.array(crate.linear) - linear - (-spin * arm[1], spin * arm[0], 0.0)), *crate.angular]
+                )
+            np.testing.assert_allclose(np.mean(twists[240:], axis=0), (0.0, 0.0, 0.0, 0.0, 0.0, spin), atol=0.03)
             assert arm[2] == pytest.approx(0.3, abs=2e-3)
 
 
