@@ -68,20 +68,21 @@ class LinkFrame(NamedTuple):
 
 class LinkFrames:
     """The frames of a PyBullet robot. PyBullet reports the frames of links as they were before the last step; these are
-    computed from the joints' current positions. ``rest``: those with all joints at zero."""
+    computed from the joints' current positions. ``rest``: those with all joints at zero; ``axes``: kind of each joint
+    in PyBullet, and its axis in the frame of its link."""
 
     def __init__(self, client: Any, uid: int) -> None:
         self._client, self._uid = client, uid
         joints = [client.getJointInfo(uid, index) for index in range(client.getNumJoints(uid))]
         inertial = [client.getDynamicsInfo(uid, index)[3:5] for index in range(-1, len(joints))]
         self.rest = [LinkFrame(client.getBodyInfo(uid)[0].decode(), -1)]
-        self._axes: list[tuple[int, Vector]] = []  # kind of the joint, and its axis in the frame of the link
+        self.axes: list[tuple[int, Vector]] = []
         for index, joint in enumerate(joints):
             parent, turn = joint[16] + 1, inertial[index + 1][1]
             (x, y, z), (dx, dy, dz) = inertial[parent][0], rotate(inertial[parent][1], joint[14])
             between = product(inertial[parent][1], product(conjugate(joint[15]), conjugate(turn)))
             self.rest.append(LinkFrame(joint[12].decode(), parent, (x + dx, y + dy, z + dz), between))
-            self._axes.append((joint[2], rotate(turn, joint[13])))
+            self.axes.append((joint[2], rotate(turn, joint[13])))
 
     @property
     def root(self) -> str:
@@ -91,11 +92,20 @@ class LinkFrames:
     def read(self) -> list[LinkFrame]:
         """Return the current frames, the root first and parents before their children."""
         positions: Sequence[float] = ()
-        if self._axes:
-            states = self._client.getJointStates(self._uid, list(range(len(self._axes))))
+        if self.axes:
+            states = self._client.getJointStates(self._uid, list(range(len(self.axes))))
             positions = [state[0] for state in states]
+        return self.at(positions)
+
+    @property
+    def count(self) -> int:
+        """Number of joints, fixed ones included."""
+        return len(self.axes)
+
+    def at(self, positions: Sequence[float]) -> list[LinkFrame]:
+        """Return the frames for positions of all joints, in PyBullet's order [rad, m]."""
         moved = [self.rest[0]]
-        for frame, (kind, axis), position in zip(self.rest[1:], self._axes, positions, strict=True):
+        for frame, (kind, axis), position in zip(self.rest[1:], self.axes, positions, strict=True):
             moved.append(_moved(frame, kind, axis, position))
         return moved
 

@@ -26,9 +26,9 @@ _SHAPES: dict[str, type[Solid]] = {made.__name__: made for made in (*SHAPES.valu
 @dataclass(frozen=True, kw_only=True)
 class BodySnapshot:
     """One body, simulated or ``tracked``. ``shape``: of a body that is no robot; ``radius`` [m]: bounding radius;
-    ``urdf``: file or text of a robot. ``joints``: position and velocity by name [rad, rad/s or m, m/s]; ``commands``: current commands of
-    the joints; ``belts``: moving surfaces by link, "" = of a body that is no robot; ``ends``: times at which the
-    velocities of joints and surfaces end [s]."""
+    ``urdf``: file or text of a robot. ``joints``: position and velocity by name [rad, rad/s or m, m/s]; ``commands``:
+    current commands of the joints; ``belts``: moving surfaces by link, "" = of a body that is no robot; ``ends``: times
+    at which the velocities of joints and surfaces end [s]."""
 
     name: str
     state: BodyState

@@ -7,9 +7,23 @@ import math
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, PhysicsConfig, Sphere, World, WorldConfig
+from smartmesh_ros import (
+    BodyState,
+    Box,
+    Capsule,
+    Cylinder,
+    HeightMap,
+    InputError,
+    PhysicsConfig,
+    Sphere,
+    World,
+    WorldConfig,
+)
+from smartmesh_ros.ground.quaternions import conjugate, product, rotation_vector
 from smartmesh_ros.ground.shapes import Hull, Solid
 from smartmesh_ros.world.snapshot import Snapshot
+from smartmesh_ros.world.tracked_robot import TrackedRobot
+from tests import urdfs
 
 RAMP = Hull(
     ((-0.4, -0.3, -0.2), (0.4, -0.3, -0.2), (0.4, 0.3, -0.2), (-0.4, 0.3, -0.2), (0.4, -0.3, 0.2), (0.4, 0.3, 0.2))
@@ -127,3 +141,55 @@ def test_another_shape_replaces_it_and_a_snapshot_keeps_it() -> None:
             assert other.bodies["it"].shape == shape
             assert other.bodies["it"].tracked
             assert other.snapshot().hash == world.snapshot().hash
+
+
+ARM = urdfs.robot(
+    urdfs.link("base", urdfs.box((0.4, 0.4, 0.2)), 5.0, (0.4, 0.4, 0.2), at="0 0 0.1"),
+    urdfs.link("arm", '<cylinder radius="0.05" length="1.0"/>', 1.0, 0.1, at="0.5 0 0", rpy="0 1.5707963267948966 0"),
+    urdfs.joint("yaw", "continuous", "base", "arm", xyz="0 0 0.4", axis="0 0 1"),
+    urdfs.link("hand", urdfs.box((0.1, 0.3, 0.1)), 0.5, (0.1, 0.3, 0.1), at="0.05 0 0"),
+    urdfs.joint("reach", "prismatic", "arm", "hand", '<limit lower="0" upper="1" effort="1" velocity="1"/>',
+                xyz="1.0 0 0", axis="1 0 0"),
+)  # fmt: skip
+
+
+def test_the_parts_of_a_robot_are_where_its_joints_say_with_their_velocities() -> None:
+    """Velocities are the differences of the places a moment later, of a root that moves and joints that do."""
+    robot, moment = TrackedRobot("rig", ARM), 1e-5
+    assert robot.joints == ["yaw", "reach"]
+    assert robot.names == ["rig.base", "rig.arm", "rig.hand"]
+    turned = (0.1, -0.2, 0.3, math.sqrt(1.0 - 0.14))
+    root = BodyState((1.0, 2.0, 3.0), turned, (0.4, -0.2, 0.1), (0.3, 0.5, -0.4))
+    robot.move({"yaw": (0.7, 1.1), "reach": (0.2, -0.5)})
+    before = [*robot.parts(root)]
+    x, y, z = (moment * w for w in root.angular)
+    later = product((0.5 * x, 0.5 * y, 0.5 * z, 1.0), root.orientation)
+    place = tuple(a + moment * v for a, v in zip(root.position, root.linear, strict=True))
+    robot.move({"yaw": (0.7 + 1.1 * moment, 1.1), "reach": (0.2 - 0.5 * moment, -0.5)})
+    for one, other in zip(before, robot.parts(BodyState(place, later, root.linear, root.angular)), strict=True):  # type: ignore[arg-type]
+        moved = np.subtract(other.state.position, one.state.position) / moment
+        turn = rotation_vector(product(other.state.orientation, conjugate(one.state.orientation)))
+        np.testing.assert_allclose(moved, one.state.linear, atol=1e-4)
+        np.testing.assert_allclose(np.array(turn) / moment, one.state.angular, atol=1e-4)
+    level = [*robot.parts(BodyState())]
+    assert level[0].state.position == pytest.approx((0.0, 0.0, 0.1), abs=1e-6)
+    assert level[1].state.position == pytest.approx((0.5 * math.cos(0.7), 0.5 * math.sin(0.7), 0.4), abs=1e-4)
+    assert level[2].state.position == pytest.approx((1.25 * math.cos(0.7), 1.25 * math.sin(0.7), 0.4), abs=1e-4)
+    with pytest.raises(InputError, match="no joint 'roll'; it has yaw, reach"):
+        robot.move({"roll": (0.0, 0.0)})
+
+
+def test_an_arm_that_turns_sweeps_a_crate_with_the_velocity_of_its_place() -> None:
+    with world_of(level(), friction=0.3) as world:
+        robot = TrackedRobot("rig", ARM.replace('xyz="0 0 0.4"', 'xyz="0 0 0.1"'))
+        world.spawn("crate", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.8, 0.4, 0.1)))
+        speeds = []
+        for step in range(360):
+            robot.move({"yaw": (step / 240.0, 1.0)})
+            for name, solid, state in robot.parts(BodyState()):
+                world.track(name, solid, state)
+            world.step()
+            x, y, _ = world.state("crate").position
+            speeds.append(math.hypot(*world.state("crate").linear) / math.hypot(x, y))
+        assert y > 0.7, "it was swept along"
+        assert np.mean(speeds[240:]) == pytest.approx(1.0, abs=0.15), "by 1 rad/s, as it slides outward"

@@ -18,7 +18,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import SIZES, require_between, require_possible
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs import conversions
-from smartmesh_ros.node.inputs.conversions import BodyInput, joint_commands_from
+from smartmesh_ros.node.inputs.conversions import BodyInput, joint_commands_from, tracked_joints_from
 from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.session import Session, require_name
@@ -52,6 +52,8 @@ class BodyInputs:
         session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT, most=most)
         session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT, most=most)
         session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
+        if session.tracked_robots:
+            session.listen(JointState, "tracked_joint_states", self._on_tracked_joints, BEST_EFFORT)
         for name, topic in session.settings.poses:
             session.listen(PoseStamped, topic, partial(self._on_pose, name, topic), BEST_EFFORT, private=False)
         for name, topic in session.settings.odometry:
@@ -157,6 +159,14 @@ class BodyInputs:
         lasts = self._session.settings.command_timeout or math.inf
         for robot, joint, command in joint_commands_from(message, world, names.prefixes()):
             world.command(robot, joint, command, lasts)
+
+    def _on_tracked_joints(self, message: JointState) -> None:
+        """Moves the joints of tracked robots, which take their places with the next pose of the root link."""
+        robots = self._session.tracked_robots
+        for name, joints in tracked_joints_from(
+            message, {name: robot.joints for name, robot in robots.items()}
+        ).items():
+            robots[name].move(joints)
 
     def _drive(self, base: Base, twist: Twist) -> None:
         base.drive(twist.linear.x, twist.angular.z, self._session.settings.command_timeout or math.inf)

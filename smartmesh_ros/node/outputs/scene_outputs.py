@@ -129,8 +129,8 @@ class SceneMarkers:
             numbers, kinds = np.array([self._ids[body.name] for body in tracked]), [one.kind for one in outlines]
             sizes = np.array([padded_dimensions(outline) for outline in outlines])
             for kind in COLOURS:
-                if chosen := [row for row, one in enumerate(kinds) if one == kind]:
-                    yield from parts_of(kind, TRACKED, numbers[chosen], found[chosen], sizes[chosen])
+                if rows := [row for row, one in enumerate(kinds) if one == kind]:
+                    yield from parts_of(kind, TRACKED, numbers[rows], found[rows], sizes[rows])
 
     def _add_ground(self, header: Header, poses: FloatArray, *, again: bool) -> None:
         """Add the ground if it or the place of the bodies has changed, or ``again``."""

@@ -11,6 +11,7 @@ from typing import Any, Protocol, TypeVar
 import yaml
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Solid, shape_from
 from smartmesh_ros.terrain.height_scan import HeightScan
 from smartmesh_ros.world.base_config import BaseConfig
 from smartmesh_ros.world.imu import ImuConfig
@@ -84,6 +85,21 @@ class BaseEntry:
         return f"~/odom/{self.name}"
 
 
+@dataclass(frozen=True)
+class ShapeEntry:
+    """What the tracked body ``body`` is: a ``solid``, or a robot by its ``urdf`` (file), whose root link's frame the
+    pose of the body is."""
+
+    body: str
+    solid: Solid | None = None
+    urdf: str = ""
+
+    @property
+    def topic(self) -> str:
+        """The body, of which there is one entry."""
+        return self.body
+
+
 def topic_name(name: str) -> str:
     """Return a name as a part of a topic: characters that it cannot have become underscores, and one stands before a
     digit at the start."""
@@ -140,6 +156,28 @@ def base_entries(texts: Sequence[str]) -> tuple[BaseEntry, ...]:
     if len({*frames}) < len(frames):
         raise InputError("parameter", "bases has two entries with publish_tf in one frame; give each an odom_frame")
     return entries
+
+
+def shape_entries(texts: Sequence[str]) -> tuple[ShapeEntry, ...]:
+    """Return the entries of the parameter ``bodies.shapes``.
+
+    ``{body: crate, shape: box, size: [1, 1, 0.5]}``, with the shapes and sizes of ``bodies.spawn``; or
+    ``{body: rover, urdf: /path}``. Raises `InputError` as `scan_entries` does.
+    """
+
+    def entry(found: dict[str, Any], _: int) -> ShapeEntry:
+        if ("urdf" in found) == ("shape" in found):
+            raise InputError("parameter", "it needs a shape and its size, or a urdf")
+        if "urdf" in found:
+            return ShapeEntry(_body(found), urdf=_text(found, "urdf", ""))
+        name, size = found["shape"], found.get("size")
+        if name not in [*SHAPES_BY_NAME]:
+            raise InputError("parameter", f"there is no shape {name!r}; choose {', '.join(SHAPES_BY_NAME)}")
+        if not isinstance(size, list) or not all(type(value) in (int, float) for value in size):
+            raise InputError("parameter", "size must be a list of numbers in metres, such as [0.2]")
+        return ShapeEntry(_body(found), shape_from(SHAPES_BY_NAME[name], size))
+
+    return _entries("bodies.shapes", texts, ("shape", "size", "urdf"), entry)
 
 
 def _entries(

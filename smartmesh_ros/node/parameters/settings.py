@@ -16,7 +16,7 @@ from rclpy.validate_topic_name import validate_topic_name
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
-from smartmesh_ros.node.parameters.entries import BaseEntry, ImuEntry, ScanEntry
+from smartmesh_ros.node.parameters.entries import BaseEntry, ImuEntry, ScanEntry, ShapeEntry
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
 from smartmesh_ros.soil.soils import soils_from
@@ -168,6 +168,7 @@ class Settings:
     odometry: tuple[BodySource, ...] = ()
     frames: tuple[BodySource, ...] = ()
     peers: tuple[str, ...] = ()
+    shapes: tuple[ShapeEntry, ...] = ()
     height_scans: tuple[ScanEntry, ...] = ()
     imus: tuple[ImuEntry, ...] = ()
     bases: tuple[BaseEntry, ...] = ()

@@ -19,7 +19,7 @@ from smartmesh_ros.io.urdf import UrdfRules
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import Spec
-from smartmesh_ros.node.parameters.entries import base_entries, imu_entries, scan_entries
+from smartmesh_ros.node.parameters.entries import base_entries, imu_entries, scan_entries, shape_entries
 from smartmesh_ros.node.parameters.helping import files_of, mismatch
 from smartmesh_ros.node.parameters.settings import (
     LONGEST_NAME,
@@ -150,6 +150,8 @@ SPECS = (
     _fixed("bodies.odometry",
         "Topics of nav_msgs/Odometry, each for one tracked body: 'name=topic', or a topic alone."),
     _fixed("bodies.frames", "TF frames to follow as tracked bodies: 'name=frame', or a frame alone."),
+    _fixed("bodies.shapes", "What tracked bodies are in place of spheres, each a YAML mapping such as {body: crate, "
+        "shape: box, size: [1, 1, 0.5]} or {body: rover, urdf: /path/rover.urdf}."),
     _fixed("bodies.peers", "Other terrain_collider nodes, by fully qualified name, whose bodies collide with those of "
         "this node; auto = all discovered nodes with the same terrain frame."),
     _param("bodies.peer_margin", "Distance between a peer's body and a body of this node below which this node also "
@@ -222,7 +224,12 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         v["terrain.changes"] = "motion" if v["terrain.input"] == "heightmap" else "correction"
     v |= body_sources({name: v[name] for name in ("bodies.poses", "bodies.odometry", "bodies.frames")})
     v["bodies.peers"] = peer_names(v["bodies.peers"])
-    for name, parse in (("height_scans", scan_entries), ("imus", imu_entries), ("bases", base_entries)):
+    for name, parse in (
+        ("height_scans", scan_entries),
+        ("imus", imu_entries),
+        ("bases", base_entries),
+        ("bodies.shapes", shape_entries),
+    ):
         v[name] = parse(v[name])
     tree: dict[str, Any] = {}
     for spec in SPECS:
