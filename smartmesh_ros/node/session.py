@@ -14,11 +14,11 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.endpoints import EndpointNames, OwnTopics
 from smartmesh_ros.node.inputs.cdr_reader import MOST_ITEMS, message_from
 from smartmesh_ros.node.inputs.conversions import BodyInput, RobotNames
+from smartmesh_ros.node.inputs.tracked_solids import TrackedSolids
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings
 from smartmesh_ros.node.refusals import LOG_PERIOD, Refusals, shortened
@@ -29,7 +29,6 @@ from smartmesh_ros.node.timing.stamps import Placed
 from smartmesh_ros.node.transport import Clock, Transport
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.world.base import Base
-from smartmesh_ros.world.tracked_robot import TrackedPart, TrackedRobot
 from smartmesh_ros.world.world import World
 
 # What is done with a request and its response, or with a response and its error.
@@ -68,8 +67,8 @@ class Session:
     ``topics``: the node's inputs and outputs. ``jumps``: number of jumps of tracked bodies, by topic. ``unstamped``:
     number of transforms without stamp, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s],
     None = without stamps. ``names``: names of the peer nodes. ``turns``: answers under way. ``robots``: prepares
-    robots for the world. ``solids``, ``tracked_robots``: of tracked bodies, by
-    name. ``bases``: robots that drive, by name. ``lost``: why bodies were removed, by name, until a
+    robots for the world. ``tracked_solids``: what tracked bodies are.
+    ``bases``: robots that drive, by name. ``lost``: why bodies were removed, by name, until a
     reset.
     """
 
@@ -79,10 +78,7 @@ class Session:
         self.world = World(config=settings.world, stopwatch=Stopwatch(now=clock.steady))
         self.world.say, self.world.note = node.get_logger().warning, node.get_logger().info
         self.tracking = Tracking(self.world, settings.body_timeout, settings.max_velocity)
-        self.solids = {entry.body: entry.solid for entry in settings.shapes if entry.solid is not None}
-        self.tracked_robots = {
-            entry.body: TrackedRobot(entry.body, entry.urdf) for entry in settings.shapes if entry.urdf
-        }
+        self.tracked_solids = TrackedSolids(settings.shapes)
         self.bases = {entry.body: Base(self.world, entry.body, entry.config) for entry in settings.bases}
         self.robot_names = RobotNames(self.world, always=settings.robot_prefix)
         self.jumps: Counter[str] = Counter()
@@ -246,14 +242,9 @@ class Session:
     def track(self, topic: str, body: BodyInput, time: float) -> None:
         """Set the state of a tracked body, or of all parts of a tracked robot, at ``time`` [s] of the loop's clock;
         count and log a jump of its pose."""
-        stated, solid = body.stated, body.solid or self.solids.get(body.name) or Sphere(body.radius)
-        parts = [TrackedPart(body.name, solid, body.state)]
-        if robot := self.tracked_robots.get(body.name):
-            parts = [*robot.parts(body.state)]
-            if not (stated or any(body.state.linear) or any(body.state.angular)):  # estimated from successive poses
-                parts = [part._replace(state=BodyState(part.state.position, part.state.orientation)) for part in parts]
+        parts = self.tracked_solids.parts(body)
         self.require_room(part.name for part in parts)
-        jumps = [self.tracking.update(*part, time, self.clock.pace(), stated=stated) for part in parts]
+        jumps = [self.tracking.update(*part, time, self.clock.pace(), stated=body.stated) for part in parts]
         if jump := next(filter(None, jumps), ""):
             self.jumps[topic] += 1
             self.node.get_logger().warning(f"{topic}: {jump}", throttle_duration_sec=LOG_PERIOD)

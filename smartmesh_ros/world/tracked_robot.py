@@ -126,8 +126,8 @@ def _solids(shape: BodyShape) -> Iterator[tuple[Solid, Vector, Quaternion]]:
     turn = (qx, qy, qz, qw)
     if shape.parts:
         for part in shape.parts:
-            for solid, (px, py, pz), turned in _solids(part):
-                yield solid, (x + px, y + py, z + pz), turned
+            for found, (px, py, pz), turned in _solids(part):
+                yield found, (x + px, y + py, z + pz), turned
         return
     if shape.vertices is not None:
         solid: Solid = Hull(tuple((a, b, c) for a, b, c in shape.vertices.tolist()))

@@ -52,7 +52,7 @@ class BodyInputs:
         session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT, most=most)
         session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT, most=most)
         session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
-        if session.tracked_robots:
+        if session.tracked_solids.robots:
             session.listen(JointState, "tracked_joint_states", self._on_tracked_joints, BEST_EFFORT)
         for name, topic in session.settings.poses:
             session.listen(PoseStamped, topic, partial(self._on_pose, name, topic), BEST_EFFORT, private=False)
@@ -162,10 +162,9 @@ class BodyInputs:
 
     def _on_tracked_joints(self, message: JointState) -> None:
         """Moves the joints of tracked robots, which take their places with the next pose of the root link."""
-        robots = self._session.tracked_robots
-        for name, joints in tracked_joints_from(
-            message, {name: robot.joints for name, robot in robots.items()}
-        ).items():
+        robots = self._session.tracked_solids.robots
+        known = {name: robot.joints for name, robot in robots.items()}
+        for name, joints in tracked_joints_from(message, known).items():
             robots[name].move(joints)
 
     def _drive(self, base: Base, twist: Twist) -> None:
