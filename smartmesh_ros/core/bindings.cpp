@@ -70,7 +70,6 @@ NB_MODULE(_core, m) {
       .def("set_layer", &Grid::set_layer, "layer"_a, "samples"_a.noconvert().none(), "uniform"_a)
       .def("set_motion", &Grid::set_motion, "mode"_a, "max_velocity"_a, "settle"_a, "noise"_a, "smoothing"_a)
       .def("moves", [](const Grid& g, double time) { return g.grid.moves(time); }, "time"_a)
-      .def("lifetime", [](const Grid& g) { return g.grid.lifetime(); })
       .def("sample", [](const Grid& g, int row, int column, double time, double ahead) {
         const Sample s = GridReader(g.grid, time, ahead).read(row, column);
         return std::make_tuple(s.height, s.rise);

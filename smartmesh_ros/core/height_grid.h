@@ -101,8 +101,6 @@ struct HeightGrid {
 
   // Returns true if any sample may move at `time` [s].
   bool moves(double time) const;
-  // Returns the expected time between maps of ground that moves [s]; 0 = no map expected.
-  double lifetime() const;
 };
 
 // Reads samples of one grid at `time` [s] and their rise within the time `ahead` [s]. It keeps the phase of the last

@@ -116,19 +116,6 @@ def part_of(
     return _shape(ShapeKind(kind), half, rounding, core, offset, turn)
 
 
-def primitive(
-    client: Any, kind: int, size: Sequence[float], offset: Sequence[float], turn: Sequence[float]
-) -> BodyShape | None:
-    """The shape that a PyBullet ``client`` reports, by its kind and size; None for meshes and unknown kinds."""
-    if kind == client.GEOM_SPHERE:
-        return ball(size[0], offset)
-    if kind == client.GEOM_BOX:
-        return box(size, offset, turn)
-    if kind == client.GEOM_CYLINDER:
-        return cylinder(size[1], size[0], offset, turn)
-    return capsule(size[1], size[0], offset, turn) if kind == client.GEOM_CAPSULE else None
-
-
 def hull(points: FloatArray, rounding: float = 0.0) -> BodyShape:
     """The convex hull of points (n, 3) [m] in the frame of the centre of mass, grown by ``rounding`` [m].
 

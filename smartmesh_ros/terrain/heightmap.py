@@ -64,11 +64,6 @@ class HeightMap(MovingHeights):
         """Size and resolution as text."""
         return f"{self.geometry.rows} x {self.geometry.columns} at {self.geometry.resolution:g} m"
 
-    @property
-    def lifetime(self) -> float:
-        """Expected time between updates of moving ground [s]; 0 = no update expected."""
-        return float(self.core_reader.lifetime())
-
     def correct_from(self, before: "HeightMap", cells: tuple[int, int] | None) -> None:
         """Treat this map as a correction of the map ``before`` it, which it replaces, where both have ground.
 

@@ -81,10 +81,6 @@ class Terrain:
         for mesh in self.tiles.values():
             mesh.shift_time(by)
 
-    def changed_since(self, revision: int) -> bool:
-        """Return True if a tile was added, changed or removed after the terrain had this ``revision``."""
-        return self.revision > revision
-
     @property
     def revision(self) -> int:
         """Revision of the latest change."""

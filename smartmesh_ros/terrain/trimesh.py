@@ -152,11 +152,6 @@ class TriangleMesh(MovingGround):
     def _set_motion(self) -> None:
         self.core_reader.set_motion(self.motion.code, self.motion.max_velocity, self.motion.smoothing)
 
-    @property
-    def lifetime(self) -> float:
-        """Expected time between updates [s]; 0 = no update expected."""
-        return float(self._clocks[0].lifetime)
-
     def moving(self, time: float) -> bool:
         """Return True if any vertex may move at ``time`` [s]."""
         return bool(self.core_reader.moves(time))

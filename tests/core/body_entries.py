@@ -99,7 +99,7 @@ def collect_patches(slots: Any, time: float) -> Any:
 
 
 def markers(slots: Any, ids: Any, gone: Any) -> Any:
-    return patches().markers(slots, ids, gone, False, (0, 0), "map", "patches", (1.0, 1.0, 1.0, 1.0))
+    return patches().markers(slots, ids, gone, False, (0, 0), "map", "patches", (1.0, 1.0, 1.0, 1.0), 0.0)
 
 
 OF_SLOTS = (("slots", BODIES),)

@@ -19,7 +19,7 @@ from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate, StageTiming, Ti
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.specifications import SPECS
-from smartmesh_ros.tools.client.patch import KINDS
+from smartmesh_ros.tools.client.patch import KINDS, Patch
 from smartmesh_ros.tools.testing import floats, heightmap_message
 from tests.examples import examples
 
@@ -250,7 +250,7 @@ def test_ruts_are_coloured_while_that_is_asked_for(server: Any, topic: str) -> N
     drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, TerrainConfig(period=0.0))
 
     def colours(*, sunk: bool) -> set[str]:
-        scene.show(ground, np.zeros((0, 3)), np.zeros(0), sunk=sunk)
+        scene.show(ground, np.zeros((0, 3)), np.zeros(0), [], sunk=sunk)
         return {name.rpartition("/")[2] for name in drawn if name.startswith("/sunk/")} & {d.name for d in Depth}
 
     assert colours(sunk=True) == set()
@@ -277,7 +277,7 @@ def test_ground_of_another_material_than_usual_is_coloured_where_it_lies(server:
         message = heightmap_message(np.zeros((40, 40)), resolution=0.1, origin=(x, 0.0, 0.0), **material)
         ground.take("heightmap", serialize_message(message))
         ground.apply_waiting()
-        scene.show(ground, np.zeros((0, 3)), np.zeros(0))
+        scene.show(ground, np.zeros((0, 3)), np.zeros(0), [])
         bands = [*(("grip", band) for band in Grip), *(("give", band) for band in Give)]
         names = {band.name: drawn.get(f"/{kind}/terrain/map/{band.name}") for kind, band in bands}
         along = {name: mesh.vertices[:, 0] for name, mesh in names.items() if mesh is not None}
@@ -296,6 +296,27 @@ def test_ground_of_another_material_than_usual_is_coloured_where_it_lies(server:
     stiffness[:, :10] = 2e5
     assert coloured(x=0.5, layers={"stiffness": stiffness}) == {"SOFT": (0.5, 1.5)}
     assert coloured(x=0.5) == {"SOFT": (0.5, 1.5)}
+
+
+def test_no_ground_is_drawn_over_a_patch_that_has_moved_since_the_map(server: Any) -> None:
+    """Below it, at the same samples; the ground elsewhere stays."""
+    ground = ground_of(np.random.default_rng(0).normal(scale=0.1, size=(40, 40)), resolution=0.1)
+    drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, TerrainConfig(period=0.0))
+    tile, (r, c) = ground.tiles[""], np.divmod(np.arange(49), 7)
+    rows, columns = 20 + r - 3, 12 + c - 3
+    places = tile.geometry.to_world(rows, columns)
+    for rise in (-0.2, 0.0):
+        vertices = np.column_stack([places, tile.heights[rows, columns] + rise])
+        patch = Patch(
+            name="ball", kind="heightfield", tile="", row=20, column=12, stride=1, deviation=0.0, linear_w=np.zeros(3),
+            angular_w=np.zeros(3), vertices_w=vertices, triangles=np.zeros((0, 3), np.uint32),
+        )  # fmt: skip
+        scene.show(ground, np.array([[1.2, 2.0, 0.1]]), np.array([0.2]), [patch])
+        mesh = drawn["/terrain/map"]
+        found = {tuple(np.rint(10.0 * v[:2]).astype(int)): v[2] for v in np.asarray(mesh.vertices, float)}
+        for k in range(49):
+            assert found[(columns[k], rows[k])] == pytest.approx(vertices[k, 2], abs=1e-5)
+        assert found[(16, 20)] == pytest.approx(tile.heights[20, 16], abs=1e-5)
 
 
 URDF = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'
