@@ -21,7 +21,10 @@ if TYPE_CHECKING:
     from smartmesh_ros.terrain.material import Material
     from smartmesh_ros.terrain.motion import MotionConfig
     from smartmesh_ros.terrain.terrain import Terrain
+    from smartmesh_ros.world.base import Base, BaseOdometry
+    from smartmesh_ros.world.base_config import BaseConfig
     from smartmesh_ros.world.height_scanner import HeightScanner
+    from smartmesh_ros.world.imu import Imu, ImuConfig, ImuReading
     from smartmesh_ros.world.snapshot import Snapshot
     from smartmesh_ros.world.world import World, WorldConfig
 
@@ -29,7 +32,10 @@ _MODULES = {
     "errors": ("InputError",),
     "ground.config": ("PhysicsConfig",),
     "ground.ground": ("Ground",),
+    "world.base": ("Base", "BaseOdometry"),
+    "world.base_config": ("BaseConfig",),
     "world.height_scanner": ("HeightScanner",),
+    "world.imu": ("Imu", "ImuConfig", "ImuReading"),
     "world.snapshot": ("Snapshot",),
     "ground.shapes": ("Box", "Capsule", "Cylinder", "Sphere"),
     "ground.state": ("BodyState",),
@@ -46,6 +52,9 @@ _MODULES = {
 _MODULE_OF = {name: f"{__name__}.{module}" for module, names in _MODULES.items() for name in names}
 
 __all__ = [
+    "Base",
+    "BaseConfig",
+    "BaseOdometry",
     "BodyState",
     "Box",
     "Capsule",
@@ -55,6 +64,9 @@ __all__ = [
     "HeightMap",
     "HeightScan",
     "HeightScanner",
+    "Imu",
+    "ImuConfig",
+    "ImuReading",
     "InputError",
     "Material",
     "MotionConfig",

@@ -15,7 +15,7 @@ from smartmesh_ros.ground.bullet import NoClient, connected_client, is_fixed, un
 from smartmesh_ros.ground.config import SleepConfig, time_step_of
 from smartmesh_ros.ground.followers import Belt, Follower, Followers
 from smartmesh_ros.ground.map_contacts import MapContacts, SoilSupport, SteppedSoil
-from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.ground.shapes import Solid
 from smartmesh_ros.ground.shown_ground import ShownGround
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.ground.state import Vector
@@ -72,7 +72,7 @@ class AttachedBodies:
         *,
         radius: float | None = None,
         solid: bool = True,
-        shape: Shape | BodyShape | None = None,
+        shape: Solid | BodyShape | None = None,
     ) -> Follower:
         """Put each link of ``body`` that has a collision shape onto the ground, or one ``link`` (-1 = the base).
 

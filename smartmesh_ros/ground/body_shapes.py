@@ -10,7 +10,7 @@ import pybullet as pb
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.layout_probe import number_of
-from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.ground.shapes import Solid
 from smartmesh_ros.patches.shapes import BodyShape, ball, compound, part_of
 
 
@@ -49,12 +49,12 @@ def require_body(client: Any, body: int, link: int | None = None) -> None:
 
 
 def shapes_of(
-    client: Any, body: int, link: int | None, shape: Shape | BodyShape | None, radius: float | None
+    client: Any, body: int, link: int | None, shape: Solid | BodyShape | None, radius: float | None
 ) -> dict[int, BodyShape]:
     """Return the shapes of all links of a body that have one, or of one ``link``. The base's or link's is the given
     ``shape``, or a ball of the given ``radius`` [m], if there is one. Raises `InputError` if a shape has no size, and
     names the links that have a shape."""
-    given = ball(radius) if radius is not None else shape.body_shape if isinstance(shape, Shape) else shape
+    given = ball(radius) if radius is not None else shape.body_shape if isinstance(shape, Solid) else shape
     found = read_shapes(client, body) if given is None else {-1 if link is None else link: given}
     if not found:
         raise InputError("geometry", f"body {body} has no collision shape, so nothing of it could touch the ground")

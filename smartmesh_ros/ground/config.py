@@ -73,10 +73,10 @@ class SleepConfig:
     most: float = 5e-3
 
 
-# Motion at which PyBullet drops a cached contact point [body sizes]. At PyBullet's default of 0.02 a rolling body is
-# held back by old contact points and hops. Far smaller values let boxes creep down slopes. PyBullet shares the value
-# among all worlds of a process.
-CONTACT_BREAKING = 2e-4
+# Motion at which PyBullet drops a cached contact point [body sizes]: its default. Contacts from the map are found anew in
+# each step. Contacts of hulls and cylinders with other bodies come one in a step, so that a box on them rattles and
+# turns if the others are dropped. PyBullet shares the value among all worlds of a process.
+CONTACT_BREAKING = 0.02
 # Largest relative difference between two step lengths that counts as rounding.
 ROUNDING = 1e-9
 

@@ -8,6 +8,8 @@ from smartmesh_ros.ground.state import Quaternion, Vector
 
 # Angle between two quaternions below which the arc equals a straight line in double precision [rad].
 STRAIGHT = 1e-6
+# Length of a quaternion's vector part below which it is half of the rotation vector in double precision.
+TINY = 1e-12
 
 
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
@@ -31,6 +33,14 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
     """Rotate a vector."""
     x, y, z, _ = product(product(q, (*v, 0.0)), conjugate(q))
     return x, y, z
+
+
+def rotation_vector(q: Quaternion) -> Vector:
+    """The axis of a rotation by half a turn at most, as long as its angle [rad]."""
+    x, y, z, w = q if q[3] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
+    length = math.hypot(x, y, z)
+    factor = 2.0 * math.atan2(length, w) / length if length > TINY else 2.0
+    return factor * x, factor * y, factor * z
 
 
 def slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:

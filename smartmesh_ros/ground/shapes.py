@@ -13,7 +13,7 @@ import pybullet as pb
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import SIZES, require_between
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.patches.shapes import BodyShape, ShapeKind, ball, box, capsule, cylinder
+from smartmesh_ros.patches.shapes import BodyShape, ShapeKind, ball, box, capsule, cylinder, hull
 
 CENTRED: Vector = (0.0, 0.0, 0.0)
 
@@ -125,7 +125,43 @@ class Capsule(_Shape):
         return {"shapeType": pb.GEOM_CAPSULE, "radius": self.radius, "height": self.height}
 
 
+@dataclass(frozen=True)
+class Hull(_Shape):
+    """The convex hull of four ``vertices`` or more, about the position of a tracked body [m]."""
+
+    kind: ClassVar[ShapeKind] = ShapeKind.HULL
+    vertices: tuple[Vector, ...]
+
+    def __post_init__(self) -> None:
+        points = np.array(self.vertices, np.float64)
+        if points.ndim != 2 or points.shape[1] != 3 or len(points) < 4 or not (np.abs(points) <= SIZES[1]).all():
+            raise InputError("geometry", f"a hull needs four vertices or more, of three numbers to {SIZES[1]:g} m")
+        object.__setattr__(self, "vertices", tuple((x, y, z) for x, y, z in points.tolist()))
+
+    @property
+    def dimensions(self) -> dict[str, float]:
+        return {}
+
+    @property
+    def body_shape(self) -> BodyShape:
+        return hull(np.array(self.vertices))
+
+    @property
+    def bounds(self) -> Box:
+        """The box around the vertices."""
+        low, high = np.min(self.vertices, axis=0), np.max(self.vertices, axis=0)
+        x, y, z = np.clip(high - low, *SIZES).tolist()
+        middle_x, middle_y, middle_z = (0.5 * (low + high)).tolist()
+        return Box(x, y, z, centre=(middle_x, middle_y, middle_z))
+
+    def bullet(self) -> dict[str, Any]:
+        """Arguments of ``createCollisionShape``."""
+        return {"shapeType": pb.GEOM_MESH, "vertices": self.vertices}
+
+
 Shape = Sphere | Box | Cylinder | Capsule
+# What tracked bodies can be.
+Solid = Shape | Hull
 SHAPES: dict[ShapeKind, type[Shape]] = {made.kind: made for made in get_args(Shape)}
 # By the names that users write.
 SHAPES_BY_NAME = {made.__name__.lower(): made for made in SHAPES.values()}

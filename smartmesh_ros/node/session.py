@@ -18,6 +18,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.endpoints import EndpointNames, OwnTopics
 from smartmesh_ros.node.inputs.checked_messages import MOST_ITEMS, message_from
 from smartmesh_ros.node.inputs.conversions import BodyInput, RobotNames
+from smartmesh_ros.node.inputs.tracked_solids import TrackedSolids
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings
 from smartmesh_ros.node.refusals import LOG_PERIOD, Refusals, shortened
@@ -27,6 +28,7 @@ from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer, st
 from smartmesh_ros.node.timing.stamps import Placed
 from smartmesh_ros.node.transport import Clock, Transport
 from smartmesh_ros.stopwatch import Stopwatch
+from smartmesh_ros.world.base import Base
 from smartmesh_ros.world.world import World
 
 # What is done with a request and its response, or with a response and its error.
@@ -65,7 +67,9 @@ class Session:
     ``topics``: the node's inputs and outputs. ``jumps``: number of jumps of tracked bodies, by topic. ``unstamped``:
     number of transforms without stamp, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s],
     None = without stamps. ``names``: names of the peer nodes. ``turns``: answers under way. ``robots``: prepares
-    robots for the world. ``lost``: why bodies were removed, by name, until a reset.
+    robots for the world. ``tracked_solids``: what tracked bodies are.
+    ``bases``: robots that drive, by name. ``lost``: why bodies were removed, by name, until a
+    reset.
     """
 
     def __init__(self, node: Transport, settings: Settings, clock: Clock) -> None:
@@ -74,6 +78,8 @@ class Session:
         self.world = World(config=settings.world, stopwatch=Stopwatch(now=clock.steady))
         self.world.say, self.world.note = node.get_logger().warning, node.get_logger().info
         self.tracking = Tracking(self.world, settings.body_timeout, settings.max_velocity)
+        self.tracked_solids = TrackedSolids(settings.shapes)
+        self.bases = {entry.body: Base(self.world, entry.body, entry.config) for entry in settings.bases}
         self.robot_names = RobotNames(self.world, always=settings.robot_prefix)
         self.jumps: Counter[str] = Counter()
         self.unstamped: Counter[str] = Counter()
@@ -234,9 +240,12 @@ class Session:
             raise InputError("duplicate_id", f"{name!r} is simulated; a tracked body needs another name")
 
     def track(self, topic: str, body: BodyInput, time: float) -> None:
-        """Set the state of a tracked body at ``time`` [s] of the loop's clock; count and log a jump of its pose."""
-        jump = self.tracking.update(body.name, body.radius, body.state, time, self.clock.pace(), stated=body.stated)
-        if jump:
+        """Set the state of a tracked body, or of all parts of a tracked robot, at ``time`` [s] of the loop's clock;
+        count and log a jump of its pose."""
+        parts = self.tracked_solids.parts(body)
+        self.require_room(part.name for part in parts)
+        jumps = [self.tracking.update(*part, time, self.clock.pace(), stated=body.stated) for part in parts]
+        if jump := next(filter(None, jumps), ""):
             self.jumps[topic] += 1
             self.node.get_logger().warning(f"{topic}: {jump}", throttle_duration_sec=LOG_PERIOD)
 

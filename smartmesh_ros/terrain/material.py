@@ -104,14 +104,18 @@ class Material:
 
 
 NAMES = tuple(field.name for field in fields(Material))
+NOTHING = Material()
 
 
 def together(material: Material | None, **layers: Any) -> Material:
     """Return a ``material`` with other ``layers``, None = not given; raises `InputError` for a layer of both."""
-    whole, more = material or Material(), Material(**layers)
-    if both := sorted(whole.layers.keys() & more.layers.keys()):
+    given = {name: layer for name, layer in layers.items() if layer is not None}
+    whole = material or NOTHING
+    if not given:
+        return whole
+    if both := sorted(whole.layers.keys() & given.keys()):
         raise InputError("layer", f"{both[0]} is given twice, by itself and in the material; give it once")
-    return more.over(whole)
+    return replace(whole, **given)
 
 
 def usual(name: str) -> float:

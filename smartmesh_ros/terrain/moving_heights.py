@@ -24,7 +24,7 @@ from smartmesh_ros.terrain.corrections import Corrections
 from smartmesh_ros.terrain.grid import GridGeometry, geometry_of
 from smartmesh_ros.terrain.grid_track import GridTrack, at_rest, follow
 from smartmesh_ros.terrain.laid_ground import LaidGround
-from smartmesh_ros.terrain.material import Material, together
+from smartmesh_ros.terrain.material import NOTHING, Material, together
 from smartmesh_ros.terrain.motion import CLOCK, MotionConfig, MovingGround
 from smartmesh_ros.terrain.prints import Prints
 
@@ -158,9 +158,9 @@ class MovingHeights(LaidGround, MovingGround):
         time, shape = checked_next_time(time, self.time), self._shape
         certainty = checked_variance(variance, shape)
         new, speeds = checked(heights, velocities, shape, "the map")
-        laid = together(material, friction=friction, soil=soil).checked(shape)
-        if laid.layers:
-            self._lay(laid.over(self._material))
+        laid = together(material, friction=friction, soil=soil)
+        if laid is not NOTHING and laid.layers:
+            self.give(laid)
         self._take(0, 0, new, speeds, time, certainty)
         if not self.motion.corrects:
             self.follow(self, time)
@@ -187,8 +187,8 @@ class MovingHeights(LaidGround, MovingGround):
         require_region(row, column, shape, self._shape)
         certainty = checked_variance(variance, shape)
         new, speeds = checked(heights, velocities, shape, "the region")
-        laid = (material or Material()).checked(shape)
-        if laid.layers:
+        if material is not None and material.layers:
+            laid = material.checked(shape)
             place = slice(row, row + shape[0]), slice(column, column + shape[1])
             self._lay(self._material.written(laid, place, self._shape))
         self._take(row, column, new, speeds, time, certainty)

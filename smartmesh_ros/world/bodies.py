@@ -15,7 +15,7 @@ from smartmesh_ros.ground.body_shapes import link_name, read_shapes
 from smartmesh_ros.ground.bullet import is_fixed, undone
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.limits import FASTEST_SPIN, MASSES, SIZES, require_between
-from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.shapes import Box, Cylinder, Hull, Shape, Solid, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.terrain.grid import FloatArray
@@ -64,7 +64,7 @@ class Body:
     links: dict[int, str]
     joints: dict[str, int]
     mass: float = 0.0
-    shape: Shape | None = None  # of a simulated body that is no robot
+    shape: Solid | None = None  # of a body that is no robot
     urdf: str | None = None  # file or text of a robot
     friction: float = 0.0
     restitution: float = 0.0
@@ -89,7 +89,7 @@ class Body:
     @property
     def outline(self) -> Shape:
         """Shape that other nodes use for the body; of a robot its box."""
-        return self.shape or self.hull or Sphere(self.radius)
+        return self.shape.bounds if isinstance(self.shape, Hull) else self.shape or self.hull or Sphere(self.radius)
 
     @property
     def is_robot(self) -> bool:
@@ -104,7 +104,7 @@ class BodyFactory:
     def __init__(self, client: Any, config: PhysicsConfig) -> None:
         self._client = client
         self.config = config
-        self._shapes: dict[Shape, int] = {}
+        self._shapes: dict[Solid, int] = {}
 
     def simulated(self, name: str, shape: Shape, mass: float, state: BodyState, surface: Surface | None = None) -> Body:
         """Create a body that moves by physics, with the configured friction and restitution or the given ones.
@@ -125,19 +125,19 @@ class BodyFactory:
                 uid, -1, lateralFriction=surface.friction, restitution=surface.restitution, linearDamping=0.0,
                 angularDamping=0.0,
             )  # fmt: skip
-            if isinstance(shape, Box | Cylinder):
-                client.changeDynamics(uid, -1, collisionMargin=ROUNDED)
+            self._sharpen(uid, shape)
             self.place(body, state)
         return body
 
-    def tracked(self, name: str, radius: float, state: BodyState) -> Body:
-        """Create a sphere whose pose is dictated; simulated bodies collide with it."""
+    def tracked(self, name: str, shape: Solid, state: BodyState) -> Body:
+        """Create a body whose pose is dictated; simulated bodies collide with it."""
         # A multibody, because only a fixed multibody moves at its velocity and carries it into contacts.
         uid = self._client.createMultiBody(
-            0.0, self._shape(Sphere(radius)), basePosition=state.position, baseOrientation=state.orientation
+            0.0, self._shape(shape), basePosition=state.position, baseOrientation=state.orientation
         )
-        body = Body(name, uid, radius, True, state, {}, {})
+        body = Body(name, uid, shape.bounding_radius, True, state, {}, {}, shape=shape)
         with undone(lambda: self._client.removeBody(uid)):
+            self._sharpen(uid, shape)
             self.place(body, state)
         return body
 
@@ -229,7 +229,12 @@ class BodyFactory:
         for name, joint in body.joints.items():
             self._client.resetJointState(body.uid, joint, body.starts.get(name, 0.0), 0.0)
 
-    def _shape(self, shape: Shape) -> int:
+    def _sharpen(self, uid: int, shape: Solid) -> None:
+        """Round the edges of a body by `ROUNDED` alone."""
+        if isinstance(shape, Box | Cylinder):
+            self._client.changeDynamics(uid, -1, collisionMargin=ROUNDED)
+
+    def _shape(self, shape: Solid) -> int:
         if shape not in self._shapes:
             self._shapes[shape] = self._client.createCollisionShape(**shape.bullet())
         return self._shapes[shape]

@@ -50,6 +50,12 @@ def _point_state(state: BodyState, offset: Vector, sign: float) -> BodyState:
     return replace(state, position=tuple(position.tolist()), linear=tuple(linear.tolist()))
 
 
+def link_index(client: Any, uid: int, name: str) -> int | None:
+    """Return PyBullet's index of a robot's link, -1 = the root; None if there is none of that name."""
+    names = [client.getBodyInfo(uid)[0], *(client.getJointInfo(uid, k)[12] for k in range(client.getNumJoints(uid)))]
+    return names.index(name.encode()) - 1 if name.encode() in names else None
+
+
 class LinkFrame(NamedTuple):
     """Pose of a link's frame in that of its ``parent`` (index of the list): translation [m] and rotation (x, y, z, w).
     The root's parent is -1, and its pose that of no motion."""
@@ -62,34 +68,44 @@ class LinkFrame(NamedTuple):
 
 class LinkFrames:
     """The frames of a PyBullet robot. PyBullet reports the frames of links as they were before the last step; these are
-    computed from the joints' current positions."""
+    computed from the joints' current positions. ``rest``: those with all joints at zero; ``axes``: kind of each joint
+    in PyBullet, and its axis in the frame of its link."""
 
     def __init__(self, client: Any, uid: int) -> None:
         self._client, self._uid = client, uid
         joints = [client.getJointInfo(uid, index) for index in range(client.getNumJoints(uid))]
         inertial = [client.getDynamicsInfo(uid, index)[3:5] for index in range(-1, len(joints))]
-        self._rest = [LinkFrame(client.getBodyInfo(uid)[0].decode(), -1)]
-        self._axes: list[tuple[int, Vector]] = []  # kind of the joint, and its axis in the frame of the link
+        self.rest = [LinkFrame(client.getBodyInfo(uid)[0].decode(), -1)]
+        self.axes: list[tuple[int, Vector]] = []
         for index, joint in enumerate(joints):
             parent, turn = joint[16] + 1, inertial[index + 1][1]
             (x, y, z), (dx, dy, dz) = inertial[parent][0], rotate(inertial[parent][1], joint[14])
             between = product(inertial[parent][1], product(conjugate(joint[15]), conjugate(turn)))
-            self._rest.append(LinkFrame(joint[12].decode(), parent, (x + dx, y + dy, z + dz), between))
-            self._axes.append((joint[2], rotate(turn, joint[13])))
+            self.rest.append(LinkFrame(joint[12].decode(), parent, (x + dx, y + dy, z + dz), between))
+            self.axes.append((joint[2], rotate(turn, joint[13])))
 
     @property
     def root(self) -> str:
         """Name of the root link."""
-        return self._rest[0].name
+        return self.rest[0].name
 
     def read(self) -> list[LinkFrame]:
         """Return the current frames, the root first and parents before their children."""
         positions: Sequence[float] = ()
-        if self._axes:
-            states = self._client.getJointStates(self._uid, list(range(len(self._axes))))
+        if self.axes:
+            states = self._client.getJointStates(self._uid, list(range(len(self.axes))))
             positions = [state[0] for state in states]
-        moved = [self._rest[0]]
-        for frame, (kind, axis), position in zip(self._rest[1:], self._axes, positions, strict=True):
+        return self.at(positions)
+
+    @property
+    def count(self) -> int:
+        """Number of joints, fixed ones included."""
+        return len(self.axes)
+
+    def at(self, positions: Sequence[float]) -> list[LinkFrame]:
+        """Return the frames for positions of all joints, in PyBullet's order [rad, m]."""
+        moved = [self.rest[0]]
+        for frame, (kind, axis), position in zip(self.rest[1:], self.axes, positions, strict=True):
             moved.append(_moved(frame, kind, axis, position))
         return moved
 

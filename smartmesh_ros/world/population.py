@@ -16,7 +16,7 @@ from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.followers import Belt, Follower, Followers
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.limits import require_possible
-from smartmesh_ros.ground.shapes import Shape, Sphere
+from smartmesh_ros.ground.shapes import Shape, Solid, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_rays
 from smartmesh_ros.terrain.terrain import Terrain
@@ -130,19 +130,19 @@ class Population(Driving):
         new.initial = old.initial
         self._exchange(old, new)
 
-    def track(self, name: str, radius: float, state: BodyState) -> None:
-        """Add a tracked body, whose pose is dictated, or set its next pose.
+    def track(self, name: str, shape: Solid | float, state: BodyState) -> None:
+        """Add a tracked body, whose pose is dictated, or set its next pose. ``shape``: or the radius of a sphere [m].
 
-        Between calls the body moves on with its velocity. A new radius replaces the body.
+        Between calls the body moves on with its velocity. Another shape replaces the body.
         """
         require_possible(name, state)
         body = self.bodies.get(name)
-        Sphere(radius)  # refuses an impossible radius
+        solid = Sphere(shape) if isinstance(shape, int | float) else shape
         if body is None:
             self._require_free(name)
-            self._add(self._factory.tracked(name, radius, state))
-        elif body.tracked and body.radius != radius:
-            self._exchange(body, self._factory.tracked(name, radius, state))
+            self._add(self._factory.tracked(name, solid, state))
+        elif body.tracked and body.shape != solid:
+            self._exchange(body, self._factory.tracked(name, solid, state))
         elif not body.tracked:
             raise InputError("duplicate_id", f"{name!r} is a simulated body; a tracked body needs another name")
         else:
@@ -283,8 +283,7 @@ class Population(Driving):
                     follower = self.ground.attach(body.uid, link, shape=body.shapes[link])
                     self._attach(body, follower, f"{body.name}/{part}")
             else:
-                shape = Sphere(body.radius) if body.shape is None else body.shape
-                follower = self.ground.attach(body.uid, solid=not body.tracked, shape=shape)
+                follower = self.ground.attach(body.uid, solid=not body.tracked, shape=body.shape)
                 self._attach(body, follower, body.name)
             self._move_belts(body, belts or {})
 

@@ -15,27 +15,28 @@ from typing import Any
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.followers import Belt
-from smartmesh_ros.ground.shapes import SHAPES, Shape
+from smartmesh_ros.ground.shapes import SHAPES, Hull, Solid
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.joints import JointCommand
 
-_SHAPES = {made.__name__: made for made in SHAPES.values()}
+_SHAPES: dict[str, type[Solid]] = {made.__name__: made for made in (*SHAPES.values(), Hull)}
 
 
 @dataclass(frozen=True, kw_only=True)
 class BodySnapshot:
-    """One body. ``shape``: of a simulated body; ``urdf``: file or text of a robot; neither: a tracked body, a sphere of
-    ``radius`` [m]. ``joints``: position and velocity by name [rad, rad/s or m, m/s]; ``commands``: current commands of
-    the joints; ``belts``: moving surfaces by link, "" = of a body that is no robot; ``ends``: times at which the
-    velocities of joints and surfaces end [s]."""
+    """One body, simulated or ``tracked``. ``shape``: of a body that is no robot; ``radius`` [m]: bounding radius;
+    ``urdf``: file or text of a robot. ``joints``: position and velocity by name [rad, rad/s or m, m/s]; ``commands``:
+    current commands of the joints; ``belts``: moving surfaces by link, "" = of a body that is no robot; ``ends``: times
+    at which the velocities of joints and surfaces end [s]."""
 
     name: str
     state: BodyState
     initial: BodyState
     radius: float
     mass: float = 0.0
-    shape: Shape | None = None
+    shape: Solid | None = None
+    tracked: bool = False
     urdf: str | None = None
     friction: float = 0.0
     restitution: float = 0.0
@@ -52,6 +53,7 @@ def body_snapshot(
     joints = {name: client.getJointState(body.uid, index)[:2] for name, index in body.joints.items()}
     return BodySnapshot(
         name=body.name, state=state, initial=body.initial, radius=body.radius, mass=body.mass, shape=body.shape,
+        tracked=body.tracked,
         urdf=body.urdf, friction=body.friction, restitution=body.restitution, joints=joints,
         commands=dict(body.commands), belts=belts, ends=ends,
     )  # fmt: skip

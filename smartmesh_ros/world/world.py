@@ -13,6 +13,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls, undone
 from smartmesh_ros.ground.config import set_up
 from smartmesh_ros.ground.ground import Ground
+from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
@@ -27,6 +28,7 @@ from smartmesh_ros.world.population import Population
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.settings import WorldConfig
 from smartmesh_ros.world.snapshot import Snapshot, body_snapshot
+from smartmesh_ros.world.watching import StepWatcher
 
 __all__ = ["World", "WorldConfig"]
 
@@ -35,7 +37,7 @@ class World(Population):
     """Bodies on a terrain, stepped at a fixed rate. Close it, or use it as a context manager.
 
     ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``guests``: remote bodies,
-    simulated by other nodes.
+    simulated by other nodes. ``watchers``: take part in each step.
     """
 
     def __init__(
@@ -47,6 +49,7 @@ class World(Population):
         self.config = config or WorldConfig()
         self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
+        self.watchers: list[StepWatcher] = []
         self._rescues = 0  # of the grounds before `restore`
         self.lost: dict[str, str] = {}  # why bodies were removed, by name; readers may clear it
         self._start()
@@ -128,9 +131,13 @@ class World(Population):
                 self.update()
             prepared()
             with self.stopwatch.stage("total"), self.stopwatch.stage("step"):
+                for watcher in self.watchers:
+                    watcher.before_step()
                 self._drive_all()
                 self.client.stepSimulation()
-            self.time += self.config.physics.dt
+                self.time += self.config.physics.dt
+                for watcher in self.watchers:
+                    watcher.after_step()
             self.guests.note_contacts()
             self.stopwatch.lap()
 
@@ -207,10 +214,10 @@ class World(Population):
             surface = Surface(body.friction, body.restitution)
             if body.name in robots:
                 self._add(self._factory.robot(body.name, robots[body.name], body.state, surface))
-            elif body.shape is not None:
+            elif body.tracked:
+                self.track(body.name, body.shape or body.radius, body.state)
+            elif body.shape is not None and not isinstance(body.shape, Hull):
                 self._add(self._factory.simulated(body.name, body.shape, body.mass, body.state, surface))
-            else:
-                self.track(body.name, body.radius, body.state)
             new = self.bodies[body.name]
             new.initial = body.initial
             for joint, (position, velocity) in body.joints.items():

@@ -18,7 +18,7 @@ from smartmesh_msgs.msg import BodySpecification, ColliderPatchArray
 from smartmesh_msgs.srv import RemoveBodies, SpawnBodies, SpawnBody
 
 from smartmesh_ros import BodyState, Box, HeightMap
-from smartmesh_ros.node.outputs import publishing, transform_outputs
+from smartmesh_ros.node.outputs import audience, transform_outputs
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.testing import pose_message
 from tests.faults import Faults, bullet_faults
@@ -62,7 +62,7 @@ class Wire:
 
 @pytest.fixture
 def wire(monkeypatch: pytest.MonkeyPatch) -> Wire:
-    monkeypatch.setattr(publishing, "DISCOVERY_TIME", 0.0)
+    monkeypatch.setattr(audience, "DISCOVERY_TIME", 0.0)
     monkeypatch.setattr(transform_outputs, "LISTENING_TIME", 0.0)
     return Wire(monkeypatch)
 

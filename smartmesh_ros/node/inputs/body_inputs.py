@@ -1,13 +1,13 @@
-"""Tracked bodies from topics and TF frames, and commands to robots' joints."""
+"""Tracked bodies from topics and TF frames, and commands to robots' joints and bases."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 
-from geometry_msgs.msg import PoseArray, PoseStamped
+from geometry_msgs.msg import PoseArray, PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -18,11 +18,12 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import SIZES, require_between, require_possible
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs import conversions
-from smartmesh_ros.node.inputs.conversions import BodyInput, joint_commands_from
+from smartmesh_ros.node.inputs.conversions import BodyInput, joint_commands_from, tracked_joints_from
 from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.session import Session, require_name
 from smartmesh_ros.node.timing.stamps import Placed, StampClock, stamp_seconds
+from smartmesh_ros.world.base import Base
 
 SOURCE = "bodies.frames"
 # Longest time between two look-ups of the frames without a new transform [s], for static frames.
@@ -51,10 +52,18 @@ class BodyInputs:
         session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT, most=most)
         session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT, most=most)
         session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
+        if session.tracked_solids.robots:
+            session.listen(JointState, "tracked_joint_states", self._on_tracked_joints, BEST_EFFORT)
         for name, topic in session.settings.poses:
             session.listen(PoseStamped, topic, partial(self._on_pose, name, topic), BEST_EFFORT, private=False)
         for name, topic in session.settings.odometry:
             session.listen(Odometry, topic, partial(self._on_odometry, name, topic), BEST_EFFORT, private=False)
+
+        for entry in session.settings.bases:
+            drive = partial(self._drive, session.bases[entry.body])
+            session.listen(Twist, f"cmd_vel/{entry.name}", drive, BEST_EFFORT)
+            stamped = partial(self._on_stamped, f"cmd_vel_stamped/{entry.name}", drive)
+            session.listen(TwistStamped, f"cmd_vel_stamped/{entry.name}", stamped, BEST_EFFORT)
 
     def refresh(self) -> None:
         """Moves the bodies of ``bodies.frames`` to their frames if a transform arrived or `PERIOD` has passed; reports
@@ -150,3 +159,21 @@ class BodyInputs:
         lasts = self._session.settings.command_timeout or math.inf
         for robot, joint, command in joint_commands_from(message, world, names.prefixes()):
             world.command(robot, joint, command, lasts)
+
+    def _on_tracked_joints(self, message: JointState) -> None:
+        """Moves the joints of tracked robots, which take their places with the next pose of the root link."""
+        robots = self._session.tracked_solids.robots
+        known = {name: robot.joints for name, robot in robots.items()}
+        for name, joints in tracked_joints_from(message, known).items():
+            robots[name].move(joints)
+
+    def _drive(self, base: Base, twist: Twist) -> None:
+        base.drive(twist.linear.x, twist.angular.z, self._session.settings.command_timeout or math.inf)
+
+    def _on_stamped(self, topic: str, drive: Callable[[Twist], None], message: TwistStamped) -> None:
+        """Drive by a command, unless its stamp says that its time is over: it was held up, or is of another clock."""
+        session, stamp = self._session, stamp_seconds(message.header.stamp)
+        age, timeout = 0.0 if stamp is None else session.clock_now() - stamp, session.settings.command_timeout
+        if timeout and age > timeout:
+            raise InputError("stamp", f"the command is {age:.3f} s old; bodies.command_timeout is {timeout:g} s")
+        drive(message.twist)

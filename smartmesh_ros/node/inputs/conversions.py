@@ -6,7 +6,7 @@ Invalid messages raise `InputError`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -14,8 +14,9 @@ from shape_msgs.msg import SolidPrimitive
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import rotate
-from smartmesh_ros.ground.shapes import SHAPES, Shape, shape_from
+from smartmesh_ros.ground.shapes import SHAPES, Shape, Solid, shape_from, shape_of
 from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.world import World
@@ -23,12 +24,13 @@ from smartmesh_ros.world.world import World
 
 class BodyInput(NamedTuple):
     """A tracked body: its name, state and bounding radius [m], 0 = the default. ``stated``: the state's velocity is
-    stated even if it is zero."""
+    stated even if it is zero. ``solid``: what it is in place of a sphere, None = nothing else is said."""
 
     name: str
     state: BodyState
     radius: float
     stated: bool = False
+    solid: Solid | None = None
 
 
 def bodies_from(message: Any) -> list[BodyInput]:
@@ -37,9 +39,20 @@ def bodies_from(message: Any) -> list[BodyInput]:
     for body in message.bodies:
         if not (math.isfinite(body.radius) and body.radius >= 0.0):
             raise InputError("geometry", f"radius of {body.id!r} is {body.radius} m; it must be zero or more")
-        bodies.append(BodyInput(body.id, state_from(body.pose, body.twist), float(body.radius)))
+        state, solid = state_from(body.pose, body.twist), _solid_of(body)
+        bodies.append(BodyInput(body.id, state, float(body.radius), solid=solid))
     require_distinct([body.name for body in bodies])
     return bodies
+
+
+def _solid_of(body: Any) -> Solid | None:
+    """Return the shape that a TrackedBody gives, None = none."""
+    if not body.shape:
+        return None
+    if body.shape not in [*SHAPES]:
+        known = ", ".join(f"{made.__name__.upper()} ({kind:d})" for kind, made in SHAPES.items())
+        raise InputError("shape", f"shape {body.shape} of {body.id!r} is not supported; use one of {known}")
+    return shape_of(ShapeKind(body.shape), body.dimensions.tolist(), body.centre.tolist())
 
 
 def poses_from(message: Any) -> list[BodyInput]:
@@ -150,6 +163,24 @@ def joint_commands_from(message: Any, world: World, prefixes: Mapping[str, str])
             world.require_command(robot, joint, command)
             commands.append((robot, joint, command))
     return commands
+
+
+def tracked_joints_from(message: Any, robots: Mapping[str, Sequence[str]]) -> dict[str, dict[str, tuple[float, float]]]:
+    """Return the positions and velocities by robot and joint of a JointState for tracked robots, by their joints. A
+    joint is named ``<robot>/<joint>``, or ``<joint>``, of all robots that have one. Others are left out, as a message
+    may be of a whole machine. Raises `InputError` if lengths differ."""
+    count = len(message.name)
+    if len(message.position) != count or len(message.velocity) not in (0, count):
+        raise InputError("length", f"{len(message.position)} of position and {len(message.velocity)} of velocity for "
+                         f"{count} joints; there must be as many, of velocity also none")  # fmt: skip
+    speeds = message.velocity or [0.0] * count
+    found: dict[str, dict[str, tuple[float, float]]] = {}
+    for name, *values in zip(message.name, message.position, speeds, strict=True):
+        for robot, joints in robots.items():
+            joint = name.removeprefix(f"{robot}/")
+            if joint in joints:
+                found.setdefault(robot, {})[joint] = (values[0], values[1])
+    return found
 
 
 def _joints(names: list[str], world: World, prefixes: Mapping[str, str]) -> list[tuple[str, str]]:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from smartmesh_ros.ground.limits import FASTEST, FASTEST_SPIN
-from smartmesh_ros.ground.quaternions import conjugate, product
-from smartmesh_ros.ground.state import BodyState, Quaternion
+from smartmesh_ros.ground.quaternions import conjugate, product, rotation_vector
+from smartmesh_ros.ground.shapes import Solid
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.world import World
 
@@ -56,7 +57,7 @@ class Tracking:
     def update(
         self,
         name: str,
-        radius: float,
+        shape: Solid | float,
         state: BodyState,
         time: float,
         heard: float | None = None,
@@ -66,8 +67,9 @@ class Tracking:
         """Set the state of ``name`` at ``time`` [s], on any clock that is the same for all poses of this body; return
         what is wrong with the change of its pose, empty = nothing.
 
-        ``heard`` [s]: time of arrival on the clock of `expire`, None = ``time``. ``stated``: the source states
-        velocities, also that of a body at rest. A source that stated a velocity before does so too.
+        ``shape``: or the radius of a sphere [m]. ``heard`` [s]: time of arrival on the clock of `expire`, None =
+        ``time``. ``stated``: the source states velocities, also that of a body at rest. A source that stated a velocity
+        before does so too.
         """
         last = self._last_poses.get(name)
         stated |= any(state.linear) or any(state.angular) or (last is not None and last.stated)
@@ -77,12 +79,13 @@ class Tracking:
         elif last is not None and not stated and 0.0 < time - last.time <= MAX_INTERVAL:
             change = _velocity(last.tracked, state, time - last.time)
             linear, angular = np.linalg.norm(change, axis=1).tolist()
+            radius = shape if isinstance(shape, int | float) else shape.bounding_radius
             speed = max(linear, radius * angular)
             if speed > self.max_velocity or angular > FASTEST_SPIN:
                 jump, change = self._jump(name, last.tracked, state, speed), last.change
             else:
                 tracked = _with_velocity(state, change, last.change)
-        self._world.track(name, radius, tracked)
+        self._world.track(name, shape, tracked)
         self._last_poses[name] = _LastPose(tracked, time, time if heard is None else heard, stated, change)
         return jump
 
@@ -102,8 +105,8 @@ class Tracking:
         `MAX_INTERVAL`."""
         for name, seen in self._last_poses.items():
             if seen.moving and time - seen.heard > MAX_INTERVAL and name in self._world.bodies:
-                state = self._world.state(name)
-                self._world.track(name, self._world.bodies[name].radius, BodyState(state.position, state.orientation))
+                state, body = self._world.state(name), self._world.bodies[name]
+                self._world.track(name, body.shape or body.radius, BodyState(state.position, state.orientation))
                 seen.tracked = BodyState(seen.tracked.position, seen.tracked.orientation)
         gone = [name for name, seen in self._last_poses.items() if time - seen.heard > self.timeout]
         for name in gone:
@@ -121,7 +124,8 @@ class Tracking:
 def _velocity(before: BodyState, after: BodyState, interval: float) -> FloatArray:
     """Return the mean velocity (2, 3), linear and angular, between two poses ``interval`` [s] apart."""
     way = np.array(after.position) - np.array(before.position)
-    return np.stack([way, _rotation_between(before.orientation, after.orientation)]) / interval
+    turn = rotation_vector(product(after.orientation, conjugate(before.orientation)))
+    return np.stack([way, np.array(turn)]) / interval
 
 
 def _with_velocity(state: BodyState, change: FloatArray, before: FloatArray | None) -> BodyState:
@@ -137,13 +141,3 @@ def _confirmed(velocity: FloatArray, before: FloatArray) -> FloatArray:
     square = float(velocity @ velocity)
     share = float(velocity @ before) / square if square > 0.0 else 0.0
     return velocity * min(max(share, 0.0), 1.0)
-
-
-def _rotation_between(first: Quaternion, second: Quaternion) -> FloatArray:
-    """Return the rotation vector [rad] from the first to the second orientation, in the fixed frame."""
-    *vector_part, scalar = product(second, conjugate(first))
-    vector = np.array(vector_part)
-    if scalar < 0.0:
-        vector, scalar = -vector, -scalar
-    length = float(np.linalg.norm(vector))
-    return vector * (2.0 * math.atan2(length, scalar) / length) if length > 1e-12 else np.zeros(3)

@@ -29,10 +29,9 @@ from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension, MultiAr
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.quaternions import conjugate, rotate
-from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, by_length, floats, stamp_fields, text_rows
-from smartmesh_ros.node.parameters.settings import ScanEntry
+from smartmesh_ros.node.parameters.entries import ScanEntry
 from smartmesh_ros.node.services.robot_files import urdf_text
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.terrain.height_scan import HeightScan
@@ -207,7 +206,7 @@ def description(body: Body) -> BodyDescription:
         if body.urdf != made.urdf:
             made.urdf_file = str(Path(body.urdf).absolute())
         return made
-    shape = body.shape or Sphere(body.radius)
+    shape = body.outline
     made.shape = int(shape.kind)
     made.dimensions = array.array("d", list(shape.dimensions.values()))
     return made

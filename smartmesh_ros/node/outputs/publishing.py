@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, NamedTuple
@@ -28,9 +27,11 @@ from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
+from smartmesh_ros.node.outputs.audience import Audience
 from smartmesh_ros.node.outputs.body_outputs import BodyDescriptions, ScanOutput
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
+from smartmesh_ros.node.outputs.motion_outputs import ImuOutput, OdometryOutput
 from smartmesh_ros.node.outputs.scene_outputs import RobotModel, SceneMarkers
 from smartmesh_ros.node.outputs.soil_outputs import sinkage_message, update_message
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
@@ -42,44 +43,6 @@ from smartmesh_ros.world.states import SimulatedStates
 PATCH_OUTPUTS = ("patches", "collider_patches")
 # Longest wait at the end until subscribers have the last message [s].
 LAST_WORDS = 0.5
-# Longest time between two messages with all patches in incremental mode [s].
-ALL_PATCHES_PERIOD = 5.0
-# Time in which a new subscriber may not have discovered the node and so misses messages [s].
-DISCOVERY_TIME = 3.0
-
-
-class Audience:
-    """Subscribers and publishers of an output. ``new``: True if some may have missed messages, or another publisher may
-    have made subscribers forget some. ``now``: a clock [s]."""
-
-    def __init__(self, now: Callable[[], float]) -> None:
-        self._now = now
-        self._counts = (0, 0)
-        self._new_until = -math.inf
-        self._all_due = -math.inf
-
-    def count(self, subscribers: int, publishers: int) -> None:
-        """Note the numbers of subscribers and publishers."""
-        if (subscribers, publishers) != self._counts:
-            self._counts, self._new_until = (subscribers, publishers), self._now() + DISCOVERY_TIME
-
-    @property
-    def new(self) -> bool:
-        """True if some may have missed messages."""
-        return self._now() < self._new_until
-
-    def needs_all(self) -> bool:
-        """Return False if the next message may contain only changes. New subscribers, and every `ALL_PATCHES_PERIOD`
-        all subscribers, receive everything."""
-        now = self._now()
-        if self._new_until <= now < self._all_due:
-            return False
-        self._all_due = now + ALL_PATCHES_PERIOD
-        return True
-
-    def missed(self) -> None:
-        """Note that the last message was not sent: the next one has everything."""
-        self._all_due = -math.inf
 
 
 class RateTime:
@@ -146,7 +109,13 @@ class Publishing:
         self._sunk = -1  # revision of the map in the last message on ~/sinkage
         self._robot_model = RobotModel(session)
         self._scans = [ScanOutput(session, entry, self._qos) for entry in session.settings.height_scans]
-        ends: list[Any] = [self._descriptions, self._robot_model, *self._scans, *self._outputs.values()]
+        self._imus = [ImuOutput(session, entry, self._qos) for entry in session.settings.imus]
+        self._odometry = [
+            OdometryOutput(session, entry, session.bases[entry.body], transforms, self._qos)
+            for entry in session.settings.bases
+        ]
+        motions = [*self._imus, *self._odometry]
+        ends: list[Any] = [self._descriptions, self._robot_model, *self._scans, *motions, *self._outputs.values()]
         self._diagnostics = Diagnostics(session, peers, self._clock, [end.publisher for end in ends])
         self._time = RateTime(session)
         # Staggered, so that no step publishes all outputs.
@@ -169,6 +138,12 @@ class Publishing:
         with enduring("height_scan"):
             for scan in self._scans:
                 scan.publish(now=now)
+        with enduring("imu"):
+            for imu in self._imus:
+                imu.publish()
+        with enduring("odom"):
+            for odometry in self._odometry:
+                odometry.publish(now=now)
         with enduring("clock"):
             self._clock.publish(steady)
         with enduring("tf"):

@@ -16,6 +16,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls
+from smartmesh_ros.ground.shapes import padded_dimensions
 from smartmesh_ros.node.outputs.body_outputs import LATCHED, PERIOD
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, stamp_fields
 from smartmesh_ros.node.outputs.ground_view import GroundView, ground_points, window_around
@@ -123,8 +124,13 @@ class SceneMarkers:
                 yield from parts_of(kind, COLOURS[kind], ids[chosen], poses[chosen], states.dimensions[chosen])
         if tracked:
             found = BulletCalls(world.client).poses([body.uid for body in tracked])
-            radii = np.array([[body.radius] for body in tracked])
-            yield from parts_of(BALL, TRACKED, np.array([self._ids[body.name] for body in tracked]), found, radii)
+            outlines = [body.outline for body in tracked]
+            found[:, :3] += turned(found[:, 3:], np.array([outline.centre for outline in outlines]))
+            numbers, kinds = np.array([self._ids[body.name] for body in tracked]), [one.kind for one in outlines]
+            sizes = np.array([padded_dimensions(outline) for outline in outlines])
+            for kind in COLOURS:
+                if rows := [row for row, one in enumerate(kinds) if one == kind]:
+                    yield from parts_of(kind, TRACKED, numbers[rows], found[rows], sizes[rows])
 
     def _add_ground(self, header: Header, poses: FloatArray, *, again: bool) -> None:
         """Add the ground if it or the place of the bodies has changed, or ``again``."""

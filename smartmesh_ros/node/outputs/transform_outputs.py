@@ -14,6 +14,7 @@ from smartmesh_ros.node.inputs.frames import IDENTITY, Transform
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, stamp_fields, text_rows
+from smartmesh_ros.node.outputs.motion_outputs import odometry_pose
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.link_frames import LinkFrames
@@ -50,6 +51,7 @@ class TransformOutputs:
         self._robots: dict[str, tuple[Body, LinkFrames]] = {}
         self._left_out: set[str] = set()
         self._due, self._listened, self._stamp = 0.0, 0.0, (0, 0)
+        self._odom_frames = {entry.body: entry.odom_frame for entry in session.settings.bases if entry.publish_tf}
         require_transforms(session.settings.publish.tf)
 
     def publish(self, now: float, time: float, *, at_once: bool) -> None:
@@ -112,7 +114,8 @@ class TransformOutputs:
 
     def _frames(self, terrain: str) -> Iterator[Frame]:
         """Yield the frames of all simulated bodies: a body's, at its centre of mass, has its name; a robot's links have
-        theirs, and the robot's name is a second name of its root link."""
+        theirs, and the robot's name is a second name of its root link. A base with ``publish_tf`` has its odometry's
+        frame in place of its root link's."""
         world = self._session.world
         prefixes = self._session.robot_names.prefixes()
         self._robots = {name: known for name, known in self._robots.items() if world.bodies.get(name) is known[0]}
@@ -128,7 +131,10 @@ class TransformOutputs:
                 self._robots[name] = body, LinkFrames(world.client, body.uid)
             links = self._robots[name][1].read()
             names = [(prefixes[name] + link.name).strip("/") for link in links]
-            yield Frame(terrain, names[0], pose)
+            if (odom := self._odom_frames.get(name)) is None:
+                yield Frame(terrain, names[0], pose)
+            else:  # its odometry publishes the root link's; REP 105
+                yield Frame(terrain, odom, pose.then(odometry_pose(self._session.bases[name]).inverse()))
             for link, child in zip(links[1:], names[1:], strict=True):
                 yield Frame(names[link.parent], child, Transform(link.translation, link.rotation))
             if name not in names:

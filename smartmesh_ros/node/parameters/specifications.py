@@ -19,6 +19,7 @@ from smartmesh_ros.io.urdf import UrdfRules
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import Spec
+from smartmesh_ros.node.parameters.entries import base_entries, imu_entries, scan_entries, shape_entries
 from smartmesh_ros.node.parameters.helping import files_of, mismatch
 from smartmesh_ros.node.parameters.settings import (
     LONGEST_NAME,
@@ -26,7 +27,6 @@ from smartmesh_ros.node.parameters.settings import (
     TerrainChanges,
     body_sources,
     peer_names,
-    scan_entries,
 )
 from smartmesh_ros.node.timing.pacing import require_one_clock
 from smartmesh_ros.terrain.motion import MOST_SMOOTHING
@@ -136,6 +136,8 @@ SPECS = (
     _fixed("bodies.odometry",
         "Topics of nav_msgs/Odometry, each for one tracked body: 'name=topic', or a topic alone."),
     _fixed("bodies.frames", "TF frames to follow as tracked bodies: 'name=frame', or a frame alone."),
+    _fixed("bodies.shapes", "What tracked bodies are in place of spheres, each a YAML mapping such as {body: crate, "
+        "shape: box, size: [1, 1, 0.5]} or {body: rover, urdf: /path/rover.urdf}."),
     _fixed("bodies.peers", "Other terrain_collider nodes, by fully qualified name, whose bodies collide with those of "
         "this node; auto = all discovered nodes with the same terrain frame."),
     _param("bodies.peer_margin", "Distance between a peer's body and a body of this node below which this node also "
@@ -165,6 +167,10 @@ SPECS = (
         "<service>/_service_event; with contents a bag holds the calls, and a replay repeats them."),
     _fixed("height_scans", "Height scans on ~/height_scan/<body>, each a YAML mapping such as {body: robot, layout: "
         "isaac_lab, rate: 50, noise: 0.01}; see docs/height_scan.md."),
+    _fixed("imus", "IMUs on ~/imu/<body> or ~/imu/<body>/<link>, each a YAML mapping such as {body: robot, link: "
+        "imu_link, rate: 100}; see docs/driving.md."),
+    _fixed("bases", "Bases that drive by ~/cmd_vel/<body>, each a YAML mapping such as {body: robot, wheels: [left, "
+        "right]}; see docs/driving.md."),
     _fixed("frame_id", "Frame of the terrain; empty = the frame of the first map."),
     _fixed("executor", "The rclpy executor that waits for messages."),
 )  # fmt: skip
@@ -213,7 +219,13 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         v["terrain.changes"] = "motion" if v["terrain.input"] == "heightmap" else "correction"
     v |= body_sources({name: v[name] for name in ("bodies.poses", "bodies.odometry", "bodies.frames")})
     v["bodies.peers"] = peer_names(v["bodies.peers"])
-    v["height_scans"] = scan_entries(v["height_scans"])
+    for name, parse in (
+        ("height_scans", scan_entries),
+        ("imus", imu_entries),
+        ("bases", base_entries),
+        ("bodies.shapes", shape_entries),
+    ):
+        v[name] = parse(v[name])
     tree: dict[str, Any] = {}
     for spec in SPECS:
         *owners, field = spec.place.split(".")

@@ -131,7 +131,7 @@ def _parts_of(world: World) -> Iterator[tuple[Part, Pose]]:
     for body in (body for body in world.bodies.values() if body.simulated):
         base = client.getBasePositionAndOrientation(body.uid)
         if body.shape is not None:
-            yield Part(body.name, -1, 0, body.shape), base
+            yield Part(body.name, -1, 0, body.outline), base
             continue
         for link in body.links:
             pose = base if link < 0 else client.getLinkState(body.uid, link, computeForwardKinematics=1)[:2]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pybullet_data
-from geometry_msgs.msg import PoseArray, PoseStamped, TransformStamped
+from geometry_msgs.msg import PoseArray, PoseStamped, TransformStamped, Twist, Vector3
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rcl_interfaces.msg import Parameter, ParameterEvent
@@ -142,11 +142,12 @@ def soil() -> Iterator[Message]:
 
 
 def driven_tracks() -> Iterator[Message]:
-    """A tracked machine that drives and turns on its tracks."""
+    """A tracked machine that drives by its tracks, and turns as a base."""
     yield a_map(0.03 * np.sin(2.0 * X + Y), 0.0)
     for time in every(0.1, 1.0):
-        speeds = [0.5, 0.5] if time < 0.6 else [-0.4, 0.4]
-        yield "joint_commands", BEGIN + time + 0.05, JointState(name=["left_track", "right_track"], velocity=speeds)
+        joints = JointState(name=["left_track", "right_track"], velocity=[0.5, 0.5])
+        message = ("joint_commands", joints) if time < 0.6 else ("cmd_vel/machine", Twist(angular=Vector3(z=0.8)))
+        yield message[0], BEGIN + time + 0.05, message[1]
 
 
 def tracked_bodies() -> Iterator[Message]:
@@ -207,7 +208,10 @@ RECORDINGS: dict[str, tuple[dict[str, Any], Callable[[], Iterator[Message]]]] = 
     "tiles": ({"bodies.spawn": bodies(8)}, tiles),
     "robot": ({"bodies.spawn": [f"{{id: husky, urdf: {HUSKY}, xy: [0, 0], above: 0.3}}", *bodies(3)]}, robot),
     "soil": ({"soil.type": ["sandy_loam", "lunar"], "bodies.spawn": bodies(3)}, soil),
-    "tracks": ({"bodies.spawn": [f"{{id: machine, urdf: {tracks.robot_file()}, xy: [0, 0]}}"]}, driven_tracks),
+    "tracks": (
+        {"bodies.spawn": [f"{{id: machine, urdf: {tracks.robot_file()}, xy: [0, 0]}}"],
+         "imus": ["{body: machine, accelerometer_noise_density: 0.01, gyroscope_random_walk: 0.001}"],
+         "bases": ["{body: machine, tracks: [left_track, right_track]}"]}, driven_tracks),
     "tracked": (
         {"bodies.poses": ["arm=/pose"], "bodies.frames": ["tool"], "bodies.spawn": bodies(7), "publish.tf": 20.0},
         tracked_bodies),

@@ -1,0 +1,135 @@
+"""Outputs of what a robot measures of its own motion: IMUs, and the odometry of bases."""
+
+from __future__ import annotations
+
+import array
+import math
+from typing import Any
+
+from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
+from nav_msgs.msg import Odometry
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import Imu as ImuMessage
+from std_msgs.msg import Header
+
+from smartmesh_ros.node.inputs.frames import Transform
+from smartmesh_ros.node.inputs.optional_messages import require_message
+from smartmesh_ros.node.inputs.transform_input import TransformInput
+from smartmesh_ros.node.outputs.body_outputs import ROUNDING
+from smartmesh_ros.node.parameters.entries import BaseEntry, ImuEntry
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.timing.pacing import stamp_of
+from smartmesh_ros.node.timing.stamps import stamp_seconds
+from smartmesh_ros.world.base import Base
+from smartmesh_ros.world.imu import Imu, ImuReading
+
+
+class ImuOutput:
+    """``~/imu/<body>/<link>``: an IMU of an entry of ``imus``, which measures while it has subscribers and its link is
+    there. ``publisher``: of the readings."""
+
+    def __init__(self, session: Session, entry: ImuEntry, qos: Any) -> None:
+        session.topics.publish(entry.topic)
+        self._session, self._entry = session, entry
+        self.publisher = session.node.create_publisher(ImuMessage, entry.topic, qos)
+        self._imu: Imu | None = None
+
+    def publish(self) -> None:
+        """Publish the readings since the last call, each with the stamp of its own step."""
+        if not self.publisher.get_subscription_count():
+            if self._imu is not None:
+                self._imu.close()
+                self._imu = None
+            return
+        if self._imu is None:
+            self._imu = Imu(self._session.world, self._entry.body, self._entry.link, self._entry.config)
+        for reading in self._imu.take():
+            self.publisher.publish(self._message(reading))
+
+    def _message(self, reading: ImuReading) -> ImuMessage:
+        session, entry, config = self._session, self._entry, self._entry.config
+        age = session.world.time - reading.time
+        stamp = stamp_of((stamp_seconds(session.stamp_now()) or 0.0) - age)
+        message = ImuMessage(header=Header(stamp=stamp, frame_id=frame_of(session, entry.body, entry.link)))
+        x, y, z, w = reading.orientation
+        message.orientation = Quaternion(x=x, y=y, z=z, w=w)
+        message.angular_velocity = _vector(reading.angular_velocity.tolist())
+        message.linear_acceleration = _vector(reading.acceleration.tolist())
+        message.angular_velocity_covariance = _diagonal(config.gyroscope_noise_density**2 / reading.duration)
+        message.linear_acceleration_covariance = _diagonal(config.accelerometer_noise_density**2 / reading.duration)
+        return message
+
+
+class OdometryOutput:
+    """``~/odom/<body>``: the odometry of a base at its rate in simulated time, and with ``publish_tf`` the transform
+    from its frame to the root link. ``publisher``: of the odometry."""
+
+    def __init__(self, session: Session, entry: BaseEntry, base: Base, transforms: TransformInput, qos: Any) -> None:
+        session.topics.publish(entry.topic)
+        self._session, self._entry, self._base, self._transforms = session, entry, base, transforms
+        self.publisher = session.node.create_publisher(Odometry, entry.topic, qos)
+        self._broadcast: Any = None
+        if entry.publish_tf:
+            self._kind = require_message("tf2_msgs", "TFMessage", "publish_tf of bases")
+            self._broadcast = session.node.create_publisher(self._kind, "/tf", 100)
+        self._turn = -1
+        self._stamp = (0, 0)
+
+    def publish(self, *, now: bool) -> None:
+        """Publish what is due, or ``now``."""
+        session, entry = self._session, self._entry
+        world, body = session.world, session.world.bodies.get(entry.body)
+        if body is None or not body.is_robot or not body.simulated:
+            return
+        turn = math.floor((world.time + ROUNDING * world.dt) * entry.rate)
+        if not now and turn == self._turn:
+            return
+        self._turn = turn
+        header = Header(stamp=session.stamp_now(), frame_id=entry.odom_frame)
+        pose, child = odometry_pose(self._base), frame_of(session, entry.body)
+        if self.publisher.get_subscription_count():
+            self.publisher.publish(self._message(header, child, pose))
+        stamp = header.stamp.sec, header.stamp.nanosec
+        if self._broadcast is not None and stamp != self._stamp:  # listeners warn of a frame that comes twice
+            self._stamp = stamp
+            made = TransformStamped(header=header, child_frame_id=child)
+            made.transform.translation, made.transform.rotation = _vector(pose.translation), _quaternion(pose)
+            data = serialize_message(self._kind(transforms=[made]))
+            self._transforms.note_own(data)
+            self._broadcast.publish(data)
+
+    def _message(self, header: Header, child: str, pose: Transform) -> Odometry:
+        found, message = self._base.odometry, Odometry(header=header, child_frame_id=child)
+        position, twist = message.pose.pose.position, message.twist.twist
+        position.x, position.y = found.x, found.y
+        message.pose.pose.orientation = _quaternion(pose)
+        twist.linear.x, twist.linear.y, twist.angular.z = found.linear, found.side, found.angular
+        return message
+
+
+def odometry_pose(base: Base) -> Transform:
+    """Return the pose of the root link of a base in the frame of its odometry."""
+    found = base.odometry
+    return Transform((found.x, found.y, 0.0), (0.0, 0.0, math.sin(0.5 * found.yaw), math.cos(0.5 * found.yaw)))
+
+
+def frame_of(session: Session, body: str, link: str = "") -> str:
+    """Return the frame of a body, of a robot's link ("" = the root link), as on ``/tf``."""
+    world, prefix = session.world, session.robot_names.prefixes().get(body)
+    if prefix is None:
+        return body
+    return prefix + (link or world.client.getBodyInfo(world.bodies[body].uid)[0].decode())
+
+
+def _vector(values: Any) -> Vector3:
+    x, y, z = values
+    return Vector3(x=x, y=y, z=z)
+
+
+def _quaternion(pose: Transform) -> Quaternion:
+    x, y, z, w = pose.rotation
+    return Quaternion(x=x, y=y, z=z, w=w)
+
+
+def _diagonal(variance: float) -> Any:
+    return array.array("d", [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance])

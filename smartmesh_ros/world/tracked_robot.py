@@ -1,0 +1,142 @@
+"""Tracked robots: the solids of a robot's links, where its root link and its joints dictate them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import pybullet as pb
+from pybullet_utils.bullet_client import BulletClient
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.quaternions import product, rotate
+from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Hull, Solid, Sphere
+from smartmesh_ros.ground.state import BodyState, Quaternion, Vector
+from smartmesh_ros.patches.shapes import BodyShape, ShapeKind
+from smartmesh_ros.world.bodies import BodyFactory
+from smartmesh_ros.world.link_frames import LinkFrames
+from smartmesh_ros.world.robots.prepared import prepare_robot
+
+
+class TrackedPart(NamedTuple):
+    """A solid of a tracked robot, by its ``name`` as a tracked body, in a ``state``."""
+
+    name: str
+    solid: Solid
+    state: BodyState
+
+
+class _Part(NamedTuple):
+    """A solid at a ``place`` [m], turned by ``turn``, in the frame of the ``link``, the root = 0."""
+
+    name: str
+    solid: Solid
+    link: int
+    place: Vector
+    turn: Quaternion
+
+
+class TrackedRobot:
+    """A robot whose root link's frame and joints are dictated, from a URDF (text or file). Raises `InputError` if it is
+    refused.
+
+    Each collision shape is a tracked body ``<name>.<link>``, of a link with several also ``<name>.<link>.1`` and so on.
+    ``joints``: names of those that move. Meshes are their convex hulls.
+    """
+
+    def __init__(self, name: str, urdf: str) -> None:
+        client: Any = BulletClient(pb.DIRECT)
+        try:
+            body = BodyFactory(client, PhysicsConfig()).robot(name, prepare_robot(urdf), BodyState())
+            self._frames = LinkFrames(client, body.uid)
+            self._columns = dict(body.joints)
+            self._values = {joint: (body.starts.get(joint, 0.0), 0.0) for joint in body.joints}
+            self._parts: list[_Part] = []
+            for index, shape in body.shapes.items():
+                centre, turn = client.getDynamicsInfo(body.uid, index)[3:5]
+                for place, (solid, offset, turned) in enumerate(_solids(shape)):
+                    full = f"{name}.{body.links[index]}" + (f".{place}" if place else "")
+                    x, y, z = (a + b for a, b in zip(centre, rotate(turn, offset), strict=True))
+                    self._parts.append(_Part(full, solid, index + 1, (x, y, z), product(turn, turned)))
+        finally:
+            client.disconnect()
+
+    @property
+    def joints(self) -> list[str]:
+        """Names of the joints that move."""
+        return [*self._columns]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the parts."""
+        return [part.name for part in self._parts]
+
+    def move(self, joints: Mapping[str, tuple[float, float]]) -> None:
+        """Set positions and velocities of some joints [rad, rad/s or m, m/s]. Raises `InputError` if there is no such
+        joint, or a number is not finite."""
+        for joint, values in joints.items():
+            if joint not in self._columns:
+                there = ", ".join(self._columns) or "none"
+                raise InputError("unknown_joint", f"the tracked robot has no joint {joint!r}; it has {there}")
+            if not all(map(math.isfinite, values)):
+                raise InputError("non_finite", f"joint {joint!r} is at {values}; both must be finite")
+        self._values |= joints
+
+    def parts(self, root: BodyState) -> Iterator[TrackedPart]:
+        """Yield the parts for a ``state`` of the root link's frame, with their velocities: those of the root and of the
+        joints."""
+        values: list[tuple[float, float]] = [(0.0, 0.0)] * self._frames.count
+        for joint, index in self._columns.items():
+            values[index] = self._values[joint]
+        frames = self._frames.at([position for position, _ in values])
+        states = [root]
+        for frame, (kind, axis), (_, speed) in zip(frames[1:], self._frames.axes, values, strict=True):
+            state = _carried(states[frame.parent], frame.translation, frame.rotation)
+            along = tuple(speed * part for part in rotate(state.orientation, axis))
+            linear, angular = state.linear, state.angular
+            if kind == pb.JOINT_REVOLUTE:
+                angular = _sum(angular, along)
+            elif kind == pb.JOINT_PRISMATIC:
+                linear = _sum(linear, along)
+            states.append(BodyState(state.position, state.orientation, linear, angular))
+        for part in self._parts:
+            yield TrackedPart(part.name, part.solid, _carried(states[part.link], part.place, part.turn))
+
+
+def _carried(state: BodyState, place: Vector, turn: Quaternion) -> BodyState:
+    """Return the state of what is fixed to a frame in a ``state``, at a ``place`` [m] and turned by ``turn`` in it."""
+    arm = rotate(state.orientation, place)
+    (wx, wy, wz), (x, y, z) = state.angular, arm
+    linear = _sum(state.linear, (wy * z - wz * y, wz * x - wx * z, wx * y - wy * x))
+    return BodyState(_sum(state.position, arm), product(state.orientation, turn), linear, state.angular)
+
+
+def _sum(a: Vector, b: tuple[float, ...]) -> Vector:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _solids(shape: BodyShape) -> Iterator[tuple[Solid, Vector, Quaternion]]:
+    """Yield the solids of a link's shape, each with its place [m] and its turn in the frame of the centre of mass."""
+    record = shape.record
+    (hx, hy, hz), rounding = record["half"].tolist(), float(record["rounding"])
+    x, y, z = record["offset"].tolist()
+    qx, qy, qz, qw = record["turn"].tolist()
+    turn = (qx, qy, qz, qw)
+    if shape.parts:
+        for part in shape.parts:
+            for found, (px, py, pz), turned in _solids(part):
+                yield found, (x + px, y + py, z + pz), turned
+        return
+    if shape.vertices is not None:
+        solid: Solid = Hull(tuple((a, b, c) for a, b, c in shape.vertices.tolist()))
+    elif shape.kind == ShapeKind.BALL:
+        solid = Sphere(rounding)
+    elif shape.kind == ShapeKind.BOX:
+        solid = Box(2.0 * (hx + rounding), 2.0 * (hy + rounding), 2.0 * (hz + rounding))
+    elif shape.kind == ShapeKind.CYLINDER:
+        solid = Cylinder(height=2.0 * (hz + rounding), radius=hx + rounding)
+    else:
+        solid = Capsule(height=2.0 * hz, radius=rounding)
+    yield solid, (x, y, z), turn

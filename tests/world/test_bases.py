@@ -1,0 +1,277 @@
+"""Bases drive as told: straight at the commanded speed, in turns at the commanded rate, until their time is over."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pybullet_data
+import pytest
+
+from smartmesh_ros import Base, BaseConfig, BodyState, HeightMap, InputError, PhysicsConfig, World, WorldConfig
+from tests import urdfs
+from tests.tracked import UNDERCARRIAGE
+
+RACECAR = str(Path(pybullet_data.getDataPath()) / "racecar" / "racecar.urdf")
+HUSKY_WHEELS = ("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel")
+REAR = ("left_rear_wheel_joint", "right_rear_wheel_joint")
+FRONT = ("left_front_wheel_joint", "right_front_wheel_joint")
+HINGES = ("left_steering_hinge_joint", "right_steering_hinge_joint")
+RADIUS, GAUGE = 0.15, 0.5  # of the wheels of a cart, and the distance of its wheels [m]
+
+
+def wheel(name: str, x: float, y: float, axis: str = "0 1 0") -> str:
+    shape = f'<cylinder radius="{RADIUS}" length="0.04"/>'
+    return urdfs.link(f"{name}_link", shape, 1.0, 0.01, rpy="1.5707963267948966 0 0") + urdfs.joint(
+        name, "continuous", "base", f"{name}_link", '<limit effort="20" velocity="12"/>', f"{x} {y} 0", axis
+    )
+
+
+# Two driven wheels, the right one with its axis reversed, and a caster that slides before them.
+CART = urdfs.robot(
+    urdfs.link("base", "", 10.0, 0.5, at="0.05 0 0"), wheel("left", 0.0, 0.5 * GAUGE),
+    wheel("right", 0.0, -0.5 * GAUGE, "0 -1 0"),
+    urdfs.link("ball", f'<sphere radius="{RADIUS}"/>', 0.5, 0.01,
+               '<contact><lateral_friction value="0"/></contact>'),
+    urdfs.joint("caster", "fixed", "base", "ball", xyz="0.3 0 0"),
+)  # fmt: skip
+ROBOTS = {
+    "cart": (CART, BaseConfig(wheels=("left", "right"))),
+    "husky": (urdfs.HUSKY, BaseConfig(wheels=HUSKY_WHEELS)),
+    "racecar": (RACECAR, BaseConfig(wheels=REAR, steering=HINGES)),
+    "racecar, all driven": (RACECAR, BaseConfig(wheels=REAR + FRONT, steering=HINGES)),
+    "racecar, front driven": (RACECAR, BaseConfig(wheels=FRONT, steering=HINGES, wheelbase=0.325)),
+    "tracks": (UNDERCARRIAGE, BaseConfig(tracks=("left_track", "right_track"))),
+}
+
+
+@contextmanager
+def standing(name: str, **changes: object) -> Iterator[tuple[World, Base]]:
+    """A robot that stands on level ground, and its base, with other settings."""
+    urdf, config = ROBOTS[name]
+    ground = HeightMap(np.zeros((201, 201)), resolution=0.1, origin=(-10.0, -10.0))
+    with World(ground, WorldConfig(physics=PhysicsConfig(friction=1.0))) as world:
+        world.spawn_robot("robot", urdf, BodyState(), on_ground=True)
+        base = Base(world, "robot", BaseConfig(**{**vars(config), **changes}))  # type: ignore[arg-type]
+        world.step(240)
+        yield world, base
+
+
+def pose(world: World) -> np.ndarray:
+    """Place [m] and yaw [rad] of the root link."""
+    state = world.base_state("robot")
+    x, y, z, w = state.orientation
+    return np.array([*state.position[:2], math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))])
+
+
+def turned(world: World, steps: int) -> float:
+    """Step the world, and return the angle by which the robot turns [rad]."""
+    yaws = [pose(world)[2]]
+    for _ in range(steps // 24):
+        world.step(24)
+        yaws.append(pose(world)[2])
+    yaws = np.unwrap(yaws).tolist()
+    return yaws[-1] - yaws[0]
+
+
+@pytest.mark.parametrize("speed", [0.8, -0.5])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_it_drives_straight_at_the_commanded_speed_and_its_odometry_says_so(name: str, speed: float) -> None:
+    with standing(name) as (world, base):
+        base.drive(speed, 0.0)
+        world.step(240)
+        before, told = pose(world), base.odometry
+        world.step(480)
+        np.testing.assert_allclose(pose(world) - before, [2.0 * speed, 0.0, 0.0], atol=0.005 * abs(speed))
+        assert base.odometry.x - told.x == pytest.approx(2.0 * speed, rel=0.005)
+        assert base.odometry.linear == pytest.approx(speed, rel=0.005)
+
+
+@pytest.mark.parametrize(
+    ("name", "linear", "angular", "bound"),
+    [
+        ("cart", 0.0, 1.2, 0.01), ("cart", 0.5, -0.8, 0.01), ("cart", -0.4, 0.8, 0.01),
+        ("racecar", 0.8, 1.0, 0.02), ("racecar", -0.5, 0.6, 0.02), ("racecar, all driven", 0.8, -1.0, 0.02),
+        ("racecar, front driven", 0.8, 1.0, 0.03),
+        ("tracks", 0.0, 0.8, 0.04), ("tracks", 0.6, -0.4, 0.04),
+    ],
+)  # fmt: skip
+def test_it_turns_at_the_commanded_rate(name: str, linear: float, angular: float, bound: float) -> None:
+    with standing(name) as (world, base):
+        base.drive(linear, angular)
+        world.step(240)
+        told = base.odometry
+        assert turned(world, 480) == pytest.approx(2.0 * angular, rel=bound)
+        assert base.odometry.yaw - told.yaw == pytest.approx(2.0 * angular, rel=0.005)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_wheels_behind_one_another_spin_by_the_law_of_friction_so_that_the_base_turns_on_the_spot(sign: float) -> None:
+    """A whole turn: PyBullet's solver makes the rate depend on the heading, and lower than the law of friction."""
+    with standing("husky") as (world, base):
+        gauge, wheelbase = 0.57, 0.512
+        base.drive(0.0, sign)
+        world.step(2)
+        spin = np.mean([abs(joint.velocity) for joint in world.joints("robot")]) * 0.17775
+        assert spin == pytest.approx(0.5 * gauge * (1.0 + (wheelbase / gauge) ** 2), rel=0.05)
+        world.step(240)
+        start, angle = world.time, 0.0
+        while abs(angle) < 2.0 * math.pi and world.time < start + 30.0:
+            angle += turned(world, 24)
+        assert 0.45 < sign * angle / (world.time - start) < 1.0
+
+
+@pytest.mark.parametrize("name", ["cart", "racecar", "tracks"])
+def test_it_stops_when_its_time_is_over_and_says_so(name: str) -> None:
+    with standing(name) as (world, base):
+        said: list[str] = []
+        world.say = said.append
+        base.drive(0.5, 0.0, lasts=0.5)
+        world.step(119)
+        assert world.base_state("robot").linear[0] == pytest.approx(0.5, abs=0.03)  # the tracked machine rocks
+        assert not said
+        world.step(240)
+        assert math.hypot(*world.base_state("robot").linear) < 0.03
+        assert said == ["no command came for the base 'robot' in time: it stops"]
+        base.drive(0.5, 0.0, lasts=0.5)
+        for _ in range(4):  # commands that come in time
+            world.step(100)
+            base.drive(0.5, 0.0, lasts=0.5)
+        assert world.base_state("robot").linear[0] == pytest.approx(0.5, abs=0.03)
+
+
+def test_it_keeps_to_its_limits() -> None:
+    with standing("cart", linear_limit=0.6, angular_limit=0.5, linear_acceleration=0.5) as (world, base):
+        base.drive(3.0, 0.0)
+        speeds = []
+        for _ in range(12):
+            world.step(24)
+            speeds.append(world.base_state("robot").linear[0])
+        np.testing.assert_allclose(speeds, np.minimum(0.05 * np.arange(1, 13), 0.6), atol=0.02)
+        base.drive(0.0, -9.0)
+        world.step(480)
+        assert turned(world, 240) == pytest.approx(-0.5, rel=0.03)
+    with standing("cart") as (world, base):  # wheels that turn by 12 rad/s at most: both slower on the same path
+        base.drive(3.0, 4.0)
+        world.step(240)
+        fastest = 12.0 * RADIUS
+        expected = np.array([3.0, 4.0]) * fastest / (3.0 + 4.0 * 0.5 * GAUGE)
+        assert (base.odometry.linear, base.odometry.angular) == pytest.approx(tuple(expected), rel=0.02)
+    with standing("racecar") as (world, base):  # hinges that turn by 1 rad: as tight a turn as they reach
+        base.drive(0.5, 9.0)
+        world.step(240)
+        inner = 0.325 / math.tan(1.0)  # from the inner wheel to the middle of the turn
+        assert turned(world, 480) == pytest.approx(2.0 * 0.5 / (inner + 0.1), rel=0.08)
+        base.drive(0.0, 2.0)
+        world.step(240)
+        assert abs(turned(world, 240)) < 0.01, "a car that stands does not turn"
+
+
+def test_odometry_is_the_path_of_the_root_link_without_slip() -> None:
+    """Nearly around a circle of half a metre, and of a robot whose axle is behind its root link."""
+    with standing("cart") as (world, base):
+        start, told = pose(world), base.odometry
+        base.drive(0.5, 1.0)
+        world.step(1200)
+        found = base.odometry
+        np.testing.assert_allclose([found.x - told.x, found.y - told.y], (pose(world) - start)[:2], atol=0.05)
+    behind = CART.replace('xyz="0.0 ', 'xyz="-0.3 ')
+    ground = HeightMap(np.zeros((201, 201)), resolution=0.1, origin=(-10.0, -10.0))
+    with World(ground, WorldConfig(physics=PhysicsConfig(friction=1.0))) as world:
+        world.spawn_robot("robot", behind, BodyState(), on_ground=True)
+        base = Base(world, "robot", BaseConfig(wheels=("left", "right")))
+        world.step(120)
+        start = pose(world)
+        base.drive(0.2, 1.0)
+        world.step(600)
+        found = base.odometry
+        np.testing.assert_allclose([found.x, found.y], (pose(world) - start)[:2], atol=0.05)
+        state = world.base_state("robot")
+        yaw = pose(world)[2]
+        aside = -math.sin(yaw) * state.linear[0] + math.cos(yaw) * state.linear[1]
+        assert found.side == pytest.approx(0.3, rel=0.02) == aside
+
+
+def test_it_holds_its_wheels_comes_back_with_its_robot_and_starts_anew_with_the_time() -> None:
+    slope = HeightMap(np.tile(0.1 * np.linspace(-10.0, 10.0, 201), (201, 1)), resolution=0.1, origin=(-10.0, -10.0))
+    with World(slope, WorldConfig(physics=PhysicsConfig(friction=1.0))) as world:
+        base = Base(world, "robot", BaseConfig(wheels=("left", "right")))
+        world.step(2)
+        with pytest.raises(InputError, match="no robot 'robot'"):
+            base.drive(1.0, 0.0)
+        for _ in range(2):
+            world.spawn_robot("robot", CART, BodyState(), on_ground=True, align=True)
+            world.step(240)
+            assert math.hypot(*world.base_state("robot").linear) < 0.01, "it holds on a slope"
+            base.drive(0.5, 0.0)
+            world.step(240)
+            assert base.odometry.linear == pytest.approx(0.5, rel=0.02)
+            world.remove("robot")
+            world.step()
+        world.spawn_robot("robot", CART, BodyState(), on_ground=True, align=True)
+        world.step(24)
+        world.reset()
+        world.step()
+        assert abs(base.odometry.x) < 1e-3
+        base.close()
+        assert not world.watchers
+
+
+def test_a_saved_world_drives_on_and_one_without_the_base_stops_in_time() -> None:
+    with standing("cart") as (world, base), World(world.terrain, world.config) as other:
+        base.drive(0.5, 0.2, lasts=1.0)
+        world.step(60)
+        snapshot = world.save()
+        other.restore(snapshot)
+        world.step(120)
+        other.step(120)
+        assert world.snapshot().bodies[0].state == other.snapshot().bodies[0].state
+        other.step(240)
+        assert math.hypot(*other.base_state("robot").linear) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({}, "has wheels"), ({"wheels": ("a",), "tracks": ("b",)}, "has wheels"),
+        ({"wheels": "a"}, "list of different"),
+        ({"wheels": ("a", "a")}, "list of different"), ({"wheels": ("a",), "radius": -1}, "0 to 10000 m"),
+        ({"wheels": ("a",), "linear_limit": 0}, "above zero"),
+        ({"wheels": ("a",), "linear_limit": math.nan}, "above zero"),
+        ({"wheels": ("a",), "track": "wide"}, "a number"), ({"wheels": ("a",), "wheelbase": 1.0}, "no wheelbase"),
+        ({"wheels": ("a",), "steering": ("b",), "track": 1.0}, "no track"),
+    ],
+)  # fmt: skip
+def test_settings_that_cannot_be_are_refused(settings: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        BaseConfig(**settings)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("name", "config", "words"),
+    [
+        ("cart", BaseConfig(wheels=("left", "middle")), "no joint 'middle'; it has left, right"),
+        ("cart", BaseConfig(wheels=("left",)), "all on one side"),
+        ("cart", BaseConfig(tracks=("left_track",)), "no track 'left_track'; it has none"),
+        ("racecar", BaseConfig(wheels=HINGES), "not along y"),
+        ("racecar", BaseConfig(wheels=FRONT, steering=REAR), "not along z"),
+        ("racecar", BaseConfig(wheels=FRONT, steering=HINGES), "give the wheelbase"),
+    ],
+)
+def test_what_does_not_fit_the_robot_is_said_once_and_refused(name: str, config: BaseConfig, words: str) -> None:
+    with World() as world:
+        said: list[str] = []
+        world.say = said.append
+        world.spawn_robot("robot", ROBOTS[name][0])
+        base = Base(world, "robot", config)
+        said.clear()
+        world.step(3)
+        assert len(said) == 1
+        assert words in said[0]
+        with pytest.raises(InputError, match=words):
+            base.drive(1.0, 0.0)
+    with World() as world, pytest.raises(InputError, match="not finite"):
+        Base(world, "robot", config).drive(math.nan, 0.0)

@@ -1,0 +1,243 @@
+"""An IMU measures what the closed forms say: at rest, in free fall, on heave, on a turntable, on wheels that roll."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import (
+    BodyState,
+    Box,
+    HeightMap,
+    Imu,
+    ImuConfig,
+    ImuReading,
+    InputError,
+    MotionConfig,
+    PhysicsConfig,
+    World,
+    WorldConfig,
+)
+from tests import urdfs
+from tests.grounds import moving
+
+GRAVITY = 9.81
+UP = (0.0, 0.0, GRAVITY)
+SPIN, LEVER = 6.0, 0.4  # of a turntable [rad/s], [m]
+# A turntable about a vertical axis, on a base that stands still by its mass, with a sensor aside of the axis.
+TABLE = urdfs.robot(
+    urdfs.link("base", urdfs.box((1.0, 1.0, 0.2)), 1000.0, (1.0, 1.0, 0.2)),
+    urdfs.link("table", "", 1.0, (0.6, 0.6, 0.02)),
+    urdfs.joint("turn", "continuous", "base", "table", xyz="0 0 0.3", axis="0 0 1"),
+    urdfs.link("imu", "", 0.001, 1e-7, at="0.1 0.2 0"),  # its centre of mass is elsewhere
+    urdfs.joint("mount", "fixed", "table", "imu", xyz=f"{LEVER} 0 0"),
+)
+
+
+def level(friction: float = 1.0) -> HeightMap:
+    return HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0), friction=friction)
+
+
+def taken(imu: Imu) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The times (n,), accelerations (n, 3) and angular velocities (n, 3) of the readings so far."""
+    found = imu.take()
+    return tuple(np.array([getattr(one, name) for one in found])  # type: ignore[return-value]
+                 for name in ("time", "acceleration", "angular_velocity"))  # fmt: skip
+
+
+def test_at_rest_it_measures_the_opposite_of_gravity_along_its_axes() -> None:
+    slope = math.radians(15.0)
+    x = 0.1 * np.arange(101) - 5.0
+    ground = HeightMap(np.tile(math.tan(slope) * x, (101, 1)), resolution=0.1, origin=(-5.0, -5.0), friction=2.0)
+    with World(ground) as world:
+        world.spawn("box", Box(0.4, 0.4, 0.2), 1.0, on_ground=True, align=True)
+        world.spawn_robot("husky", urdfs.HUSKY, BodyState((0.0, 2.0, 0.0)), on_ground=True, align=True)
+        for joint in list(world.bodies["husky"].joints):
+            world.drive("husky", joint, 0.0)
+        sensors = [Imu(world, "box"), Imu(world, "husky", "imu_link")]
+        world.step(720)
+        for imu, tilt in zip(sensors, (slope, None), strict=True):  # the husky creeps, and is not parallel to it
+            last = imu.take()[-100:]
+            up = _matrix(np.array(last[-1].orientation)).T[:, 2]
+            assert tilt is None or up == pytest.approx([math.sin(tilt), 0.0, math.cos(tilt)], abs=1e-3)
+            np.testing.assert_allclose(np.mean([one.acceleration for one in last], axis=0), GRAVITY * up, atol=0.01)
+            np.testing.assert_allclose(np.mean([one.angular_velocity for one in last], axis=0), 0.0, atol=1e-3)
+
+
+def test_in_free_fall_it_measures_nothing_and_off_the_centre_the_spin() -> None:
+    """A link at a distance from the centre of mass of a robot that spins feels -w^2 r along its lever."""
+    rod = urdfs.robot(
+        urdfs.link("base", urdfs.box((0.2, 0.2, 0.2)), 10.0, 1.0, at="0.1 0 0"), urdfs.link("imu", "", 1e-6, 1e-9),
+        urdfs.joint("mount", "fixed", "base", "imu", xyz="0.4 0 0"),
+    )  # fmt: skip
+    with World() as world:
+        world.spawn(
+            "box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 50.0), linear=(1.0, 0.0, 3.0), angular=(0, 0, 3))
+        )
+        world.spawn_robot("rod", rod, BodyState((5.0, 0.0, 50.0), angular=(0.0, 0.0, 5.0)))
+        centre, base, tip = Imu(world, "box"), Imu(world, "rod"), Imu(world, "rod", "imu")
+        world.step(240)
+        for imu, force, rate in ((centre, 0.0, 3.0), (base, 5.0**2 * 0.1, 5.0), (tip, -(5.0**2) * 0.3, 5.0)):
+            _, forces, rates = taken(imu)
+            np.testing.assert_allclose(forces, np.tile([force, 0.0, 0.0], (len(forces), 1)), atol=1e-3)
+            np.testing.assert_allclose(rates, np.tile([0.0, 0.0, rate], (len(rates), 1)), atol=1e-3)
+
+
+def test_on_ground_that_heaves_it_measures_the_acceleration_of_the_ground() -> None:
+    """Of interpolated maps, which are followed one map late: their forces are right in each step."""
+    swing, rate = 0.05, 4.0
+    ground = level()
+    ground.motion = MotionConfig(mode="interpolate")
+    with World(ground) as world:
+        world.spawn("box", Box(0.4, 0.4, 0.2), 1.0, on_ground=True)
+        imu = Imu(world, "box", config=ImuConfig(rate=240.0))
+        for _ in moving(world, lambda time: swing * math.sin(rate * time), 720):
+            pass
+        times, forces, _ = taken(imu)
+        late, delay = times > 1.0, 1.0 / 60.0 + world.dt
+        expected = GRAVITY - swing * rate**2 * np.sin(rate * (times - delay))
+        np.testing.assert_allclose(forces[late, 2], expected[late], atol=0.005 * swing * rate**2)
+        np.testing.assert_allclose(forces[late, :2], 0.0, atol=1e-2)
+
+
+@pytest.mark.parametrize("rate", [100.0, 240.0])
+def test_on_a_turntable_it_measures_the_centripetal_acceleration(rate: float) -> None:
+    with World(level()) as world:
+        world.spawn_robot("table", TABLE, on_ground=True)
+        imu = Imu(world, "table", "imu", ImuConfig(rate=rate))
+        world.drive("table", "turn", SPIN)
+        world.step(480)
+        _, forces, rates = taken(imu)
+        np.testing.assert_allclose(forces[-50:], np.tile([-(SPIN**2) * LEVER, 0.0, GRAVITY], (50, 1)), atol=2e-3)
+        np.testing.assert_allclose(rates[-50:], np.tile([0.0, 0.0, SPIN], (50, 1)), atol=1e-3)
+
+
+def test_on_a_wheel_that_rolls_it_measures_the_roll_and_gravity_turns_about_it() -> None:
+    """At the rim of a wheel that rolls steadily: -w^2 r along the spoke, and gravity that turns by -w in the frame."""
+    radius, speed = 0.3, 1.2
+    disc = urdfs.robot(
+        urdfs.link("wheel", f'<cylinder radius="{radius}" length="0.2"/>', 10.0, 0.3, rpy="1.5707963267948966 0 0"),
+        urdfs.link("rim", "", 1e-6, 1e-9), urdfs.joint("mount", "fixed", "wheel", "rim", xyz=f"0 0 {radius}"),
+    )  # fmt: skip
+    with World(level()) as world:
+        state = BodyState((-2.0, 0.0, radius), linear=(speed, 0.0, 0.0), angular=(0.0, speed / radius, 0.0))
+        world.spawn_robot("disc", disc, state)
+        hub, rim = Imu(world, "disc", config=ImuConfig(rate=240.0)), Imu(world, "disc", "rim", ImuConfig(rate=240.0))
+        world.step(480)
+        for imu, force in ((hub, 0.0), (rim, -((speed / radius) ** 2) * radius)):
+            readings = imu.take()[-200:]
+            assert len(readings) == 200
+            for one in readings:
+                turned = 2.0 * math.atan2(one.orientation[1], one.orientation[3]) - 0.5 * speed / radius * world.dt
+                expected = [-GRAVITY * math.sin(turned), 0.0, GRAVITY * math.cos(turned) + force]
+                np.testing.assert_allclose(one.acceleration, expected, atol=1e-3)
+                np.testing.assert_allclose(one.angular_velocity, [0.0, speed / radius, 0.0], atol=0.01)
+
+
+def test_readings_add_up_to_the_motion_impacts_included() -> None:
+    """Strapdown integration of all readings gives the change of the velocity and of the orientation."""
+    with World(level()) as world:
+        world.spawn("box", Box(0.5, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 1.0), angular=(2.0, 1.0, 3.0)))
+        imu, before = Imu(world, "box", config=ImuConfig(rate=240.0)), world.state("box")
+        world.step(240)
+        velocity, found = np.array(before.linear), imu.take()
+        orientations = [before.orientation, *(one.orientation for one in found)]
+        for one, start, end in zip(found, orientations[:-1], orientations[1:], strict=True):
+            halfway = np.add(start, np.copysign(1.0, np.dot(start, end)) * np.array(end))
+            velocity += (_matrix(halfway / np.linalg.norm(halfway)) @ one.acceleration - UP) * one.duration
+        np.testing.assert_allclose(velocity, world.state("box").linear, atol=1e-5)
+
+
+def _matrix(q: np.ndarray) -> np.ndarray:
+    x, y, z, w = q
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+
+
+def noisy(config: ImuConfig, steps: int, physics: PhysicsConfig | None = None) -> list[ImuReading]:
+    with World(config=WorldConfig(physics=physics or PhysicsConfig(gravity=(0.0, 0.0, 0.0)))) as world:
+        world.spawn("box", Box(0.4, 0.4, 0.2), 1.0)
+        imu = Imu(world, "box", config=config)
+        world.step(steps)
+        return imu.take()
+
+
+def test_noise_bias_and_random_walk_are_those_of_the_settings() -> None:
+    """White noise of density n has the variance n^2 x rate; a random walk of density k that of k^2 x time."""
+    config = ImuConfig(
+        rate=120.0, accelerometer_noise_density=0.02, gyroscope_noise_density=0.001,
+        accelerometer_bias=(0.1, 0.2, 0.3), gyroscope_bias=(-0.01, 0.0, 0.01),
+    )  # fmt: skip
+    found = noisy(config, 9600)
+    forces, rates = (np.array([getattr(one, name) for one in found]) for name in ("acceleration", "angular_velocity"))
+    assert len(found) == 4800
+    for values, density, bias in (
+        (forces, 0.02, config.accelerometer_bias), (rates, 0.001, config.gyroscope_bias)
+    ):  # fmt: skip
+        deviation = density * math.sqrt(120.0)
+        np.testing.assert_allclose(values.mean(axis=0), bias, atol=5.0 * deviation / math.sqrt(4800))
+        np.testing.assert_allclose(values.std(axis=0), deviation, rtol=0.05)
+    walks = noisy(ImuConfig(rate=120.0, accelerometer_random_walk=0.05), 9600)
+    steps = np.diff([one.acceleration for one in walks], axis=0)
+    np.testing.assert_allclose(steps.std(axis=0), 0.05 / math.sqrt(120.0), rtol=0.05)
+    np.testing.assert_allclose([one.angular_velocity for one in walks], 0.0, atol=1e-12)
+
+
+def test_noise_is_the_same_in_each_run_and_another_by_another_seed() -> None:
+    def run(seed: int) -> np.ndarray:
+        return np.array([one.acceleration for one in noisy(ImuConfig(accelerometer_noise_density=1.0, seed=seed), 60)])
+
+    np.testing.assert_array_equal(run(3), run(3))
+    assert np.abs(run(3) - run(4)).max() > 0.1
+
+
+def test_measuring_changes_nothing_and_ends_with_close() -> None:
+    states = []
+    for measured in (False, True):
+        with World(level()) as world:
+            world.spawn_robot("husky", urdfs.HUSKY, BodyState((0.0, 0.0, 0.3)))
+            imus = [Imu(world, "husky", link) for link in ("", "imu_link", "front_left_wheel_link")] if measured else []
+            world.drive("husky", "front_left_wheel", 4.0)
+            world.step(120)
+            states.append(world.snapshot().hash)
+            for imu in imus:
+                assert imu.take()
+                imu.close()
+            world.step()
+            assert not any(imu.take() for imu in imus)
+    assert states[0] == states[1]
+
+
+def test_a_teleport_is_no_acceleration_and_what_is_not_there_is_not_measured() -> None:
+    with World() as world:
+        imus = [Imu(world, "box"), Imu(world, "box", "lid"), Imu(world, "tracked")]
+        world.track("tracked", 0.2, BodyState())
+        world.step(24)
+        assert not any(imu.take() for imu in imus)
+        world.spawn("box", Box(0.4, 0.4, 0.2), 1.0, BodyState((0.0, 0.0, 3.0)))
+        for place in (5.0, 9.0):
+            world.step(12)
+            world.move("box", BodyState((place, 0.0, 3.0), linear=(place, 2.0, 0.0)))
+        world.reset()
+        world.step(24)
+        _, forces, _ = taken(imus[0])
+        np.testing.assert_allclose(forces, 0.0, atol=1e-9)
+        assert len(forces) == pytest.approx(20, abs=2)
+        assert not imus[1].take()
+        assert not imus[2].take()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("rate", 0.0), ("rate", math.nan), ("rate", "fast"), ("seed", -1), ("seed", 0.5), ("gyroscope_bias", (0.0, 1.0)),
+     ("accelerometer_bias", (0.0, 0.0, math.inf)), ("gyroscope_noise_density", -1.0),
+     ("accelerometer_random_walk", True)],
+)  # fmt: skip
+def test_settings_that_cannot_be_are_refused(name: str, value: object) -> None:
+    with pytest.raises(InputError, match=f"{name} of an IMU is"):
+        ImuConfig(**{name: value})  # type: ignore[arg-type]

@@ -1,0 +1,195 @@
+"""Tracked bodies have their shapes: what they push, carry and let through is what their geometry says."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import (
+    BodyState,
+    Box,
+    Capsule,
+    Cylinder,
+    HeightMap,
+    InputError,
+    PhysicsConfig,
+    Sphere,
+    World,
+    WorldConfig,
+)
+from smartmesh_ros.ground.quaternions import conjugate, product, rotation_vector
+from smartmesh_ros.ground.shapes import Hull, Solid
+from smartmesh_ros.world.snapshot import Snapshot
+from smartmesh_ros.world.tracked_robot import TrackedRobot
+from tests import urdfs
+
+RAMP = Hull(
+    ((-0.4, -0.3, -0.2), (0.4, -0.3, -0.2), (0.4, 0.3, -0.2), (-0.4, 0.3, -0.2), (0.4, -0.3, 0.2), (0.4, 0.3, 0.2))
+)
+DECK = Hull(tuple((x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-0.2, 0.2)))
+SHAPES: list[Solid] = [
+    Sphere(0.3),
+    Box(0.8, 0.6, 0.4),
+    Cylinder(height=0.4, radius=0.3),
+    Capsule(height=0.4, radius=0.2),
+    RAMP,
+]
+NAMES = [type(shape).__name__ for shape in SHAPES]
+SIDE = (0.0, math.sin(math.pi / 4), 0.0, math.cos(math.pi / 4))  # their z axis along x
+
+
+def level() -> HeightMap:
+    return HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))
+
+
+def world_of(ground: HeightMap | None = None, friction: float = 0.8) -> World:
+    return World(ground, WorldConfig(physics=PhysicsConfig(friction=friction)))
+
+
+def top_of(shape: Solid, x: float, y: float) -> float:
+    """Height of a shape over a point [m]; -inf beside it."""
+    if isinstance(shape, Sphere):
+        return math.sqrt(shape.radius**2 - x * x - y * y)
+    if isinstance(shape, Box):
+        return 0.5 * shape.z
+    if isinstance(shape, Cylinder):
+        return 0.5 * shape.height
+    if isinstance(shape, Capsule):
+        return 0.5 * shape.height + math.sqrt(shape.radius**2 - x * x - y * y)
+    return 0.5 * x  # the ramp rises from -0.2 to 0.2 over 0.8 m
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=NAMES)
+def test_rays_meet_it_where_it_is(shape: Solid) -> None:
+    with world_of() as world:
+        turned = (0.0, 0.0, math.sin(0.35), math.cos(0.35))
+        world.track("it", shape, BodyState((1.0, 2.0, 3.0), turned))
+        points = np.array([(0.0, 0.0), (0.1, 0.05), (-0.1, 0.1), (0.05, -0.12)])
+        c, s = math.cos(0.7), math.sin(0.7)
+        starts = np.column_stack([1.0 + points @ (c, -s), 2.0 + points @ (s, c), np.full(4, 9.0)])
+        hits = world.cast_rays(starts, np.tile([0.0, 0.0, -1.0], (4, 1)), 20.0)
+        expected = [6.0 - top_of(shape, *point) for point in points]
+        np.testing.assert_allclose(hits.distances, expected, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("shape", "turn", "reach"),
+    [
+        (Box(0.8, 0.6, 0.4), (0, 0, 0, 1), 0.4), (Box(0.2, 0.6, 0.6), (0, 0, 0, 1), 0.1),
+        (Cylinder(height=0.4, radius=0.3), (0, 0, 0, 1), 0.3), (Cylinder(height=0.9, radius=0.2), SIDE, 0.45),
+        (Capsule(height=0.5, radius=0.15), SIDE, 0.4), (RAMP, (0, 0, 0, 1), 0.4),
+    ],
+)  # fmt: skip
+def test_it_pushes_with_its_velocity_and_its_side(shape: Solid, turn: tuple[float, ...], reach: float) -> None:
+    """A crate that drags on the ground stays on its front, at its velocity."""
+    with world_of(level(), friction=0.4) as world:
+        world.spawn("crate", Box(0.4, 0.4, 0.4), 1.0, BodyState((1.0, 0.0, 0.2)))
+        for step in range(480):
+            place = (0.7 - reach + 0.8 * step / 240.0, 0.0, 0.22)
+            world.track("it", shape, BodyState(place, turn, linear=(0.8, 0.0, 0.0)))  # type: ignore[arg-type]
+            world.step()
+            if step == 239:
+                before = world.state("crate").position
+        after = world.state("crate").position
+        np.testing.assert_allclose(np.subtract(after, before), (0.8, 0.0, 0.0), atol=0.01)
+        assert after[0] - world.state("it").position[0] == pytest.approx(reach + 0.2, abs=0.01)
+
+
+@pytest.mark.parametrize("shape", [Box(2.0, 2.0, 0.4), DECK, Cylinder(height=0.4, radius=1.0)])
+def test_it_carries_what_stands_on_it_as_it_moves_rises_and_turns(shape: Solid) -> None:
+    """Means over half a second: on hulls and cylinders a box rattles by millimetres a second, on its way nowhere."""
+    with world_of() as world:
+        world.spawn("crate", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.5, 0.0, 2.3)))
+        for linear, spin in (((0.4, 0.2, 0.3), 0.0), ((0.0, 0.0, 0.0), 0.5)):
+            twists = []
+            for _ in range(360):
+                known = world.state("it") if "it" in world.bodies else BodyState((0.0, 0.0, 2.0))
+                world.track("it", shape, BodyState(known.position, known.orientation, linear, (0.0, 0.0, spin)))
+                world.step()
+                crate, it = world.state("crate"), world.state("it")
+                arm = np.array(crate.position) - it.position
+                twists.append(
+                    [*(np.array(crate.linear) - linear - (-spin * arm[1], spin * arm[0], 0.0)), *crate.angular]
+                )
+            np.testing.assert_allclose(np.mean(twists[240:], axis=0), (0.0, 0.0, 0.0, 0.0, 0.0, spin), atol=0.03)
+            assert arm[2] == pytest.approx(0.3, abs=2e-3)
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=NAMES)
+def test_its_contact_with_the_ground_is_that_of_its_lowest_point(shape: Solid) -> None:
+    with world_of(level()) as world:
+        lowest = {"Sphere": 0.3, "Box": 0.2, "Cylinder": 0.2, "Capsule": 0.4, "Hull": 0.2}[type(shape).__name__]
+        world.track("it", shape, BodyState((0.5, 0.5, lowest - 0.02)))
+        world.refresh()
+        [contact] = world.contacts()
+        assert contact.depth == pytest.approx(0.02, abs=2e-3)
+        assert contact.normal == pytest.approx((0.0, 0.0, 1.0), abs=1e-6)
+        world.track("it", shape, BodyState((0.5, 0.5, lowest + 0.05)))
+        world.refresh()
+        assert not world.contacts()
+
+
+def test_another_shape_replaces_it_and_a_snapshot_keeps_it() -> None:
+    with world_of(level()) as world, world_of(level()) as other:
+        for shape in SHAPES:
+            world.track("it", shape, BodyState((0.0, 0.0, 1.0), linear=(0.1, 0.0, 0.0)))
+            assert world.bodies["it"].shape == shape
+            world.step()
+            other.restore(Snapshot.from_json(world.snapshot().to_json()))
+            assert other.bodies["it"].shape == shape
+            assert other.bodies["it"].tracked
+            assert other.snapshot().hash == world.snapshot().hash
+
+
+ARM = urdfs.robot(
+    urdfs.link("base", urdfs.box((0.4, 0.4, 0.2)), 5.0, (0.4, 0.4, 0.2), at="0 0 0.1"),
+    urdfs.link("arm", '<cylinder radius="0.05" length="1.0"/>', 1.0, 0.1, at="0.5 0 0", rpy="0 1.5707963267948966 0"),
+    urdfs.joint("yaw", "continuous", "base", "arm", xyz="0 0 0.4", axis="0 0 1"),
+    urdfs.link("hand", urdfs.box((0.1, 0.3, 0.1)), 0.5, (0.1, 0.3, 0.1), at="0.05 0 0"),
+    urdfs.joint("reach", "prismatic", "arm", "hand", '<limit lower="0" upper="1" effort="1" velocity="1"/>',
+                xyz="1.0 0 0", axis="1 0 0"),
+)  # fmt: skip
+
+
+def test_the_parts_of_a_robot_are_where_its_joints_say_with_their_velocities() -> None:
+    """Velocities are the differences of the places a moment later, of a root that moves and joints that do."""
+    robot, moment = TrackedRobot("rig", ARM), 1e-5
+    assert robot.joints == ["yaw", "reach"]
+    assert robot.names == ["rig.base", "rig.arm", "rig.hand"]
+    turned = (0.1, -0.2, 0.3, math.sqrt(1.0 - 0.14))
+    root = BodyState((1.0, 2.0, 3.0), turned, (0.4, -0.2, 0.1), (0.3, 0.5, -0.4))
+    robot.move({"yaw": (0.7, 1.1), "reach": (0.2, -0.5)})
+    before = [*robot.parts(root)]
+    x, y, z = (moment * w for w in root.angular)
+    later = product((0.5 * x, 0.5 * y, 0.5 * z, 1.0), root.orientation)
+    place = tuple(a + moment * v for a, v in zip(root.position, root.linear, strict=True))
+    robot.move({"yaw": (0.7 + 1.1 * moment, 1.1), "reach": (0.2 - 0.5 * moment, -0.5)})
+    for one, other in zip(before, robot.parts(BodyState(place, later, root.linear, root.angular)), strict=True):  # type: ignore[arg-type]
+        moved = np.subtract(other.state.position, one.state.position) / moment
+        turn = rotation_vector(product(other.state.orientation, conjugate(one.state.orientation)))
+        np.testing.assert_allclose(moved, one.state.linear, atol=1e-4)
+        np.testing.assert_allclose(np.array(turn) / moment, one.state.angular, atol=1e-4)
+    level = [*robot.parts(BodyState())]
+    assert level[0].state.position == pytest.approx((0.0, 0.0, 0.1), abs=1e-6)
+    assert level[1].state.position == pytest.approx((0.5 * math.cos(0.7), 0.5 * math.sin(0.7), 0.4), abs=1e-4)
+    assert level[2].state.position == pytest.approx((1.25 * math.cos(0.7), 1.25 * math.sin(0.7), 0.4), abs=1e-4)
+    with pytest.raises(InputError, match="no joint 'roll'; it has yaw, reach"):
+        robot.move({"roll": (0.0, 0.0)})
+
+
+def test_an_arm_that_turns_sweeps_a_crate_with_the_velocity_of_its_place() -> None:
+    with world_of(level(), friction=0.3) as world:
+        robot = TrackedRobot("rig", ARM.replace('xyz="0 0 0.4"', 'xyz="0 0 0.1"'))
+        world.spawn("crate", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.8, 0.4, 0.1)))
+        speeds = []
+        for step in range(360):
+            robot.move({"yaw": (step / 240.0, 1.0)})
+            for name, solid, state in robot.parts(BodyState()):
+                world.track(name, solid, state)
+            world.step()
+            x, y, _ = world.state("crate").position
+            speeds.append(math.hypot(*world.state("crate").linear) / math.hypot(x, y))
+        assert y > 0.7, "it was swept along"
+        assert np.mean(speeds[240:]) == pytest.approx(1.0, abs=0.15), "by 1 rad/s, as it slides outward"
