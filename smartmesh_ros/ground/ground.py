@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE, as_bytes
-from smartmesh_ros.ground.attached_bodies import AttachedBodies
 from smartmesh_ros.ground.bullet import BulletCalls, is_fixed
 from smartmesh_ros.ground.config import gravity_of
 from smartmesh_ros.ground.followers import Followers
+from smartmesh_ros.ground.saved_bodies import SavedBodies
 from smartmesh_ros.terrain.checked_heights import checked_time
 from smartmesh_ros.terrain.grid import IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -79,7 +79,7 @@ class UpdateSchedule:
 FASTEST_RESCUED = 5.0
 
 
-class Ground(AttachedBodies):
+class Ground(SavedBodies):
     """The deforming terrain as ground of the attached bodies of a PyBullet world.
 
     Contacts come from the map itself. Where that is impossible, because the client is not a DIRECT one, or

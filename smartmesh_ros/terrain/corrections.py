@@ -50,10 +50,6 @@ class FusedMap(NamedTuple):
     heights: FloatGrid
     variances: FloatGrid
 
-    def copied(self) -> FusedMap:
-        """Return a state with arrays of its own."""
-        return FusedMap(self.heights.copy(), self.variances.copy())
-
 
 def nothing_known(rows: int, columns: int) -> FusedMap:
     """Return the state before the first measurement."""

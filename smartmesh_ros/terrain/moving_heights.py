@@ -22,11 +22,12 @@ from smartmesh_ros.terrain.checked_heights import (
     require_region,
     unmasked,
 )
-from smartmesh_ros.terrain.corrections import Corrections, untouched_zeros
+from smartmesh_ros.terrain.corrections import Corrections, nothing_known, untouched_zeros
 from smartmesh_ros.terrain.grid import GridGeometry, geometry_of
 from smartmesh_ros.terrain.grid_track import at_rest, follow
 from smartmesh_ros.terrain.motion import BLOCK, CLOCK, KEPT, MotionConfig, MovingGround, next_revision
 from smartmesh_ros.terrain.prints import Prints
+from smartmesh_ros.terrain.state_file import filled
 
 
 class MovingHeights(MovingGround):
@@ -104,16 +105,20 @@ class MovingHeights(MovingGround):
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make the map of such a state."""
         MovingHeights.__init__(self, state["heights"], **state["map"])
-        self._clocks[...] = state["clocks"]
+        self._take_clocks(state["clocks"])
         for array, kept in zip(self._others, state["others"], strict=True):
             if kept is not None:
-                array[...] = kept
+                filled(array, kept)
         self.track, self.version, self._deviation = state["track"], state["version"], state["deviation"]
         self.corrections.shown, self.corrections.settled = state["corrections"]
-        self.corrections.fused = None if state["fused"] is None else state["fused"].copied()
+        if state["fused"] is not None:
+            self.corrections.fused = nothing_known(*self._heights.shape)
+            for array, kept in zip(self.corrections.fused, state["fused"], strict=True):
+                filled(array, kept)
         if state["prints"] is not None:
             self.prints = Prints(self._heights)
-            self.prints.given[...], self.prints.corners = state["prints"]
+            given, self.prints.corners = state["prints"]
+            filled(self.prints.given, given)
         self._tell_core()
         self.core_reader.show(state["shown"])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,25 +20,23 @@ from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.height_scan import HeightScan, yaws_of
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
-from smartmesh_ros.world.bodies import Surface
 from smartmesh_ros.world.contacts import GroundContact, GroundWrench, ground_contacts, wrenches_of_step
 from smartmesh_ros.world.falling import Falls
 from smartmesh_ros.world.guests import Guests
 from smartmesh_ros.world.link_frames import frame_pose
-from smartmesh_ros.world.population import Population
-from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
+from smartmesh_ros.world.saved_world import SavedWorld
 from smartmesh_ros.world.settings import WorldConfig
-from smartmesh_ros.world.snapshot import Snapshot, body_snapshot
+from smartmesh_ros.world.snapshot import FirstTerrain
 
 __all__ = ["World", "WorldConfig"]
 
 
-class World(Population):
+class World(SavedWorld):
     """Bodies on a terrain, stepped at a fixed rate. Close it, or use it as a context manager.
 
     ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``behind_real_time``: set
     True while the simulation runs behind real time; new maps then do not shorten the lifetime of patches. ``guests``:
-    remote bodies, simulated by other nodes.
+    remote bodies, simulated by other nodes. ``seed``: of the noise of height scans, beside their own.
     """
 
     def __init__(
@@ -52,6 +51,8 @@ class World(Population):
         self.behind_real_time = False
         self._refreshes = self._rescues = 0  # of the grounds before `restore`
         self.lost: dict[str, str] = {}  # why bodies were removed, by name; readers may clear it
+        self.seed = 0
+        self._first: FirstTerrain | None = None
         self._start()
 
     def _start(self) -> None:
@@ -65,19 +66,6 @@ class World(Population):
         self.guests = Guests(self, self.config.guests)
         self.falls = Falls(ground.followers, self.terrain, self.config.falls)
         self._let_sleep()
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy of the world, or one in another process, is made of: its terrain, its settings and a
-        snapshot. Raises `InputError` if there is soil."""
-        if self.ground.soil is not None:
-            raise InputError("soil", "a world with soil cannot be copied; take it off by ground.set_soil(None) before")
-        return {"terrain": self.terrain, "config": self.config, "snapshot": self.snapshot()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make a world that evolves as one restored from the snapshot."""
-        World.__init__(self, state["terrain"], state["config"])
-        with undone(self.close):
-            self.restore(state["snapshot"])
 
     def __enter__(self) -> World:
         return self
@@ -112,16 +100,6 @@ class World(Population):
         if self.client.isConnected():
             self.client.disconnect()
 
-    @property
-    def refreshes(self) -> int:
-        """Number of refreshes of the patches so far."""
-        return self._refreshes + self.ground.refreshes
-
-    @property
-    def rescues(self) -> int:
-        """Number of bodies put back onto the ground so far."""
-        return self._rescues + self.ground.rescues
-
     def refresh(self) -> None:
         """Refresh the patches now, and put bodies below the ground back onto it."""
         self.ground.refresh(self.time, self.dt, behind_real_time=self.behind_real_time)
@@ -142,6 +120,7 @@ class World(Population):
         """Run physics steps. ``prepared`` is called before each, after the patches are ready for it."""
         for _ in range(count):
             with self.stopwatch.stage("total"):
+                self._note_first_terrain()
                 self.guests.advance()
                 self.prepare()
             prepared()
@@ -158,88 +137,6 @@ class World(Population):
             duration = steps * self.config.physics.dt
             self.time += duration
             self.ground.stand_still(duration)
-
-    def reset(self) -> None:
-        """Put every simulated body back to its initial state and the time to zero; the terrain stays."""
-        self.reset_time()
-        self.reset_bodies()
-
-    def reset_time(self) -> None:
-        """Set the time to zero. Bodies and terrain stay; remote bodies are removed until their next states arrive."""
-        self.guests.clear()
-        self.terrain.shift_time(-self.time)
-        self.ground.stand_still(-self.time)
-        self._set_ends({key: end - self.time for key, end in self._ends.items()})
-        self.time = 0.0
-
-    def reset_bodies(self) -> None:
-        """Put every simulated body back to its initial state. Commands of joints stay in force. Raises PyBullet's
-        error, with the names of the bodies for which it failed; the others are back."""
-        failed = []
-        for body in (body for body in self.bodies.values() if body.simulated):
-            try:
-                self._factory.place(body, body.initial)
-            except pb.error as error:
-                failed.append(f"{body.name!r}: {error}")
-        self.ground.configure(self.config.patch)  # wakes all, and discards supports chosen at the old places
-        if failed:
-            raise pb.error(f"{len(failed)} bodies are not back, but the others are; reset again: {'; '.join(failed)}")
-
-    def snapshot(self) -> Snapshot:
-        """Return the current bodies as data."""
-        return Snapshot(
-            time=self.time,
-            bodies=tuple(
-                body_snapshot(self.client, body, self.state(name), self._belts(body), self._ends_of(name))
-                for name, body in self.bodies.items()
-                if not body.owner
-            ),
-        )
-
-    def save(self) -> Snapshot:
-        """Return a snapshot, and rebuild this world from it, so that it evolves exactly as any world restored from the
-        snapshot."""
-        snapshot = self.snapshot()
-        self.restore(snapshot)
-        return snapshot
-
-    def restore(self, snapshot: Snapshot) -> None:
-        """Replace the bodies by those of a snapshot, in a new PyBullet client; the terrain and its soil stay. Raises
-        `InputError` and changes nothing if a robot of it is refused or lacks a joint or link, or a surface moves and
-        contacts are PyBullet's own."""
-        robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
-        if any(body.belts for body in snapshot.bodies):
-            self.ground.require_belts()
-        self.ground.check_soil()
-        before = dict(vars(self))
-        with undone(lambda: vars(self).update(before)):
-            self._refreshes, self._rescues = self.refreshes, self.rescues
-            soil = self.ground.soil
-            self._start()
-            self.ground.set_soil(soil)
-            self._fill(snapshot, robots)
-        if before["client"].isConnected():
-            before["client"].disconnect()
-
-    def _fill(self, snapshot: Snapshot, robots: dict[str, PreparedRobot]) -> None:
-        """Add the bodies of a snapshot to a world without bodies, with its prepared robots."""
-        self.time = snapshot.time
-        for body in snapshot.bodies:
-            surface = Surface(body.friction, body.restitution)
-            if body.name in robots:
-                self._add(self._factory.robot(body.name, robots[body.name], body.state, surface))
-            elif body.shape is not None:
-                self._add(self._factory.simulated(body.name, body.shape, body.mass, body.state, surface))
-            else:
-                self.track(body.name, body.radius, body.state)
-            new = self.bodies[body.name]
-            new.initial = body.initial
-            for joint, (position, velocity) in body.joints.items():
-                self.client.resetJointState(new.uid, self._joint(new, joint), position, velocity)
-            for joint, command in body.commands.items():
-                self.command(body.name, joint, command)
-            self._move_belts(new, body.belts)
-        self._set_ends({(body.name, joint): end for body in snapshot.bodies for joint, end in body.ends.items()})
 
     def shown_batches(self) -> list[PatchBatch]:
         """Return the patches as of the last update, without those of remote bodies, which their owners publish."""
@@ -271,6 +168,7 @@ class World(Population):
         for row, body in enumerate(bodies):
             if body.is_robot:
                 poses_w[row] = frame_pose(poses_w[row], body.inertial)
+        scan = replace(scan, seed=scan.seed + (self.seed << 64)) if self.seed else scan
         return scan.read(self.terrain, np.column_stack([poses_w[:, :3], yaws_of(poses_w[:, 3:])]), self.time)
 
     def below_ground(self) -> list[str]:

@@ -64,7 +64,17 @@ def set_variances(variances: Any) -> None:
     CORE.Grid(**arrays()).set_variances(variances)
 
 
+def recall(**memory: Any) -> None:
+    """Give a soil what it knew."""
+    kinds, soils = np.zeros((ROWS, COLUMNS), np.uint8), np.ones((1, 8))
+    CORE.Soil(CORE.Grid(**arrays()), kinds, soils, 1.0).recall(**memory)
+
+
 ENTRIES = {
+    "recall": Entry(recall, lambda: {
+        "places": np.array([3, 700]), "samples": np.ones((2, 5)), "nodes": np.array([1, 2]), "heights": floats(2),
+        "pressed": np.array([7, 2, 1]), "step": 3,
+    }, rows=("pressed",), within=tuple((name, ROWS * COLUMNS) for name in ("places", "nodes", "pressed"))),
     "Grid": Entry(CORE.Grid, arrays),
     "Mesh": Entry(CORE.Mesh, mesh_arrays, rows=("triangles",), within=(("triangles", 4),), finite=("vertices",)),
     "set_friction": Entry(set_friction, lambda: {"friction": floats(ROWS, COLUMNS) + 1.0}, optional=("friction",)),

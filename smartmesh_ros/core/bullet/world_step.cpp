@@ -76,7 +76,7 @@ OnSoil BulletWorld::on_soil(const Slot& slot, double step) const {
   int count = 0;
   for (const Slot& other : slots_) {
     if (!other.used || other.body != slot.body) continue;
-    for (const auto& [shape, part] : other.on_soil) count += soil->was_near(part) && !part.up.empty();
+    for (const auto& [number, part] : other.on_soil) count += soil->was_near(part) && !part.up.empty();
   }
   OnSoil found;
   found.pose = from_bullet(slot.object->getWorldTransform());
@@ -157,7 +157,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   const Approach approach = approach_of(slot, step);
   const btContactSolverInfo& solver = world_->getSolverInfo();
   if (soil != nullptr && soil->is_under(pose.at, time)) {
-    soil->touch(*shape, pose, on_soil(slot, step), before_, slot.on_soil[body.getCollisionShape()], contacts_, rows_);
+    soil->touch(*shape, pose, on_soil(slot, step), before_, slot.on_soil[part_number(slot, *body.getCollisionShape())], contacts_, rows_);
   } else {
     search_.run(*shape, pose, surface, time, approach, contacts_);
     choose_contacts(approach, before_, contacts_);
