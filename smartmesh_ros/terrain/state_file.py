@@ -55,6 +55,13 @@ def signed(body: bytes) -> bytes:
     return body + MARK + hashlib.sha256(body).hexdigest().encode()
 
 
+def is_state(data: bytes) -> bool:
+    """Return True if a file is a whole saved state."""
+    end = len(MARK) + DIGITS
+    digest = hashlib.sha256(data[:-end]).hexdigest().encode()
+    return data[-end:-DIGITS] == MARK and digest == data[-DIGITS:]
+
+
 def from_bytes(data: bytes, kind: str, types: Mapping[str, type], make: Callable[[Any], Made]) -> Made:
     """Return what ``make`` makes of the tree in a file of a ``kind``, which has dataclasses and named tuples of these
     ``types`` alone, by name. Raises `InputError` if the file is no state, was changed, or is of another version or
