@@ -120,16 +120,6 @@ class SavedWorld(Population):
         if before["client"].isConnected():
             before["client"].disconnect()
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy of the world, or one in another process, is made of: its whole state."""
-        return {"state": self.state_bytes()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make a world that evolves as one restored from the state."""
-        type(self).__init__(self)
-        with undone(self.close):
-            self.restore(state["state"])
-
     def reset(self, seed: int | None = None) -> None:
         """Put every simulated body back to its initial state and the time to zero. The terrain stays, and so do
         commands of joints.

@@ -67,6 +67,16 @@ class World(SavedWorld):
         self.falls = Falls(ground.followers, self.terrain, self.config.falls)
         self._let_sleep()
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy of the world, or one in another process, is made of: its whole state."""
+        return {"state": self.state_bytes()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make a world that evolves as one restored from the state."""
+        World.__init__(self)
+        with undone(self.close):
+            self.restore(state["state"])
+
     def __enter__(self) -> World:
         return self
 

@@ -93,7 +93,8 @@ class RandomWorld:
             x = -self._origin(0.0)[0] + self.spacing
             terrain.put("beside", HeightMap(np.zeros((30, SIDE)), resolution=self.spacing, origin=(x, -2.0)))
         if self.folded:
-            terrain.put("folded", TriangleMesh(self._vertices(0.0), grid_triangles(9, 9)))
+            motion = MOTIONS[self.kind] if self.kind in ("smooth", "cubics") else MotionConfig()
+            terrain.put("folded", TriangleMesh(self._vertices(0.0), grid_triangles(9, 9), motion=motion))
         return terrain
 
     def _vertices(self, time: float) -> np.ndarray:
