@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures renders test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks laws tax replay-speed
+.PHONY: help demo view pictures renders docs test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks laws tax replay-speed
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -18,9 +18,13 @@ view:  ## a page in the browser that shows the demo's terrain, until Ctrl-C
 pictures:  ## the pictures of the view and the demo in docs/, by a browser without a window
 	@$(RUN) dev view -- python -m scripts.view_pictures
 
-renders:  ## the README's pictures that PyBullet draws: rising ground, and a lidar (needs no browser)
+renders:  ## the pictures that need no browser: rising ground, a lidar, and how contacts work
 	@$(RUN) -- $(STUDIES) rising
 	@$(RUN) -- $(STUDIES) lidar
+	@$(RUN) -- $(STUDIES) contacts
+
+docs:  ## the pages as a site with search and an API reference: site/index.html
+	@$(RUN) docs -- mkdocs build --strict --quiet
 
 test:  ## lint, types, colcon build, and every test (after the build 7 minutes on two cores)
 	@$(RUN) dev view studies interop -- scripts/check

@@ -10,6 +10,7 @@ import sys
 STUDIES = {
     "accuracy": ("studies.accuracy", "speed against accuracy, and the stability matrix"),
     "bench": ("studies.bench.cli", "running times against the report's tables"),
+    "contacts": ("studies.contact_picture", "a figure of how contacts with a map work"),
     "fleet": ("studies.fleet.study", "several nodes on one terrain, in networks of their own"),
     "friction": ("studies.friction_picture", "a picture of boxes on ice beside gravel"),
     "laws": ("studies.laws.study", "laws of contact, and how far runs drift apart, in each engine"),
@@ -24,7 +25,7 @@ STUDIES = {
     "tracks": ("studies.soil.rut_pictures:drive_tracks", "a tracked machine on soil: pictures of its ruts"),
     "soak": ("studies.load.soak", "the node for minutes or hours of everything changing"),
 }
-PLAIN = ("friction", "laws", "lidar", "replay", "rising", "rover", "tracks")  # have no options
+PLAIN = ("contacts", "friction", "laws", "lidar", "replay", "rising", "rover", "tracks")  # have no options
 
 
 def main() -> None:

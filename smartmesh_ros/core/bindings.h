@@ -15,6 +15,7 @@
 
 #include "map_arrays.h"
 #include "mesh_updates.h"
+#include "step_lock.h"
 #include "surface.h"
 
 namespace smartmesh {
@@ -136,14 +137,17 @@ struct Grid {
     if (!(resolution > 0.0 && std::isfinite(resolution)))
       throw std::invalid_argument("the resolution must be above zero and finite");
     if (!std::isfinite(x + y + z + yaw)) throw std::invalid_argument("the place of a grid must be finite");
+    const StepLock lock;
     grid.x = x, grid.y = y, grid.z = z, grid.yaw = yaw, grid.resolution = resolution;
   }
   void move(double time, double interval, double x, double y, double spin) {
     if (!std::isfinite(time + interval + x + y + spin)) throw std::invalid_argument("the motion of a grid must be finite");
+    const StepLock lock;
     grid.track = {time, interval, x, y, spin};
   }
   void show(double instant) {
     if (std::isnan(instant)) throw std::invalid_argument("the instant shown must be a number");
+    const StepLock lock;
     grid.show(instant);
   }
   // Sets the coefficient of friction of each sample (rows, columns), or a `uniform` one.
@@ -152,18 +156,21 @@ struct Grid {
     if (samples && (samples->shape(0) != heights.shape(0) || samples->shape(1) != heights.shape(1)))
       throw std::invalid_argument("friction must have the shape of heights");
     if (samples) check_alignment(samples->data(), sizeof(float));
-    friction = samples;
-    grid.friction = samples ? samples->data() : nullptr;
+    const StepLock lock;
+    std::swap(friction, samples);  // the one before goes after the lock
+    grid.friction = friction ? friction->data() : nullptr;
     grid.uniform_friction = uniform;
     ++grid.revision;
   }
   // Sets the variances of fused heights (rows, columns) [m^2]; none = they are exact.
   void set_variances(std::optional<Floats2> samples) {
     if (samples) check_table(*samples, heights.shape(0), heights.shape(1), "variances");
-    variances = samples;
-    grid.variances = samples ? samples->data() : nullptr;
+    const StepLock lock;
+    std::swap(variances, samples);
+    grid.variances = variances ? variances->data() : nullptr;
   }
   void set_motion(int mode, double max_velocity, double settle, double noise, double smoothing) {
+    const StepLock lock;
     grid.mode = mode_of(mode);
     grid.max_velocity = max_velocity, grid.settle = settle, grid.noise = noise, grid.smoothing = smoothing;
     ++grid.revision;
@@ -209,6 +216,7 @@ struct Mesh {
   void update() {
     for (std::size_t k = 0; k < now.size(); ++k)
       if (!std::isfinite(now.data()[k])) throw std::invalid_argument("vertices must be finite numbers");
+    const StepLock lock;
     surface.update();
   }
   // Returns the arrays as they are written, after a check of the clock.
@@ -218,6 +226,7 @@ struct Mesh {
     return {now.data(), velocities.data(), offsets.data(), rates.data(), clock};
   }
   void set_motion(int mode, double max_velocity, double smoothing) {
+    const StepLock lock;
     surface.mode = mode_of(mode), surface.max_velocity = max_velocity, surface.smoothing = smoothing;
     update();
   }
@@ -234,6 +243,7 @@ inline nb::list set_tiles_of(Surface& surface, const nb::list& tiles) {
     else grids.push_back(&nb::cast<Grid&>(tile).grid);
     kept.append(tile);
   }
+  const StepLock lock;
   surface.set_tiles(grids, meshes);
   return kept;
 }

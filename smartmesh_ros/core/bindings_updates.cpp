@@ -33,6 +33,7 @@ void take_rectangle(Grid& grid, Pair first, Floats2 fresh, std::optional<Floats2
                     std::tuple<double, double> intervals) {
   if (given) check_table(*given, fresh.shape(0), fresh.shape(1), "velocities");
   const Region place = place_of(grid.grid, first, fresh);
+  const StepLock lock;
   take_heights(grid.grid, grid.arrays(place), place,
                {fresh.data(), given ? given->data() : nullptr, finite(time, "the time")},
                {std::get<0>(intervals), std::get<1>(intervals)});
@@ -42,6 +43,7 @@ void take_rectangle(Grid& grid, Pair first, Floats2 fresh, std::optional<Floats2
 void correct(Grid& grid, Pair first, Floats2 known, double time) {
   const Region place = place_of(grid.grid, first, known);
   if (!(grid.grid.settle > 0.0)) throw std::invalid_argument("settle must be above zero");
+  const StepLock lock;
   take_corrected(grid.arrays(place), place, {known.data(), finite(time, "the time"), grid.grid.shown, grid.grid.settle});
 }
 
@@ -62,6 +64,7 @@ void fuse_at(Heights heights, Heights variances, Pair first, Floats2 measured, F
   check_alignment(heights.data(), sizeof(float));
   check_alignment(measured.data(), sizeof(float)), check_alignment(noises.data(), sizeof(float));
   const std::vector<float> all(same ? wide : 0, same ? noises.data()[0] : 0.0f);
+  const StepLock lock;
   for (std::size_t r = 0; r < high; ++r) {
     const std::size_t at = (static_cast<std::size_t>(row) + r) * heights.shape(1) + static_cast<std::size_t>(column);
     fuse(heights.data() + at, variances.data() + at, measured.data() + r * wide,
@@ -82,6 +85,7 @@ void move_vertices(Mesh& mesh, std::optional<Slots> chosen, Doubles2 fresh, std:
       throw std::invalid_argument("a vertex is not there");
   for (std::size_t k = 0; k < fresh.size(); ++k) finite(fresh.data()[k], "positions");
   const MeshArrays arrays = mesh.arrays();
+  const StepLock lock;
   take_vertices(mesh.surface, arrays,
                 {chosen ? chosen->data() : nullptr, fresh.data(), given ? given->data() : nullptr,
                  static_cast<std::ptrdiff_t>(count), finite(time, "the time")},

@@ -15,6 +15,9 @@ constexpr double CONVEX = 1e-7;
 // Distance from a facet within which a point lies on it [m].
 constexpr double NEAR = 1e-6;
 
+// More columns than a map has; names of samples are numbered row by row.
+constexpr long COLUMNS_NAMED = 1L << 24;
+
 // Steps in rows and columns to the neighbours of a sample, in a circle. Cells are cut from (r, c) to (r + 1, c + 1).
 constexpr int AROUND[6][2] = {{0, 1}, {1, 1}, {1, 0}, {0, -1}, {-1, -1}, {-1, 0}};
 
@@ -114,7 +117,7 @@ class CellAdder {
       known = static_cast<int>(patch_.points.size());
       patch_.points.push_back(window_.point(row, column));
       if (window_.moves()) patch_.velocities.push_back(window_.velocity(row, column));
-      patch_.names.push_back(((first_row_ + row) << 24) + first_column_ + column);
+      patch_.names.push_back((first_row_ + row) * COLUMNS_NAMED + first_column_ + column);
     }
     return known;
   }

@@ -60,19 +60,15 @@ SurfaceReader Surface::reader(double time, double ahead) const {
   return made;
 }
 
-double Surface::widest_cell() const {
-  double widest = 0.0;
-  for (const HeightGrid* grid : tiles_) widest = std::max(widest, grid->resolution);
-  return widest;
-}
-
 Bounds Surface::with_gaps(const Bounds& bounds) const {
-  return tiles_.size() > 1 ? bounds.grown(widest_cell()) : bounds;
+  return tiles_.size() > 1 ? bounds.grown(widest_cell_) : bounds;
 }
 
 void Surface::set_tiles(const std::vector<HeightGrid*>& tiles, const std::vector<MeshSurface*>& meshes) {
   tiles_ = tiles;
   meshes_ = meshes;
+  widest_cell_ = 0.0;
+  for (const HeightGrid* grid : tiles_) widest_cell_ = std::max(widest_cell_, grid->resolution);
   layout_ += NEW_LAYOUT;
 }
 
@@ -127,40 +123,63 @@ void Surface::gather_meshes(const Bounds& bounds, double time, double ahead, con
     meshes_[k]->gather(bounds, time, ahead, reach, static_cast<int>(k), scratch_, patch);
 }
 
+void Surface::place_tiles(double time) {
+  const long now = revision();
+  if (time == placed_at_ && now == placed_revision_) return;
+  placed_at_ = time, placed_revision_ = now;
+  placed_.clear();
+  for (HeightGrid* grid : tiles_) {
+    const GridPose pose = grid->pose_at(time);
+    placed_.push_back({grid, pose, {}});
+    for (const double row : {0.0, grid->rows - 1.0})
+      for (const double column : {0.0, grid->columns - 1.0})
+        placed_.back().bounds.add(pose.point({row, column}, grid->resolution));
+  }
+}
+
+void Surface::find_under(const Bounds& bounds, double time) {
+  place_tiles(time);
+  under_.clear();
+  for (const MapAtInstant& map : placed_) {
+    const bool apart = map.bounds.low.x > bounds.high.x || map.bounds.high.x < bounds.low.x ||
+                       map.bounds.low.y > bounds.high.y || map.bounds.high.y < bounds.low.y;
+    if (!apart && !cells_under(*map.grid, map.pose, bounds).empty()) under_.push_back(&map);
+  }
+}
+
 void Surface::gather(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch) {
   patch.clear();
-  const HeightGrid* finest = nullptr;
-  int met = 0;
-  const Bounds grown = with_gaps(bounds);
-  for (const HeightGrid* grid : tiles_) {
-    if (cells_under(*grid, time, grown).empty()) continue;
-    ++met;
-    if (finest == nullptr || grid->resolution < finest->resolution) finest = grid;
-  }
-  if (met == 0) return;
-  if (met > 1) {
-    sample_across(*finest, bounds, time, ahead);
-    add_cells(window_, 0, 0, reach, patch);
+  find_under(with_gaps(bounds), time);
+  if (under_.empty()) return;
+  if (under_.size() > 1) {
+    const MapAtInstant& finest = **std::min_element(under_.begin(), under_.end(), [](const MapAtInstant* a, const MapAtInstant* b) {
+      return a->grid->resolution < b->grid->resolution;
+    });
+    sample_across(finest, bounds, time, ahead, reach, patch);
     return;
   }
-  const CellRange cells = cells_under(*finest, time, bounds);
+  const auto& [grid, pose, _] = *under_[0];
+  const CellRange cells = cells_under(*grid, pose, bounds);
   if (cells.empty()) return;
-  read_window(*finest, cells, time, ahead, window_);
+  read_window(*grid, pose, cells, time, ahead, window_);
   if (window_.highest() >= bounds.low.z) add_cells(window_, cells.top - 1, cells.left - 1, reach, patch);
 }
 
-// Samples all tiles on the lattice of the finest one, which may go on beyond its edge.
-void Surface::sample_across(const HeightGrid& finest, const Bounds& bounds, double time, double ahead) {
-  const GridPose pose = finest.pose_at(time);
-  const auto [low, high] = extent_of(pose, finest.resolution, bounds);
+// Samples the tiles under a body on the lattice of the finest one, which may go on beyond its edge.
+void Surface::sample_across(const MapAtInstant& finest, const Bounds& bounds, double time, double ahead, const Reach& reach,
+                            Patch& patch) {
+  Bounds here;  // where there are tiles
+  for (const MapAtInstant* map : under_) here.add(map->bounds.low), here.add(map->bounds.high);
+  const double resolution = finest.grid->resolution;
+  const auto [low, high] = extent_of(finest.pose, resolution, bounds.common(here));
   const double top = std::floor(low.row) - 1.0, left = std::floor(low.column) - 1.0;
   window_.rows = static_cast<int>(std::ceil(high.row) - top) + 2;
   window_.columns = static_cast<int>(std::ceil(high.column) - left) + 2;
-  window_.resolution = finest.resolution;
-  window_.pose = pose.from({top, left}, finest.resolution);
+  window_.resolution = resolution;
+  window_.pose = finest.pose.from({top, left}, resolution);
   window_.heights.clear(), window_.rises.clear(), window_.slides.clear();
   window_.ahead = ahead;
-  TileReader tiles(tiles_, time, ahead > 0.0 ? ahead : INSTANT);
+  TileReader tiles(under_, widest_cell_, time, ahead > 0.0 ? ahead : INSTANT);
   for (int r = 0; r < window_.rows; ++r) {
     for (int c = 0; c < window_.columns; ++c) {
       const Vec3 p = window_.pose.point({static_cast<double>(r), static_cast<double>(c)}, window_.resolution);
@@ -171,18 +190,25 @@ void Surface::sample_across(const HeightGrid& finest, const Bounds& bounds, doub
       window_.rises.push_back(ground.velocity.z * ahead);
     }
   }
+  add_cells(window_, static_cast<long>(top), static_cast<long>(left), reach, patch);
 }
 
 NearbyGround Surface::near(const Bounds& bounds, double time, double ahead) {
   NearbyGround found;
   Bounds speeds;
   const Vec3 middle = (bounds.low + bounds.high) * 0.5;
-  for (const HeightGrid* grid : tiles_) {
-    const Vec3 slide = grid->pose_at(time).slide(middle.x, middle.y);
-    const double comes = (std::hypot(slide.x, slide.y) + std::abs(slide.z) * norm(bounds.high - middle)) * ahead;
-    const CellRange cells = cells_under(*grid, time, with_gaps(bounds).grown(comes));
-    if (cells.empty()) continue;
-    read_window(*grid, cells, time, ahead, window_);
+  place_tiles(time);
+  double comes = 0.0;  // ground that slides [m]
+  for (const MapAtInstant& map : placed_) {
+    if (!map.pose.slides()) continue;
+    const Vec3 slide = map.pose.slide(middle.x, middle.y);
+    const double speed = std::hypot(slide.x, slide.y) + std::abs(slide.z) * norm(bounds.high - middle);
+    comes = std::max(comes, speed * ahead);
+  }
+  const Bounds grown = with_gaps(bounds).grown(comes);
+  find_under(grown, time);
+  for (const MapAtInstant* map : under_) {
+    read_window(*map->grid, map->pose, cells_under(*map->grid, map->pose, grown), time, ahead, window_);
     found.highest = std::max(found.highest, window_.highest());
     for (int r = 0; r < window_.rows; ++r)
       for (int c = 0; c < window_.columns; ++c)

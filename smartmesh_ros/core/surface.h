@@ -79,13 +79,21 @@ class Surface {
   Updates updates_of(const std::vector<BlockUnder>& blocks, double time) const;
 
  private:
-  double widest_cell() const;
   // Returns bounds that hold the tiles on both sides of each gap that is bridged inside `bounds`.
   Bounds with_gaps(const Bounds& bounds) const;
-  void sample_across(const HeightGrid& finest, const Bounds& bounds, double time, double ahead);
+  void place_tiles(double time);
+  // Finds the maps that have cells under `bounds` at `time` [s], in their order.
+  void find_under(const Bounds& bounds, double time);
+  void sample_across(const MapAtInstant& finest, const Bounds& bounds, double time, double ahead, const Reach& reach,
+                     Patch& patch);
 
   std::vector<HeightGrid*> tiles_;
   std::vector<MeshSurface*> meshes_;
+  double widest_cell_ = 0.0;                // [m]
+  std::vector<MapAtInstant> placed_;           // as of a time [s] and a revision
+  double placed_at_ = 0.0;
+  long placed_revision_ = -1;
+  std::vector<const MapAtInstant*> under_;  // a body
   Window window_;
   MeshScratch scratch_;
   long layout_ = 0;

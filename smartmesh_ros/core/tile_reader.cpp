@@ -28,6 +28,12 @@ TileReader::TileReader(const std::vector<HeightGrid*>& grids, double time, doubl
   }
 }
 
+TileReader::TileReader(const std::vector<const MapAtInstant*>& maps, double widest_cell, double time, double ahead)
+    : time_(time), ahead_(ahead), widest_gap_(widest_cell * (1.0 + GAP_ROUNDING)) {
+  tiles_.reserve(maps.size());
+  for (const MapAtInstant* map : maps) tiles_.push_back({map->grid, map->pose, GridReader(*map->grid, time, ahead)});
+}
+
 TileFacet TileReader::on_maps(double x, double y, double z, bool& on_any) {
   on_any = false;
   for (Tile& tile : tiles_) {

@@ -19,6 +19,13 @@ constexpr double INSTANT = 1e-9;
 // Height of a point above all ground [m].
 constexpr double ABOVE_ALL = 1e300;
 
+// A height map where it is at an instant. `bounds`: of its samples; they hold for x and y.
+struct MapAtInstant {
+  HeightGrid* grid;
+  GridPose pose;
+  Bounds bounds;
+};
+
 // One of the height maps at the instant.
 struct Tile {
   const HeightGrid* grid;
@@ -55,6 +62,8 @@ class TileReader {
  public:
   // Velocities are means over the time `ahead` [s].
   TileReader(const std::vector<HeightGrid*>& grids, double time, double ahead);
+  // For some of the maps of a surface, which bridges gaps of `widest_cell` [m].
+  TileReader(const std::vector<const MapAtInstant*>& maps, double widest_cell, double time, double ahead);
 
   // Returns the facet at (x, y). Ground above `z` [m] does not count.
   TileFacet at(double x, double y, double z = ABOVE_ALL);

@@ -77,6 +77,11 @@ struct Bounds {
     return std::max({-1e300, low.x - other.high.x, other.low.x - high.x, low.y - other.high.y, other.low.y - high.y,
                      low.z - other.high.z, other.low.z - high.z});
   }
+  // Returns what two boxes have in common.
+  Bounds common(const Bounds& other) const {
+    return {{std::max(low.x, other.low.x), std::max(low.y, other.low.y), std::max(low.z, other.low.z)},
+            {std::min(high.x, other.high.x), std::min(high.y, other.high.y), std::min(high.z, other.high.z)}};
+  }
   Bounds grown(double by) const { return {low - Vec3{by, by, by}, high + Vec3{by, by, by}}; }
   // All comparisons are made, because which one fails first is anybody's guess, also the processor's.
   bool meets(const Bounds& other) const {

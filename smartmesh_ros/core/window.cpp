@@ -25,20 +25,21 @@ GridExtent extent_of(const GridPose& pose, double resolution, const Bounds& boun
   return extent;
 }
 
-CellRange cells_under(const HeightGrid& grid, double time, const Bounds& bounds) {
-  const GridExtent extent = extent_of(grid.pose_at(time), grid.resolution, bounds);
+CellRange cells_under(const HeightGrid& grid, const GridPose& pose, const Bounds& bounds) {
+  const GridExtent extent = extent_of(pose, grid.resolution, bounds);
   if (!extent.meets(grid)) return {};
   const int last_row = grid.rows - 2, last_column = grid.columns - 2;
   return {floor_within(extent.low.row, 0, last_row), floor_within(extent.low.column, 0, last_column),
           floor_within(extent.high.row, 0, last_row) + 1, floor_within(extent.high.column, 0, last_column) + 1};
 }
 
-void read_window(const HeightGrid& grid, const CellRange& cells, double time, double ahead, Window& window) {
+void read_window(const HeightGrid& grid, const GridPose& pose, const CellRange& cells, double time, double ahead,
+                 Window& window) {
   const int top = cells.top - 1, left = cells.left - 1;
   window.rows = cells.bottom - cells.top + 3;
   window.columns = cells.right - cells.left + 3;
   window.resolution = grid.resolution;
-  window.pose = grid.pose_at(time).from({static_cast<double>(top), static_cast<double>(left)}, grid.resolution);
+  window.pose = pose.from({static_cast<double>(top), static_cast<double>(left)}, grid.resolution);
   const std::size_t count = static_cast<std::size_t>(window.rows) * window.columns;
   window.heights.resize(count);
   window.ahead = ahead;

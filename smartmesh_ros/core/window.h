@@ -63,11 +63,12 @@ struct GridExtent {
 // Returns the rows and columns between which the horizontal extent of `bounds` lies.
 GridExtent extent_of(const GridPose& pose, double resolution, const Bounds& bounds);
 
-// Returns the cells of a grid at `time` [s] that the horizontal extent of `bounds` meets.
-CellRange cells_under(const HeightGrid& grid, double time, const Bounds& bounds);
+// Returns the cells of a grid at a pose that the horizontal extent of `bounds` meets.
+CellRange cells_under(const HeightGrid& grid, const GridPose& pose, const Bounds& bounds);
 
-// Reads the samples of some cells of a grid at `time` [s], with one more ring of samples around them, into `window`.
-// Velocities are means over the time `ahead` [s]; zero = they are not read.
-void read_window(const HeightGrid& grid, const CellRange& cells, double time, double ahead, Window& window);
+// Reads the samples of some cells of a grid at `time` [s], when it has a pose, with one more ring of samples around them,
+// into `window`. Velocities are means over the time `ahead` [s]; zero = they are not read.
+void read_window(const HeightGrid& grid, const GridPose& pose, const CellRange& cells, double time, double ahead,
+                 Window& window);
 
 }  // namespace smartmesh

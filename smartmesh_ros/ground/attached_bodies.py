@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -16,6 +17,7 @@ from smartmesh_ros.ground.config import SleepConfig, time_step_of
 from smartmesh_ros.ground.followers import Belt, Follower, Followers
 from smartmesh_ros.ground.map_contacts import MapContacts, SoilSupport, SteppedSoil, missing_for
 from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.ground.shown_ground import ShownGround
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.patches.config import PatchConfig, require_usable
@@ -53,6 +55,7 @@ class AttachedBodies:
         self.refreshes = self.rescues = 0
         self.soil: SteppedSoil | None = None
         self._soil_revision = 0  # of the places of soils that bodies stand on
+        self._shown: ShownGround | None = None
         self._client = client
         self.patches = ShownPatches(self.terrain, self.config, self.followers, self.stopwatch)
         self.contacts = self._new_contacts(self.config)
@@ -73,7 +76,7 @@ class AttachedBodies:
         """Make a ground that answers questions about its terrain, and refuses what needs a client."""
         nobody: Any = NoClient()
         vars(self).update(state, _client=nobody, patches=nobody, contacts=nobody)
-        self.followers, self.stopwatch, self.soil = Followers(), Stopwatch(), None
+        self.followers, self.stopwatch, self.soil, self._shown = Followers(), Stopwatch(), None, None
         self.no_proxies, self._may_sleep, self._sleep = NoClient.WHY, None, SleepConfig()
         self.refreshes, self.rescues, self._stale, self._steps = 0, 0, True, 1
 
@@ -116,7 +119,7 @@ class AttachedBodies:
 
     def is_ground(self, body: int) -> bool:
         """Return True if a PyBullet body stands for the ground, such as the other body of a contact point."""
-        return self.contacts.is_ground(body)
+        return self.contacts.is_ground(body) or body in self.shown.values()
 
     def detach(self, body: int) -> None:
         """Take ``body`` and its links off the ground. A body that is removed from PyBullet is taken off by itself, but
@@ -200,6 +203,8 @@ class AttachedBodies:
         settings."""
         self._require_usable(config)
         self._require_exact_for(self.soil, config)
+        if self._shown is not None and not self._is_exact(config):
+            raise InputError("show", f"patches of the kind {config.kind!r} are no ground that is drawn; hide it first")
         self.wake()
         if self._is_exact(config) != self.contacts.exact:
             self._exchange_contacts(config)
@@ -210,9 +215,43 @@ class AttachedBodies:
 
     def close(self) -> None:
         """Detach all bodies, and leave the client to another ground."""
+        self.hide()
         for follower in list(self.followers):
             self.detach(follower.body)
         self.contacts.close()
+
+    def show(self, rate: float = 10.0) -> None:
+        """Draw the ground in PyBullet's window and pictures, where its rays meet it: now, and with later steps and
+        updates at most ``rate`` [Hz] times a second of simulated time. Nothing touches what is drawn.
+
+        Maps are drawn with their holes and the colours of their friction; those of more than 256 samples a side at
+        every 2nd, 3rd, ... sample. Raises `InputError` if contacts do not come from the map, or the rate is no number
+        above zero.
+        """
+        if not (math.isfinite(rate) and rate > 0.0):
+            raise InputError("rate", f"the ground is drawn at a rate of {rate} Hz; it must be finite and above zero")
+        contacts = self._require_map("show", "the ground is drawn")
+        contacts.require_client()
+        if self._shown is None:
+            self._shown = contacts.shown(rate)
+        self._shown.rate = rate
+        self._shown.draw(self.clock)
+
+    def hide(self) -> None:
+        """Remove what `show` draws."""
+        if self._shown is not None:
+            self._shown.close()
+            self._shown = None
+
+    @property
+    def drawn(self) -> float:
+        """Rate at which the ground is drawn [Hz]; 0 = it is not."""
+        return 0.0 if self._shown is None else self._shown.rate
+
+    @property
+    def shown(self) -> dict[str, int]:
+        """PyBullet's bodies of the drawn tiles, by the tiles' names: the ids that rays report."""
+        return {} if self._shown is None else self._shown.bodies
 
     def set_soil(self, soil: SteppedSoil | None) -> None:
         """Let bodies stand on a soil of one of the terrain's height maps, such as a `Soil`, from now on; None =
@@ -249,6 +288,12 @@ class AttachedBodies:
         }
 
     @property
+    def clock(self) -> float:
+        """Time [s] at the start of the next step. PyBullet's steps advance it, whoever calls them; with colliders of
+        PyBullet's own it is that of the last update."""
+        return self.contacts.time
+
+    @property
     def exact(self) -> bool:
         """True if contacts come from the map itself."""
         return self.contacts.exact
@@ -260,10 +305,13 @@ class AttachedBodies:
 
     def require_belts(self) -> MapContacts:
         """Return the contacts, in which surfaces can move; raises `InputError` if they are PyBullet's own."""
+        return self._require_map("surface", "a surface moves")
+
+    def _require_map(self, reason: str, what: str) -> MapContacts:
         if isinstance(self.contacts, MapContacts):
             return self.contacts
         cause = self.no_proxies or f"the kind of patch is {self.config.kind!r}; choose 'auto'"
-        raise InputError("surface", f"a surface moves only where contacts come from the map itself: {cause}")
+        raise InputError(reason, f"{what} only where contacts come from the map itself: {cause}")
 
     def _has(self, mesh: MainMesh) -> bool:
         """Return True if a mesh is a tile of the terrain."""

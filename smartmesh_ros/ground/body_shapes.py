@@ -10,7 +10,8 @@ import pybullet as pb
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.map_contacts import missing_for, number_in
+from smartmesh_ros.ground.layout_probe import number_of
+from smartmesh_ros.ground.map_contacts import missing_for
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.patches.shapes import BodyShape, ball, compound, part_of, primitive
 
@@ -24,7 +25,7 @@ def read_shapes(client: Any, body: int) -> dict[int, BodyShape]:
     if missing_for(client):
         return _reported_shapes(client, body)
     try:
-        found = CORE.shapes_of(number_in(client), body)
+        found = CORE.shapes_of(number_of(client), body)
     except ValueError as error:
         raise InputError("geometry", f"body {body} cannot stand on the ground: {error}") from None
     return {link: compound([part_of(*part) for part in parts]) for link, parts in found.items()}

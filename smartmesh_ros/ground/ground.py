@@ -82,9 +82,9 @@ FASTEST_RESCUED = 5.0
 class Ground(SavedBodies):
     """The deforming terrain as ground of the attached bodies of a PyBullet world.
 
-    Contacts come from the map itself. Where that is impossible, because the client is not a DIRECT one, or
-    ``config.kind`` asks for it, each body has a small collider of PyBullet's own instead; ``no_proxies`` tells why,
-    empty if contacts can come from the map.
+    Contacts come from the map itself. Where that is impossible, because the client's server runs in another process,
+    or ``config.kind`` asks for it, each body has a small collider of
+    PyBullet's own instead; ``no_proxies`` tells why, empty if contacts can come from the map.
 
     ``client`` is a connected `pybullet_utils.bullet_client.BulletClient` or the module ``pybullet`` itself. `attach`
     bodies, and call `step` in place of ``stepSimulation``. If you call ``stepSimulation`` yourself, contacts come from
@@ -148,6 +148,7 @@ class Ground(SavedBodies):
         if not contacts.exact:
             self._require_usable(self.config)
             contacts.refresh()
+        self._draw(time)
         self._stale = False
 
     def go_on(self, time: float, dt: float) -> bool:
@@ -155,9 +156,14 @@ class Ground(SavedBodies):
         an `update`."""
         time = checked_time(time)
         if not (self._stale or self._must_update(time, dt)):
+            self._draw(time)
             return False
         self.update(time, dt, self._steps)
         return True
+
+    def _draw(self, time: float) -> None:
+        if self._shown is not None:
+            self._shown.refresh(time)
 
     def _must_update(self, time: float, dt: float) -> bool:
         followers, contacts = self.followers, self.contacts

@@ -1,4 +1,4 @@
-"""Contacts straight from the map, in DIRECT clients.
+"""Contacts straight from the map.
 
 Each attached body or link has a ground proxy: a PyBullet body that stands for the ground near it. The C++ core, loaded
 into PyBullet as a plugin, works out the contacts of the two from height maps and meshes, in each ``stepSimulation``.
@@ -9,18 +9,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pybullet as pb
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
+from smartmesh_ros.ground.layout_probe import misread, number_of
+from smartmesh_ros.ground.shown_ground import FAR_AWAY, ShownGround
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -58,54 +58,27 @@ class SoilSupport(NamedTuple):
     carried: float
 
 
-# What the names of the plugin's functions end with.
-POSTFIX = "_smartmesh"
-
-
-# Pose and velocities of a body that is read both ways: (x, y, z) [m], quaternion (x, y, z, w), [m/s], [rad/s].
-PROBE = ((1.0, -2.0, 3.0), (0.6, 0.0, 0.0, 0.8), (0.1, 0.2, -0.3), (-0.4, 0.5, 0.6))
+# Kinds of clients whose server runs in another process, whose memory the core does not see.
+ELSEWHERE = (pb.SHARED_MEMORY, pb.UDP, pb.TCP)
 
 
 def missing_for(client: Any) -> str:
     """Return why a client cannot have ground proxies, empty if it can."""
-    method = client.getConnectionInfo().get("connectionMethod")
-    if method != pb.DIRECT:
-        return "the PyBullet client is not a DIRECT one"
-    if client.loadPlugin(CORE.__file__, POSTFIX) < 0:
+    if wrong := misread():
+        return f"the core was built for another PyBullet: the two differ in {wrong}"
+    if client.getConnectionInfo().get("connectionMethod") in ELSEWHERE:
+        return "the PyBullet server of this client runs in another process"
+    if number_of(client) < 0:
         return f"this PyBullet does not load the core {CORE.__file__}"
-    return "" if reads_as_pybullet() else "the core was built for another PyBullet"
-
-
-def number_in(client: Any) -> int:
-    """Return the core's number of the world of a client for which nothing is `missing_for`."""
-    return int(client.executePluginCommand(client.loadPlugin(CORE.__file__, POSTFIX), "number", []))
+    return ""
 
 
 def ground_in(client: Any) -> Any:
     """Return the core's ground in a client; raises `InputError` if the client has one already."""
     try:
-        return CORE.Ground(number_in(client))
+        return CORE.Ground(number_of(client))
     except RuntimeError as error:
         raise InputError("client", str(error)) from None
-
-
-@cache
-def reads_as_pybullet() -> bool:
-    """Return True if the core finds in Bullet's memory what PyBullet reports of a rigid body and a multibody."""
-    client: Any = BulletClient(pb.DIRECT)
-    core, found = ground_in(client), np.zeros((2, 13))
-    try:
-        shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=0.1)
-        for slot in range(2):
-            body = client.createMultiBody(
-                1.0, shape, basePosition=PROBE[0], baseOrientation=PROBE[1], useMaximalCoordinates=slot
-            )
-            client.resetBaseVelocity(body, PROBE[2], PROBE[3])
-            core.attach(slot, body, -1, -1)
-        core.read(np.arange(2), found)
-    finally:
-        client.disconnect()
-    return np.allclose(found, np.concatenate(PROBE), rtol=0.0, atol=1e-9)
 
 
 class MapContacts:
@@ -213,6 +186,10 @@ class MapContacts:
         """Move the surface of a follower by its belt."""
         self._core.drive(follower.slot, follower.belt.axis, follower.belt.speed)
 
+    def shown(self, rate: float) -> ShownGround:
+        """Return the ground as PyBullet draws it and its rays meet it, not drawn yet."""
+        return ShownGround(self._client, self._core, self._terrain, rate)
+
     def set_soil(self, soil: Any) -> None:
         """Take contacts from a core's soil where its map is; None = from the map itself."""
         self.require_client()
@@ -260,9 +237,11 @@ class MapContacts:
         return float(self._core.duration)
 
     def require_client(self) -> None:
-        """Raise `InputError` if the client was reset or closed."""
+        """Raise `InputError` if the client was reset or closed, and PyBullet's error if a step failed in the core."""
         if not self._core.is_there:
             raise InputError("client", "the PyBullet client was reset or closed: close this ground, and make another")
+        if fault := self._core.take_fault():
+            raise pb.error(f"in a step of PyBullet a body had no contacts with the ground: {fault}")
 
     def is_ground(self, body: int) -> bool:
         """Return True if a PyBullet body is a proxy."""
@@ -294,8 +273,8 @@ class MapContacts:
         client = self._client
         if self._shape is None or self._visual is None:
             self._shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=1e-3)
-            self._visual = client.createVisualShape(pb.GEOM_BOX, halfExtents=[1e-3] * 3)
-        uid = int(client.createMultiBody(0.0, self._shape, self._visual, useMaximalCoordinates=1))
+            self._visual = client.createVisualShape(pb.GEOM_BOX, halfExtents=[0.0] * 3)  # so that no picture has it
+        uid = int(client.createMultiBody(0.0, self._shape, self._visual, FAR_AWAY, useMaximalCoordinates=1))
         # PyBullet multiplies the coefficients of the two bodies, so 1 leaves the body's own coefficients in effect.
         with undone(lambda: client.removeBody(uid)):
             client.changeDynamics(uid, -1, lateralFriction=1.0, restitution=1.0)

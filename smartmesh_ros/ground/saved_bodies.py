@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,8 @@ class SavedBodies(AttachedBodies):
         `changeDynamics`, and settings. Raises `InputError` if contacts do not come from the map, or the file cannot be
         written.
         """
-        data = self._state()
+        with self._hidden():
+            data = self._state()
         if file is not None:
             state_file.write(data, file)
         self.restore_state(data)
@@ -55,6 +57,12 @@ class SavedBodies(AttachedBodies):
         )
         self._drop_gone()
         self._require_same(tree)
+        with self._hidden():
+            self._replace(contacts, tree, terrain)
+        return float(tree["time"])
+
+    def _replace(self, contacts: MapContacts, tree: dict[str, Any], terrain: Terrain) -> None:
+        """Take a state that was read; on an error everything is as before."""
         before = self._memory(contacts)
         with state_file.foreign_refused(), undone(lambda: self._recall(contacts, before)):
             undo = self.terrain.become(terrain)
@@ -62,7 +70,6 @@ class SavedBodies(AttachedBodies):
                 if self.soil is not None:
                     self.soil.become(self.terrain, tree["soil"], tree["tile"])
                 self._recall(contacts, tree)
-        return float(tree["time"])
 
     def forget(self) -> None:
         """Forget the past of all bodies but poses and velocities: contacts, their impulses and order, rest, and how the
@@ -133,11 +140,20 @@ class SavedBodies(AttachedBodies):
         return lambda: None if known is None else vars(self.soil).update(known)
 
     def _exact_contacts(self) -> MapContacts:
-        if isinstance(self.contacts, MapContacts):
-            self.contacts.require_client()
-            return self.contacts
-        why = self.no_proxies or f"the kind of patch is {self.config.kind!r}; choose 'auto'"
-        raise InputError("state", f"a state is saved and restored only where contacts come from the map: {why}")
+        contacts = self._require_map("state", "a state is saved and restored")
+        contacts.require_client()
+        return contacts
+
+    @contextmanager
+    def _hidden(self) -> Iterator[None]:
+        """Draw no ground in the block, whose bodies are no part of a state."""
+        rate = self.drawn
+        self.hide()
+        try:
+            yield
+        finally:
+            if rate:
+                self.show(rate)
 
     def _require_same(self, tree: dict[str, Any]) -> None:
         """Raise `InputError` if a state is that of other bodies."""

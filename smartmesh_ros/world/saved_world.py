@@ -107,7 +107,7 @@ class SavedWorld(Population):
         robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
         if any(body.belts for body in snapshot.bodies):
             self.ground.require_belts()
-        before = dict(vars(self))
+        before, drawn = dict(vars(self)), self.ground.drawn
         with state_file.foreign_refused(), self._other_ground(state) as soil, undone(lambda: self._back_to(before)):
             self._refreshes, self._rescues = self.refreshes, self.rescues
             if isinstance(state, WorldState):
@@ -117,6 +117,8 @@ class SavedWorld(Population):
             self._fill(snapshot, robots)
             if isinstance(state, WorldState):
                 self._recall(state)
+            if drawn:
+                self.ground.show(drawn)
         if before["client"].isConnected():
             before["client"].disconnect()
 

@@ -1,5 +1,6 @@
 """Shapes read from PyBullet hold what PyBullet collides."""
 
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import pybullet as pb
 import pybullet_data
 import pytest
 
-from smartmesh_ros import Box, Capsule, Cylinder, Sphere
+from smartmesh_ros import Box, Capsule, Cylinder, Ground, HeightMap, Sphere
 from smartmesh_ros.ground import body_shapes
 from smartmesh_ros.ground.body_shapes import read_shapes
 from smartmesh_ros.patches.shapes import BodyShape, ShapeKind
@@ -126,3 +127,19 @@ def test_a_mesh_of_several_objects_is_their_compound_or_without_the_core_in_pybu
 
 def test_a_body_without_a_shape_has_no_size(client: Any) -> None:
     assert not read_shapes(client, client.createMultiBody(1.0))
+
+
+def test_a_margin_that_changes_after_the_first_contact_counts(client: Any) -> None:
+    client.setGravity(0.0, 0.0, -9.81)
+    corners = np.array(np.meshgrid([-0.2, 0.2], [-0.2, 0.2], [-0.2, 0.2])).reshape(3, 8).T
+    form = client.createCollisionShape(pb.GEOM_MESH, vertices=corners.tolist())
+    with closing(Ground(client, HeightMap(np.zeros((9, 9)), resolution=0.5, origin=(-2.0, -2.0)))) as ground:
+        body = client.createMultiBody(1.0, form, basePosition=[0.0, 0.0, 0.22])
+        ground.attach(body)
+        heights = []
+        for margin in (0.001, 0.05):
+            client.changeDynamics(body, -1, collisionMargin=margin)
+            for _ in range(240):
+                client.stepSimulation()
+            heights.append(client.getBasePositionAndOrientation(body)[0][2])
+    assert heights[1] - heights[0] == pytest.approx(0.049, abs=1e-3)

@@ -31,6 +31,8 @@ class Scene:
     def __init__(self, *, soil: bool, seed: int = 0) -> None:
         client: Any = BulletClient(pb.DIRECT)
         client.setGravity(0.0, 0.0, -9.81)
+        # PyBullet shares it among all worlds of a process, so that it is another one after tests of `World`.
+        client.setPhysicsEngineParameter(contactBreakingThreshold=0.02)
         self.client, self.soil = client, soil
         self.map = HeightMap(self.heights(0.0), resolution=0.1, origin=(-3.0, -3.0))
         self.ground = Ground(client, self.map)

@@ -1,6 +1,7 @@
 """Several maps make one terrain: patches cross from tile to tile without a step or a hole."""
 
 import math
+import resource
 from itertools import pairwise
 
 import numpy as np
@@ -120,3 +121,29 @@ def test_a_body_stays_with_its_tile_where_tiles_overlap() -> None:
         tiles.append(batch.tile)
     assert [tiles[0], tiles[40], tiles[-1]] == ["west", "east", "west"]
     assert sum(a != b for a, b in pairwise(tiles)) == 2
+
+
+def test_features_at_a_seam_keep_their_names_while_the_body_moves() -> None:
+    """So that a contact is found again, and starts with its impulse of the last step."""
+    from smartmesh_ros.core import CORE
+
+    grids = [tile(x, -0.5, 11, 11, 0.1).core_reader for x in (-1.0, 0.0)]
+    names = set()
+    for x in np.linspace(-0.3, 0.3, 25):
+        # A ball above a sample of the seam, in a window that is the larger the faster the ball goes along it.
+        pose = np.vstack([np.eye(3), [0.0, 0.0, float(surface(np.float64(0.0), np.float64(0.0))) + 0.19]])
+        motion = np.array([[60.0 * x, 0.0, 0.0], [0.0, 0.0, 0.0]])
+        found = CORE.find_contacts(CORE.Shape.ball(0.2), grids, pose, motion, 0.01, 0.02)
+        names |= {(round(float(row[0]), 6), round(float(row[1]), 6), row[8]) for row in found}
+    assert names and len(names) == len({place[:2] for place in names})
+
+
+def test_a_fast_body_over_two_fine_tiles_reads_only_what_is_there() -> None:
+    """Without a limit 41 m x 41 m at 1 cm would be 17 million samples, or half a gigabyte."""
+    terrain = terrain_of(west=tile(-0.5, -0.5, 51, 51, 0.01), east=tile(0.0, -0.5, 51, 51, 0.01))
+    terrain.shift_time(-10.0)
+    with World(terrain) as world:
+        world.spawn("fast", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 5.0), linear=(7000.0, 7000.0, -2000.0)))
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        world.step(2)
+        assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000  # [KiB]

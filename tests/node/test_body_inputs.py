@@ -116,7 +116,7 @@ def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(
     domain: int, capfd: pytest.CaptureFixture[str], looped: bool
 ) -> None:
     """A recording of three seconds in a loop without a clock, and transforms typed by hand."""
-    with fed({"bodies.frames": ["rover=base_link"], "frame_id": "map"}) as node:
+    with fed({"bodies.frames": ["rover=base_link"], "frame_id": "map", "bodies.timeout": 60.0}) as node:
         for number in range(90):
             message, tenths = transform(node, "map", "base_link", 0.05 * (number % 30), 0.0), number % 30
             at = Time(sec=1_000_000 + tenths // 10, nanosec=tenths % 10 * 100_000_000)

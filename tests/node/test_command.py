@@ -26,11 +26,10 @@ Command = Callable[..., str]
 @pytest.fixture(scope="module")
 def remote(shared_node: tuple[Probe, Process]) -> Iterator[Remote]:
     """The node as all commands of the module see it: each process of its own would have to discover it first."""
-    context = rclpy.get_default_context()
-    rclpy.init(context=context)
+    rclpy.init()
     with closing(Remote(shared_node[0].collider)) as made:
         yield made
-    context.try_shutdown()
+    rclpy.try_shutdown()
 
 
 @pytest.fixture

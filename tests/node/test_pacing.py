@@ -195,7 +195,7 @@ def test_stalls_of_the_loop_give_the_ground_no_velocity(
     """In a loop that has time otherwise, stalls of a mean length [s] come with a probability, before a step and before
     a map. The velocity of ground that rises evenly is its rise by the time between stamps, nearly."""
     speed, start, rng = 0.1, 1000.0, np.random.default_rng(seed)
-    now, time, sent = [start], 0.0, start
+    now, time, sent = [start], 1.0, start  # the map of the start is that of zero
     pacer, clock, queue = Pacer(PERIOD, policy, lambda: now[0]), StampClock(), deque[float](maxlen=10)
     tile = HeightMap(np.zeros((6, 6)), resolution=0.1)
 

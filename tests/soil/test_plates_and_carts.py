@@ -206,7 +206,7 @@ def test_a_box_sinks_upright_and_as_deep_wherever_its_edges_are_among_the_sample
 @pytest.mark.parametrize("rate", [60.0, 240.0])
 def test_energy_never_grows_in_set_downs(number: int, rate: float) -> None:
     rose = set_down(number, ("dry_sand", "lunar", "clay", "hit_lss1")[number % 4], rate=rate).rose
-    assert rose < (1e-4 if rate == 240.0 else 2e-3)
+    assert rose < (1e-4 if rate == 240.0 else 3e-3)
 
 
 def test_a_body_that_is_put_into_the_soil_is_not_thrown() -> None:

@@ -1,7 +1,5 @@
 #include "ground_algorithm.h"
 
-#include <map>
-#include <memory>
 #include <new>
 
 #include <BulletCollision/BroadphaseCollision/btCollisionAlgorithm.h>
@@ -31,7 +29,12 @@ class GroundAlgorithm final : public btCollisionAlgorithm {
                         const btDispatcherInfo& info, btManifoldResult* result) override {
     if (manifold_ == nullptr) manifold_ = m_dispatcher->getNewManifold(a->getCollisionObject(), b->getCollisionObject());
     result->setPersistentManifold(manifold_);
-    world_->touch(swapped_ ? *b : *a, swapped_ ? *a : *b, *manifold_, info.m_timeStep);
+    bool found = false;
+    world_->guarded([&] {
+      world_->touch(swapped_ ? *b : *a, swapped_ ? *a : *b, *manifold_, info.m_timeStep);
+      found = true;
+    });
+    if (!found) manifold_->setNumContacts(0);
   }
 
   btScalar calculateTimeOfImpact(btCollisionObject*, btCollisionObject*, const btDispatcherInfo&,
@@ -48,8 +51,10 @@ class GroundAlgorithm final : public btCollisionAlgorithm {
   btPersistentManifold* manifold_ = nullptr;
 };
 
-struct Create final : btCollisionAlgorithmCreateFunc {
-  Create(BulletWorld* of, bool is_swapped) : world(of) { m_swapped = is_swapped; }
+}  // namespace
+
+struct CreateGroundAlgorithm final : btCollisionAlgorithmCreateFunc {
+  CreateGroundAlgorithm(BulletWorld* of, bool is_swapped) : world(of) { m_swapped = is_swapped; }
   btCollisionAlgorithm* CreateCollisionAlgorithm(btCollisionAlgorithmConstructionInfo& info,
                                                  const btCollisionObjectWrapper*,
                                                  const btCollisionObjectWrapper*) override {
@@ -59,28 +64,34 @@ struct Create final : btCollisionAlgorithmCreateFunc {
   BulletWorld* world;
 };
 
+namespace {
+
 // The dispatcher's table of contacts, which only derived classes may write without Bullet's own library.
 struct Tables : btCollisionDispatcher {
-  void set(int kind, Create* one, Create* other) {
-    m_doubleDispatchContactPoints[kind][GROUND_SHAPE_TYPE] = one;
-    m_doubleDispatchContactPoints[GROUND_SHAPE_TYPE][kind] = other;
-  }
+  auto& of(int kind, int other) { return m_doubleDispatchContactPoints[kind][other]; }
 };
 
-// Both ways round, for each world; they must live as long as PyBullet's world.
-std::map<BulletWorld*, std::unique_ptr<Create>> straight, swapped;
+Tables& tables_of(const btDiscreteDynamicsWorld& world) {
+  return *static_cast<Tables*>(const_cast<btDiscreteDynamicsWorld&>(world).getDispatcher());
+}
 
 }  // namespace
 
-void register_algorithm(btDiscreteDynamicsWorld& world, BulletWorld* ground) {
-  auto& one = straight[ground];
-  auto& other = swapped[ground];
-  if (one == nullptr) {
-    one = std::make_unique<Create>(ground, false);
-    other = std::make_unique<Create>(ground, true);
+GroundAlgorithms::GroundAlgorithms(BulletWorld* ground)
+    : straight_(std::make_unique<CreateGroundAlgorithm>(ground, false)),
+      swapped_(std::make_unique<CreateGroundAlgorithm>(ground, true)) {}
+
+GroundAlgorithms::~GroundAlgorithms() = default;
+
+void GroundAlgorithms::enter(btDiscreteDynamicsWorld& world) const {
+  for (int kind : CONVEX_KINDS) {
+    tables_of(world).of(kind, GROUND_SHAPE_TYPE) = straight_.get();
+    tables_of(world).of(GROUND_SHAPE_TYPE, kind) = swapped_.get();
   }
-  auto& tables = *static_cast<Tables*>(world.getDispatcher());
-  for (int kind : CONVEX_KINDS) tables.set(kind, one.get(), other.get());
+}
+
+bool GroundAlgorithms::are_in(const btDiscreteDynamicsWorld& world) const {
+  return tables_of(world).of(CONVEX_KINDS[0], GROUND_SHAPE_TYPE) == straight_.get();
 }
 
 }  // namespace smartmesh

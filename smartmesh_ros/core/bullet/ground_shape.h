@@ -5,19 +5,20 @@
 #include <BulletCollision/CollisionShapes/btTriangleCallback.h>
 
 #include "convert.h"
-#include "surface.h"
 
 namespace smartmesh {
+
+class BulletWorld;
 
 // Type of the shape in Bullet's tables: a concave one that Bullet itself does not use. The one for custom shapes is that
 // of signed distance fields, too, and Bullet's own algorithms cast it to one.
 constexpr int GROUND_SHAPE_TYPE = FAST_CONCAVE_MESH_PROXYTYPE;
 
 // Bounds follow the body; the surface and the time are the world's. Contacts come from `GroundAlgorithm`; the triangles
-// serve whatever else asks Bullet, such as rays and shapes of unknown kinds.
+// serve whatever else asks Bullet, such as shapes of unknown kinds, and rays where the ground is not drawn.
 class GroundShape final : public btConcaveShape {
  public:
-  GroundShape(Surface* surface, const double* time) : surface_(surface), time_(time) {
+  explicit GroundShape(BulletWorld* world) : world_(world) {
     m_shapeType = GROUND_SHAPE_TYPE;
     setMargin(0.0);
   }
@@ -43,8 +44,7 @@ class GroundShape final : public btConcaveShape {
   btVector3 origin{0.0, 0.0, 0.0};  // of the proxy in the world; it is never turned
 
  private:
-  Surface* surface_;
-  const double* time_;
+  BulletWorld* world_;
   btVector3 scaling_{1.0, 1.0, 1.0};
 };
 

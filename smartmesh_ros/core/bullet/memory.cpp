@@ -30,12 +30,12 @@ constexpr std::size_t PART = sizeof(PartMemory) / sizeof(double);
 }  // namespace
 
 void BulletWorld::find_parts(Slot& slot) {
-  if (slot.parts.empty()) add_parts(*slot.object->getCollisionShape(), slot.parts);
+  if (slot.leaves.empty()) add_parts(*slot.object->getCollisionShape(), slot.leaves);
 }
 
 int BulletWorld::part_number(Slot& slot, const btCollisionShape& shape) {
   find_parts(slot);
-  return static_cast<int>(std::find(slot.parts.begin(), slot.parts.end(), &shape) - slot.parts.begin());
+  return static_cast<int>(std::find(slot.leaves.begin(), slot.leaves.end(), &shape) - slot.leaves.begin());
 }
 
 SlotMemory BulletWorld::memory_of(int index) const {
@@ -76,12 +76,12 @@ bool BulletWorld::recall_parts(int index, const double* numbers, std::size_t cou
     if (count < PART) return false;
     const PartMemory memory = *reinterpret_cast<const PartMemory*>(numbers);
     const double most = static_cast<double>(count - PART);
-    if (!(memory.number >= 0.0 && memory.number < slot.parts.size() && memory.contacts >= 0.0 && memory.rim >= 0.0 &&
+    if (!(memory.number >= 0.0 && memory.number < slot.leaves.size() && memory.contacts >= 0.0 && memory.rim >= 0.0 &&
           memory.contacts + memory.rim <= most))
       return false;
     const auto contacts = static_cast<std::size_t>(memory.contacts), rim = static_cast<std::size_t>(memory.rim);
     const int number = static_cast<int>(memory.number);
-    const Convex* convex = convex_of_part(slot, *slot.parts[number]);
+    const Convex* convex = convex_of_part(slot, *slot.leaves[number]);
     SoilPart& part = parts[number];
     if (convex == nullptr || !part.rim.read(numbers + PART + contacts, rim)) return false;
     part.shape = pressing_shape(*convex);

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "soil_in_step.h"
+#include "step_lock.h"
 #include "tables.h"
 
 namespace smartmesh {
@@ -37,21 +38,29 @@ struct Soil {
   void set_kinds(Bytes2 kinds) {
     const HeightGrid& map = soil.lattice.map();
     check_table(kinds, static_cast<std::size_t>(map.rows), static_cast<std::size_t>(map.columns), "kinds");
+    const StepLock lock;
     soil.lattice.set_kinds(kinds.data());
   }
   // Returns the rows and columns (n, 2), and the heights (n,) of the samples of the map that were pressed.
   auto take_pressed() {
     std::vector<std::int64_t> places;
     std::vector<float> heights;
-    for (const PressedNode& node : soil.lattice.take_pressed())
-      places.insert(places.end(), {node.row, node.column}), heights.push_back(node.height);
+    {
+      const StepLock lock;
+      for (const PressedNode& node : soil.lattice.take_pressed())
+        places.insert(places.end(), {node.row, node.column}), heights.push_back(node.height);
+    }
     const std::size_t count = heights.size();
     return std::make_tuple(array_of<std::int64_t, 2>(places, {count, 2}), array_of<float, 1>(heights, {count}));
   }
   // Returns what it knows of the past: places (n,) and samples (n, 5) of SoilMemory, nodes (k,), their heights (k,), pressed
   // nodes (p,), and the number of the next step.
   auto memory() const {
-    const SoilMemory found = soil.lattice.memory();
+    SoilMemory found;
+    {
+      const StepLock lock;
+      found = soil.lattice.memory();
+    }
     const std::size_t count = found.places.size();
     std::vector<double> samples;
     for (const FineSample& it : found.samples)
@@ -76,6 +85,7 @@ struct Soil {
       memory.samples.push_back({it[0], {it[1], it[2]}, static_cast<float>(it[3]), static_cast<std::int32_t>(it[4])});
     }
     if (step < 2) throw std::invalid_argument("the step of a soil is out of its range");
+    const StepLock lock;
     soil.lattice.recall(memory);
     soil.go_on_from(step);
   }
@@ -83,6 +93,7 @@ struct Soil {
   void sinkage(States found) {
     const HeightGrid& map = soil.lattice.map();
     check_table(found, static_cast<std::size_t>(map.rows), static_cast<std::size_t>(map.columns), "sinkage");
+    const StepLock lock;
     soil.lattice.read_sinkage(found.data());
   }
 };

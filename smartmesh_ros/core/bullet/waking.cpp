@@ -176,7 +176,7 @@ void BulletWorld::look_beside() {
   for (int k = 0; k < objects.size(); ++k) {
     const btCollisionObject& object = *objects[k];
     if (object.getCollisionShape()->getShapeType() == GROUND_SHAPE_TYPE || object.getBroadphaseHandle() == nullptr) continue;
-    if (!object.isStaticOrKinematicObject() && is_attached(object)) continue;
+    if (is_untouchable(object) || (!object.isStaticOrKinematicObject() && is_attached(object))) continue;
     const auto known = before.find(&object);
     beside_.push_back(known == before.end() ? Beside{&object, object.getWorldTransform(), bounds_of(object)} : known->second);
     if (known != before.end()) before.erase(known);

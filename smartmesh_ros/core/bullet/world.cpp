@@ -6,7 +6,6 @@
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
-#include "ground_algorithm.h"
 #include "link_motion.h"
 
 namespace smartmesh {
@@ -17,11 +16,20 @@ ObjectName name_of(const btCollisionObject& object) {
   return {object.getUserIndex2(), -1};
 }
 
+BulletWorld::BulletWorld(WorldPlace place) : place_(place) { look(); }
+
+void BulletWorld::look() {
+  btDiscreteDynamicsWorld* now = *place_;
+  // A new world may lie where the one before was; its dispatcher does not know the ground.
+  if (now != world_ || (now != nullptr && !algorithms_.are_in(*now))) enter(now);
+}
+
 void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   world_ = world;
+  surface.set_tiles({}, {});
   soil = nullptr;
   ++worlds_;
-  owned = false;
+  owned = drawn = false;
   slots_.clear();
   bodies_.clear();
   gone_ = 0;
@@ -33,13 +41,22 @@ void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   told_.clear();
   ++sleep_changes_, objects_known_ = -1;
   if (world == nullptr) return;
-  register_algorithm(*world, this);
+  algorithms_.enter(*world);
   world->getSolverInfo().m_solverMode |= SOLVER_ENABLE_FRICTION_DIRECTION_CACHING;  // read the directions of our points
 }
 
 void require_rigid(const btCollisionObject& object) {
   if (object.getInternalType() == btCollisionObject::CO_SOFT_BODY)
     throw std::invalid_argument("it is soft, and only rigid bodies and robots collide with the map");
+}
+
+bool BulletWorld::leave() {
+  look();
+  if (world_ == nullptr) return true;
+  release();
+  untouchable_.leave(*world_);
+  world_ = nullptr;
+  return false;
 }
 
 btCollisionObject* BulletWorld::find(int body, int link) const {
@@ -57,7 +74,7 @@ void BulletWorld::release() {
   surface.set_tiles({}, {});
   rules_ = {};
   soil = nullptr;
-  owned = false;
+  owned = drawn = false;
 }
 
 BulletWorld::OfBody& BulletWorld::of_body(int body) {
@@ -83,7 +100,7 @@ bool BulletWorld::attach(int index, int body, int link, int proxy) {
   ++sleep_changes_, objects_known_ = -1;
   if (ground == nullptr) return true;
   of_body(proxy).roles.push_back({index, true});
-  slot.shape = std::make_unique<GroundShape>(&surface, &time);
+  slot.shape = std::make_unique<GroundShape>(this);
   slot_of_ground_[slot.shape.get()] = index;
   slot.shape_before = ground->getCollisionShape();
   ground->setCollisionShape(slot.shape.get());
@@ -130,6 +147,12 @@ std::vector<int> BulletWorld::find_gone() const {
   for (std::size_t k = 0; gone_ > 0 && k < slots_.size(); ++k)
     if (slots_[k].used && slots_[k].body < 0) found.push_back(static_cast<int>(k));
   return found;
+}
+
+bool BulletWorld::keep_apart(int body) {
+  btCollisionObject* object = find(body, -1);
+  if (object != nullptr) untouchable_.keep_apart(*world_, *object);
+  return object != nullptr;
 }
 
 void BulletWorld::drive(int index, const Belt& belt) {

@@ -1,9 +1,11 @@
 // The ground in one Bullet world: a ground proxy for each attached body or link, and its contacts.
 #pragma once
 
+#include <exception>
 #include <memory>
 #include <optional>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include <BulletDynamics/Dynamics/btDiscreteDynamicsWorld.h>
@@ -11,10 +13,13 @@
 #include "bounds_hook.h"
 #include "contact_points.h"
 #include "contact_search.h"
+#include "ground_algorithm.h"
 #include "ground_shape.h"
 #include "rest.h"
+#include "server_world.h"
 #include "soil_in_step.h"
 #include "solid.h"
+#include "untouchable.h"
 
 namespace smartmesh {
 
@@ -34,6 +39,12 @@ ObjectName name_of(const btCollisionObject& object);
 // Throws `std::invalid_argument` if a body is soft.
 void require_rigid(const btCollisionObject& object);
 
+// A convex part of a body, as of its margin; without `convex` it is of unknown kind.
+struct KnownPart {
+  double margin;  // [m]
+  std::optional<Convex> convex;
+};
+
 // An attached body or link, by PyBullet's numbers, and its proxy, a body without mass.
 struct Slot {
   bool used = false, is_robot = false;
@@ -49,9 +60,16 @@ struct Slot {
   Vec3 turning;            // of the ground at a contact that has friction against turning, in the last step [rad/s]
   Belt belt;
   Rest rest;
-  std::unordered_map<const btCollisionShape*, std::optional<Convex>> shapes;  // none = of unknown kind
-  std::vector<const btCollisionShape*> parts;  // convex parts of its shape, found when it first touches soil
+  std::unordered_map<const btCollisionShape*, KnownPart> parts;
+  std::vector<const btCollisionShape*> leaves;  // convex parts of its shape, found when one first touches soil
   SoilParts on_soil;
+};
+
+// What the ground reads of a world's solver: `duration` [s] of the last step, shares of a penetration and of a friction
+// anchor's distance that a step corrects, and the penetration [m] that is left.
+struct SolverSettings {
+  Vec3 gravity;
+  double duration, erp, friction_erp, slop;
 };
 
 // What a slot knows of the past beside contacts, as numbers of Python; see Rest and Slot.
@@ -70,9 +88,14 @@ class BulletWorld {
   double margin = 0.001;  // distance up to which contacts are found beside the motion of a step [m]
   bool carry_velocity = true;
 
-  // Called by the plugin when PyBullet makes a world, at the start and at `resetSimulation`.
-  void enter(btDiscreteDynamicsWorld* world);
-  void leave() { world_ = nullptr; }
+  // Finds its Bullet world at a `place` of the server's memory.
+  explicit BulletWorld(WorldPlace place);
+  BulletWorld(const BulletWorld&) = delete;
+
+  // Takes the world that the server has now. Call it before anything else that is done from outside.
+  void look();
+  // Leaves the world for good. False if the world lives on, whose pairs then still name this object.
+  bool leave();
   // Detaches all bodies and forgets the tiles, which may go.
   void release();
   bool alive() const { return world_ != nullptr; }
@@ -84,6 +107,9 @@ class BulletWorld {
   bool attach(int slot, int body, int link, int proxy);
   void detach(int slot);
   bool has(int slot) const { return slot >= 0 && slot < static_cast<int>(slots_.size()) && slots_[slot].used; }
+  // Lets nothing touch a body from now on, which rays still meet; false if PyBullet has no such body.
+  bool keep_apart(int body);
+
   // Moves the surface of the body in a slot, which wakes the body if it sleeps in PyBullet.
   void drive(int slot, const Belt& belt);
 
@@ -124,6 +150,20 @@ class BulletWorld {
   void after_step();
   // Places the proxies for a collision query between steps.
   void before_query();
+  bool is_stepping() const { return stepping_; }
+  bool drawn = false;  // rays meet other bodies that stand for the ground
+
+  // Runs what Bullet calls. An exception must not pass through PyBullet: it is kept for `take_fault`.
+  template <class Action>
+  void guarded(Action&& action) noexcept {
+    try {
+      action();
+    } catch (...) {
+      fault_ = std::current_exception();
+    }
+  }
+  // Returns the last exception since the call before; null if there was none.
+  std::exception_ptr take_fault() { return std::exchange(fault_, nullptr); }
 
   // Finds the contacts of a body's shape with the ground of its proxy.
   void touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground, btPersistentManifold& manifold,
@@ -139,6 +179,9 @@ class BulletWorld {
   void forget();
   // Does what `restoreState` leaves out: inertias of rigid bodies as they are turned now.
   void take_restored();
+  // For a check of the memory's layout: what is read of the solver, and of the contacts of a slot in the last step.
+  SolverSettings settings() const;
+  std::vector<OldContact> contacts_of(int slot);
 
   bool owned = false;    // by a ground of Python
   SoilInStep* soil = nullptr;  // belongs to Python; null = none
@@ -157,6 +200,7 @@ class BulletWorld {
     bool wanted = false, driven = false, supported = false;
   };
   OfBody& of_body(int body);
+  void enter(btDiscreteDynamicsWorld* world);
   btCollisionObject* find(int body, int link) const;
   void list_slots();
   void read_velocity(Slot& slot) const;
@@ -198,8 +242,12 @@ class BulletWorld {
   // Returns the body in a slot as the soil sees it now, in a step of some duration [s].
   OnSoil on_soil(const Slot& slot, double step) const;
 
+  WorldPlace place_;
+  GroundAlgorithms algorithms_{this};
+  UntouchableFilter untouchable_;
   btDiscreteDynamicsWorld* world_ = nullptr;
   int worlds_ = 0;
+  std::exception_ptr fault_;
   std::vector<Slot> slots_;
   std::vector<OfBody> bodies_;  // by PyBullet's numbers
   std::unordered_map<const btCollisionShape*, int> slot_of_ground_;
@@ -237,7 +285,8 @@ class BulletWorld {
   btVector3 gravity_{0.0, 0.0, 0.0};
 };
 
-// Returns the world with the number that the plugin's command gave; null if its client was disconnected.
+// Returns the world with the number that the plugin's command gave; null if its client was disconnected, or its server runs
+// in another process.
 BulletWorld* world_of(int number);
 
 }  // namespace smartmesh

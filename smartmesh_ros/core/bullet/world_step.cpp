@@ -10,6 +10,7 @@
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
 #include "contact_points.h"
+#include "step_lock.h"
 
 namespace smartmesh {
 
@@ -37,7 +38,10 @@ void BulletWorld::before_step() {
 }
 
 void BulletWorld::before_query() {
-  if (!stepping_) place_proxies();
+  const StepLock lock;
+  guarded([&] {
+    if (world_ != nullptr && !stepping_) place_proxies();
+  });
 }
 
 void BulletWorld::place_proxies() {
@@ -45,7 +49,7 @@ void BulletWorld::place_proxies() {
   wake_disturbed();
   list_slots();
   for (int k : awake_)
-    if (slots_[k].ground != nullptr) place(slots_[k]);
+    if (slots_[k].ground != nullptr) guarded([&] { place(slots_[k]); });
 }
 
 void BulletWorld::after_step() {
@@ -74,9 +78,9 @@ void BulletWorld::press_soil() {
 // A robot rests on those of its links alike that touched the soil in the last step.
 OnSoil BulletWorld::on_soil(const Slot& slot, double step) const {
   int count = 0;
-  for (const Slot& other : slots_) {
-    if (!other.used || other.body != slot.body) continue;
-    for (const auto& [number, part] : other.on_soil) count += soil->was_near(part) && !part.up.empty();
+  for (const Role& role : bodies_[slot.body].roles) {
+    if (role.is_proxy) continue;
+    for (const auto& [number, part] : slots_[role.slot].on_soil) count += soil->was_near(part) && !part.up.empty();
   }
   OnSoil found;
   found.pose = from_bullet(slot.object->getWorldTransform());
@@ -132,9 +136,13 @@ void BulletWorld::place(Slot& slot) {
 }
 
 const Convex* BulletWorld::convex_of_part(Slot& slot, const btCollisionShape& shape) {
-  const auto [known, is_new] = slot.shapes.try_emplace(&shape);
-  if (is_new) known->second = convex_of(static_cast<const btConvexShape&>(shape));
-  return known->second ? &*known->second : nullptr;
+  const auto [known, is_new] = slot.parts.try_emplace(&shape);
+  KnownPart& part = known->second;
+  if (is_new || part.margin != shape.getMargin()) {
+    part = {shape.getMargin(), convex_of(static_cast<const btConvexShape&>(shape))};
+    slot.on_soil.erase(part_number(slot, shape));
+  }
+  return part.convex ? &*part.convex : nullptr;
 }
 
 void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground,

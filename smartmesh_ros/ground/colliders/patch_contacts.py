@@ -12,10 +12,11 @@ import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.ground.bullet import BulletCalls, undone
-from smartmesh_ros.ground.colliders.made import Field, MeshCollider, make_field, make_mesh, quarter_turn
+from smartmesh_ros.ground.colliders.made import Field, MeshCollider, make_field, make_mesh
 from smartmesh_ros.ground.colliders.whole_mesh import WholeMesh
 from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
+from smartmesh_ros.ground.height_field import quarter_turn
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig, is_mesh, is_whole
@@ -98,7 +99,7 @@ class PatchContacts:
         self._pairs = Pairs(client)
         self._held: dict[Follower, Field | MeshCollider] = {}
         self._whole = WholeMesh(client, terrain)
-        self._time = 0.0
+        self.time = 0.0
 
     def configure(self, config: PatchConfig) -> None:
         """Take settings from the next `refresh` on."""
@@ -131,7 +132,7 @@ class PatchContacts:
 
     def set_time(self, time: float, dt: float) -> None:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""
-        self._time = time
+        self.time = time
 
     def refresh(self) -> None:
         """Set the colliders to the patches of the followers."""
@@ -140,7 +141,7 @@ class PatchContacts:
         batches, supports = self._patches.batches, self._patches.supports
         with self._patches.stopwatch.stage("collider"):
             if is_whole(self._config.kind):
-                self._whole.update(self._config.kind, self._time)
+                self._whole.update(self._config.kind, self.time)
             else:
                 self._whole.release()
             self._apply(batches, supports)

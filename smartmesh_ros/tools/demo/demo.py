@@ -40,7 +40,7 @@ SOURCE = {
 }  # fmt: skip
 # Outputs whose rate is lowered to 10 Hz, so that two cores suffice for three processes.
 WATCHED = ("patches", "collider_patches", "body_states", "contacts", "joint_states", "odometry")
-COLLIDER = {f"publish.{topic}": 10.0 for topic in WATCHED}
+COLLIDER = {f"publish.{topic}": 10.0 for topic in WATCHED if topic != "odometry"}  # which has the rate of joint_states
 ROBOT = "husky"
 WHEELS = [f"{ROBOT}/{place}_wheel" for place in ("front_left", "front_right", "rear_left", "rear_right")]
 SHAPES = (

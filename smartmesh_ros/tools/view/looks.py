@@ -12,11 +12,9 @@ import trimesh
 from numpy.typing import NDArray
 from smartmesh_msgs.msg import BodyDescription
 
+from smartmesh_ros.terrain.colours import Colour
 from smartmesh_ros.terrain.grid import FloatArray
 
-Colour = tuple[int, int, int]
-
-GROUND: Colour = (196, 186, 168)
 TRACKED: Colour = (150, 150, 158)
 CONTACT: Colour = (214, 39, 40)
 SELECTED: Colour = (255, 214, 10)

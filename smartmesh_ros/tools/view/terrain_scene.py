@@ -11,11 +11,12 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from smartmesh_ros.terrain.colours import FRICTION, GROUND, Colour
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.view.decimation import decimate
-from smartmesh_ros.tools.view.looks import GROUND, Colour, Entry
+from smartmesh_ros.tools.view.looks import Entry
 
 # Height at which the colours of ground are drawn above it [m], below patches.
 LIFT = np.array([0.0, 0.0, 0.003], np.float32)
@@ -33,10 +34,10 @@ class Depth(Entry, Enum):
 class Grip(Entry, Enum):
     """Entries of the legend of the ground's friction; 1 has the colour of ground."""
 
-    ICE = "friction below 0.3", (112, 176, 236), 0.0
-    SLIPPERY = "0.3 to 0.7", (152, 196, 226), 0.3
-    FIRM = "0.7 to 1", (182, 200, 206), 0.7
-    ROUGH = "more than 1", (160, 112, 66), 1.0
+    ICE = "friction below 0.3", FRICTION[0.0], 0.0
+    SLIPPERY = "0.3 to 0.7", FRICTION[0.3], 0.3
+    FIRM = "0.7 to 1", FRICTION[0.7], 0.7
+    ROUGH = "more than 1", FRICTION[1.0], 1.0
 
 
 Bands = type[Depth] | type[Grip]

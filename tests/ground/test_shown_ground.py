@@ -1,0 +1,221 @@
+"""The ground in PyBullet's pictures and for its rays: where it is, what it looks like, and that nothing touches it."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+import pytest
+
+from smartmesh_ros import BodyState, Ground, HeightMap, InputError, PatchConfig, Sphere, Terrain, World
+from smartmesh_ros.terrain.colours import FRICTION, GROUND
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.bodies import put
+from tests.core import mesh_parts
+from tests.grounds import level, terrain_of
+
+DT = 1.0 / 240.0
+# Rows and columns of a hole and of ice in `scenery`.
+HOLE, ICE = (slice(10, 20), slice(25, 35)), (slice(30, 45), slice(5, 20))
+SKY, OTHER = 7, 8  # values of `picture`
+
+
+def scenery(yaw: float = 0.4) -> HeightMap:
+    """Hills with a hole and ice, 6 m wide."""
+    rng = np.random.default_rng(3)
+    heights, friction = rng.uniform(-0.1, 0.1, (51, 61)), np.ones((51, 61))
+    heights[HOLE], friction[ICE] = np.nan, 0.1
+    return HeightMap(heights, resolution=0.1, origin=(-2.0, -3.0, 0.7), yaw=yaw, friction=friction)
+
+
+def picture(client: Any, renderer: int) -> Any:
+    """Return what a camera above sees of the scenery at each pixel (240, 320): a band of friction, ground, `SKY` or
+    `OTHER`."""
+    heightmap = scenery()
+    ground = Ground(client, heightmap)
+    ground.show()
+    x, y = heightmap.geometry.to_world(25.0, 30.0).tolist()
+    view = client.computeViewMatrix((x, y, 40.0), (x, y, 0.0), (0.0, 1.0, 0.0))
+    lens = client.computeProjectionMatrixFOV(11.0, 4.0 / 3.0, 1.0, 100.0)
+    image = client.getCameraImage(320, 240, view, lens, shadow=0, lightDirection=(0.0, 0.0, 1.0), renderer=renderer)
+    pixels = np.array(image[2], np.float64).reshape(240, 320, 4)[..., :3]
+    ground.close()
+    colours = np.array([*FRICTION.values(), GROUND], np.float64)
+    unit = [each / np.linalg.norm(each, axis=-1, keepdims=True) for each in (pixels, colours)]
+    apart = np.linalg.norm(unit[0][..., None, :] - unit[1], axis=-1)
+    found = np.where(apart.min(axis=-1) < 0.05, apart.argmin(axis=-1), OTHER)
+    return np.where((pixels == pixels[0, 0]).all(axis=-1), SKY, found)
+
+
+def rays(client: Any, yaw: float = 0.4) -> FloatArray:
+    """Return how far rays come that fall onto the scenery from all sides (1000,) [m], infinity = past it."""
+    heightmap = scenery(yaw)
+    ground = Ground(client, heightmap)
+    ground.show()
+    starts, ends = falling(heightmap)
+    hits = client.rayTestBatch(starts.tolist(), ends.tolist())
+    assert {hit[0] for hit in hits} == {-1, ground.shown[""]}
+    return np.array([hit[2] if hit[0] >= 0 else math.inf for hit in hits])
+
+
+def falling(heightmap: HeightMap) -> tuple[FloatArray, FloatArray]:
+    """Start and end (1000, 3) [m] of rays above and below a map."""
+    rng = np.random.default_rng(4)
+    grid = rng.uniform(-2.0, 62.0, (2, 1000, 2))
+    places = [heightmap.geometry.to_world(each[:, 0], each[:, 1]) for each in grid]
+    return np.column_stack([places[0], np.full(1000, 2.0)]), np.column_stack([places[1], np.full(1000, -1.0)])
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.4, 2.0, -3.0])
+def test_rays_meet_the_ground_where_it_is(client: Any, yaw: float) -> None:
+    """And pass through holes, and past the edge."""
+    heightmap = scenery(yaw)
+    starts, ends = falling(heightmap)
+    lengths = np.linalg.norm(ends - starts, axis=1)
+    wanted = Ground(client, heightmap).cast_rays(starts, (ends - starts) / lengths[:, None], 100.0, 0.0).distances
+    client.resetSimulation()
+    np.testing.assert_allclose(rays(client, yaw) * lengths, np.where(wanted < lengths, wanted, math.inf), atol=1e-5)
+
+
+def test_pictures_show_holes_and_the_colours_of_friction(client: Any) -> None:
+    seen, geometry = picture(client, pb.ER_TINY_RENDERER), scenery().geometry
+    per_pixel = 2.0 * (40.0 - 0.7) * math.tan(math.radians(5.5)) / 240  # [m]
+    plain = len(FRICTION)
+    for row, column, value in ((14.5, 29.5, SKY), (37.0, 12.0, 0), (14.5, 45.0, plain), (37.0, 29.5, plain)):
+        x, y = (geometry.to_world(row, column) - geometry.to_world(25.0, 30.0)) / per_pixel
+        assert seen[round(119.5 - y), round(159.5 + x)] == value
+    assert not (seen == OTHER).any()
+
+
+def close_up(client: Any, renderer: int) -> set[int]:
+    """Return what is seen from 3 cm beside the foot of a ball of 0.5 mm: 0 = the ball, -1 = nothing."""
+    ground = Ground(client, level())
+    ball = put(client, Sphere(5e-4), (0.0, 0.0, 5e-4))
+    ground.attach(ball)
+    ground.step(0.0, DT)
+    view = client.computeViewMatrix((0.02, 0.0, 0.02), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    lens = client.computeProjectionMatrixFOV(20.0, 4.0 / 3.0, 1e-3, 10.0)
+    image = client.getCameraImage(320, 240, view, lens, renderer=renderer)
+    return {int(body) - ball if body >= 0 else -1 for body in np.unique(image[4])}
+
+
+def test_pictures_show_no_proxies(client: Any) -> None:
+    assert close_up(client, pb.ER_TINY_RENDERER) == {-1, 0}
+
+
+def test_nothing_touches_what_is_shown(client: Any) -> None:
+    """A body that is not attached falls through; one that is has the contacts of before, and rays meet both."""
+    ground = Ground(client, level())
+    ground.show()
+    stands, falls = put(client, Sphere(0.2), (0.0, 0.0, 0.2)), put(client, Sphere(0.2), (1.0, 0.0, 0.3))
+    ground.attach(stands)
+    for step in range(120):
+        ground.step(step * DT, DT)
+    assert client.getBasePositionAndOrientation(stands)[0][2] == pytest.approx(0.2, abs=1e-4)
+    assert client.getBasePositionAndOrientation(falls)[0][2] < -0.8
+    assert not client.getContactPoints(ground.shown[""])
+    hits = [client.rayTest((x, y, 2.0), (x, y, -2.0))[0][0] for x, y in ((0.0, 0.0), (0.19, 0.19), (1.0, 0.0))]
+    assert hits == [stands, *[ground.shown[""]] * 2]
+    assert [ground.is_ground(body) for body in hits] == [False, True, True]
+
+
+def test_what_is_shown_wakes_nobody(client: Any) -> None:
+    """A body sleeps while a hill grows elsewhere on its map, which is drawn lower from time to time."""
+    terrain = level(motion=MotionConfig(mode="hold"))
+    ground, body = Ground(client, terrain), put(client, Sphere(0.2), (0.0, 0.0, 0.2))
+    ground.attach(body)
+    ground.let_sleep(lambda _: True)
+    ground.show(240.0)
+    heights, slept = terrain.heights.copy(), []
+    for step in range(480):
+        heights[0, 0] = step * 1e-3
+        terrain.replace(heights, time=step * DT)
+        ground.step(step * DT, DT)
+        slept.append(ground.is_asleep(body))
+    assert any(slept)
+    assert all(slept[slept.index(True) :])
+
+
+def height_under(client: Any, x: float = 0.0, y: float = 0.0, above: float = 900.0) -> float:
+    """Height at which a ray that comes down meets anything [m]."""
+    (hit,) = client.rayTest((x, y, above), (x, y, -900.0))
+    return float(hit[3][2]) if hit[0] >= 0 else math.nan
+
+
+def test_ground_is_drawn_at_its_rate_far_from_where_it_began(client: Any) -> None:
+    """PyBullet keeps the bounds that a height field has at first."""
+    terrain = level(motion=MotionConfig(mode="hold"))
+    ground = Ground(client, terrain)
+    ground.show(rate=10.0)
+    ground.attach(put(client, Sphere(0.2), (1.0, 1.0, 500.0)))
+    heights = np.zeros((41, 41))
+    for step in range(72):
+        heights[:, :21] = -4.0 * step
+        terrain.replace(heights, time=step * DT)
+        ground.step(step * DT, DT)
+        wanted = -4.0 * 24 * (step // 24)
+        assert height_under(client, -1.0, above=wanted + 5.0) == pytest.approx(wanted, abs=1e-4)
+    ground.show()
+    assert height_under(client, -1.0) == pytest.approx(-4.0 * 71, abs=1e-4)
+
+
+def test_a_correction_is_drawn_to_its_end(client: Any) -> None:
+    terrain = level(motion=MotionConfig(changes="correction", settle=0.15))
+    ground = Ground(client, terrain)
+    ground.show(rate=5.0)
+    ground.attach(put(client, Sphere(0.2), (1.0, 1.0, 0.2)))
+    ground.step(0.0, DT)
+    for step in range(1, 120):
+        if step == 36:  # so that the third drawing shows a part of it
+            terrain.replace(np.full((41, 41), 0.05), time=step * DT)
+        ground.step(step * DT, DT)
+    assert height_under(client) == pytest.approx(0.05, abs=1e-6)
+
+
+def test_tiles_come_move_and_go(client: Any) -> None:
+    """Maps, also large ones, which are drawn coarsely, and meshes."""
+    fine = HeightMap(np.full((600, 700), 0.3), resolution=0.01, origin=(10.0, -1.0))
+    vertices, triangles = mesh_parts.sheet(1.0, 3)
+    terrain = terrain_of(map=level(), fine=fine, mesh=TriangleMesh(np.array(vertices) + (0.0, 0.0, 2.0), triangles))
+    ground = Ground(client, terrain)
+    bodies = client.getNumBodies()
+    ground.show()
+    assert [height_under(client, x) for x in (1.9, 12.0)] == pytest.approx([0.0, 0.3], abs=1e-5)
+    assert height_under(client, 0.2, 0.3) == pytest.approx(2.0, abs=1e-5)
+    terrain.put("map", HeightMap(np.full((5, 5), 1.0), resolution=0.5, origin=(-5.0, -1.0)))
+    terrain.remove("mesh")
+    ground.show()
+    assert [height_under(client, x) for x in (-4.0, 0.2, 1.9)] == pytest.approx([1.0, math.nan, math.nan], nan_ok=True)
+    assert sorted(ground.shown) == ["fine", "map"]
+    ground.hide()
+    assert client.getNumBodies() == bodies and not ground.shown
+
+
+def test_what_cannot_be_shown_is_refused(client: Any) -> None:
+    ground = Ground(client, level(), PatchConfig(kind="heightfield"))
+    with pytest.raises(InputError, match="only where contacts come from the map"):
+        ground.show()
+    ground.configure(PatchConfig())
+    for rate in (0.0, -1.0, math.nan, math.inf):
+        with pytest.raises(InputError, match="above zero"):
+            ground.show(rate)
+    ground.show()
+    with pytest.raises(InputError, match="hide"):
+        ground.configure(PatchConfig(kind="heightfield"))
+    client.resetSimulation()
+    with pytest.raises(InputError, match="make another"):
+        ground.show()
+    ground.close()
+    assert not ground.shown
+
+
+def test_a_restored_world_shows_its_ground() -> None:
+    with World(Terrain(level())) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2)))
+        world.ground.show(20.0)
+        world.save()
+        world.step(10)
+        assert world.ground.drawn == 20.0
+        assert height_under(world.client, 1.0) == pytest.approx(0.0, abs=1e-6)
