@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from smartmesh_ros.ground.ground import Ground
     from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Sphere
     from smartmesh_ros.ground.state import BodyState
-    from smartmesh_ros.patches.config import PatchConfig
     from smartmesh_ros.soil.config import SoilType
     from smartmesh_ros.soil.soil import Soil
     from smartmesh_ros.terrain.grid import GridGeometry
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "errors": ("InputError",),
-    "patches.config": ("PatchConfig",),
     "ground.config": ("PhysicsConfig",),
     "ground.ground": ("Ground",),
     "world.height_scanner": ("HeightScanner",),
@@ -57,7 +55,6 @@ __all__ = [
     "HeightScanner",
     "InputError",
     "MotionConfig",
-    "PatchConfig",
     "PhysicsConfig",
     "Snapshot",
     "Soil",

@@ -17,7 +17,7 @@ from studies.matrix.row import METHODS
 from studies.matrix.run import run_matrix
 from studies.progress import Progress
 from studies.results_file import save_results
-from studies.tables import Charts, choosing_table, rates_table
+from studies.tables import Charts, choosing_table
 
 CHARTS = Charts(
     "accuracy", "make studies", "accuracy.md", "accuracy", "body", tables="accuracy_tables.md", part="out/studies"
@@ -61,7 +61,7 @@ def _charts(options: argparse.Namespace, out: Path, machine: str, say: Any) -> d
         draw_readme(CHARTS.images(out) / "readme.png", results[README_SCENE])
     if not options.quick and not options.before:  # these lack configurations of the tables
         titles = {scene.name: scene.title for scene in scenes}
-        blocks |= {"patch rates": rates_table(titles, results), "choosing": choosing_table(titles, results)}
+        blocks["choosing"] = choosing_table(titles, results)
     print("\n" + blocks["summary"])
     return blocks
 

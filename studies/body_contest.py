@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.tools.evaluation.clearance import clearances
@@ -89,7 +88,7 @@ def reference_positions(scene: Scene) -> FloatArray | None:
     else:
         # A map arrives at every step, so short intervals must not merge maps.
         motion = MotionConfig(min_interval=0.0)
-        found = build("smartmesh", setup, patch=PatchConfig(rate=0.0), motion=motion)
+        found = build("smartmesh", setup, motion=motion)
     with found as engine:
         for step in range(math.floor(HORIZON * FINE_RATE + 0.5)):
             if scene.moves and scene.reference == "finest":

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.report.config import ReportConfig
 from smartmesh_ros.tools.replay.parameters import PRESETS, preset_folder, preset_values, settings_of
 from studies.engines.engine import GroundSetup, build, missing
 
@@ -35,32 +35,31 @@ class Configuration:
         return build(self.engine, setup, **self.options)
 
 
-def _patch(name: str, family: Family, physics: float = RATE, quick: bool = False, **settings: Any) -> Configuration:
-    """One of ours: the rate of its ``physics`` [Hz], and settings of its patches."""
-    options = {"patch": PatchConfig(**settings)}
+def _ours(
+    name: str, family: Family = "ours", physics: float = RATE, quick: bool = False, **report: Any
+) -> Configuration:
+    """One of ours: the rate of its ``physics`` [Hz], and settings of the report's colliders, if any."""
+    options = {"report": ReportConfig(**report)} if report else {}
     return Configuration(name=name, family=family, engine="smartmesh", options=options, rate=physics, quick=quick)
 
 
 OURS = (
-    _patch("defaults", "ours", quick=True),
-    _patch("defaults, 60 Hz", "ours", physics=60.0),
-    _patch("defaults, 120 Hz", "ours", physics=120.0),
-    _patch("defaults, 480 Hz", "ours", physics=480.0, quick=True),
-    _patch("defaults, 960 Hz", "ours", physics=960.0),
-    _patch("patches at every step", "ours", rate=0.0),
-    _patch("patches at 30 Hz", "ours", rate=30.0),
-    _patch("heightfield", "ours, less", kind="heightfield", quick=True),
-    _patch("heightfield, 120 Hz", "ours, less", physics=120.0, kind="heightfield"),
-    _patch("3 x 3", "ours, less", kind="heightfield", rings=1),
-    _patch("9 x 9", "ours, less", kind="heightfield", rings=4),
-    _patch("no velocity", "ours, less", carry_velocity=False, quick=True),
+    _ours("defaults", quick=True),
+    _ours("defaults, 60 Hz", physics=60.0),
+    _ours("defaults, 120 Hz", physics=120.0),
+    _ours("defaults, 480 Hz", physics=480.0, quick=True),
+    _ours("defaults, 960 Hz", physics=960.0),
+    _ours("heightfield", "ours, less", kind="heightfield", quick=True),
+    _ours("heightfield, 120 Hz", "ours, less", physics=120.0, kind="heightfield"),
+    _ours("3 x 3", "ours, less", kind="heightfield", rings=1),
+    _ours("9 x 9", "ours, less", kind="heightfield", rings=4),
 )
 # The report's method: patches rebuilt in every step, without later additions.
 BARE: dict[str, Any] = {"carry_velocity": False, "rate": 0.0}
 REPORT = (
-    _patch("rebuilt trimesh", "report", kind="trimesh", quick=True, **BARE),
-    _patch("convex hull", "report", kind="hull", **BARE),
-    _patch("prisms", "report", kind="prisms", **BARE),
+    _ours("rebuilt trimesh", "report", kind="trimesh", quick=True, **BARE),
+    _ours("convex hull", "report", kind="hull", **BARE),
+    _ours("prisms", "report", kind="prisms", **BARE),
 )
 
 
@@ -69,7 +68,7 @@ def read_presets() -> dict[str, dict[str, Any]]:
     if preset_folder() is None:
         return {}
     worlds = {name: settings_of(preset_values(name)).world for name in PRESETS}
-    return {name: {"patch": world.patch, "physics": world.physics} for name, world in worlds.items()}
+    return {name: {"physics": world.physics} for name, world in worlds.items()}
 
 
 def _presets(engine: str) -> list[Configuration]:
@@ -132,7 +131,7 @@ def robot_configurations(*, quick: bool) -> list[Configuration]:
     """All points of the charts of robots, or those of the quick run."""
     ours, mujoco, physx = "smartmesh robots", "mujoco robots", "physx robots"
     awake = {"physics": PhysicsConfig(sleep=False)}
-    whole = {"patch": PatchConfig(kind="whole_heightfield"), **awake}
+    whole = {"report": ReportConfig(kind="whole_heightfield"), **awake}
     return _chosen([
         Configuration(name="defaults", family="ours", engine=ours, quick=True),
         Configuration(name="defaults, never asleep", family="ours", engine=ours, options=awake, quick=True),

@@ -1,4 +1,4 @@
-"""``make renders``: how contacts work, in one figure: docs/images/contacts.png. Its contacts and curves are the core's."""
+"""``make renders``: how contacts work, in one figure (docs/images/contacts.png). Contacts and curves are the core's."""
 
 from __future__ import annotations
 
@@ -32,7 +32,9 @@ def draw_facets(axes: Axes) -> None:
     found = np.asarray(CORE.find_contacts(wheel, [terrain.core_reader], pose, falls, 1.0 / 240.0, 0.03))
     axes.plot(x, heights, "o-", color=GROUND, markersize=4, linewidth=1.0, alpha=0.5)
     reach = (x > WHEEL[0] - RADIUS - SPACING) & (x < WHEEL[0] + RADIUS + SPACING)
-    axes.plot(x[reach], heights[reach], "o-", color=GROUND, markersize=5, linewidth=3.0, label="facets in reach: the patch")
+    axes.plot(
+        x[reach], heights[reach], "o-", color=GROUND, markersize=5, linewidth=3.0, label="facets in reach: the patch"
+    )
     axes.add_patch(Circle((WHEEL[0], WHEEL[2]), RADIUS, fill=False, color=BODY, linewidth=1.5))
     for px, _, pz, nx, _, nz in found[:, :6]:
         axes.annotate("", (px + 0.12 * nx, pz + 0.12 * nz), (px, pz), arrowprops={"arrowstyle": "->", "color": LINE})

@@ -10,8 +10,6 @@ from pathlib import Path
 from statistics import geometric_mean
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from studies.chart import draw_all, draw_scene
 from studies.configurations import Configuration, Family
 from studies.contest import Result
@@ -23,8 +21,6 @@ from studies.results_file import save_results
 
 OURS = ("ours", "ours, less")
 DEFAULTS = "defaults"
-# Configurations whose patches follow in every step, at 60 Hz and at 30 Hz.
-RATES = ("patches at every step", DEFAULTS, "patches at 30 Hz")
 # Gives every body a field.
 FIELDS = "heightfield"
 
@@ -108,17 +104,6 @@ def _factor(rivals: Mapping[str, Result], name: str | None, own: Result) -> str:
 
 def _mm(metres: float) -> str:
     return f"{1e3 * metres:.2f}" if math.isfinite(metres) else "-"
-
-
-def rates_table(titles: Mapping[str, str], results: Mapping[str, Mapping[str, Result]]) -> str:
-    """How often patches follow: one row a scene, by its name in ``titles``, and the medians over all scenes."""
-    rows = [[title, *(_figures(results[name][rate]) for rate in RATES)] for name, title in titles.items()]
-    every_step, default, seldom = (np.array([results[name][rate].cost for name in titles]) for rate in RATES)
-    return (
-        table(["scene", "every step", "60 Hz, the default", "30 Hz"], rows)
-        + f"\n\nOver all scenes (median) the default costs {np.median(default / every_step):.2f} of patches in "
-        + f"every step, and 30 Hz {np.median(seldom / every_step):.2f}."
-    )
 
 
 def choosing_table(titles: Mapping[str, str], results: Mapping[str, Mapping[str, Result]]) -> str:

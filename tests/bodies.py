@@ -9,7 +9,7 @@ from smartmesh_ros import HeightMap
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.patches.shapes import BodyShape, ShapeTable
-from smartmesh_ros.patches.supports import no_supports
+from smartmesh_ros.report.supports import no_supports
 
 TETRAHEDRON = np.array([[1.0, 0.0, -0.4], [-0.5, 0.8, -0.4], [-0.5, -0.8, -0.4], [0.0, 0.0, 1.0]])
 

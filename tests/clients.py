@@ -74,21 +74,19 @@ class Scene:
         return np.concatenate(numbers).tobytes()
 
 
-def run(client: Any) -> tuple[bool, bytes]:
-    """Run a scene for a sixth of a second; returns True if contacts came from the map, and the states at the end."""
+def run(client: Any) -> bytes:
+    """Run a scene for a sixth of a second; returns the states at the end."""
     scene = Scene(client)
     scene.step(40)
     states = scene.states()
-    exact = scene.ground.exact
     scene.ground.close()
-    return exact, states
+    return states
 
 
 def in_real_time(client: Any) -> tuple[int, bytes]:
     """Let the server of a client step a scene on its own for a while; returns the steps, and the states after
     them."""
     scene = Scene(client)
-    assert scene.ground.exact
     client.setRealTimeSimulation(1)
     while scene.ground.clock < 0.2:
         client.getNumBodies()

@@ -30,7 +30,7 @@ BULLET = ["pybullet", "pybullet_utils", "pybullet_data"]
     ("rooms", "blocked"),
     [
         (["terrain", "patches", "report", "ground", "world", "soil", "io", "scenes"], ROS),
-        (["terrain", "patches", "report", "soil"], [*ROS, *BULLET]),
+        (["terrain", "patches", "soil"], [*ROS, *BULLET]),
         (["tools.demo", "tools.tune"], ["pytest"]),
     ],
 )

@@ -34,6 +34,7 @@ NB_MODULE(_core, m) {
   add_updates(m);
   add_soil(m);
   add_bodies(m);
+  add_patches(m);
   add_rows(m);
   add_scans(m);
 }

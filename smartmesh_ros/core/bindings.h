@@ -253,6 +253,7 @@ void add_queries(nb::module_& m);
 void add_updates(nb::module_& m);
 void add_soil(nb::module_& m);
 void add_bodies(nb::module_& m);
+void add_patches(nb::module_& m);
 void add_rows(nb::module_& m);
 void add_contacts(nb::module_& m);
 void add_scans(nb::module_& m);

@@ -2,8 +2,8 @@
 #include <nanobind/stl/vector.h>
 
 #include "below_ground.h"
+#include "body_tables.h"
 #include "correction.h"
-#include "tables.h"
 
 namespace smartmesh {
 namespace {
@@ -12,43 +12,6 @@ using Bytes2Out = Array<std::uint8_t, 2>;
 using Corners = Array<const std::int32_t, 2>;
 
 constexpr std::size_t MOST_SAMPLES = 1u << 12;  // on a side of a rectangle
-
-void require(bool holds, const char* what) {
-  if (!holds) throw std::invalid_argument(what);
-}
-
-// Shapes of bodies by slot; the arrays stay alive with them. `shapes`, `parts`: records of SHAPE as bytes.
-struct Shapes {
-  ShapeTable table;
-  Bytes2 shapes, parts;
-  Doubles2 vertices;
-
-  Shapes(Bytes2 shapes_s, Bytes2 parts_p, Doubles2 vertices_v3) : shapes(shapes_s), parts(parts_p), vertices(vertices_v3) {
-    table.shapes = records_of<Shape>(shapes, "shapes");
-    table.parts = records_of<Shape>(parts, "parts");
-    table.vertices = records_of<Vec3>(vertices, "vertices");
-    table.shape_count = static_cast<std::int64_t>(shapes.shape(0));
-    table.part_count = static_cast<std::int64_t>(parts.shape(0));
-    table.vertex_count = static_cast<std::int64_t>(vertices.shape(0));
-  }
-};
-
-// The states (S, 13) of bodies and their shapes.
-struct Bodies {
-  const ShapeTable& table;
-  const BodyState* states;
-  std::int64_t count;
-
-  Bodies(const Shapes& shapes, const Doubles2& states_s)
-      : table(shapes.table), states(records_of<BodyState>(states_s, "states")),
-        count(static_cast<std::int64_t>(states_s.shape(0))) {}
-  void place(std::int64_t slot, BodySolid& placed) const {
-    require(slot >= 0 && slot < table.shape_count && slot < count, "a slot has no shape or no state");
-    const Shape& shape = table.shapes[slot];
-    require(table.has_all_of(shape), "a shape names parts or vertices that are not there");
-    place_shape(table, shape, states[slot].pose, placed);
-  }
-};
 
 // Records of SUPPORT as bytes.
 struct Supports {
@@ -135,34 +98,31 @@ void find_mesh_foot(const Doubles2& points, const Corners& triangles, const Shap
   find_foot(corners, body, Supports(supports_s).at(slot));
 }
 
-// A corrected tile: its number in the supports, its map, and the instant up to which corrections were shown before [s].
-using Corrected = std::tuple<std::int64_t, const Grid*, double>;
+// A corrected tile: its map, and the instant up to which corrections were shown before [s].
+using Corrected = std::tuple<const Grid*, double>;
 
 // Moves the PyBullet bodies at `poses` (B, 7) with the corrections under the followers in `slots` (n,), which belong to the
-// bodies `owners` (n,); returns the rows of the bodies that moved.
+// bodies `owners` (n,); returns the rows of the bodies that moved. `standing` (S,): those that touched the ground.
 std::vector<std::size_t> move_with_corrections(const std::vector<Corrected>& tiles, const Shapes& shapes,
                                                const Doubles2& states, const Slots& slots, const Slots& owners,
-                                               const Bytes2Out& supports_s, double time, const States& poses) {
+                                               const Array<const bool, 1>& standing, double time, const States& poses) {
   finite(time, "the time");
   check_list(owners, slots.shape(0), "owners"), check_table(poses, poses.shape(0), 7, "poses");
+  check_list(standing, states.shape(0), "standing");
   check_alignment(slots.data(), sizeof(std::int64_t));
-  for (const Corrected& tile : tiles) require(std::get<1>(tile) != nullptr, "a corrected tile has no grid");
+  for (const Corrected& tile : tiles) require(std::get<0>(tile) != nullptr, "a corrected tile has no grid");
   const Bodies bodies(shapes, states);
-  const Supports supports(supports_s);
   std::vector<CorrectionSums> sums(poses.shape(0));
   BodySolid body;
   for (std::size_t k = 0; k < slots.shape(0); ++k) {
     const std::int64_t slot = slots.data()[k], owner = owners.data()[k];
     require(owner >= 0 && owner < static_cast<std::int64_t>(sums.size()), "an owner has no pose");
-    const SupportRecord& support = supports.at(slot);
-    const bool stands = support.state != Support::None;
     bodies.place(slot, body);
     const Vec3 origin = rows_of<BodyPose>(poses)[owner].at;
-    for (const auto& [number, grid, shown] : tiles) {
-      if (stands && support.tile != number) continue;
+    for (const auto& [grid, shown] : tiles) {
       HeightGrid before = grid->grid;
       before.shown = shown;
-      add_points_under(before, grid->grid, time, body, stands, origin, sums[owner]);
+      add_points_under(before, grid->grid, time, body, standing.data()[slot], origin, sums[owner]);
     }
   }
   std::vector<std::size_t> moved;
@@ -183,7 +143,7 @@ void add_bodies(nb::module_& m) {
   m.def("find_mesh_foot", &find_mesh_foot, "points"_a.noconvert(), "triangles"_a.noconvert(), "shapes"_a,
         "states"_a.noconvert(), "slot"_a, "supports"_a.noconvert());
   m.def("move_with_corrections", &move_with_corrections, "tiles"_a, "shapes"_a, "states"_a.noconvert(),
-        "slots"_a.noconvert(), "owners"_a.noconvert(), "supports"_a.noconvert(), "time"_a, "poses"_a.noconvert());
+        "slots"_a.noconvert(), "owners"_a.noconvert(), "standing"_a.noconvert(), "time"_a, "poses"_a.noconvert());
 }
 
 }  // namespace smartmesh

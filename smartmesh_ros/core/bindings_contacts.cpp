@@ -1,4 +1,4 @@
-// What Python sees of contacts: those of one shape with the ground, without PyBullet. For tests alone.
+// What Python sees of contacts: those of one shape with the ground, without PyBullet.
 #include "contact_search.h"
 #include "tables.h"
 
@@ -33,16 +33,16 @@ Convex hull_of_rows(Doubles2 points, double margin) {
 }
 
 // How a shape meets the ground of some tiles. `pose` (4, 3): the rows of the rotation, then the position. `motion` (2, 3):
-// linear and angular velocity relative to the ground.
+// linear and angular velocity relative to the ground, which is read at `time` [s].
 NewTable find_contacts_with(const Convex& shape, const nb::list& tiles, Doubles2 pose, Doubles2 motion, double duration,
-                            double margin) {
+                            double margin, double time) {
   const std::vector<Vec3> rows = vectors_of(pose, 4, "a pose"), velocities = vectors_of(motion, 2, "a motion");
   const Approach approach{velocities[0], velocities[1], rows[3], checked(duration, "the duration"),
                           checked(margin, "the margin")};
   Surface surface;
   set_tiles_of(surface, tiles);
   std::vector<Contact> contacts;
-  ContactSearch().run(shape, {{{rows[0], rows[1], rows[2]}}, rows[3]}, surface, 0.0, approach, contacts);
+  ContactSearch().run(shape, {{{rows[0], rows[1], rows[2]}}, rows[3]}, surface, finite(time, "the time"), approach, contacts);
   NewTable found = new_array<double, 2>({contacts.size(), COLUMNS});
   double* next = found.data();
   for (const Contact& c : contacts)
@@ -71,7 +71,7 @@ void add_contacts(nb::module_& m) {
           "y"_a, "z"_a)
       .def_static("hull", &hull_of_rows, "points"_a.noconvert(), "margin"_a);
   m.def("find_contacts", &find_contacts_with, "shape"_a, "tiles"_a, "pose"_a.noconvert(), "motion"_a.noconvert(),
-        "duration"_a, "margin"_a);
+        "duration"_a, "margin"_a, "time"_a = 0.0);
 }
 
 }  // namespace smartmesh

@@ -21,6 +21,10 @@ struct Contact {
   GroundMotion ground{};
 };
 
+// Largest speed of a point of a shape after an impact elsewhere, in terms of the speeds before. The end of a rod whose other
+// end hits the ground reaches 1.5 times its speed, the corner of a plate 1.7 times.
+constexpr double IMPACT = 2.0;
+
 // Motion of a body relative to ground that moves as one, and how far contacts are looked for. Contacts have velocities of
 // their own, which differ from that of this ground by at most what `margin` allows for.
 struct Approach {
@@ -30,13 +34,20 @@ struct Approach {
   Vec3 gravity{};                // [m/s^2]
   Vec3 ground{};                 // velocity of the ground [m/s]
   double ahead = 0.0;            // time over which velocities of the ground are means [s]; zero = it counts as still
+  // Of shapes that are touched at several places at once: IMPACT, the angle by which the shape turns [rad], and the bounding
+  // radius [m].
+  double impact = 1.0, turning = 0.0, size = 1e300;
 
   Vec3 velocity_at(const Vec3& p) const { return linear + cross(angular, p - centre); }
   // Returns the velocity of the body relative to the ground at a contact [m/s].
   Vec3 velocity_at(const Contact& contact) const { return velocity_at(contact.point) + ground - contact.ground.velocity; }
-  // Distance up to which any point of a ball around `p` may come to the ground in the step [m].
+  // Angle by which the shape may turn in the step, also after an impact along `n` [rad].
+  double turn(const Vec3& n) const { return turning + std::max(0.0, -dot(n, linear)) * duration / size; }
+  // Distance up to which a point that moves at `v` may come to the ground in the step [m], also after an impact elsewhere.
+  double reach(const Vec3& v) const { return margin + impact * norm(v) * duration; }
+  // The same for any point of a ball around `p`.
   double reach(const Vec3& p, double radius) const {
-    return margin + (norm(linear) + norm(angular) * (norm(p - centre) + radius)) * duration;
+    return margin + impact * (norm(linear) + norm(angular) * (norm(p - centre) + radius)) * duration;
   }
 };
 

@@ -10,14 +10,14 @@ namespace smartmesh {
 
 namespace {
 
-// Sine of the angle between a cap and the ground below which four points around the cap's rim may touch, not only the
-// lowest. Raising it finds the same points of a standing cylinder at a larger tilt.
-constexpr double FLAT = 0.3;
+// Cosine of the angle between a cap and the ground below which four points around the cap's rim may touch, not only the
+// lowest. Lowering it finds the same points of a standing cylinder at a larger tilt.
+constexpr double FLAT = 0.95;
 // Steps of the search for the nearest point of an ellipse.
 constexpr int ELLIPSE_STEPS = 40;
 
-// Finds the point of the quarter (r cos, r narrow sin), angles from 0 to a right one, of an ellipse at which the distance
-// from the point (x, y), x >= 0, is least. False if there is none between other quarters.
+// Finds the point of the quarter (r cos, r narrow sin), angles from 0 to a right one, of an ellipse at which the
+// distance from the point (x, y), x >= 0, is least. False if there is none between other quarters.
 bool nearest_on_ellipse(double r, double narrow, double x, double y, double& angle) {
   const double bend = r * (1.0 - narrow * narrow);
   double low = 0.0, high = 0.5 * M_PI;
@@ -45,12 +45,18 @@ class CylinderTouch {
  public:
   CylinderTouch(const Convex& shape, const Pose& pose, const Patch& patch, const Approach& approach,
                 std::vector<Contact>& contacts)
-      : shape_(shape), patch_(patch), approach_(approach), contacts_(contacts), radius_(shape.half.x),
-        axis_(pose.turn * Vec3{0.0, 0.0, 1.0}), spin_(norm(approach.angular) * shape.half.x * approach.duration),
+      : shape_(shape),
+        patch_(patch),
+        approach_(approach),
+        contacts_(contacts),
+        radius_(shape.half.x),
+        axis_(pose.turn * Vec3{0.0, 0.0, 1.0}),
+        spin_(norm(approach.angular) * shape.half.x * approach.duration),
         pose_(pose) {
     for (int k = 0; k < 2; ++k) cap_[k] = pose.at + axis_ * (k ? shape.half.z : -shape.half.z);
     side_[0] = pose.turn * Vec3{0.0, 1.0, 0.0};
     side_[1] = cross(axis_, side_[0]);
+    tilting_ = (approach.angular - axis_ * dot(approach.angular, axis_)) * approach.duration;
   }
 
   void run() {
@@ -65,69 +71,63 @@ class CylinderTouch {
   }
 
  private:
-  double reach_at(const Vec3& p) const {
-    return approach_.margin + norm(approach_.velocity_at(p)) * approach_.duration;
-  }
+  double reach_at(const Vec3& p) const { return approach_.reach(approach_.velocity_at(p)); }
 
   void add(const Vec3& on_ground, const Vec3& n, double distance, int name, int ground) {
     if (distance <= reach_at(on_ground)) contacts_.push_back({on_ground, n, distance, name, ground});
   }
 
-  // The lowest point of each rim over a facet, in the direction of its normal to the side of the cylinder.
+  // The point of each rim that is lowest over a facet, in the direction of its normal to the side of the cylinder, and
+  // the one that will be lowest at the end of the step.
   void touch_facet(const Facet& facet, const Vec3& normal) {
-    const Vec3 &a = patch_.points[facet.corner[0]], &b = patch_.points[facet.corner[1]],
-               &c = patch_.points[facet.corner[2]];
-    const Vec3 across = normal - axis_ * dot(normal, axis_);
-    const double tilt = norm(across);
-    if (tilt < 1e-6) return;  // the points around the rim will do
-    for (int k = 0; k < 2; ++k) {
-      const Vec3 low = cap_[k] - across * (radius_ / tilt);
-      const double distance = dot(normal, low - a);
-      const Vec3 velocity = approach_.velocity_at(low);
-      const MovingPoint point{low, velocity, 0.0, approach_.margin + norm(velocity) * approach_.duration, pose_.at};
-      if (distance > point.reach || distance < -2.0 * shape_.reach) continue;
-      const Vec3 foot = low - normal * distance;
-      if (distance < 0.0) {
-        if (inside_triangle(foot, a, b, c, facet.normal, 0.0) || is_over(low, a, b, c))
-          touch_below(low, name_of(BodyFeature::Rim, k));
-        continue;
-      }
-      if (!comes_over(point, normal, distance, approach_.duration, 0.0, facet, patch_)) continue;
-      if (patch_.is_mesh && penetrated(pose_.at, low, patch_) != nullptr) continue;  // the facet is hidden
-      add(foot, normal, distance, name_of(BodyFeature::Rim, k), ground_name(patch_, facet));
-    }
+    touch_facet(facet, normal, normal, 0);
+    if (norm(tilting_) * radius_ > approach_.margin) touch_facet(facet, normal, normal - cross(tilting_, normal), 10);
   }
 
-  // A point of the shape that may lie below the ground.
-  void touch_below(const Vec3& low, int name) {
-    double distance;
-    const Facet* facet;
-    if (patch_.is_mesh) {
-      facet = penetrated(pose_.at, low, patch_);
-    } else {
-      const int way = way_out(low, patch_, distance);
-      facet = way < 0 ? nullptr : &patch_.facets[way];
+  // `seen`: the normal in the frame of the cylinder. `name`: of the first rim.
+  void touch_facet(const Facet& facet, const Vec3& normal, const Vec3& seen, int name) {
+    const Vec3 across = seen - axis_ * dot(seen, axis_);
+    const double tilt = norm(across);
+    if (tilt < 1e-6) return;  // the points around the rim will do
+    for (int k = 0; k < 2; ++k)
+      touch_point(facet, normal, cap_[k] - across * (radius_ / tilt), name_of(BodyFeature::Rim, name + k));
+  }
+
+  // A point of a rim against a facet.
+  void touch_point(const Facet& facet, const Vec3& normal, const Vec3& low, int name) {
+    const Vec3 &a = patch_.points[facet.corner[0]], &b = patch_.points[facet.corner[1]],
+               &c = patch_.points[facet.corner[2]];
+    const double distance = dot(normal, low - a);
+    const Vec3 velocity = approach_.velocity_at(low);
+    const MovingPoint point{low, velocity, 0.0, approach_.reach(velocity), pose_.at};
+    if (distance > point.reach || distance < -2.0 * shape_.reach) return;
+    const Vec3 foot = low - normal * distance;
+    if (distance < 0.0) {
+      if (inside_triangle(foot, a, b, c, facet.normal, 0.0) || is_over(low, a, b, c)) touch_all(point, name);
+      return;
     }
-    if (facet == nullptr) return;
-    const Vec3 n = patch_.is_mesh ? normal_towards(pose_.at, *facet, patch_) : facet->normal;
-    distance = dot(n, low - patch_.points[facet->corner[0]]);
-    add(low - n * distance, n, distance, name, ground_name(patch_, *facet));
+    if (!comes_over(point, normal, distance, approach_.duration, 0.0, facet, patch_)) return;
+    if (patch_.is_mesh && penetrated(pose_.at, low, patch_) != nullptr) return;  // the facet is hidden
+    add(foot, normal, distance, name, ground_name(patch_, facet));
+  }
+
+  // A point of a rim against all facets.
+  void touch_all(const MovingPoint& point, int name) {
+    const auto touch = patch_.is_mesh ? touch_sheets : touch_facets;
+    touch(point, name, patch_, approach_.duration, contacts_);
   }
 
   // Four points around a rim whose cap lies nearly flat on the ground.
   void touch_flat(int k) {
     const Vec3 outward = k ? axis_ : -axis_;
     const auto is_flat = [&](const Facet& facet) {
-      return norm(cross(outward, facet.normal)) <= FLAT && (patch_.is_mesh || dot(outward, facet.normal) <= 0.0);
+      const double facing = -dot(outward, facet.normal);
+      return (patch_.is_mesh ? std::abs(facing) : facing) >= FLAT;
     };
-    const auto& facets = patch_.facets;
-    if (facets.empty()) return;
-    if (patch_.is_mesh ? std::none_of(facets.begin(), facets.end(), is_flat) : !is_flat(facets[facets.size() / 2])) return;
-    const auto touch = patch_.is_mesh ? touch_sheets : touch_facets;
+    if (std::none_of(patch_.facets.begin(), patch_.facets.end(), is_flat)) return;
     for (int j = 0; j < 4; ++j) {
       const Vec3 at = cap_[k] + side_[j / 2] * (j % 2 ? -radius_ : radius_);
-      const MovingPoint point{at, approach_.velocity_at(at), 0.0, reach_at(at), pose_.at};
-      touch(point, name_of(BodyFeature::Rim, 2 + 4 * k + j), patch_, approach_.duration, contacts_);
+      touch_all({at, approach_.velocity_at(at), 0.0, reach_at(at), pose_.at}, name_of(BodyFeature::Rim, 2 + 4 * k + j));
     }
   }
 
@@ -140,11 +140,14 @@ class CylinderTouch {
     if (over_cap > reach || over_side > reach) return;
     const int ground = ground_name(patch_, peak.point), cap = along > 0.0 ? 1 : 0;
     const Vec3 from_cap = cap ? -axis_ : axis_, from_side = off > 0.0 ? across * (-1.0 / off) : from_cap;
-    const bool by_cap = in_cone(patch_, peak, from_cap), by_side = off > 1e-9 && in_cone(patch_, peak, from_side);
+    const bool by_cap = in_cone(patch_, peak, from_cap, cone_slack(approach_, from_cap, over_cap, SEAT));
+    const bool by_side =
+        off > 1e-9 && in_cone(patch_, peak, from_side, cone_slack(approach_, from_side, over_side, SEAT));
     if (over_cap > 0.0 && over_side > 0.0) {
       const Vec3 away = cap_[cap] + across * (radius_ / off) - at;
       const Vec3 n = unit(away);
-      if (in_cone(patch_, peak, n)) add(at, n, norm(away), name_of(BodyFeature::Rim, cap), ground);
+      if (in_cone(patch_, peak, n, cone_slack(approach_, n, 1.0)))
+        add(at, n, norm(away), name_of(BodyFeature::Rim, cap), ground);
       return;
     }
     // Inside, out by the nearer of cap and side that the ground can touch.
@@ -159,15 +162,21 @@ class CylinderTouch {
   void touch_side(const Edge& edge) {
     const Vec3 &p = patch_.points[edge.end[0]], &q = patch_.points[edge.end[1]];
     double s, t;
-    if (!nearest_on_lines(cap_[0], cap_[1], p, q, s, t) || !(s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0)) return;
+    if (!nearest_on_lines(cap_[0], cap_[1], p, q, s, t) || !(s > 0.0 && s < 1.0)) return;
     Vec3 n = unit(cross(axis_, q - p));
     const Vec3 on_ground = p + (q - p) * t, from_axis = cap_[0] + (cap_[1] - cap_[0]) * s - on_ground;
     if (dot(n, patch_.is_mesh ? from_axis : edge.outward) < 0.0) n = -n;
     const double distance = dot(n, from_axis) - radius_;
-    if (distance > reach_at(on_ground) || !in_cone(patch_, edge, n)) return;
+    if (distance > reach_at(on_ground) || !is_on_edge(t, distance, norm2(q - p)) ||
+        !in_cone(patch_, edge, n, cone_slack(approach_, n, distance)))
+      return;
     const Crossing crossing{on_ground + n * distance, axis_, distance};
     if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, crossing)) return;
     add(on_ground, n, distance, name_of(BodyFeature::Side, 1), ground_name(patch_, edge.end[0], edge.end[1]));
+  }
+
+  static bool is_on_edge(double t, double distance, double length2) {
+    return (t > 0.0 && t < 1.0) || (distance < 0.0 && is_at_corner(t, length2, {distance, 0.0, 0.0}));
   }
 
   // Seen along an edge, a rim is an ellipse and the edge a point; only the half of the ellipse beyond the cap counts.
@@ -198,7 +207,7 @@ class CylinderTouch {
     if (is_clear && (outside || narrow * c + s < 1e-9)) n = -unit(wide * dx + high * dy);
     add_rim(k, edge, wide * c + up * s, n);
     // An edge across the cap crosses its rim twice.
-    if (narrow < CONE_TOLERANCE) add_rim(k, edge, wide * c - up * s, n);
+    if (narrow < SEAT) add_rim(k, edge, wide * c - up * s, n);
   }
 
   // `radial`: direction of the point of the rim from its centre.
@@ -206,9 +215,10 @@ class CylinderTouch {
     const Vec3 &p = patch_.points[edge.end[0]], &q = patch_.points[edge.end[1]];
     const Vec3 on_rim = cap_[k] + radial * radius_;
     const double t = along_segment(on_rim, p, q);
-    if (!(t > 0.0 && t < 1.0) || !in_cone(patch_, edge, n)) return;
     const Vec3 on_ground = p + (q - p) * t;
     const double distance = dot(n, on_rim - on_ground);
+    if (!is_on_edge(t, distance, norm2(q - p)) || !in_cone(patch_, edge, n, cone_slack(approach_, n, distance, SEAT)))
+      return;
     if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, {on_rim, cross(axis_, radial), distance})) return;
     add(on_ground, n, distance, name_of(BodyFeature::Rim, k), ground_name(patch_, edge.end[0], edge.end[1]));
   }
@@ -219,7 +229,8 @@ class CylinderTouch {
   std::vector<Contact>& contacts_;
   double radius_;
   Vec3 axis_, cap_[2], side_[2];
-  double spin_;  // way that turning may move a point of a rim relative to its centre [m]
+  Vec3 tilting_;  // rotation of the axis in the step [rad]
+  double spin_;   // way that turning may move a point of a rim relative to its centre [m]
   Pose pose_;
 };
 

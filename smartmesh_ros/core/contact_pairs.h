@@ -12,6 +12,12 @@ struct MovingPoint {
   Vec3 inside;           // a point deep inside the shape [m]
 };
 
+// Returns true if a plane with the unit normal `n` that touches a point of a shape has the shape's inside above it. A point
+// that slides over a crest would else be held back by the flank that it comes from.
+inline bool faces(const MovingPoint& point, const Vec3& n) {
+  return dot(n, point.inside - point.at) >= -point.radius;
+}
+
 // Kinds of features of a body, for their names.
 enum class BodyFeature : int { Vertex = 1, Face = 2, Edge = 3, Rim = 4, Side = 5 };
 
@@ -23,13 +29,24 @@ inline int ground_name(const Patch& patch, const Facet& facet) {
   return ground_name(patch, facet.corner[0], facet.corner[1], facet.corner[2]);
 }
 
-// Adds the contacts of a point with facets alone. Returns false if the point lies below the ground, which is then its
-// only contact.
+// Added to distances in which features are looked for, against rounding [m].
+constexpr double ROUNDING = 1e-6;
+
+// Largest number of facets behind which a point may be at once, as in the corner of a room.
+constexpr int MOST_BEHIND = 3;
+
+// Adds the contacts of a point with facets alone. A point below the ground is lifted out of it by the shortest way, and
+// touches what is over it from there. Returns false if it lies below the ground; it then has no contacts with edges and
+// peaks.
 bool touch_facets(const MovingPoint& point, int name, const Patch& patch, double duration, std::vector<Contact>& contacts);
 
 // Adds the contacts of a point with facets of meshes alone. Returns false if the point has penetrated a facet; it then has
 // no contacts with edges and peaks.
 bool touch_sheets(const MovingPoint& point, int name, const Patch& patch, double duration, std::vector<Contact>& contacts);
+
+// Adds a contact of a point with a plane at this distance from it [m].
+void add_contact(const MovingPoint& point, int name, const Vec3& normal, double from_core, int ground,
+                 std::vector<Contact>& contacts);
 
 // Returns the facet of a mesh through which a point `at` of a shape leaves the ground, null if it has not penetrated the
 // ground; `inside`: a point deep inside the shape.
@@ -44,13 +61,21 @@ Vec3 normal_towards(const Vec3& p, const Facet& facet, const Patch& patch);
 bool comes_over(const MovingPoint& point, const Vec3& n, double distance, double duration, double slack,
                 const Facet& facet, const Patch& patch);
 
-// Returns the facet through which a point below the ground leaves it by the shortest way, -1 if none is over the point.
-// `distance` [m]: from that facet's plane, negative.
+// Returns the facet through which a point below the ground leaves it by the shortest way, towards the inside of its shape;
+// -1 if none is over the point. `distance` [m]: from that facet's plane, negative.
 int way_out(const Vec3& point, const Patch& patch, double& distance);
+int way_out(const MovingPoint& point, const Patch& patch, double& distance);
 
 // Share of a depth below which another way out makes a contact false: the shape is then beyond a thin ridge, or over a
 // cliff. Raising it loses contacts of shapes that could leave by a way that nothing else finds.
 constexpr double MUCH_SHORTER = 0.5;
+
+// Returns true if the crossing of two edges lies less far beyond the end of the ground's edge, at the share `t` of it, than
+// the edges overlap. What is inside an inner corner of a crest crosses both edges of the corner there.
+inline bool is_at_corner(double t, double length2, const Vec3& overlap) {
+  const double beyond = std::max(-t, t - 1.0);
+  return beyond * beyond * length2 < norm2(overlap);
+}
 
 // A line on a shape that passes an edge of the ground on its inner side: the point nearest to the edge, the direction, and
 // the distance from the edge [m], negative.

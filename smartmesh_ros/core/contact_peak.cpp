@@ -25,7 +25,7 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
                 std::vector<Contact>& contacts) {
   const Polytope& core = shape.core;
   const Vec3 at = patch.points[peak.point], velocity = approach.velocity_at(at);
-  const double travel = norm(velocity) * approach.duration, reach = approach.margin + travel;
+  const double reach = approach.reach(velocity);
   const Vec3 q = pose.to_local(at), moved = transposed(pose.turn, velocity) * -approach.duration;
   if (!shape.bounds.grown(reach).meets({q, q})) return;
   const int ground = ground_name(patch, peak.point);
@@ -46,14 +46,16 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
     if (inside != (from_plane <= 0.0)) continue;
     if (inside) least = std::max(least, from_plane);
     const Vec3 n = pose.turn * -face.normal;
-    if ((inside && from_plane <= depth) || !in_cone(patch, peak, n)) continue;
+    if ((inside && from_plane <= depth) || !in_cone(patch, peak, n, cone_slack(approach, n, from_plane, SEAT)))
+      continue;
     if (inside) {
       way = static_cast<int>(f), depth = from_plane;
       continue;
     }
     const double closing = -dot(face.normal, moved), gap = std::max(from_plane - shape.rounding, 0.0);
-    const bool comes = closing > gap && inside_face(core, face, q - face.normal * from_plane +
-                                                                    (moved + face.normal * closing) * (gap / closing));
+    const bool comes =
+        closing > gap &&
+        inside_face(core, face, q - face.normal * from_plane + (moved + face.normal * closing) * (gap / closing));
     if (comes || inside_face(core, face, q - face.normal * from_plane))
       add(n, from_plane - shape.rounding, name_of(BodyFeature::Face, static_cast<int>(f)));
   }
@@ -71,7 +73,8 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
     const double distance = norm(away);
     if (!(distance - shape.rounding <= reach && distance > 1e-9)) continue;
     const Vec3 n = away * (1.0 / distance), n_world = pose.turn * n;
-    if (in_cone(edge, n) && in_cone(patch, peak, n_world))
+    const double slack = cone_slack(approach, n_world, distance - shape.rounding);
+    if (in_cone(edge, n, slack) && in_cone(patch, peak, n_world, slack))
       add(n_world, distance - shape.rounding, name_of(BodyFeature::Edge, static_cast<int>(k)));
   }
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cones.h"
 #include "contact_pairs.h"
 
 namespace smartmesh {
@@ -12,8 +13,8 @@ namespace {
 // Part of the ground that a shape may touch in the step: around its box, grown by the way it may come.
 class ShapeReach final : public Reach {
  public:
-  ShapeReach(const Convex& shape, const Pose& pose, double grown)
-      : shape_(shape), pose_(pose), centre_(pose.to_world(shape.centre)), grown_(grown) {
+  ShapeReach(const Convex& shape, const Pose& pose, double grown, double bottom)
+      : shape_(shape), pose_(pose), centre_(pose.to_world(shape.centre)), grown_(grown), bottom_(bottom) {
     is_ball_ = shape.core.vertices.size() == 1;
   }
 
@@ -34,7 +35,8 @@ class ShapeReach final : public Reach {
     for (const Vec3& p : corners)
       if (!std::isnan(p.z)) bounds.add(p);
     const Vec3 &at = pose_.at, &low = bounds.low, &high = bounds.high;
-    const Vec3 nearest{std::clamp(at.x, low.x, high.x), std::clamp(at.y, low.y, high.y), std::clamp(at.z, low.z, high.z)};
+    const Vec3 nearest{std::clamp(at.x, low.x, high.x), std::clamp(at.y, low.y, high.y),
+                       std::clamp(at.z, low.z, high.z)};
     return norm2(nearest - at) > limit * limit;
   }
 
@@ -42,11 +44,13 @@ class ShapeReach final : public Reach {
     return dot(one, centre_ - p) > 0.0 || dot(other, centre_ - p) > 0.0;
   }
 
+  double bottom() const override { return bottom_; }
+
  private:
   const Convex& shape_;
   const Pose& pose_;
   Vec3 centre_;
-  double grown_;
+  double grown_, bottom_;
   bool is_ball_;
 };
 
@@ -59,15 +63,13 @@ Bounds bounds_of(const Convex& shape, const Pose& pose) {
   return bounds;
 }
 
-// By how much normals may leave their cones, as a sine, with room for narrow triangles.
-constexpr double SLACK = 0.01;
-
 // Returns true if an edge faces the ground: edges touch by normals that lie between those of the faces of both.
-bool faces_ground(const Convex& shape, const Pose& pose, const PolyEdge& edge, const Patch& patch) {
-  if (edge.faces[0] < 0 || patch.steepest < SLACK) return true;
+bool faces_ground(const Convex& shape, const Pose& pose, const PolyEdge& edge, const Patch& patch, double turn) {
+  const double slack = SEAT + turn;
+  if (edge.faces[0] < 0 || patch.steepest < slack) return true;
   const double up = std::min(dot(pose.turn.row[2], shape.core.faces[edge.faces[0]].normal),
                              dot(pose.turn.row[2], shape.core.faces[edge.faces[1]].normal));
-  return up <= (SLACK - patch.steepest) * edge.half_cosine;
+  return up <= (slack - patch.steepest) * edge.half_cosine;
 }
 
 // Appends the contacts of a shape at `pose` whose distance is below its motion in the step and the margin.
@@ -87,20 +89,25 @@ void find_contacts(const Convex& shape, const Pose& pose, const Patch& patch, co
     if (low[k]) touch_vertex(shape, pose, static_cast<int>(k), patch, approach, contacts);
   }
   for (const Peak& peak : patch.peaks) touch_peak(shape, pose, peak, patch, approach, contacts);
+  const double turn = approach.turn(unit(-approach.linear));
   for (std::size_t k = 0; k < core.edges.size(); ++k)
-    if ((low[core.edges[k].end[0]] || low[core.edges[k].end[1]]) && faces_ground(shape, pose, core.edges[k], patch))
+    if ((low[core.edges[k].end[0]] || low[core.edges[k].end[1]]) &&
+        faces_ground(shape, pose, core.edges[k], patch, turn))
       touch_edge(shape, pose, static_cast<int>(k), patch, approach, contacts);
 }
 
 }  // namespace
 
-void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface, double time, const Approach& approach,
+void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface, double time, Approach approach,
                         std::vector<Contact>& contacts) {
   contacts.clear();
+  if (shape.core.vertices.size() != 1)  // no ball
+    approach.impact = IMPACT, approach.turning = norm(approach.angular) * approach.duration,
+    approach.size = shape.reach;
   const double grown = approach.reach(pose.at, shape.reach);
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
   if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;
-  const ShapeReach reach(shape, pose, grown);
+  const ShapeReach reach(shape, pose, grown, bounds.low.z);
   surface.gather(bounds, time, approach.ahead, reach, maps_);
   surface.gather_meshes(bounds, time, approach.ahead, reach, meshes_);
   for (Patch* patch : {&maps_, &meshes_}) {

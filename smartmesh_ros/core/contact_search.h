@@ -12,7 +12,7 @@ namespace smartmesh {
 class ContactSearch {
  public:
   // Replaces `contacts` by those of a shape at `pose` with the ground at `time` [s]; none if a number is not finite.
-  void run(const Convex& shape, const Pose& pose, Surface& surface, double time, const Approach& approach,
+  void run(const Convex& shape, const Pose& pose, Surface& surface, double time, Approach approach,
            std::vector<Contact>& contacts);
 
  private:

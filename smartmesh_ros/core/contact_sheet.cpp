@@ -22,8 +22,6 @@ constexpr double SLACK = 1e-5;
 constexpr double TOUCHING = 1e-6;
 // Cosine of the angle between two facets up to which what they bound is a plate; at a larger angle it is a ridge.
 constexpr double PLATE = 0.7;
-// Number of facets behind which a point may be at once, as in the corner of a room.
-constexpr int MOST_BEHIND = 3;
 
 // Returns true if the way from `inside` to `at` goes through a facet, at this `share` of the way. A way through the
 // common edge of two facets goes through one of them, because both judge the edge by the same numbers.
@@ -99,11 +97,6 @@ const Facet* penetrated(const Vec3& inside, const Vec3& at, const Patch& patch) 
 
 bool touch_sheets(const MovingPoint& point, int name, const Patch& patch, double duration,
                   std::vector<Contact>& contacts) {
-  const auto add = [&](const Vec3& at, const Vec3& n, double from_core, const Facet& facet) {
-    const double distance = from_core - point.radius;
-    if (distance > point.reach) return;
-    contacts.push_back({at - n * from_core, n, distance, name, ground_name(patch, facet)});
-  };
   // The point is lifted out of the facets that it penetrates. Facets that are hidden below them are then not over it.
   MovingPoint lifted = point;
   const Facet* behind[MOST_BEHIND];
@@ -114,8 +107,9 @@ bool touch_sheets(const MovingPoint& point, int name, const Patch& patch, double
     if (facet == nullptr) break;
     const Vec3 n = normal_towards(point.inside, *facet, patch);
     const double from_plane = dot(n, lifted.at - patch.points[facet->corner[0]]);
-    add(lifted.at, n, from_plane, *facet);
+    add_contact(lifted, name, n, from_plane, ground_name(patch, *facet), contacts);
     lifted.at = lifted.at + n * (lift - from_plane);
+    lifted.velocity = lifted.velocity - n * std::min(0.0, dot(n, lifted.velocity));
     behind[count++] = facet;
   }
   const double most = point.radius + point.reach;
@@ -124,7 +118,8 @@ bool touch_sheets(const MovingPoint& point, int name, const Patch& patch, double
     const double distance = std::abs(dot(facet.normal, lifted.at - patch.points[facet.corner[0]]));
     if (distance > most || std::find(behind, behind + count, &facet) != behind + count) continue;
     const Vec3 n = normal_towards(lifted.at, facet, patch);
-    if (comes_over(lifted, n, distance, duration, SLACK, facet, patch)) add(lifted.at, n, distance, facet);
+    if (comes_over(lifted, n, distance, duration, SLACK, facet, patch))
+      add_contact(lifted, name, n, distance, ground_name(patch, facet), contacts);
   }
   return count == 0;
 }

@@ -11,17 +11,8 @@ namespace smartmesh {
 
 namespace {
 
-// Added to distances in which features are looked for, against rounding [m].
-constexpr double ROUNDING = 1e-6;
-
-void add_contact(const MovingPoint& point, int name, const Vec3& normal, double from_core, int ground,
-                 std::vector<Contact>& contacts) {
-  const double distance = from_core - point.radius;
-  if (distance <= point.reach) contacts.push_back({point.at - normal * from_core, normal, distance, name, ground});
-}
-
-// Returns the time [s] at which a ball that is apart from a line or point touches it, negative if that is not within the
-// step. `from` [m]: from a point of the line to the ball's centre; `along`: unit, zero for a point.
+// Returns the time [s] at which a ball that is apart from a line or point touches it, negative if that is not within
+// the step. `from` [m]: from a point of the line to the ball's centre; `along`: unit, zero for a point.
 double time_of_touch(const MovingPoint& ball, const Vec3& from, const Vec3& along, double duration) {
   const Vec3 w = from - along * dot(from, along), v = ball.velocity - along * dot(ball.velocity, along);
   const double vv = norm2(v), vw = dot(v, w), apart = norm2(w) - ball.radius * ball.radius;
@@ -33,93 +24,31 @@ double time_of_touch(const MovingPoint& ball, const Vec3& from, const Vec3& alon
 
 }  // namespace
 
+void add_contact(const MovingPoint& point, int name, const Vec3& normal, double from_core, int ground,
+                 std::vector<Contact>& contacts) {
+  const double distance = from_core - point.radius;
+  if (distance <= point.reach) contacts.push_back({point.at - normal * from_core, normal, distance, name, ground});
+}
+
 int ground_name(const Patch& patch, int a, int b, int c) {
   std::uint64_t name = 1469598103934665603ull;
   for (int k : {a, b, c}) name = (name ^ static_cast<std::uint64_t>(k < 0 ? -1 : patch.names[k])) * 1099511628211ull;
   return static_cast<int>(name >> 33);
 }
 
-int way_out(const Vec3& point, const Patch& patch, double& distance) {
-  const auto& p = patch.points;
-  const PatchCells& cells = patch.cells;
-  int facet = -1;
-  const auto look = [&](double half, bool only_over) {
-    const CellRange near = cells.near(point.x, point.y, half, half);
-    for (int r = near.top; r < near.bottom; ++r) {
-      for (int f = cells.facets[cells.at(r, near.left)]; f < cells.facets[cells.at(r, near.right - 1) + 1]; ++f) {
-        const Facet& it = patch.facets[f];
-        const Vec3 &a = p[it.corner[0]], &b = p[it.corner[1]], &c = p[it.corner[2]];
-        const double from_plane = dot(it.normal, point - a);
-        if (!(from_plane < 0.0 && from_plane > distance)) continue;
-        if (!is_over(point, a, b, c) &&
-            (only_over || !inside_triangle(point - it.normal * from_plane, a, b, c, it.normal, 0.0)))
-          continue;
-        distance = from_plane;
-        facet = f;
-      }
-    }
-  };
-  distance = -1e300;
-  look(ROUNDING, true);
-  if (facet >= 0) look(-distance + ROUNDING, false);
-  return facet;
-}
-
-bool comes_over(const MovingPoint& point, const Vec3& n, double distance, double duration, double slack,
-                const Facet& facet, const Patch& patch) {
-  const auto& p = patch.points;
-  const auto& k = facet.corner;
-  const Vec3 foot = point.at - n * distance;
-  if (inside_triangle(foot, p[k[0]], p[k[1]], p[k[2]], facet.normal, slack * distance)) return true;
-  const double closing = -dot(n, point.velocity), gap = distance - point.radius;
-  if (!(gap >= 0.0 && closing * duration > gap)) return false;
-  const Vec3 then = foot + (point.velocity + n * closing) * (gap / closing);
-  return inside_triangle(then, p[k[0]], p[k[1]], p[k[2]], facet.normal, slack * point.radius);
-}
-
-bool touch_facets(const MovingPoint& point, int name, const Patch& patch, double duration,
-                  std::vector<Contact>& contacts) {
-  const auto& p = patch.points;
-  const std::size_t first = contacts.size();
-  bool is_below = false;
-  const double most = point.radius + point.reach;
-  const auto touch = [&](const Facet& facet) {
-    const Vec3 &a = p[facet.corner[0]], &b = p[facet.corner[1]], &c = p[facet.corner[2]];
-    const double from_plane = dot(facet.normal, point.at - a);
-    if (from_plane > most) return;
-    if (from_plane < 0.0) {
-      is_below |= is_over(point.at, a, b, c);
-      return;
-    }
-    if (comes_over(point, facet.normal, from_plane, duration, 0.0, facet, patch))
-      add_contact(point, name, facet.normal, from_plane, ground_name(patch, facet), contacts);
-  };
-  const PatchCells& cells = patch.cells;
-  const CellRange near = cells.near(point.at.x, point.at.y, most + ROUNDING, most + ROUNDING);
-  for (int r = near.top; r < near.bottom; ++r)
-    for (int f = cells.facets[cells.at(r, near.left)]; f < cells.facets[cells.at(r, near.right - 1) + 1]; ++f)
-      touch(patch.facets[f]);
-  if (!is_below) return true;
-  contacts.resize(first);
-  double distance;
-  const Facet& facet = patch.facets[way_out(point.at, patch, distance)];
-  add_contact(point, name, facet.normal, distance, ground_name(patch, facet), contacts);
-  return false;
-}
-
 void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch& patch, const Approach& approach,
                   std::vector<Contact>& contacts) {
   const Polytope& core = shape.core;
   const Vec3 at = pose.to_world(core.vertices[vertex]), velocity = approach.velocity_at(at);
-  const MovingPoint point{at, velocity, shape.rounding, approach.margin + norm(velocity) * approach.duration,
-                          pose.to_world(shape.centre)};
+  const MovingPoint point{at, velocity, shape.rounding, approach.reach(velocity), pose.to_world(shape.centre)};
   if (at.z - point.radius - point.reach > patch.highest) return;
   const int name = name_of(BodyFeature::Vertex, vertex);
   const auto touch = patch.is_mesh ? touch_sheets : touch_facets;
   if (!touch(point, name, patch, approach.duration, contacts)) return;
   const double most = point.radius + point.reach;
   const auto add = [&](const Vec3& n, double distance, const auto& feature, int one, int other) {
-    if (!in_cone(patch, feature, n) || !in_cone(core, vertex, transposed(pose.turn, n))) return false;
+    const double slack = cone_slack(approach, n, distance - point.radius);
+    if (!in_cone(patch, feature, n, slack) || !in_cone(core, vertex, transposed(pose.turn, n), slack)) return false;
     add_contact(point, name, n, distance, ground_name(patch, one, other), contacts);
     return true;
   };
@@ -151,7 +80,8 @@ void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch
     }
     for (int k = cells.peaks[first]; k < cells.peaks[end]; ++k) {
       const Peak& peak = patch.peaks[k];
-      if (!touches(patch.points[peak.point], peak, peak.point, -1)) meet(patch.points[peak.point], {}, peak, peak.point, -1);
+      if (!touches(patch.points[peak.point], peak, peak.point, -1))
+        meet(patch.points[peak.point], {}, peak, peak.point, -1);
     }
   }
 }

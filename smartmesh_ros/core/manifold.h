@@ -17,9 +17,10 @@ struct OldContact {
   Vec3 friction;
 };
 
-// Reduces contacts to at most four: the one that closes the most, and those that span the largest area with it. Contacts
-// that were there in the last step are preferred. `duration` [s]: of the step.
-void choose_contacts(const Approach& approach, const std::vector<OldContact>& before, std::vector<Contact>& contacts);
+// Reduces contacts to at most four: the one that closes the most, then those that close although the others hold the
+// shape, then those that span the largest area. Contacts that were there in the last step are preferred.
+void choose_contacts(const Convex& shape, const Pose& pose, const Approach& approach,
+                     const std::vector<OldContact>& before, std::vector<Contact>& contacts);
 
 // Returns the contact of the last step that became this one: of the same features, or else the nearest; null = none.
 const OldContact* matching(const Contact& contact, const std::vector<OldContact>& before);

@@ -61,7 +61,7 @@ struct Patch {
 
   double highest = 0.0;    // of the points [m]
   double steepest = -1.0;  // least upward component of the normals beside the convex edges
-  std::vector<int> index;  // of the samples of a window in `points`, while cells are added
+  std::vector<int> index;  // of the samples of a window in `points`, then of the points below them, while cells are added
   std::vector<char> active;
 
   // Makes all features one cell, if they are not divided, and finds the highest point.
@@ -89,6 +89,9 @@ struct Reach {
   // its facets: the centre of what touches is at one of these sides.
   virtual bool is_outside(const Vec3& p, const Vec3& one, const Vec3& other) const = 0;
 
+  // Returns the height down to which height maps have walls at their holes and rims [m]; above all ground: none.
+  virtual double bottom() const = 0;
+
  protected:
   ~Reach() = default;
 };
@@ -98,10 +101,12 @@ struct Everything final : Reach {
   bool touches(const Vec3&, double) const override { return true; }
   bool is_clear_of(const Vec3 (&)[4]) const override { return false; }
   bool is_outside(const Vec3&, const Vec3&, const Vec3&) const override { return true; }
+  double bottom() const override { return 1e300; }
 };
 
-// Adds the facets, convex edges and peaks of those cells of a window that are in `reach`. The window has a ring of
-// samples around its cells. `first_row`, `first_column`: of the window in the map, for the names of points.
+// Adds the facets, convex edges and peaks of those cells of a window that are in `reach`, and the walls of holes and rims:
+// what is under a map is solid. The window has a ring of samples around its cells. `first_row`, `first_column`: of the
+// window in the map, for the names of points.
 void add_cells(const Window& window, long first_row, long first_column, const Reach& reach, Patch& patch);
 
 }  // namespace smartmesh

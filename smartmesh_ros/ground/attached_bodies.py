@@ -12,15 +12,13 @@ import numpy as np
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.body_shapes import require_body, shapes_of
 from smartmesh_ros.ground.bullet import NoClient, connected_client, is_fixed, undone
-from smartmesh_ros.ground.colliders.patch_contacts import PatchContacts
 from smartmesh_ros.ground.config import SleepConfig, time_step_of
 from smartmesh_ros.ground.followers import Belt, Follower, Followers
-from smartmesh_ros.ground.map_contacts import MapContacts, SoilSupport, SteppedSoil, missing_for
+from smartmesh_ros.ground.map_contacts import MapContacts, SoilSupport, SteppedSoil
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.shown_ground import ShownGround
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.patches.config import PatchConfig, require_usable
 from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
@@ -36,33 +34,21 @@ class AttachedBodies:
         self,
         client: Any,
         terrain: MainMesh | Terrain,
-        config: PatchConfig | None = None,
         stopwatch: Stopwatch | None = None,
-        *,
-        gravity: float = 9.81,
     ) -> None:
-        client = connected_client(client)
-        self.config = config or PatchConfig()
+        self._client = connected_client(client)
         self.terrain = Terrain.of(terrain)
-        self.no_proxies = missing_for(client)
-        if self.no_proxies and self.config.kind == "auto":
-            log.warning("bodies stand on colliders of PyBullet's own, not on the map itself: %s", self.no_proxies)
-        self._require_usable(self.config)
         self.stopwatch = stopwatch or Stopwatch()
         self.followers = Followers()
-        self.gravity = gravity
         self.time = 0.0
-        self.refreshes = self.rescues = 0
+        self.rescues = 0
         self.soil: SteppedSoil | None = None
         self._soil_revision = 0  # of the places of soils that bodies stand on
         self._shown: ShownGround | None = None
-        self._client = client
-        self.patches = ShownPatches(self.terrain, self.config, self.followers, self.stopwatch)
-        self.contacts = self._new_contacts(self.config)
+        self._printed = math.nan  # time at which prints of the soil were written into its map [s]
+        self.contacts = self._new_contacts()
+        self.patches = ShownPatches(self.terrain, self.followers, self.stopwatch)
         self._may_sleep: Callable[[int], bool] | None = None
-        self._sleep = SleepConfig()
-        self._stale = True  # the next step needs an update, even if the last one has not expired
-        self._steps = 1  # lifetime of the last update [steps]
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy of the ground, or one in another process, is made of: its terrain and settings. PyBullet's
@@ -70,15 +56,14 @@ class AttachedBodies:
         lost."""
         if self.soil is not None:
             raise InputError("soil", "a ground with soil cannot be copied; take the soil off by set_soil(None) before")
-        return {name: getattr(self, name) for name in ("terrain", "config", "gravity", "time")}
+        return {name: getattr(self, name) for name in ("terrain", "time")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make a ground that answers questions about its terrain, and refuses what needs a client."""
         nobody: Any = NoClient()
         vars(self).update(state, _client=nobody, patches=nobody, contacts=nobody)
         self.followers, self.stopwatch, self.soil, self._shown = Followers(), Stopwatch(), None, None
-        self.no_proxies, self._may_sleep, self._sleep = NoClient.WHY, None, SleepConfig()
-        self.refreshes, self.rescues, self._stale, self._steps = 0, 0, True, 1
+        self.rescues, self._may_sleep, self._printed = 0, None, math.nan
 
     def attach(
         self,
@@ -112,9 +97,7 @@ class AttachedBodies:
             for follower in made:
                 self._put_on(follower, own=own)
                 added.append(follower.slot)
-        if self.contacts.exact:
-            self.contacts.refresh()
-        self._stale = True
+        self.contacts.take_tiles()
         return made[0]
 
     def is_ground(self, body: int) -> bool:
@@ -122,10 +105,8 @@ class AttachedBodies:
         return self.contacts.is_ground(body) or body in self.shown.values()
 
     def detach(self, body: int) -> None:
-        """Take ``body`` and its links off the ground. A body that is removed from PyBullet is taken off by itself, but
-        not where there are colliders of PyBullet's own."""
+        """Take ``body`` and its links off the ground. A body that is removed from PyBullet is taken off by itself."""
         self._take_off(list(self.followers.of(body)))
-        self._stale = True
 
     def _put_on(self, follower: Follower, *, own: bool) -> None:
         self.followers.add(follower, own=own)
@@ -149,20 +130,18 @@ class AttachedBodies:
 
         Where the ground touches it with a normal n, the surface moves along n x ``axis``, a vector in the frame of the
         link's centre of mass: a positive speed drives as a wheel that turns about the axis. The body wakes, and does
-        not sleep while its surface moves. On colliders of PyBullet's own, which `configure` may choose meanwhile, the
-        surface stands still. Raises `InputError` if there are such colliders, no such link, or impossible numbers.
+        not sleep while its surface moves. Raises `InputError` if there is no such link, or for impossible numbers.
         """
         belt, follower = Belt(axis, speed), self.followers.at(body, link)
         if follower is None or not follower.solid:
             raise InputError(
                 "unknown_body", f"body {body}, link {link} has no contacts with the ground; attach it first"
             )
-        contacts = self.require_belts()
-        contacts.require_client()
+        self.contacts.require_client()
         if follower.belt != belt:
             self.wake(body)
             follower.belt = belt
-            contacts.drive(follower)
+            self.contacts.drive(follower)
 
     def let_sleep(self, may_sleep: Callable[[int], bool] | None, config: SleepConfig | None = None) -> None:
         """Let `step` and `update` put bodies at rest to sleep from now on, if ``may_sleep`` returns True for the
@@ -171,17 +150,15 @@ class AttachedBodies:
         A sleeping body keeps its contacts, and costs little. It wakes with all that it touches, in the step in which
         something touches or moves it: other bodies, attached or not; constraints; poses, velocities, forces and joint
         commands that are set through PyBullet; another ground. A multibody that a constraint holds to something else
-        stays awake; whoever changes a constraint of rigid bodies must `wake` them. On colliders of PyBullet's own no
-        body sleeps.
+        stays awake; whoever changes a constraint of rigid bodies must `wake` them.
         """
-        self._may_sleep, self._sleep = may_sleep, config or SleepConfig()
-        self._set_sleep()
+        self._may_sleep = may_sleep
+        self.contacts.let_sleep((config or SleepConfig()) if may_sleep else None)
 
     def wake(self, body: int | None = None) -> None:
         """Wake a body, or all (None), with what it touches. It must be still for `SleepConfig.after` before it
         sleeps."""
         self.contacts.wake(None if body is None else self.followers.of(body))
-        self._stale = True
 
     def is_asleep(self, body: int) -> bool:
         """Return True if a body sleeps with all its links."""
@@ -197,22 +174,6 @@ class AttachedBodies:
         active = slots[states[:, 7:13].any(axis=1) | ~(jumps <= followers.radii[slots])]
         self.contacts.wake(active.tolist())
 
-    def configure(self, config: PatchConfig, *, gravity: float | None = None) -> None:
-        """Replace the settings of patches, and ``gravity`` [m/s^2] unless it is None, from the next update on. Bodies
-        may rest on patches meanwhile. Raises `InputError` and changes nothing if the terrain does not allow the
-        settings."""
-        self._require_usable(config)
-        self._require_exact_for(self.soil, config)
-        if self._shown is not None and not self._is_exact(config):
-            raise InputError("show", f"patches of the kind {config.kind!r} are no ground that is drawn; hide it first")
-        self.wake()
-        if self._is_exact(config) != self.contacts.exact:
-            self._exchange_contacts(config)
-        self.patches.configure(config)
-        self.contacts.configure(config)
-        self.config = config
-        self.gravity = self.gravity if gravity is None else gravity
-
     def close(self) -> None:
         """Detach all bodies, and leave the client to another ground."""
         self.hide()
@@ -225,15 +186,13 @@ class AttachedBodies:
         updates at most ``rate`` [Hz] times a second of simulated time. Nothing touches what is drawn.
 
         Maps are drawn with their holes and the colours of their friction; those of more than 256 samples a side at
-        every 2nd, 3rd, ... sample. Raises `InputError` if contacts do not come from the map, or the rate is no number
-        above zero.
+        every 2nd, 3rd, ... sample. Raises `InputError` if the rate is no number above zero.
         """
         if not (math.isfinite(rate) and rate > 0.0):
             raise InputError("rate", f"the ground is drawn at a rate of {rate} Hz; it must be finite and above zero")
-        contacts = self._require_map("show", "the ground is drawn")
-        contacts.require_client()
+        self.contacts.require_client()
         if self._shown is None:
-            self._shown = contacts.shown(rate)
+            self._shown = self.contacts.shown(rate)
         self._shown.rate = rate
         self._shown.draw(self.clock)
 
@@ -255,13 +214,11 @@ class AttachedBodies:
 
     def set_soil(self, soil: SteppedSoil | None) -> None:
         """Let bodies stand on a soil of one of the terrain's height maps, such as a `Soil`, from now on; None =
-        on the map itself. Raises `InputError` and changes nothing if contacts do not come from the map."""
-        self._require_exact_for(soil, self.config)
+        on the map itself. Raises `InputError` and changes nothing if the soil is of another map."""
         if soil is not None and not self._has(soil.map):
             raise InputError("soil", "the map of the soil is no tile of this ground's terrain")
         self.wake()
-        if isinstance(self.contacts, MapContacts):
-            self.contacts.set_soil(None if soil is None else soil.core)
+        self.contacts.set_soil(None if soil is None else soil.core)
         self.soil, self._soil_revision = soil, 0 if soil is None else soil.map.soil_revision
 
     def check_soil(self) -> None:
@@ -278,8 +235,6 @@ class AttachedBodies:
 
     def on_soil(self) -> dict[str, SoilSupport]:
         """Return how the soil bore each body and link on it in the last step, by the names of the followers."""
-        if not isinstance(self.contacts, MapContacts):
-            return {}
         parts = {follower.name: self.contacts.on_soil(follower.slot) for follower in self.followers}
         return {
             name: SoilSupport(float(found[:, 0].max()), float(found[:, 1].sum()), float(found[:, 2].sum()))
@@ -289,60 +244,12 @@ class AttachedBodies:
 
     @property
     def clock(self) -> float:
-        """Time [s] at the start of the next step. PyBullet's steps advance it, whoever calls them; with colliders of
-        PyBullet's own it is that of the last update."""
+        """Time [s] at the start of the next step. PyBullet's steps advance it, whoever calls them."""
         return self.contacts.time
-
-    @property
-    def exact(self) -> bool:
-        """True if contacts come from the map itself."""
-        return self.contacts.exact
-
-    def require_usable(self, mesh: MainMesh, config: PatchConfig | None = None) -> None:
-        """Raise `InputError` if a mesh cannot be ground with these settings, or the present ones (None)."""
-        config = config or self.config
-        require_usable(config, mesh, exact=self._is_exact(config))
-
-    def require_belts(self) -> MapContacts:
-        """Return the contacts, in which surfaces can move; raises `InputError` if they are PyBullet's own."""
-        return self._require_map("surface", "a surface moves")
-
-    def _require_map(self, reason: str, what: str) -> MapContacts:
-        if isinstance(self.contacts, MapContacts):
-            return self.contacts
-        cause = self.no_proxies or f"the kind of patch is {self.config.kind!r}; choose 'auto'"
-        raise InputError(reason, f"{what} only where contacts come from the map itself: {cause}")
 
     def _has(self, mesh: MainMesh) -> bool:
         """Return True if a mesh is a tile of the terrain."""
         return any(tile is mesh for tile in self.terrain.tiles.values())
 
-    def _require_exact_for(self, soil: SteppedSoil | None, config: PatchConfig) -> None:
-        if soil is not None and not self._is_exact(config):
-            why = self.no_proxies or f"patches are of the kind {config.kind!r}"
-            raise InputError("soil", f"bodies stand on soil only where contacts come from the map: {why}")
-
-    def _require_usable(self, config: PatchConfig) -> None:
-        for mesh in self.terrain.tiles.values():
-            self.require_usable(mesh, config)
-
-    def _is_exact(self, config: PatchConfig) -> bool:
-        return not self.no_proxies and config.kind == "auto"
-
-    def _exchange_contacts(self, config: PatchConfig) -> None:
-        """Let contacts come from elsewhere; the old ones stay if PyBullet fails."""
-        new, old = self._new_contacts(config), self.contacts
-        with undone(new.close):
-            for follower in self.followers:
-                new.attach(follower)
-            old.close()
-        self.contacts = new
-        self._set_sleep()
-
-    def _set_sleep(self) -> None:
-        self.contacts.let_sleep(self._sleep if self._may_sleep else None)
-
-    def _new_contacts(self, config: PatchConfig) -> MapContacts | PatchContacts:
-        if self._is_exact(config):
-            return MapContacts(self._client, self.followers, self.terrain, config)
-        return PatchContacts(self._client, self.followers, self.terrain, config, self.patches)
+    def _new_contacts(self) -> MapContacts:
+        return MapContacts(self._client, self.followers, self.terrain)

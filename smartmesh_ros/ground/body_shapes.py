@@ -5,25 +5,18 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.layout_probe import number_of
-from smartmesh_ros.ground.map_contacts import missing_for
 from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.patches.shapes import BodyShape, ball, compound, part_of, primitive
+from smartmesh_ros.patches.shapes import BodyShape, ball, compound, part_of
 
 
 def read_shapes(client: Any, body: int) -> dict[int, BodyShape]:
     """Return the shapes of those links of a body that have one, -1 = its base: what Bullet collides, meshes as their
-    convex hulls. Raises `InputError` if the body is soft.
-
-    Without the core in PyBullet a mesh, and what PyBullet does not report, is its bounding ball.
-    """
-    if missing_for(client):
-        return _reported_shapes(client, body)
+    convex hulls. Raises `InputError` if the body is soft."""
     try:
         found = CORE.shapes_of(number_of(client), body)
     except ValueError as error:
@@ -90,27 +83,3 @@ def link_name(client: Any, body: int, link: int) -> str:
     """Return the name of a link, or of the base (-1)."""
     name: bytes = client.getBodyInfo(body)[0] if link < 0 else client.getJointInfo(body, link)[12]
     return name.decode(errors="replace")
-
-
-def _reported_shapes(client: Any, body: int) -> dict[int, BodyShape]:
-    """Return the shapes of a body's links as PyBullet reports them."""
-    found = {}
-    for link in range(-1, client.getNumJoints(body)):
-        try:
-            reported = client.getCollisionShapeData(body, link)
-        except pb.error:  # PyBullet does not report the shapes of bodies in maximal coordinates
-            reported = [(None,) * 7]
-        parts = [primitive(pb, kind, size, place, turn) for _, _, kind, size, _, place, turn in reported]
-        known = [part for part in parts if part is not None]
-        if parts:
-            whole = len(known) == len(parts)
-            found[link] = compound(known) if whole else ball(_radius_of_bounds(client, body, link))
-    return found
-
-
-def _radius_of_bounds(client: Any, body: int, link: int) -> float:
-    """Bounding radius, about the centre of mass, of the axis-aligned bounds [m]."""
-    low, high = (np.array(corner) for corner in client.getAABB(body, link))
-    pose = client.getBasePositionAndOrientation(body) if link < 0 else client.getLinkState(body, link)
-    centre = np.array(pose[0])
-    return float(np.linalg.norm(np.maximum(np.abs(low - centre), np.abs(high - centre))))

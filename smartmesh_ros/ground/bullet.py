@@ -36,8 +36,8 @@ class NoClient:
     """Takes the place of the client, and of all that works in it, in a copy of a ground: refuses whatever is asked."""
 
     WHY = (
-        "this ground is a copy, and PyBullet's world cannot be copied: make Ground(client, ground.terrain, "
-        "ground.config) and attach its bodies"
+        "this ground is a copy, and PyBullet's world cannot be copied: make Ground(client, ground.terrain) and attach "
+        "its bodies"
     )
 
     def __getattr__(self, name: str) -> Any:

@@ -17,7 +17,7 @@ class PhysicsConfig:
     ``rate`` [Hz]: steps per simulated second. ``gravity`` [m/s^2]. ``friction``: Coulomb coefficient of every simulated
     body against the ground, and of the links of robots whose URDF gives none. ``restitution``: ratio of rebound speed
     to impact speed, for the same bodies and links. ``contact_erp``: share of a
-    penetration that the solver corrects in one step. ``guard``: put bodies found below the ground back onto it.
+    penetration that the solver corrects in one step.
     ``sleep``: bodies at rest on ground at rest fall asleep, and wake in the step in which anything touches them.
     ``solver_residual`` [m^2/s^2]: PyBullet's ``solverResidualThreshold``; the solver's 50 iterations end early once
     none changes a contact's velocity by more than the square root of this value.
@@ -28,7 +28,6 @@ class PhysicsConfig:
     friction: float = 0.5
     restitution: float = 0.0
     contact_erp: float = 0.3
-    guard: bool = True
     sleep: bool = True
     solver_residual: float = 1e-9
 
@@ -99,12 +98,10 @@ def time_step_of(client: Any) -> float:
     return float(client.getPhysicsEngineParameters()["fixedTimeStep"])
 
 
-def gravity_of(client: Any, dt: float) -> float:
-    """Return the gravity of a client [m/s^2]; raises `InputError` if it does not step ``dt`` [s]."""
-    settings = client.getPhysicsEngineParameters()
-    step = float(settings["fixedTimeStep"])
+def require_time_step(client: Any, dt: float) -> None:
+    """Raise `InputError` if a client does not step ``dt`` [s]."""
+    step = time_step_of(client)
     if not (math.isfinite(dt) and abs(dt - step) <= ROUNDING * step):
         raise InputError(
             "parameter", f"dt is {dt} s, but PyBullet steps {step} s; call setTimeStep({dt}) or pass dt={step}"
         )
-    return math.hypot(*(float(settings[f"gravityAcceleration{axis}"]) for axis in "XYZ"))

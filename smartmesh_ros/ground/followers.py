@@ -14,7 +14,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, BodyShape, ShapeTable
-from smartmesh_ros.patches.supports import with_rows
+from smartmesh_ros.patches.tables import with_rows
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.motion import next_revision
 

@@ -1,4 +1,4 @@
-"""Contacts straight from the map.
+"""Contacts straight from the map, in PyBullet clients whose server runs in this process.
 
 Each attached body or link has a ground proxy: a PyBullet body that stands for the ground near it. The C++ core, loaded
 into PyBullet as a plugin, works out the contacts of the two from height maps and meshes, in each ``stepSimulation``.
@@ -21,8 +21,7 @@ from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.layout_probe import misread, number_of
 from smartmesh_ros.ground.shown_ground import FAR_AWAY, ShownGround
-from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -67,14 +66,16 @@ def missing_for(client: Any) -> str:
     if wrong := misread():
         return f"the core was built for another PyBullet: the two differ in {wrong}"
     if client.getConnectionInfo().get("connectionMethod") in ELSEWHERE:
-        return "the PyBullet server of this client runs in another process"
+        return "the server of this PyBullet client runs in another process; connect with pybullet.DIRECT or GUI"
     if number_of(client) < 0:
         return f"this PyBullet does not load the core {CORE.__file__}"
     return ""
 
 
 def ground_in(client: Any) -> Any:
-    """Return the core's ground in a client; raises `InputError` if the client has one already."""
+    """Return the core's ground in a client; raises `InputError` if there can be none, or the client has one already."""
+    if why := missing_for(client):
+        raise InputError("client", f"bodies cannot stand on the ground: {why}")
     try:
         return CORE.Ground(number_of(client))
     except RuntimeError as error:
@@ -84,10 +85,7 @@ def ground_in(client: Any) -> Any:
 class MapContacts:
     """Contacts of the followers in one client with the map. Bodies are addressed by slot."""
 
-    exact = True
-    replacements = leaked = 0
-
-    def __init__(self, client: Any, followers: Followers, terrain: Terrain, config: PatchConfig) -> None:
+    def __init__(self, client: Any, followers: Followers, terrain: Terrain) -> None:
         self._client = client
         self._followers = followers
         self._terrain = terrain
@@ -98,11 +96,6 @@ class MapContacts:
         self._visual: int | None = None
         self._layout = -1
         self._sleep_changes = -1
-        self.configure(config)
-
-    def configure(self, config: PatchConfig) -> None:
-        """Take settings."""
-        self._core.carry_velocity = config.carry_velocity
 
     def attach(self, follower: Follower) -> None:
         """Give a follower a proxy if it is solid; other followers are only read."""
@@ -132,7 +125,7 @@ class MapContacts:
                 self._followers[slot].collider = None
                 gone.append(slot)
 
-    def refresh(self) -> None:
+    def take_tiles(self) -> None:
         """Collide the followers with the tiles of the terrain from now on."""
         if self._layout != self._terrain.layout_revision:
             self._layout = self._terrain.layout_revision
@@ -149,7 +142,7 @@ class MapContacts:
         """Take the terrain's tiles, wake what something disturbed that PyBullet wakes nobody for, as each step does,
         and let the PyBullet bodies sleep that are still and rest on something, and for which ``may_sleep`` returns
         True; None = nobody. The owner of a remote body knows on what it rests."""
-        self.refresh()
+        self.take_tiles()
         self._core.wake_disturbed()
         if may_sleep is not None:
             resting = self._core.find_resting(self._followers.flags("remote"))
@@ -181,6 +174,12 @@ class MapContacts:
         self._followers.set_asleep(asleep)
         self._core.read(np.flatnonzero(asleep), self._followers.states)
         return True
+
+    def touching(self) -> BoolArray:
+        """Return which followers have contacts with the ground (S,)."""
+        found = np.zeros(self._followers.capacity, np.bool_)
+        self._core.read_touching(found)
+        return found
 
     def drive(self, follower: Follower) -> None:
         """Move the surface of a follower by its belt."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
 from collections.abc import Callable, Iterator
@@ -73,16 +74,14 @@ class SavedBodies(AttachedBodies):
 
     def forget(self) -> None:
         """Forget the past of all bodies but poses and velocities: contacts, their impulses and order, rest, and how the
-        soil was sheared; what sleeps wakes. Equal worlds then go on equally, whatever was before. On colliders of
-        PyBullet's own there is less to forget, and worlds go on less equally."""
+        soil was sheared; what sleeps wakes. Equal worlds then go on equally, whatever was before."""
         if isinstance(self.contacts, MapContacts):
             self.contacts.forget()
         self._start_anew()
 
     def _start_anew(self) -> None:
-        """Decide on the next refresh as if there had been none."""
-        self.__dict__.pop("_schedule", None)
-        self._stale, self._steps = True, 1
+        """Write prints of the soil with the next update, as if there had been none."""
+        self._printed = math.nan
 
     def _state(self) -> bytes:
         self._drop_gone()
@@ -118,7 +117,7 @@ class SavedBodies(AttachedBodies):
     def _recall(self, contacts: MapContacts, known: dict[str, Any]) -> None:
         """Let PyBullet and the core know what `_memory` returned, and nothing else of the past."""
         contacts.set_time(known["time"], contacts.duration)
-        contacts.refresh()
+        contacts.take_tiles()
         contacts.set_soil(None)  # PyBullet finds contacts, which must not press it
         # It finds them by where bodies were before, too, which the first round brings up to date.
         _restore_bullet(self._client, known["bullet"])
@@ -140,9 +139,10 @@ class SavedBodies(AttachedBodies):
         return lambda: None if known is None else vars(self.soil).update(known)
 
     def _exact_contacts(self) -> MapContacts:
-        contacts = self._require_map("state", "a state is saved and restored")
-        contacts.require_client()
-        return contacts
+        if not isinstance(self.contacts, MapContacts):
+            raise InputError("state", "a state is saved and restored only where contacts come from the map itself")
+        self.contacts.require_client()
+        return self.contacts
 
     @contextmanager
     def _hidden(self) -> Iterator[None]:

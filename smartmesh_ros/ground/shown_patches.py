@@ -1,187 +1,112 @@
-"""Patches under attached bodies: chosen when they are asked for, by messages or by colliders of PyBullet's own."""
+"""The ground in reach of each attached body, as messages show it to viewers and other simulators."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.followers import Followers
-from smartmesh_ros.patches.batch import PatchBatch, grid_batches
-from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.supports import Support, no_supports, with_rows
-from smartmesh_ros.report.fixed import FixedPatches
-from smartmesh_ros.report.mesh import MeshPatches
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
-# Largest speed that sizes patches [m/s], because a teleported body has no real speed.
-FASTEST = 50.0
-# Largest gap at which a body at rest touches its ground [m].
-TOUCHING = 1e-3
+# Time in which a body may come to ground that its patch has [s]: that between two messages at 60 Hz.
+AHEAD = 1.0 / 60.0
+# Largest distance from the body that a patch has for its speed [m], because a teleported body has no real speed.
+FARTHEST = 50.0 * AHEAD
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PatchTable:
+    """Patches of n bodies.
+
+    ``slots``, ``tiles`` (n,): of the bodies, and the names of the tiles. ``is_mesh`` (n,): of a general mesh. ``rows``,
+    ``columns`` (n,): the sample in the middle; on a general mesh row 0 and the vertex in the middle. ``stride`` (n,):
+    samples of the map from one point to the next. ``counts``, ``triangle_counts`` (n,): numbers of points and
+    triangles. ``revisions`` (n,): change with the patches. ``motion`` (n, 6): velocity [m/s] and angular velocity
+    [rad/s] of the ground in the middle. ``points_w`` (N, 3) [m]: of all patches, one after the other; z is NaN in
+    holes. ``triangles`` (T, 3): corners among the points of each patch, without those at holes.
+    """
+
+    slots: IntArray
+    tiles: list[str]
+    is_mesh: NDArray[np.bool_]
+    rows: IntArray
+    columns: IntArray
+    stride: IntArray
+    counts: IntArray
+    triangle_counts: IntArray
+    revisions: IntArray
+    motion: FloatArray
+    points_w: FloatArray
+    triangles: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.slots)
+
+    def points_of(self, index: int) -> FloatArray:
+        """Return the points (k, 3) [m] of a patch."""
+        end = int(self.counts[: index + 1].sum())
+        return self.points_w[end - int(self.counts[index]) : end]
+
+    def triangles_of(self, index: int) -> NDArray[np.int32]:
+        """Return the triangles (t, 3) of a patch."""
+        end = int(self.triangle_counts[: index + 1].sum())
+        return self.triangles[end - int(self.triangle_counts[index]) : end]
 
 
 class ShownPatches:
-    """The patches of all followers as of the last update, by the report's methods. Bodies are addressed by slot."""
+    """The patches of all followers but remote ones, whose owners show them."""
 
-    def __init__(self, terrain: Terrain, config: PatchConfig, followers: Followers, stopwatch: Stopwatch) -> None:
-        self.stopwatch = stopwatch
-        self._terrain = terrain
-        self._config = config
-        self._followers = followers
-        followers.tables.append(self)
-        self._supports = no_supports(0)  # as of the last choice, NONE for unused slots
-        self._mesh_patches: dict[int, PatchBatch] = {}
-        self._fixed = FixedPatches(terrain, stopwatch)
-        self._meshes: dict[str, MeshPatches] = {}
+    def __init__(self, terrain: Terrain, followers: Followers, stopwatch: Stopwatch) -> None:
+        self.slots: IntArray = np.empty(0, np.int64)  # of the bodies that have a patch
+        self._terrain, self._followers, self._stopwatch = terrain, followers, stopwatch
+        self._core = CORE.Patches()
         self._layout = -1
-        self._batches: list[PatchBatch] | None = None
-        self._time = 0.0  # of the update [s]
-        self._duration = 0.0  # until the next one [s]
-        self._fall = 0.0  # in that time [m]
-        self._chosen = self._tracked_chosen = True
 
-    def grow(self, slots: int) -> None:
-        """Make room for ``slots`` slots."""
-        self._supports = with_rows(self._supports, slots, no_supports(1)[0])
-        self._fixed.grow(slots)
+    def find(self, states: FloatArray, time: float) -> None:
+        """Find the patches of bodies with ``states`` (S, 13) at ``time`` [s]. Cells are found by grid traversal, and
+        their samples taken from a cache while neither body nor ground changed."""
+        if self._layout != self._terrain.layout_revision:
+            self._layout = self._terrain.layout_revision
+            self._core.set_tiles(self._terrain.readers)
+        followers = self._followers
+        chosen = followers.table["alive"] & ~followers.table["remote"] & np.isfinite(states).all(axis=1)
+        slots = np.flatnonzero(chosen)
+        with self._stopwatch.stage("search"):
+            tracked = followers.table["alive"] & ~followers.table["solid"]
+            self._core.search(followers.shape_table.core, states, slots, tracked, time, AHEAD, FARTHEST)
+        with self._stopwatch.stage("collect"):
+            self.slots = self._core.collect(slots, time)
 
-    def clear(self, slot: int) -> None:
-        """Discard all data of a slot, whose body was removed."""
-        self._supports[slot] = no_supports(1)[0]
-        self._mesh_patches.pop(slot, None)
-        self._fixed.forget(np.array([slot]))
-        self._batches = None
+    def markers(
+        self, slots: IntArray, ids: IntArray, gone: IntArray, stamp: tuple[int, int], frame: str, namespace: str,
+        colour: tuple[float, float, float, float], *, clear: bool = False,
+    ) -> bytes:  # fmt: skip
+        """Return the bytes of a MarkerArray: the triangles in reach of the bodies in ``slots`` (n,) under their ``ids``
+        (n,), and the end of markers with the ids ``gone`` (m,). ``clear``: all other markers of the namespace end."""
+        made: bytes = self._core.markers(slots, ids, gone, clear, stamp, frame, namespace, colour)
+        return made
 
-    def configure(self, config: PatchConfig) -> None:
-        """Replace the settings; the next update chooses every support anew."""
-        self._config = config
-        self._supports["state"] = Support.NONE
-        self._fixed.forget(slice(None))
+    def marker_revisions(self) -> IntArray:
+        """Return numbers (n,) that change with the markers of `slots`."""
+        return np.asarray(self._core.marker_revisions(self.slots))
 
-    def begin(self, time: float, duration: float, fall: float) -> None:
-        """Forget the choice: the next reader chooses patches at ``time`` [s] for a ``duration`` [s], in which bodies
-        ``fall`` [m]. Ground that a body cannot come to in that time is not chosen."""
-        self._time, self._duration, self._fall = time, duration, fall
-        self._chosen = self._tracked_chosen = False
-
-    @property
-    def supports(self) -> Any:
-        """Supports by slot: records of ``SUPPORT`` (S,)."""
-        self._choose()
-        return self._supports
-
-    @property
-    def batches(self) -> list[PatchBatch]:
-        """The patches; their bodies are slots. Bodies without colliders have none before `choose_tracked`."""
-        self._choose()
-        return self._known_batches()
-
-    def choose_tracked(self) -> None:
-        """Choose the patches of the bodies that were attached with ``solid=False``."""
-        self._choose()
-        if not self._tracked_chosen:
-            self._tracked_chosen = True
-            self._select(self._followers.tracked)
-
-    def _choose(self) -> None:
-        if self._chosen:
-            return
-        self._chosen = True
-        self._select(self._followers.solid)
-        if self._fall < math.inf:
-            self._let_go(self._followers.solid)
-
-    def _select(self, chosen: IntArray) -> None:
-        """Choose the supports of the bodies in the slots ``chosen`` (n,). Those of other bodies stay as they are."""
-        before = self._known_batches() if self._config.search == "ray_cast" else []
-        self._update_tiles()
-        self._batches = None
-        shapes, bodies = self._followers.shape_table, self._followers.states
-        radii, duration = shapes.table["radius"], self._duration
-        for name, found in self._on_tiles(chosen, bodies, radii):
-            mesh = self._terrain.tiles[name]
-            speeds = np.minimum(np.linalg.norm(bodies[found, 7:10], axis=1), FASTEST)
-            reach = radii[found] + speeds * duration
-            if isinstance(mesh, HeightMap):
-                self._fixed.select(
-                    mesh, found, shapes, bodies, reach, self._time, duration, self._config, self._supports, before
-                )
-            else:
-                self._mesh_patches |= self._meshes[name].select(
-                    found, shapes, bodies, reach, self._time, duration, self._config, self._supports,
-                    self._mesh_patches,
-                )  # fmt: skip
-
-    def _let_go(self, slots: IntArray) -> None:
-        """Discard ground that bodies cannot come to until the next update."""
-        states, found = self._followers.states[slots], self._supports[slots]
-        ground = np.stack([found["slide_x"], found["slide_y"], found["rise"]], axis=1)
-        spin = self._followers.radii[slots] * np.linalg.norm(states[:, 10:], axis=1)
-        speeds = np.linalg.norm(states[:, 7:10] - ground, axis=1) + spin
-        moved = speeds * self._duration + self._fall + TOUCHING
-        self._supports["state"][slots[found["gap"] > moved]] = Support.NONE
-
-    def _known_batches(self) -> list[PatchBatch]:
-        if self._batches is None:
-            self._update_tiles()
-            self._batches = list(self._all_batches())
-        return self._batches
-
-    def _all_batches(self) -> Iterator[PatchBatch]:
-        supports = self._supports
-        for name in self._terrain.tiles:
-            chosen = np.flatnonzero(
-                (supports["tile"] == self._terrain.numbers[name]) & (supports["state"] != Support.NONE)
-            )
-            if not chosen.size:
-                continue
-            if name in self._meshes:
-                yield from (self._mesh_patches[body] for body in chosen.tolist())
-            else:
-                yield from grid_batches(self._terrain, name, chosen, supports[chosen], self._time, self._config)
-
-    def _update_tiles(self) -> None:
-        """Handle tiles that were added, removed or replaced."""
-        if self._layout == self._terrain.layout_revision:
-            return
-        meshes = {}
-        for name, mesh in self._terrain.tiles.items():
-            if not isinstance(mesh, HeightMap):
-                old = self._meshes.get(name)
-                meshes[name] = old if old is not None and old.mesh is mesh else MeshPatches(name, mesh, self.stopwatch)
-        self._meshes = meshes
-        self._fixed.forget(slice(None))
-        self._layout = self._terrain.layout_revision
-
-    def _on_tiles(self, chosen: IntArray, states: FloatArray, radii: FloatArray) -> list[tuple[str, IntArray]]:
-        """Group bodies by the names of their tiles. A body stays on its tile while it is above it; else it moves to the
-        first tile below it, or to the nearest one within its reach."""
-        supports, tiles, names = self._supports, self._terrain.tiles, list(self._terrain.tiles)
-        there = np.isfinite(states[chosen]).all(axis=1)
-        supports["state"][chosen[~there]] = Support.NONE
-        chosen = chosen[there]
-        if not (tiles and chosen.size):
-            supports["state"][chosen] = Support.NONE
-            return []
-        positions, columns = states[chosen], np.arange(len(chosen))
-        numbers = np.array([self._terrain.numbers[name] for name in names] + [-1])
-        beyond = np.array([mesh.beyond(positions) for mesh in tiles.values()])
-        now = (supports["tile"][chosen] == numbers[:-1, None]).argmax(axis=0)  # places in ``names``
-        stray = (numbers[now] != supports["tile"][chosen]) | (beyond[now, columns] > 0.0)
-        # A body further from a tile than its radius cannot touch it, but a gap of one cell between tiles is ground.
-        least = np.maximum(radii[chosen], self._terrain.widest_cell if len(tiles) > 1 else 0.0)
-        over = np.where(beyond <= 0.0, 0.0, beyond)
-        nearest = over.argmin(axis=0)
-        nearest[over[nearest, columns] > least] = -1
-        found = np.where(stray, nearest, now)
-        moved = chosen[numbers[found] != supports["tile"][chosen]]
-        if moved.size:
-            self._fixed.forget(moved)
-        supports["tile"][chosen] = numbers[found]
-        supports["state"][chosen[found < 0]] = Support.NONE
-        return [(names[place], chosen[found == place]) for place in np.unique(found[found >= 0]).tolist()]
+    def table(self) -> PatchTable:
+        """Return the patches of `slots`."""
+        tiles_of = self._terrain.tiles.items()
+        maps = [name for name, mesh in tiles_of if isinstance(mesh, HeightMap)]
+        meshes = [name for name, mesh in tiles_of if not isinstance(mesh, HeightMap)]
+        numbers, motion = self._core.describe(self.slots)
+        points, triangles = self._core.geometry(self.slots)
+        is_mesh, tiles, rows, columns, stride, counts, triangle_counts, revisions = numbers.T
+        names = [(meshes if mesh else maps)[tile] for mesh, tile in zip(is_mesh, tiles, strict=True)]
+        return PatchTable(
+            slots=self.slots, tiles=names, is_mesh=is_mesh.astype(bool), rows=rows, columns=columns, stride=stride,
+            counts=counts, triangle_counts=triangle_counts, revisions=revisions, motion=motion, points_w=points,
+            triangles=triangles,
+        )  # fmt: skip

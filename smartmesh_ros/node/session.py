@@ -259,12 +259,9 @@ class Session:
         if not on_ground and not self.world.terrain.tiles:
             words = f"{name!r} falls, because there is no ground before the first map"
         elif z < ground:
-            what = (
-                "and is put onto it" if self.settings.world.physics.guard else "and stays there: physics.guard is false"
-            )
             words = (
-                f"{name!r} starts {ground - z:.2f} m below the ground, which is at z = {ground:.2f} m there, {what}; "
-                "on_ground: true chooses the height"
+                f"{name!r} starts {ground - z:.2f} m below the ground, which is at z = {ground:.2f} m there, and is "
+                "put onto it; on_ground: true chooses the height"
             )
         if words:
             self.node.get_logger().warning(words)

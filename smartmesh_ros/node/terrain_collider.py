@@ -54,7 +54,6 @@ class Collider:
         self.settings = settings
         self.session = session = Session(node, settings, clock)
         self.pacer, self.refusals = session.pacer, session.refusals
-        require_soil(session.world, self.settings)
         self._initial = InitialBodies(session)
         self._robot = RobotDescription(session, self._initial)
         self._peers = PeerBodies(session)
@@ -91,9 +90,8 @@ class Collider:
                 session.tracking.expire(session.clock.pace())
             with session.enduring("physics"):
                 if session.paused:
-                    session.world.refresh()
+                    session.world.update()
                 else:
-                    session.world.behind_real_time = self.pacer.deadline_missed
                     session.world.skip(skipped)
                     session.world.step(prepared=self._outputs.publish_patches)
             session.note_lost()
@@ -110,7 +108,7 @@ class Collider:
         """Publishes the outputs that are due, without a step, while ``/clock`` stands still."""
         with self.session.lock:
             with self.session.enduring("physics"):
-                self.session.world.refresh()
+                self.session.world.update()
             self._outputs.publish(idle=True)
 
     def close(self) -> None:
@@ -208,19 +206,14 @@ class Collider:
             self.refusals.add("soil.type", error)
 
     def require_possible(self, settings: Settings) -> None:
-        """Raises `InputError` if the settings do not fit the current terrain, or need a package that is missing."""
+        """Raises `InputError` if the settings need a package that is missing."""
         require_transforms(settings.publish.tf)
-        require_soil(self.session.world, settings)
-        for mesh in self.session.world.terrain.tiles.values():
-            self.session.world.ground.require_usable(mesh, settings.world.patch)
 
     def configure(self, settings: Settings, names: set[str]) -> None:
         """Replaces the settings, in which the parameters ``names`` have changed."""
         session = self.session
         with session.lock:
             self.settings = session.settings = settings
-            if not self.settings.soil:
-                self._stand_on_soil()  # before its bodies get colliders that know no soil
             session.world.configure(self.settings.world)
             for mesh in session.world.terrain.tiles.values():
                 mesh.motion = self.settings.motion
@@ -267,12 +260,6 @@ class TerrainCollider(ParameterNode, Collider):
         self.configure(parameters.current_settings(self), names)
         before, self.values = self.values, declaring.current_values(self, parameters.SPECS)
         parameters.announce_changes(self, before, self.values)
-
-
-def require_soil(world: World, settings: Settings) -> None:
-    """Raise `InputError` if the settings ask for soil, and contacts cannot come from the map."""
-    if settings.soil and world.ground.no_proxies:
-        raise InputError("parameter", f"soil.type needs contacts from the map: {world.ground.no_proxies}")
 
 
 def stand_on_soil(world: World, settings: Settings) -> None:

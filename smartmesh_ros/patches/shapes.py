@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.core import CORE, as_bytes
-from smartmesh_ros.patches.supports import with_rows
+from smartmesh_ros.patches.tables import with_rows
 from smartmesh_ros.terrain.grid import FloatArray
 
 

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from smartmesh_ros.core import CORE, as_bytes
-from smartmesh_ros.patches.batch import PatchBatch, rectangle_samples, samples_across
-from smartmesh_ros.patches.config import MOST_GRID_RINGS, PatchConfig
 from smartmesh_ros.patches.shapes import ShapeTable
-from smartmesh_ros.patches.supports import with_rows
+from smartmesh_ros.patches.tables import with_rows
+from smartmesh_ros.report.batch import PatchBatch, rectangle_samples, samples_across
 from smartmesh_ros.report.collect import BFS, GridGraph
+from smartmesh_ros.report.config import MOST_GRID_RINGS, ReportConfig
 from smartmesh_ros.report.search import Cells, nearest_cells
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
@@ -74,7 +74,7 @@ class FixedPatches:
 
     def select(
         self, heightmap: HeightMap, chosen: IntArray, shapes: ShapeTable, bodies: FloatArray, reach: FloatArray,
-        time: float, duration: float, config: PatchConfig, supports: Any, before: list[PatchBatch],
+        time: float, duration: float, config: ReportConfig, supports: Any, before: list[PatchBatch],
     ) -> None:  # fmt: skip
         """Write the supports of the bodies in ``chosen`` (n,) on a map.
 
@@ -100,7 +100,7 @@ class FixedPatches:
                 part = Cells(cells.rows[of_size], cells.columns[of_size])
                 self._of_size(heightmap, size, chosen[of_size], part, shapes, bodies, time, duration, config, supports)
 
-    def _set_extents(self, heightmap: HeightMap, chosen: IntArray, need: FloatArray, config: PatchConfig) -> None:
+    def _set_extents(self, heightmap: HeightMap, chosen: IntArray, need: FloatArray, config: ReportConfig) -> None:
         """Grow patches at once, but shrink them only well below their size, so that no patch alternates between two
         sizes."""
         _, _, least, most = self._extents[chosen].T
@@ -112,7 +112,7 @@ class FixedPatches:
 
     def _of_size(
         self, heightmap: HeightMap, rings: int, chosen: IntArray, cells: Cells, shapes: ShapeTable,
-        bodies: FloatArray, time: float, duration: float, config: PatchConfig, supports: Any,
+        bodies: FloatArray, time: float, duration: float, config: ReportConfig, supports: Any,
     ) -> None:  # fmt: skip
         """Write the supports of the bodies in ``chosen`` (n,), whose patches have as many ``rings``."""
         geometry, stride = heightmap.geometry, self._extents[chosen, 1].astype(np.int64)
@@ -136,7 +136,7 @@ class FixedPatches:
         )  # fmt: skip
 
     def _collect(
-        self, heightmap: HeightMap, rings: int, supports: Any, time: float, ahead: float, config: PatchConfig
+        self, heightmap: HeightMap, rings: int, supports: Any, time: float, ahead: float, config: ReportConfig
     ) -> Samples:
         """Return the samples (n, K) of the rectangles of ``supports`` (n,) by the configured method."""
         rows, columns = rectangle_samples(supports)

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.core import CORE, as_bytes
-from smartmesh_ros.patches.batch import PatchBatch, twists_at
-from smartmesh_ros.patches.config import ANYWHERE, PatchConfig, require_search_on
 from smartmesh_ros.patches.shapes import ShapeTable
-from smartmesh_ros.patches.supports import Support
+from smartmesh_ros.report.batch import PatchBatch, twists_at
 from smartmesh_ros.report.collect import BFS, cached_topology, topology_around
+from smartmesh_ros.report.config import ANYWHERE, ReportConfig, require_search_on
 from smartmesh_ros.report.search import best_first_vertices, brute_force_vertex, ray_cast, uniform_grid_vertices
+from smartmesh_ros.report.supports import Support
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
@@ -34,7 +34,7 @@ class MeshPatches:
 
     def select(
         self, chosen: IntArray, shapes: ShapeTable, bodies: FloatArray, reach: FloatArray, time: float,
-        duration: float, config: PatchConfig, supports: Any, before: dict[int, PatchBatch],
+        duration: float, config: ReportConfig, supports: Any, before: dict[int, PatchBatch],
     ) -> dict[int, PatchBatch]:  # fmt: skip
         """Write the supports of the bodies in ``chosen`` (n,) and return their patches by body. Arguments as in
         `FixedPatches.select`."""
@@ -54,7 +54,7 @@ class MeshPatches:
         bodies: IntArray,
         positions_w: FloatArray,
         before: dict[int, PatchBatch],
-        config: PatchConfig,
+        config: ReportConfig,
         supports: Any,
     ) -> IntArray:
         """Return the nearest vertices by the configured method. Best-first search starts at those of ``supports``."""
@@ -85,7 +85,7 @@ class MeshPatches:
 
     def _patch(
         self, body: int, vertex: int, reach: float, shapes: ShapeTable, bodies: FloatArray, time: float,
-        duration: float, config: PatchConfig, supports: Any,
+        duration: float, config: ReportConfig, supports: Any,
     ) -> PatchBatch:  # fmt: skip
         mesh = self.mesh
         rings = config.rings or min(max(math.ceil(reach / mesh.edge_length + 0.5), 1), MOST_MESH_RINGS)

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.patches.config import SearchMethod
+from smartmesh_ros.report.batch import PatchBatch
+from smartmesh_ros.report.config import SearchMethod
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.mesh_shape import UniformGrid
 from smartmesh_ros.terrain.trimesh import TriangleMesh

@@ -136,7 +136,7 @@ class Soil:
 
     def show(self) -> int:
         """Write what bodies pressed since the last call into the map: the mean of the soil around each sample. Returns
-        the number of samples that changed. `Ground.refresh` does it, for rays, patches and messages; bodies on the soil
+        the number of samples that changed. `Ground.update` does it, for rays, patches and messages; bodies on the soil
         do not need it."""
         places, heights = self.core.take_pressed()
         if len(places):

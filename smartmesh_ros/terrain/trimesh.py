@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -135,27 +134,16 @@ class TriangleMesh(MovingGround):
         time: float,
         indices: ArrayLike | None = None,
         velocities: ArrayLike | None = None,
-        check: Callable[[MeshShape], None] | None = None,
     ) -> None:
         """Move all vertices, or those of ``indices`` (n,), to new positions (n, 3) [m]; the others are at rest.
-
-        ``check`` is called with the new shape of the mesh, and may raise to refuse it. Raises `InputError` and then
-        changes nothing.
-        """
+        Raises `InputError` and then changes nothing."""
         time = checked_next_time(time, self.time)
         chosen = None if indices is None else _checked_indices(indices, self.size)
         count = self.size if chosen is None else len(chosen)
         new = _checked_vectors(vertices, count, "vertices").T
         speeds = None if velocities is None else _checked_vectors(velocities, count, "velocities").T
         target = slice(None) if chosen is None else chosen
-        shape = self._shape
-        if not np.array_equal(self._now[:2, target], new[:2]):
-            shape = None
-            if check is not None:
-                moved = self._now.copy()
-                moved[:, target] = new
-                shape = shape_of(moved, self.triangles)
-                check(shape)
+        shape = self._shape if np.array_equal(self._now[:2, target], new[:2]) else None
         given = None if speeds is None else np.ascontiguousarray(speeds)
         intervals = self.motion.min_interval, self.motion.max_interval
         CORE.move_vertices(self.core_reader, chosen, np.ascontiguousarray(new), given, time, intervals)

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.followers import Follower
 from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.terrain.grid import FloatArray
 
 
@@ -29,16 +29,19 @@ class GroundContact:
     normal_force: float
 
 
-def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
-    """Return the contacts with the ground in the last step; for tracked bodies, contacts with the ground as of the last
-    update."""
+def ground_contacts(client: Any, ground: Ground, time: float) -> list[GroundContact]:
+    """Return the contacts with the ground in the last step; for tracked bodies, those with the ground at ``time``
+    [s]."""
     followers = ground.followers
     colliders = {follower.collider: follower.name for follower in followers if follower.collider is not None}
     contacts = contacts_from(client.getContactPoints(), colliders)
-    tracked = followers.tracked.tolist()
-    if tracked:
-        ground.patches.choose_tracked()
-        found = (_contact_of_sphere(followers[slot].name, ground, slot) for slot in tracked)
+    tracked = followers.tracked
+    if tracked.size:
+        centres = ground.contacts.states_of(tracked)[:, :3]
+        found = (
+            _contact_of_ball(followers[slot], ground, centre, time)
+            for slot, centre in zip(tracked.tolist(), centres, strict=True)
+        )
         contacts += [contact for contact in found if contact is not None]
     return contacts
 
@@ -59,23 +62,17 @@ def contacts_from(points: Iterable[Any], colliders: dict[int, str]) -> list[Grou
     return contacts
 
 
-def _contact_of_sphere(name: str, ground: Ground, slot: int) -> GroundContact | None:
-    """Return the deepest contact of a tracked sphere, None if there is none. If the centre is below the surface, the
-    contact is that of a sphere pushed through the ground."""
-    support, radius = ground.patches.supports[slot], ground.followers[slot].radius
-    if support.state == Support.NONE:
+def _contact_of_ball(follower: Follower, ground: Ground, centre: FloatArray, time: float) -> GroundContact | None:
+    """Return the deepest contact of a tracked ball at ``centre`` (3,) [m], None if there is none."""
+    ball, pose = CORE.Shape.ball(follower.radius), np.vstack([np.eye(3), centre])
+    found = CORE.find_contacts(ball, ground.terrain.readers, pose, np.zeros((2, 3)), 0.0, 0.0, time)
+    if not len(found):
         return None
-    foot = np.array([support.foot_x, support.foot_y, support.foot_z])
-    facet = np.array([support.facet_x, support.facet_y, support.facet_z])
-    away = ground.followers.states[slot, :3] - foot
-    distance = float(np.linalg.norm(away))
-    below = bool(away @ facet < 0.0)
-    depth = radius + distance if below else radius - distance
-    if depth <= 0.0:
+    deepest = found[found[:, 6].argmin()]
+    if deepest[6] > 0.0:
         return None
-    normal = away / distance if distance > 1e-9 else facet
-    position, direction = foot.tolist(), (-normal if below else normal).tolist()
-    return GroundContact(name, tuple(position), tuple(direction), depth, float("nan"))
+    x, y, z, east, north, up, distance = deepest[:7].tolist()
+    return GroundContact(follower.name, (x, y, z), (east, north, up), -distance, float("nan"))
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,6 @@ class Driving:
         if joint in body.surfaces:
             if command.velocity is None or command.position is not None or command.effort is not None:
                 raise InputError("joint_command", f"{joint!r} of {name!r} is a track; it takes a velocity alone [m/s]")
-            self.ground.require_belts()
         else:
             self._joint(body, joint)
 

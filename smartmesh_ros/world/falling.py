@@ -11,7 +11,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.ground.limits import FARTHEST_BODY
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.patches.supports import with_rows
+from smartmesh_ros.patches.tables import with_rows
 from smartmesh_ros.terrain.state_file import filled
 from smartmesh_ros.terrain.terrain import Terrain
 

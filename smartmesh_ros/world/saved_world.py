@@ -35,16 +35,10 @@ class SavedWorld(Population):
     config: WorldConfig
     falls: Falls
     seed: int
-    _refreshes: int
     _rescues: int
     _first: FirstTerrain | None
     _start: Callable[[], None]
     close: Callable[[], None]
-
-    @property
-    def refreshes(self) -> int:
-        """Number of refreshes of the patches so far."""
-        return self._refreshes + self.ground.refreshes
 
     @property
     def rescues(self) -> int:
@@ -99,17 +93,15 @@ class SavedWorld(Population):
 
         PyBullet's client is a new one. Tiles and soil that are there take the restored ground in place. Raises
         `InputError` and changes nothing if the state is none, was damaged or saved by another version, if a robot of it
-        is refused or lacks a joint or link, or if contacts must come from the map and cannot.
+        is refused or lacks a joint or link.
         """
         if not isinstance(state, WorldState | Snapshot):
             state = WorldState.from_bytes(state_file.read(state))
         snapshot = state if isinstance(state, Snapshot) else state.snapshot
         robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
-        if any(body.belts for body in snapshot.bodies):
-            self.ground.require_belts()
         before, drawn = dict(vars(self)), self.ground.drawn
         with state_file.foreign_refused(), self._other_ground(state) as soil, undone(lambda: self._back_to(before)):
-            self._refreshes, self._rescues = self.refreshes, self.rescues
+            self._rescues = self.rescues
             if isinstance(state, WorldState):
                 self.config, self.seed, self._first = state.config, int(state.seed), state.first
             self._start()
@@ -146,7 +138,6 @@ class SavedWorld(Population):
         """Set the time to zero. Bodies and terrain stay; remote bodies are removed until their next states arrive."""
         self.guests.clear()
         self.terrain.shift_time(-self.time)
-        self.ground.stand_still(-self.time)
         self._set_ends({key: end - self.time for key, end in self._ends.items()})
         self.time = 0.0
 
@@ -159,7 +150,7 @@ class SavedWorld(Population):
                 self._factory.place(body, body.initial)
             except pb.error as error:
                 failed.append(f"{body.name!r}: {error}")
-        self.ground.configure(self.config.patch)  # wakes all, and discards supports chosen at the old places
+        self.ground.wake()
         if failed:
             raise pb.error(f"{len(failed)} bodies are not back, but the others are; reset again: {'; '.join(failed)}")
 
@@ -255,6 +246,6 @@ class SavedWorld(Population):
         """Take over what the state knows of the past of the bodies."""
         slots = self._own_slots()
         if state.memory is not None and isinstance(self.ground.contacts, MapContacts):
-            self.ground.contacts.refresh()
+            self.ground.contacts.take_tiles()
             self.ground.contacts.recall(slots, state.memory)
         self.falls.recall(slots, state.falls)

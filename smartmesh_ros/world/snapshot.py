@@ -18,7 +18,6 @@ from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig
 from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.shapes import SHAPES, Shape
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain import state_file
 from smartmesh_ros.terrain.terrain import STATE_TYPES, Terrain
 from smartmesh_ros.world.bodies import Body
@@ -116,7 +115,7 @@ class WorldState:
 
 KIND = "World"
 _MADE: tuple[type, ...] = (
-    *(Belt, BodySnapshot, BodyState, FallConfig, FirstTerrain, GuestConfig, JointCommand, PatchConfig, PhysicsConfig),
+    *(Belt, BodySnapshot, BodyState, FallConfig, FirstTerrain, GuestConfig, JointCommand, PhysicsConfig),
     *(SleepConfig, Snapshot, WorldConfig, *SHAPES.values()),
 )
 _TYPES = {**STATE_TYPES, **{made.__name__: made for made in _MADE}}

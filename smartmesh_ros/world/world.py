@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pybullet as pb
@@ -15,7 +14,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls, undone
 from smartmesh_ros.ground.config import set_up
 from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.height_scan import HeightScan, yaws_of
@@ -34,9 +33,8 @@ __all__ = ["World", "WorldConfig"]
 class World(SavedWorld):
     """Bodies on a terrain, stepped at a fixed rate. Close it, or use it as a context manager.
 
-    ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``behind_real_time``: set
-    True while the simulation runs behind real time; new maps then do not shorten the lifetime of patches. ``guests``:
-    remote bodies, simulated by other nodes. ``seed``: of the noise of height scans, beside their own.
+    ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``guests``: remote bodies,
+    simulated by other nodes. ``seed``: of the noise of height scans, beside their own.
     """
 
     def __init__(
@@ -48,8 +46,7 @@ class World(SavedWorld):
         self.config = config or WorldConfig()
         self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
-        self.behind_real_time = False
-        self._refreshes = self._rescues = 0  # of the grounds before `restore`
+        self._rescues = 0  # of the grounds before `restore`
         self.lost: dict[str, str] = {}  # why bodies were removed, by name; readers may clear it
         self.seed = 0
         self._first: FirstTerrain | None = None
@@ -60,12 +57,14 @@ class World(SavedWorld):
         self.time = 0.0
         client: Any = BulletClient(pb.DIRECT)
         set_up(client, self.config.physics)
-        gravity = math.hypot(*self.config.physics.gravity)
-        ground = Ground(client, self.terrain, self.config.patch, self.stopwatch, gravity=gravity)
+        ground = self._new_ground(client)
         self._begin(client, ground, self.config.physics)
         self.guests = Guests(self, self.config.guests)
         self.falls = Falls(ground.followers, self.terrain, self.config.falls)
         self._let_sleep()
+
+    def _new_ground(self, client: Any) -> Ground:
+        return Ground(client, self.terrain, self.stopwatch)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy of the world, or one in another process, is made of: its whole state."""
@@ -77,20 +76,18 @@ class World(SavedWorld):
         with undone(self.close):
             self.restore(state["state"])
 
-    def __enter__(self) -> World:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
     def configure(self, config: WorldConfig) -> None:
-        """Replace the settings while bodies rest on their patches; new friction and restitution apply to later bodies
-        only."""
+        """Replace the settings; new friction and restitution apply to later bodies only."""
         self.ground.wake()  # PyBullet changes the gravity of awake bodies only
         before = self.config
         with undone(lambda: set_up(self.client, before.physics)):
             set_up(self.client, config.physics)
-            self.ground.configure(config.patch, gravity=math.hypot(*config.physics.gravity))
         self.config = config
         if (config.physics.sleep, config.sleep) != (before.physics.sleep, before.sleep):
             self._let_sleep()
@@ -110,29 +107,19 @@ class World(SavedWorld):
         if self.client.isConnected():
             self.client.disconnect()
 
-    def refresh(self) -> None:
-        """Refresh the patches now, and put bodies below the ground back onto it."""
-        self.ground.refresh(self.time, self.dt, behind_real_time=self.behind_real_time)
-        self._put_right()
-
-    def prepare(self) -> None:
-        """Refresh the patches if the next step needs it, by the patches' rate."""
-        if self.ground.prepare(self.time, self.dt, behind_real_time=self.behind_real_time):
-            self._put_right()
-
-    def _put_right(self) -> None:
-        """Remove bodies that are lost, and lift those below the ground, as of a refresh."""
+    def update(self) -> None:
+        """Do what the next step needs beside contacts, see `Ground.update`, and remove bodies that are lost. `step`
+        does it; call it while no steps are taken."""
+        self.ground.update(self.time, self.dt)
         self._drop_lost()
-        if self.config.physics.guard:
-            self.ground.rescue(self.time, self.dt)
 
     def step(self, count: int = 1, prepared: Callable[[], None] = lambda: None) -> None:
-        """Run physics steps. ``prepared`` is called before each, after the patches are ready for it."""
+        """Run physics steps. ``prepared`` is called before each, after `update`."""
         for _ in range(count):
             with self.stopwatch.stage("total"):
                 self._note_first_terrain()
                 self.guests.advance()
-                self.prepare()
+                self.update()
             prepared()
             with self.stopwatch.stage("total"), self.stopwatch.stage("step"):
                 self._drive_all()
@@ -146,21 +133,17 @@ class World(SavedWorld):
         if steps > 0:
             duration = steps * self.config.physics.dt
             self.time += duration
-            self.ground.stand_still(duration)
 
-    def shown_batches(self) -> list[PatchBatch]:
-        """Return the patches as of the last update, without those of remote bodies, which their owners publish."""
-        self.ground.patches.choose_tracked()
-        batches, remote = self.ground.patches.batches, self.followers.table["remote"]
-        if not remote.any():
-            return batches
-        kept = (batch.of(np.flatnonzero(~remote[batch.bodies])) for batch in batches)
-        return [batch for batch in kept if batch.bodies.size]
+    def patches(self) -> ShownPatches:
+        """Return the patches of ground in reach of the bodies now, without those of remote bodies, which their owners
+        publish."""
+        return self.ground.find_patches(self.time)
 
     def contacts(self) -> list[GroundContact]:
-        """Return the contacts with the ground in the last step; for tracked bodies, contacts with their current
-        patches."""
-        return [contact for contact in ground_contacts(self.client, self.ground) if not self._is_guest(contact.body)]
+        """Return the contacts with the ground in the last step; for tracked bodies, with the ground
+        now."""
+        found = ground_contacts(self.client, self.ground, self.time)
+        return [contact for contact in found if not self._is_guest(contact.body)]
 
     def wrenches(self) -> list[GroundWrench]:
         """Return the wrench of the ground in the last step on each simulated body and link that can touch it."""
@@ -182,8 +165,7 @@ class World(SavedWorld):
         return scan.read(self.terrain, np.column_stack([poses_w[:, :3], yaws_of(poses_w[:, 3:])]), self.time)
 
     def below_ground(self) -> list[str]:
-        """Return simulated bodies and links whose middle was under the ground at the last update, because a collider
-        failed."""
+        """Return simulated bodies and links whose middle was under the ground at the last update."""
         followers = self.followers
         own = np.flatnonzero(followers.table["own"])
         return [followers[slot].name for slot, _, _ in self.ground.below(own, self.ground.time)]
@@ -200,8 +182,6 @@ class World(SavedWorld):
                 self.guests.dropped(name)
             else:
                 self.lost[name] = why
-        if gone:
-            self.ground.go_on(self.time, self.dt)
 
     def _let_sleep(self) -> None:
         self.ground.let_sleep((lambda _: True) if self.config.physics.sleep else None, self.config.sleep)

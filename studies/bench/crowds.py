@@ -13,7 +13,7 @@ import pybullet as pb
 
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.report.config import ReportConfig
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import (
     RADIUS,
@@ -55,7 +55,7 @@ def measure_updates(bench: Bench) -> None:
     """Updates of a batch of heightfield patches by their size, all in."""
     waves = Waves(SIDE)
     for rings in bench.effort.of(RINGS):
-        player = Player(waves, height_map(waves), PatchConfig(kind="heightfield", rings=rings), BATCH)
+        player = Player(waves, height_map(waves), ReportConfig(kind="heightfield", rings=rings), BATCH)
         with player.world as world:
             runs = {
                 Case("update", "heightfield", SIDE, BATCH, rings): world.refresh,
@@ -82,7 +82,7 @@ def _replacements(client: Any, rings: int) -> Callable[[], None]:
 def measure_batches(bench: Bench, count: int) -> None:
     """The update of 5 x 5 patches by the number of bodies."""
     waves = Waves(SIDE)
-    Player(waves, height_map(waves), PatchConfig(kind="heightfield", rings=2), count).time(
+    Player(waves, height_map(waves), ReportConfig(kind="heightfield", rings=2), count).time(
         bench, Case("update", "heightfield", SIDE, count, 2)
     )
 
@@ -95,7 +95,7 @@ def measure_general(bench: Bench) -> None:
     frames = waves.converted(grid_vertices)
     times = count()
     bench.time(Case("ingest", "mesh", MESH_SIDE), lambda: mesh.move(frames.now, time=0.05 * next(times)), frames.next)
-    base = PatchConfig(kind="trimesh", rings=1)
+    base = ReportConfig(kind="trimesh", rings=1)
     for search in ("brute_force", "best_first"):
         for collect in ("cached", "union_bfs"):
             Player(waves, general_mesh(waves), replace(base, search=search, collect=collect)).time(

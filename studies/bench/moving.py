@@ -12,13 +12,14 @@ import numpy as np
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.report.config import ReportConfig
+from smartmesh_ros.report.ground import ReportWorld
 from smartmesh_ros.scenes.moving import FloatGrid, InwardWaves
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from smartmesh_ros.world.world import World, WorldConfig
+from smartmesh_ros.world.world import WorldConfig
 from studies.bench.measure import Bench, Case
 
 T = TypeVar("T")
@@ -95,10 +96,10 @@ def crowd_positions(count: int, side: int, resolution: float = RESOLUTION) -> Fl
 class Player:
     """Bodies in a world over moving ground; each frame moves the ground and the bodies first."""
 
-    def __init__(self, waves: Waves, mesh: MainMesh, patch: PatchConfig, count: int = 1) -> None:
+    def __init__(self, waves: Waves, mesh: MainMesh, report: ReportConfig, count: int = 1) -> None:
         self._waves = waves
         self._mesh = mesh
-        self.world = World(mesh, WorldConfig(physics=PhysicsConfig(rate=60.0), patch=patch))
+        self.world = ReportWorld(mesh, WorldConfig(physics=PhysicsConfig(rate=60.0)), report=report)
         places = crowd_positions(count, waves.side)
         heights = self.world.terrain.at(places, 0.0).heights + RADIUS
         for index, (x, y) in enumerate(places.tolist()):

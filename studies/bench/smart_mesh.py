@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.report.config import ReportConfig
 from smartmesh_ros.terrain.trimesh import grid_triangles
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import (
@@ -36,8 +36,8 @@ SIDES = (25, 50, 100, 150, 200, *LARGER)
 LARGEST_GENERAL = 512
 
 # The report's own colliders: triangle meshes built anew, in the kinds of the mesh they are cut from.
-REPORT = PatchConfig(kind="trimesh", rings=1, carry_velocity=False)
-UNIFORM = PatchConfig(kind="heightfield", rings=1)
+REPORT = ReportConfig(kind="trimesh", rings=1, carry_velocity=False)
+UNIFORM = ReportConfig(kind="heightfield", rings=1)
 
 
 def measure_main_meshes(bench: Bench, side: int) -> None:
@@ -69,8 +69,8 @@ def _measure_physx(bench: Bench, waves: Waves) -> None:
 
         def update() -> None:
             world.refresh()
-            ground.patches.choose_tracked()
-            engine.set_ground(ground.patches.batches[0].vertices_w[0, :, 2].reshape(3, 3))
+            ground.chosen.choose_tracked()
+            engine.set_ground(ground.chosen.batches[0].vertices_w[0, :, 2].reshape(3, 3))
 
         bench.time(Case("smart", "physx", waves.side), update, player.next_frame)
 
@@ -90,7 +90,7 @@ def measure_local_colliders(bench: Bench) -> None:
 def measure_frames(bench: Bench, side: int) -> None:
     """Whole frames as in Figure 2: the ground's vertices are moved, the collider updated, the physics stepped once."""
     waves = Waves(side)
-    for method, patch in (("simple", PatchConfig(kind="whole_trimesh")), ("smart", UNIFORM)):
+    for method, patch in (("simple", ReportConfig(kind="whole_trimesh")), ("smart", UNIFORM)):
         player = Player(waves, height_map(waves), patch)
         with player.world:
             bench.time(Case("frame", method, side), player.next_frame)

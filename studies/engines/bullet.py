@@ -11,8 +11,8 @@ import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.colliders.made import HOLE
-from smartmesh_ros.patches.config import MOST_INDICES, MOST_VERTICES
+from smartmesh_ros.report.config import MOST_INDICES, MOST_VERTICES
+from smartmesh_ros.report.made import HOLE
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
 from studies.engines.engine import Contacts, Engine, EngineBody, Setup

@@ -1,4 +1,4 @@
-"""This package as an engine: a small velocity-carrying patch under each body."""
+"""This package as an engine: contacts from the map, or the report's colliders."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Any
 
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.limits import FARTHEST_BODY
-from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.report.config import ReportConfig
+from smartmesh_ros.report.ground import world_on as world_with
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.falling import FallConfig
@@ -22,18 +23,19 @@ NEVER_LOST = FallConfig(depth=FARTHEST_BODY)
 def world_on(
     setup: GroundSetup,
     *,
-    patch: PatchConfig | None = None,
+    report: ReportConfig | None = None,
     motion: MotionConfig | None = None,
     physics: PhysicsConfig | None = None,
 ) -> tuple[HeightMap, World]:
-    """Return the map of a setup, and a world on it; the setup overrides step rate and gravity of ``physics``."""
+    """Return the map of a setup, and a world on it, with contacts from the map or from the ``report``'s colliders; the
+    setup overrides step rate and gravity of ``physics``."""
     heightmap = HeightMap(setup.heights, resolution=setup.resolution, origin=setup.origin, motion=motion)
     physics = replace(physics or PhysicsConfig(), rate=1.0 / setup.dt, gravity=setup.gravity)
-    return heightmap, World(heightmap, WorldConfig(physics=physics, patch=patch or PatchConfig(), falls=NEVER_LOST))
+    return heightmap, world_with(heightmap, WorldConfig(physics=physics, falls=NEVER_LOST), report)
 
 
 class SmartMesh(BulletEngine):
-    """`World` on a `HeightMap`. `set_ground` prepares the patches; in steps without a new map, `step` does.
+    """`World` on a `HeightMap`. `set_ground` prepares the next step; without a new map `step` does.
 
     ``attached``: the bodies are made as PyBullet makes them and attached to the ground, not spawned by `World`. The
     other options are those of `world_on`.
@@ -65,12 +67,12 @@ class SmartMesh(BulletEngine):
             self.world.terrain.put("", HeightMap(ready, geometry=geometry, time=time, motion=self.heightmap.motion))
         else:
             self.heightmap.replace(ready, time=time)
-        self.world.prepare()
+        self.world.update()
         self._prepared = True
 
     def step(self) -> None:
         if not self._prepared:
-            self.world.prepare()
+            self.world.update()
         self._prepared = False
         self.client.stepSimulation()
         self.world.time += self.setup.dt

@@ -1,6 +1,6 @@
 """``make soak``: runs the node for minutes or hours under constant changes, and looks for drifts of its figures.
 
-Maps are resized, bodies spawned and removed, patch kinds changed, sources killed and started again, and bad messages
+Maps are resized, bodies spawned and removed, settings changed, sources killed and started again, and bad messages
 mixed in. Sampled once a second: memory, file descriptors, real-time factor, and the latency of a service call.
 """
 
@@ -31,10 +31,10 @@ from studies.load.processes import COLLIDER, Usage, Watcher
 from studies.load.tables import PAGE, PICTURES
 
 # How often things happen [s].
-SOURCE_EVERY, SPAWN_EVERY, KIND_EVERY, BAD_EVERY, SAMPLE_EVERY = 20.0, 2.0, 15.0, 0.5, 1.0
+SOURCE_EVERY, SPAWN_EVERY, SETTING_EVERY, BAD_EVERY, SAMPLE_EVERY = 20.0, 2.0, 15.0, 0.5, 1.0
 MOST_BODIES = 40
 SIZES = (101, 201, 401, 1001)
-KINDS = ("auto", "heightfield")
+FRICTIONS = (0.4, 0.6)
 SHAPES = (
     SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2]),
     SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.4, 0.3, 0.2]),
@@ -92,12 +92,12 @@ class Soak(Watcher):
             if not answer.success:
                 self.missing.append(f"{oldest}, last seen at {self.last_seen.get(oldest)}: {answer.message}")
 
-    def change_kind(self) -> None:
-        """Changes the patches' kind while bodies stand on them, and measures how long the answer takes."""
-        value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=str(self._rng.choice(KINDS)))
-        request = SetParameters.Request(parameters=[Parameter(name="patch.kind", value=value)])
+    def change_setting(self) -> None:
+        """Changes the friction of later bodies, as which the node takes all its settings anew."""
+        value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=float(self._rng.choice(FRICTIONS)))
+        request = SetParameters.Request(parameters=[Parameter(name="physics.friction", value=value)])
         if self.call(self._setter, request).results[0].successful:
-            self.done["kinds changed"] += 1
+            self.done["settings changed"] += 1
 
     def ping(self) -> float:
         """How long a refused call takes to come back [ms]."""
@@ -157,7 +157,7 @@ def run(minutes: float, file: Path) -> None:
             _tell(node, minutes)
 
         actions: tuple[tuple[float, Callable[[], None]], ...] = (
-            (SOURCE_EVERY, restart_source), (SPAWN_EVERY, node.spawn), (KIND_EVERY, node.change_kind),
+            (SOURCE_EVERY, restart_source), (SPAWN_EVERY, node.spawn), (SETTING_EVERY, node.change_setting),
             (BAD_EVERY, node.send_bad), (SAMPLE_EVERY, lambda: _sample(node, usage, monotonic() - start)),
             (TELL_EVERY, tell),
         )  # fmt: skip

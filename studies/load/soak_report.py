@@ -64,8 +64,8 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     sent = done.get("bad messages", 0) + done.get("bad calls", 0)
     words = (
         f"{data['minutes']:g} minutes: {done.get('sources killed', 0)} sources killed and started with a map of "
-        f"another size, {done.get('spawned', 0)} bodies spawned and {done.get('removed', 0)} removed, patch kinds "
-        f"changed {done.get('kinds changed', 0)} times. Bad messages and calls: {sent} sent, "
+        f"another size, {done.get('spawned', 0)} bodies spawned and {done.get('removed', 0)} removed, settings "
+        f"changed {done.get('settings changed', 0)} times. Bad messages and calls: {sent} sent, "
         f"{sum(data['refused'].values())} refused by the "
         f"node's count. Bodies lost: {len(lost)} of {done.get('spawned', 0)}; below the ground at the end: "
         f"{data['below_ground']}, at any sample at most {max(samples['below']):.0f}."

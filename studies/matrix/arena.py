@@ -11,7 +11,7 @@ import numpy as np
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.report.ground import world_on
 from smartmesh_ros.scenes.moving import Scene
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -19,8 +19,9 @@ from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.grounds import Rigid, make_ground
-from smartmesh_ros.world.world import World, WorldConfig
+from smartmesh_ros.world.world import WorldConfig
 from studies.engines.smartmesh import NEVER_LOST
+from studies.matrix.row import Method
 from studies.robots import robot
 
 HUSKY = robot.HUSKY.urdf
@@ -46,7 +47,7 @@ class Arena:
 
     def __init__(
         self,
-        method: PatchConfig,
+        method: Method,
         ground: Any = 0.0,
         *,
         size: int = 61,
@@ -62,9 +63,8 @@ class Arena:
             named = isinstance(ground, dict)
             self.ground = make_ground(self.geometry, **ground) if named else Rigid(self.geometry, ground)
         self.heightmap = HeightMap(self.ground.heights(0.0), geometry=self.geometry, motion=motion)
-        self.world = World(
-            self.heightmap, WorldConfig(physics=physics or PhysicsConfig(), patch=method, falls=NEVER_LOST)
-        )
+        config = WorldConfig(physics=physics or PhysicsConfig(), falls=NEVER_LOST)
+        self.world = world_on(self.heightmap, config, method)
         self.shapes: dict[str, Shape] = {}
         self._map_rate = map_rate
         self._map = 0

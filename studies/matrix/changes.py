@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from smartmesh_ros.ground.shapes import Box, Sphere
-from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.matrix.arena import Arena, square
-from studies.matrix.row import Row
+from studies.matrix.row import Method, Row
 from studies.matrix.rules import HILLS
 
 
-def _buried(centre: float, method: PatchConfig) -> float:
+def _buried(centre: float, method: Method) -> float:
     """Fastest way up [m/s] of a ball that starts in the ground; infinite where it does not come out in 2 s."""
     with Arena(method, size=21) as arena:
         arena.spawn("ball", Sphere(0.2), (0.013, 0.017, centre))
@@ -27,7 +25,7 @@ def _buried(centre: float, method: PatchConfig) -> float:
         return fastest if abs(arena.positions()[0, 2] - 0.2) < 5e-3 else math.inf
 
 
-def _falls(shape: Box | Sphere, centre: float, rests: float, ground: float, method: PatchConfig) -> float:
+def _falls(shape: Box | Sphere, centre: float, rests: float, ground: float, method: Method) -> float:
     """Steps until a body that rests with its ``centre`` [m] above the ground for a while [s] falls when the ``ground``
     under it goes down to a height [m], NaN = a hole."""
     with Arena(method) as arena:
@@ -39,13 +37,13 @@ def _falls(shape: Box | Sphere, centre: float, rests: float, ground: float, meth
         return math.inf
 
 
-def _rests(radius: float, x: float, y: float, method: PatchConfig, heights: Any = 0.0) -> float:
+def _rests(radius: float, x: float, y: float, method: Method, heights: Any = 0.0) -> float:
     """Error [mm] of the rest height of a ball on a level map, or on one of ``heights`` (61, 61) [m]."""
     with Arena(method, heights) as arena:
         return 1e3 * abs(float(arena.rest_of(Sphere(radius), (x, y, radius))[2]) - radius)
 
 
-def teleports(method: PatchConfig) -> float:
+def teleports(method: Method) -> float:
     """Deepest penetration [mm] of a ball that is put down somewhere else on hills every 12 steps."""
     rng = np.random.default_rng(4)
     with Arena(method, HILLS) as arena:
@@ -61,7 +59,7 @@ def teleports(method: PatchConfig) -> float:
         return 1e3 * worst
 
 
-def _disturbed(method: PatchConfig, changes: Iterable[Callable[[Arena], None]], steps: int) -> float:
+def _disturbed(method: Method, changes: Iterable[Callable[[Arena], None]], steps: int) -> float:
     """Largest rise or fall [mm] of a box at rest while changes are made, so many ``steps`` after each other."""
     with Arena(method) as arena:
         arena.spawn("box", Box(0.4, 0.4, 0.2), (0.013, 0.017, 0.1))
@@ -73,7 +71,7 @@ def _disturbed(method: PatchConfig, changes: Iterable[Callable[[Arena], None]], 
         return 1e3 * worst
 
 
-def maps_change(method: PatchConfig) -> float:
+def maps_change(method: Method) -> float:
     """Largest rise or fall [mm] of a box at rest while maps of other sizes and resolutions replace its own."""
 
     def put(arena: Arena, size: int, resolution: float) -> None:
@@ -84,18 +82,7 @@ def maps_change(method: PatchConfig) -> float:
     return _disturbed(method, [partial(put, size=size, resolution=resolution) for size, resolution in maps], 30)
 
 
-def kinds_change(method: PatchConfig) -> float:
-    """Largest rise or fall [mm] of a box at rest while its collider changes to others and back."""
-
-    def configure(arena: Arena, patch: PatchConfig) -> None:
-        arena.world.configure(replace(arena.world.config, patch=patch))
-
-    kinds: tuple[PatchKind, ...] = ("heightfield", "trimesh", "prisms", "auto")
-    patches = [patch for kind in kinds for patch in (replace(method, kind=kind), method)]
-    return _disturbed(method, [partial(configure, patch=patch) for patch in patches], 20)
-
-
-def sinks_beside(method: PatchConfig) -> float:
+def sinks_beside(method: Method) -> float:
     """How far [mm] a box is above 10 cm under its place, a second after all but the nearest sample sank by 1 m."""
     with Arena(method, {"kind": "noise", "deviation": 0.01}) as arena:
         arena.spawn("box", Box(0.3, 0.3, 0.2), (0.1, 0.05, 0.15))
@@ -126,6 +113,5 @@ ROWS = (
     Row("corner of the map", partial(_rests, 0.3, -7.4, -7.4), 1.0, "mm", "rest height"),
     Row("teleporting ball", teleports, 10.0, "mm", "half of 0.5 m/s in a step and slop"),
     Row("maps change at rest", maps_change, 1.0, "mm", "nothing moves", quick=True),
-    Row("kinds change at rest", kinds_change, 1.0, "mm", "nothing moves", quick=True),
     Row("ground sinks beside a sample", sinks_beside, 0.0, "mm", "it falls off", quick=True),
 )

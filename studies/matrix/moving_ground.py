@@ -13,23 +13,22 @@ import numpy as np
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.matrix.arena import HUSKY, Arena, deepest, lost_in, square
-from studies.matrix.row import Row
+from studies.matrix.row import Method, Row
 
 BALL = Sphere(0.2)
 
 
-def _rising(speed: float, method: PatchConfig) -> float:
+def _rising(speed: float, method: Method) -> float:
     """Penetration [mm] of a ball on ground that has risen for a quarter of a second."""
     with Arena(method, {"kind": "lift", "speed": speed, "duration": 2.0}, size=21, map_rate=240.0) as arena:
         arena.spawn("ball", BALL, (0.013, 0.017, 0.2))
         return deepest(arena, 1.0, 0.25, every=1, share=100.0)
 
 
-def _launch(speed: float, method: PatchConfig) -> float:
+def _launch(speed: float, method: Method) -> float:
     """Error [%] of the height to which a ball is thrown by ground that rises and stops."""
     with Arena(method, {"kind": "lift", "speed": speed, "duration": 1.0}, size=21, map_rate=240.0) as arena:
         arena.spawn("ball", BALL, (0.013, 0.017, 0.2))
@@ -39,7 +38,7 @@ def _launch(speed: float, method: PatchConfig) -> float:
         return 100.0 * abs(highest - throw) / max(throw, speed)
 
 
-def drags(method: PatchConfig) -> float:
+def drags(method: Method) -> float:
     """Error [%] of the speed of a box on level ground that slides sideways at 0.5 m/s: the map's origin moves."""
     with Arena(method, size=41) as arena:
         arena.spawn("box", Box(0.4, 0.4, 0.2), (0.013, 0.017, 0.1))
@@ -54,7 +53,7 @@ def drags(method: PatchConfig) -> float:
         return 100.0 * abs(float(arena.velocities()[0, 0]) / 0.5 - 1.0)
 
 
-def falls_away(method: PatchConfig) -> float:
+def falls_away(method: Method) -> float:
     """By how many steps a ball lags behind free fall over ground that falls away at 2 g."""
     with Arena(method, {"kind": "drop", "acceleration": 2.0 * GRAVITY, "depth": 2.0}, size=21, map_rate=240.0) as arena:
         arena.spawn("ball", BALL, (0.013, 0.017, 0.2))
@@ -66,13 +65,13 @@ def falls_away(method: PatchConfig) -> float:
         return worst
 
 
-def lands_after_fall(method: PatchConfig) -> float:
+def lands_after_fall(method: Method) -> float:
     """Error [mm] of the rest height on ground that fell away at 2 g by 2 m."""
     with Arena(method, {"kind": "drop", "acceleration": 2.0 * GRAVITY, "depth": 2.0}, size=21, map_rate=240.0) as arena:
         return 1e3 * abs(float(arena.rest_of(BALL, (0.013, 0.017, 0.2), 2.0)[2]) + 1.8)
 
 
-def floats(method: PatchConfig) -> float:
+def floats(method: Method) -> float:
     """Largest gap or penetration [mm] of a ball on level ground that heaves by 0.5 m every 2 s, well below g."""
     with Arena(method, {"kind": "heave", "height": 0.5, "period": 2.0}, size=21, map_rate=240.0) as arena:
         arena.spawn("ball", BALL, (0.013, 0.017, 0.2))
@@ -88,7 +87,7 @@ WAVES = {1: _wave(0.3, 1.0, 1.0), 4: _wave(0.3, 1.0, 4.0), 8: _wave(0.5, 1.5, 8.
 
 
 def _waves(
-    measure: Callable[[Arena], float], frequency: int, method: PatchConfig, shape: Shape = BALL,
+    measure: Callable[[Arena], float], frequency: int, method: Method, shape: Shape = BALL,
     map_rate: float = 240.0, rate: float = 240.0, **state: Any,
 ) -> float:  # fmt: skip
     """What is measured of 16 bodies on waves."""
@@ -103,7 +102,7 @@ _rides = partial(_waves, partial(deepest, seconds=1.5, settle=0.5))
 _loses = partial(_waves, partial(lost_in, seconds=1.5))
 
 
-def crowd(method: PatchConfig) -> float:
+def crowd(method: Method) -> float:
     """Bodies lost of 1,000 balls packed close on waves, maps at 60 Hz and steps at 120 Hz."""
     with Arena(method, WAVES[4], size=61, map_rate=60.0, physics=PhysicsConfig(rate=120.0)) as arena:
         ball = Sphere(0.1)
@@ -114,7 +113,7 @@ def crowd(method: PatchConfig) -> float:
         return lost_in(arena, 0.25)
 
 
-def robot(method: PatchConfig) -> float:
+def robot(method: Method) -> float:
     """Links of a driving four-wheeled robot whose centre is ever below the ground on slow waves."""
     with Arena(method, WAVES[1], size=61, map_rate=60.0) as arena:
         arena.world.spawn_robot("husky", HUSKY, BodyState((0.0, 0.0, 0.6)))

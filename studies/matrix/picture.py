@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.report.config import ReportConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from studies.configurations import BARE
@@ -78,7 +78,7 @@ class Way(NamedTuple):
     colour: str
     motion: MotionConfig
     physics: PhysicsConfig = PhysicsConfig()
-    patch: PatchConfig = PatchConfig()
+    report: ReportConfig | None = None
 
 
 def ways(noise: float) -> tuple[Way, ...]:
@@ -86,7 +86,7 @@ def ways(noise: float) -> tuple[Way, ...]:
     replaced by each map."""
     return (
         Way("PyBullet, heightfield replaced", "#9a9a9a", MotionConfig(mode="hold"),
-            PhysicsConfig(guard=False), PatchConfig(kind="whole_heightfield", **BARE)),
+            PhysicsConfig(), ReportConfig(kind="whole_heightfield", guard=False, **BARE)),
         Way("as motion (before)", "#d1605e", MotionConfig()),
         Way("as corrections (now)", "#2f6fab", MotionConfig(changes="correction", noise=noise)),
     )  # fmt: skip
@@ -94,7 +94,7 @@ def ways(noise: float) -> tuple[Way, ...]:
 
 def corrected(way: Way, by: float) -> FloatArray:
     """Height of a body over where it was [m], for 0.2 s before its ground is corrected and 1.3 s after."""
-    with Site(way.patch, "box", motion=way.motion, physics=way.physics) as site:
+    with Site(way.report, "box", motion=way.motion, physics=way.physics) as site:
         rest = [state.position[2] for state in site.states(1.0)][-1]
         site.tell(site.level)
         before = [state.position[2] for state in site.states(0.2)]
@@ -104,7 +104,7 @@ def corrected(way: Way, by: float) -> FloatArray:
 
 def noisy(way: Way, noise: float, seconds: float) -> FloatArray:
     """Return the height of a body over its true rest [m] on ground whose maps have white noise [m]."""
-    with Site(way.patch, "box", motion=way.motion, physics=way.physics) as site:
+    with Site(way.report, "box", motion=way.motion, physics=way.physics) as site:
         rest = site.state.position[2]
         return np.array([state.position[2] for state in site.in_noise(noise, seconds)]) - rest
 

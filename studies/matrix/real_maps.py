@@ -10,13 +10,12 @@ import numpy as np
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.tools.evaluation.clearance import rotate
 from smartmesh_ros.world.joints import JointCommand
 from studies.matrix.arena import HUSKY, Arena
-from studies.matrix.row import own_row
+from studies.matrix.row import Method, own_row
 from studies.robots.robot import LAIKAGO
 
 CELLS, RESOLUTION = 61, 0.1
@@ -38,7 +37,7 @@ class Site(Arena):
 
     def __init__(
         self,
-        method: PatchConfig,
+        method: Method,
         kind: str,
         slope: float = 0.0,
         noise: float = 0.0,
@@ -86,7 +85,7 @@ def inclined(slope: float) -> FloatArray:
 
 
 def correction(
-    method: PatchConfig, kind: str, by: float, after: float, slope: float = 0.0, turn: float = 0.0
+    method: Method, kind: str, by: float, after: float, slope: float = 0.0, turn: float = 0.0
 ) -> dict[str, float]:
     """A body at rest whose ground is corrected by a height [m] and a turn [rad], a time after the last map [s]: how far
     it rises above its new rest [mm], its maximum speed [m/s], rotation relative to the ground [deg] and sliding
@@ -111,14 +110,14 @@ def correction(
         }
 
 
-def worst_correction(measure: str, kind: str, slope: float, turn: float, method: PatchConfig) -> float:
+def worst_correction(measure: str, kind: str, slope: float, turn: float, method: Method) -> float:
     """The worst figure of a body over all corrections; infinite where it does not keep its tilt to a degree."""
     cases = [(by, after) for by in SIZES for after in (0.1, 1.0)] if not slope and not turn else [(0.1, 0.1)]
     found = [correction(method, kind, by, after, slope, turn) for by, after in cases]
     return math.inf if max(one["turned"] for one in found) > 1.0 else max(one[measure] for one in found)
 
 
-def at_rest_in_noise(measure: str, kind: str, sigma: float, method: PatchConfig) -> float:
+def at_rest_in_noise(measure: str, kind: str, sigma: float, method: Method) -> float:
     """Return a figure of a body on level ground whose maps have white noise, at 20 Hz, for 10 s after the first map:
     its maximum speed [m/s], largest error of height in standard deviations, or drift [mm]."""
     with Site(method, kind, noise=sigma) as site:

@@ -6,20 +6,21 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.report.config import ReportConfig
 from studies.configurations import BARE
 
-Figure = Callable[[PatchConfig], float]
+# The report's colliders; None = contacts from the map.
+Method = ReportConfig | None
+Figure = Callable[[Method], float]
 
-METHODS: dict[str, PatchConfig] = {
-    "defaults": PatchConfig(),
-    "no velocity": PatchConfig(carry_velocity=False),
-    "heightfield": PatchConfig(kind="heightfield"),
-    "rebuilt trimesh": PatchConfig(kind="trimesh", **BARE),
-    "convex hull": PatchConfig(kind="hull", **BARE),
-    "prisms": PatchConfig(kind="prisms", **BARE),
-    "whole trimesh": PatchConfig(kind="whole_trimesh", **BARE),
-    "whole heightfield": PatchConfig(kind="whole_heightfield", **BARE),
+METHODS: dict[str, Method] = {
+    "defaults": None,
+    "heightfield": ReportConfig(kind="heightfield"),
+    "rebuilt trimesh": ReportConfig(kind="trimesh", **BARE),
+    "convex hull": ReportConfig(kind="hull", **BARE),
+    "prisms": ReportConfig(kind="prisms", **BARE),
+    "whole trimesh": ReportConfig(kind="whole_trimesh", **BARE),
+    "whole heightfield": ReportConfig(kind="whole_heightfield", **BARE),
 }
 
 

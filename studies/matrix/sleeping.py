@@ -15,13 +15,12 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import Box, Sphere
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.states import simulated_states
 from studies.matrix.arena import HUSKY, Arena
-from studies.matrix.row import Row
+from studies.matrix.row import Method, Row
 from studies.matrix.still_ground import lay_on_slope
 
 RATE, MAPS = 240, 60.0  # steps and maps in a second
@@ -33,13 +32,13 @@ Build = Callable[[Arena], Any]
 Event = Callable[[Arena, int], Any]
 
 
-def small(method: PatchConfig, **more: Any) -> Arena:
+def small(method: Method, **more: Any) -> Arena:
     """Level ground of 4 m, or what ``more`` settings of an arena make of it."""
     return Arena(method, size=len(FLAT), resolution=0.1, **more)
 
 
 def play(
-    method: PatchConfig, build: Build, event: Event, *, sleep: bool, steps: int = 480, **more: Any
+    method: Method, build: Build, event: Event, *, sleep: bool, steps: int = 480, **more: Any
 ) -> list[dict[str, FloatArray]]:
     """Let bodies come to rest on level ground; return the positions [m] of all bodies by name after each of the steps
     of what then happens to them. In a sleeping world all bodies must be asleep before it; raises `InputError` if they
@@ -59,7 +58,7 @@ def play(
     return path
 
 
-def astray(build: Build, event: Event, method: PatchConfig, **more: Any) -> float:
+def astray(build: Build, event: Event, method: Method, **more: Any) -> float:
     """Largest distance [mm] of any body from its place in a world that never sleeps, at the end; infinite if one is
     lost."""
     asleep, awake = (play(method, build, event, sleep=sleep, **more)[-1] for sleep in (True, False))
@@ -122,7 +121,7 @@ def once(act: Callable[[Arena], None]) -> Event:
     return lambda arena, step: act(arena) if step == 0 else None
 
 
-def rises(method: PatchConfig) -> float:
+def rises(method: Method) -> float:
     """Ground rises by 0.1 to 300 mm at 0.05 to 3 m/s, by maps and by regions: the worst of all."""
     changes = [rise(height, speed) for height in (1e-4, 1e-3, 0.01, 0.3) for speed in (0.05, 3.0)]
     events = [changed_map(change, region=region) for change in changes for region in (False, True)]
@@ -141,13 +140,13 @@ def turn_gravity(arena: Arena) -> None:
     arena.world.configure(replace(config, physics=replace(config.physics, gravity=(7.0, 0.0, -7.0))))
 
 
-def bottom_taken(method: PatchConfig) -> float:
+def bottom_taken(method: Method) -> float:
     """The lowest box of a column of five is removed: error [mm] of the heights that the others come to rest at."""
     ends = play(method, pile(5), once(lambda arena: arena.world.remove("box_0")), sleep=True)[-1]
     return 1e3 * float(max(abs(ends[f"box_{level + 1}"][2] - 0.1 - 0.2 * level) for level in range(4)))
 
 
-def hit(method: PatchConfig) -> float:
+def hit(method: Method) -> float:
     """A box is hit by a ball of its mass at 0.5 to 40 m/s, from the side and from above: how much deeper it gets than
     awake."""
     worst = 0.0
@@ -172,7 +171,7 @@ def drive_husky(arena: Arena, speed: float) -> None:
         arena.world.command("husky", joint, JointCommand(velocity=speed))
 
 
-def robot_pushes(method: PatchConfig) -> float:
+def robot_pushes(method: Method) -> float:
     """A robot drives into a row of three boxes: how far the farthest ends from its place in a world that never
     sleeps."""
 
@@ -186,9 +185,9 @@ def robot_pushes(method: PatchConfig) -> float:
     return 1e3 * math.dist(asleep, awake)
 
 
-def guest_comes(method: PatchConfig) -> float:
+def guest_comes(method: Method) -> float:
     """A remote ball rolls into the box."""
-    with small(PatchConfig()) as other:
+    with small(None) as other:
         other.spawn("guest", Sphere(0.1), (-0.3, 0.03, 0.1), linear=(2.0, 0.0, 0.0))
         path = [simulated_states(other.world), *(simulated_states(other.world) for _ in other.run(119.0 / RATE))]
     return astray(
@@ -196,7 +195,7 @@ def guest_comes(method: PatchConfig) -> float:
     )
 
 
-def noise(method: PatchConfig) -> float:
+def noise(method: Method) -> float:
     """Share of the time [%] that bodies are awake on maps with noise of 5 mm at 10 Hz that are fused, after the first
     minute of two."""
     rng = np.random.default_rng(7)
@@ -210,7 +209,7 @@ def noise(method: PatchConfig) -> float:
         return 100.0 * awake / (60 * RATE * len(followers))
 
 
-def long_on_slope(method: PatchConfig) -> float:
+def long_on_slope(method: Method) -> float:
     """How far [mm] a box creeps on a slope of 25 degrees in an hour, once it is asleep."""
     with small(method, ground={"kind": "slope", "angle": 25.0}, physics=PhysicsConfig(friction=0.7)) as arena:
         lay_on_slope(arena, Box(0.2, 0.2, 0.2), 0.0, math.radians(25.0))
@@ -220,7 +219,7 @@ def long_on_slope(method: PatchConfig) -> float:
         return 1e3 * math.dist(start, arena.positions()[0])
 
 
-def rolls_on(method: PatchConfig) -> float:
+def rolls_on(method: Method) -> float:
     """Distance [mm] of a ball that rolls down a slope of 0.5 degrees for 3 s from its place in a world that never
     sleeps."""
     ends = []

@@ -11,7 +11,6 @@ import numpy as np
 
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
-from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.distance import Surface, nearest
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
@@ -19,13 +18,13 @@ from smartmesh_ros.tools.evaluation.scene import lowest
 from studies.engines.bullet import bullet_contacts
 from studies.engines.engine import EngineBody, Setup, build
 from studies.matrix.arena import Arena, deepest
-from studies.matrix.row import Row
+from studies.matrix.row import Method, Row
 
 SPEED = 3.0
 _CUBE, _SPHERE, _DRUM = Box(0.4, 0.4, 0.4), Sphere(0.2), Cylinder(radius=0.2, height=0.4)
 
 
-def _slid(method: PatchConfig, shape: Shape) -> tuple[FloatArray, FloatArray]:
+def _slid(method: Method, shape: Shape) -> tuple[FloatArray, FloatArray]:
     """Position and velocity of a frictionless body 0.4 m high after a second at 3 m/s, not in line with the rows of the
     map."""
     with Arena(method, size=101, resolution=0.1, physics=PhysicsConfig(friction=0.0)) as arena:
@@ -34,17 +33,17 @@ def _slid(method: PatchConfig, shape: Shape) -> tuple[FloatArray, FloatArray]:
         return arena.positions()[0], arena.velocities()[0]
 
 
-def _slide_error(shape: Shape, method: PatchConfig) -> float:
+def _slide_error(shape: Shape, method: Method) -> float:
     """Distance [mm] of a body that slid from where it should be."""
     return 1e3 * math.dist(_slid(method, shape)[0], (1.0, 0.013, 0.2))
 
 
-def slide_speed(method: PatchConfig) -> float:
+def slide_speed(method: Method) -> float:
     """Largest error of speed [mm/s] of a sliding box, sphere and cylinder."""
     return 1e3 * max(abs(float(np.linalg.norm(_slid(method, shape)[1])) - SPEED) for shape in (_CUBE, _SPHERE, _DRUM))
 
 
-def _rolled(method: PatchConfig) -> tuple[float, float]:
+def _rolled(method: Method) -> tuple[float, float]:
     """A ball that rolls at 3 m/s for a second: how far it is from where it should be [mm], and loss of energy [%]."""
     with Arena(method, size=101, resolution=0.1) as arena:
         arena.spawn("ball", Sphere(0.2), (-2.0, 0.013, 0.2), linear=(SPEED, 0.0, 0.0), angular=(0.0, SPEED / 0.2, 0.0))
@@ -60,7 +59,7 @@ def _rolled(method: PatchConfig) -> tuple[float, float]:
         return 1e3 * math.dist(arena.positions()[0], (1.0, 0.013, 0.2)), 100.0 * abs(energy() - before) / moving
 
 
-def ripples_against_whole(method: PatchConfig) -> float:
+def ripples_against_whole(method: Method) -> float:
     """Error [mm] after a second of eight balls rolling over 5 cm ripples, beyond that of a filtered collider of the
     whole map at the same steps; the truth is that collider at steps 8 times finer."""
     ground = {"kind": "sinusoid", "amplitude": 0.05, "wavelength": 2.0}
@@ -97,7 +96,12 @@ def lay_on_slope(arena: Arena, shape: Box | Sphere, x: float, angle: float) -> N
 
 
 def _speeds_up(
-    shape: Box | Sphere, degrees: float, x: float, seconds: float, theory: Callable[[float], float], method: PatchConfig
+    shape: Box | Sphere,
+    degrees: float,
+    x: float,
+    seconds: float,
+    theory: Callable[[float], float],
+    method: Method,
 ) -> float:
     """Error [%] of the acceleration of a body from ``x`` [m] down a slope, over so many seconds, against the one
     [m/s^2] that ``theory`` gives by the angle [rad]."""
@@ -110,7 +114,7 @@ def _speeds_up(
         return 100.0 * abs(float(found) / theory(math.radians(degrees)) - 1.0)
 
 
-def slope_holds(method: PatchConfig) -> float:
+def slope_holds(method: Method) -> float:
     """How far [mm] a box creeps in a second on 25 degrees, where friction of 0.5 holds it (up to 26.6 degrees)."""
     angle = math.radians(25.0)
     with Arena(method, {"kind": "slope", "angle": 25.0}) as arena:
@@ -121,7 +125,7 @@ def slope_holds(method: PatchConfig) -> float:
         return 1e3 * math.dist(before, arena.positions()[0])
 
 
-def bounces(method: PatchConfig) -> float:
+def bounces(method: Method) -> float:
     """Error [%] of the height that a ball of restitution 0.5, dropped from a metre, comes back to: a quarter."""
     with Arena(method, physics=PhysicsConfig(restitution=0.5)) as arena:
         arena.spawn("ball", Sphere(0.2), (0.013, 0.017, 1.2))
@@ -130,14 +134,14 @@ def bounces(method: PatchConfig) -> float:
         return 100.0 * abs(highest / 0.25 - 1.0)
 
 
-def hovers_in_trough(method: PatchConfig) -> float:
+def hovers_in_trough(method: Method) -> float:
     """How far [mm] a ball in a V-shaped trough rests from its radius times the secant of the slope above the bottom."""
     with Arena(method, lambda x, y: 0.6 * np.abs(x)) as arena:
         rest = 0.3 * math.hypot(1.0, 0.6)
         return 1e3 * abs(float(arena.rest_of(Sphere(0.3), (0.0, 0.013, rest + 0.02))[2]) - rest)
 
 
-def normals(method: PatchConfig) -> float:
+def normals(method: Method) -> float:
     """Angle [deg], 99 %, between contact normals of balls rolling over ripples and those of the main mesh."""
     ground = {"kind": "sinusoid", "amplitude": 0.1, "wavelength": 2.0}
     with Arena(method, ground, size=81, resolution=0.1) as arena:
@@ -167,7 +171,7 @@ def angles_between(normals: FloatArray, true_normals: FloatArray) -> FloatArray:
     return np.asarray(np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", normals, true_normals))), np.float64)
 
 
-def wide_box(method: PatchConfig) -> float:
+def wide_box(method: Method) -> float:
     """Largest distance [mm] of a corner of a box a metre wide from where it should rest, on cells of 0.5 to 0.05 m."""
     worst = 0.0
     for resolution in (0.5, 0.25, 0.1, 0.05):
@@ -181,7 +185,7 @@ _PLACES = 5
 
 
 def sinks(
-    shape: Shape, ground: dict[str, Any], size: int, resolution: float, drop: float, spread: float, method: PatchConfig
+    shape: Shape, ground: dict[str, Any], size: int, resolution: float, drop: float, spread: float, method: Method
 ) -> float:
     """Penetration [mm], 99 %, where it is deepest of `_PLACES` places within ``spread`` [m] that a body is
     dropped at from ``drop`` [m]; one body at a time, so that none is pushed."""

@@ -14,11 +14,10 @@ import numpy as np
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import Box, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.matrix.arena import Arena, Heights, deepest
-from studies.matrix.row import Row
+from studies.matrix.row import Method, Row
 from studies.matrix.still_ground import sinks
 
 SLOPE = 0.3  # [-], less than the friction of 0.5
@@ -31,7 +30,7 @@ def _pit(x: FloatArray, y: FloatArray) -> Any:
 
 def rests_on(
     form: Heights, shape: Shape, rest: tuple[float, float, float], start: float,
-    method: PatchConfig, size: int = 21, resolution: float = 0.25,
+    method: Method, size: int = 21, resolution: float = 0.25,
 ) -> float:  # fmt: skip
     """Distance [mm] of a body on ground of a ``form`` from its place at ``rest`` (3,) [m], a second after it was put
     down there at a height of ``start`` [m]."""
@@ -39,12 +38,12 @@ def rests_on(
         return 1e3 * math.dist(arena.rest_of(shape, (*rest[:2], start)), rest)
 
 
-def on_corner(shape: Shape, height: float, drop: float) -> Callable[[PatchConfig], float]:
+def on_corner(shape: Shape, height: float, drop: float) -> Callable[[Method], float]:
     """Return `rests_on` for the corner of four cells, all of which a body touches at rest at a ``height`` [m]."""
     return partial(rests_on, _pit, shape, (0.0, 0.0, height), height + drop)
 
 
-def rolls_along_seam(method: PatchConfig) -> float:
+def rolls_along_seam(method: Method) -> float:
     """Error [mm] of where a ball gets that rolls for 2 s at 0.2 m/s along a seam, which is the bottom of a groove."""
     secant = math.hypot(1.0, SLOPE)
     with Arena(method, lambda x, y: SLOPE * np.abs(y), size=21) as arena:
@@ -55,7 +54,7 @@ def rolls_along_seam(method: PatchConfig) -> float:
         return 1e3 * math.dist(arena.positions()[0], (0.4, 0.0, 0.2 * secant))
 
 
-def rolls_over_corners(method: PatchConfig) -> float:
+def rolls_over_corners(method: Method) -> float:
     """Deepest penetration [mm] of a ball that rolls along a row of samples which are 1 cm up and down in turns."""
     with Arena(
         method, lambda x, y: 0.01 * np.cos(np.pi * np.rint(x / 0.25)) * np.cos(np.pi * np.rint(y / 0.25)), size=21
@@ -68,14 +67,14 @@ _CREASE_CELLS = (1.0, 0.1)  # a cell larger and cells smaller than the box [m]
 _CELLS = "cells of 1 and 0.1 m"
 
 
-def box_in_valley(method: PatchConfig) -> float:
+def box_in_valley(method: Method) -> float:
     """Error [mm] of the rest height of a box across a valley, which stands on two of its edges; the worst of cells."""
     height = SLOPE * 0.2 + 0.1
     box = partial(rests_on, lambda x, y: SLOPE * np.abs(x), Box(0.4, 0.3, 0.2), (0.0, 0.013, height), height + 0.005)
     return max(box(method, resolution=resolution) for resolution in _CREASE_CELLS)
 
 
-def box_on_ridge(method: PatchConfig) -> float:
+def box_on_ridge(method: Method) -> float:
     """Deepest penetration [mm] of a box that lies across a ridge and tips to its heavier side; the worst of cells.
     Infinite where it does not come to lie on that slope."""
     worst = 0.0
@@ -108,7 +107,7 @@ _SPINNER = """
 """
 
 
-def spins_into_wall(method: PatchConfig) -> float:
+def spins_into_wall(method: Method) -> float:
     """How far [deg] from where its end meets a wall that stands beside it a turning bar gets."""
     # Samples from 0.25 m on stand on top.
     with Arena(method, lambda x, y: np.where(y > 0.225, 0.5, 0.0), size=61, resolution=0.05) as arena:
@@ -134,7 +133,7 @@ def _trench(x: FloatArray, y: FloatArray) -> Any:
 _HELD, _LIPS = Sphere(0.2), (0.0, 0.013, math.sqrt(0.2**2 - 0.15**2))
 
 
-def trench_opens(method: PatchConfig) -> float:
+def trench_opens(method: Method) -> float:
     """How far [mm] a ball that two lips held is above 0.3 m below the ground, a second after one of them sank; infinite
     where they did not hold it."""
     with Arena(method, _trench, size=61, resolution=0.05) as arena:
@@ -170,12 +169,12 @@ def _hit_sideways(arena: Arena, shape: Shape, height: float) -> None:
     client.resetBaseVelocity(uid, (_HIT, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-def _seldom(method: PatchConfig) -> PatchConfig:
-    """The method with patches at 4 Hz, so that a body gets far between two updates."""
-    return replace(method, rate=4.0)
+def _seldom(method: Method) -> Method:
+    """The method with colliders at 4 Hz, so that a body gets far between two updates."""
+    return None if method is None else replace(method, rate=4.0)
 
 
-def hit_on_flat_ground(method: PatchConfig) -> float:
+def hit_on_flat_ground(method: Method) -> float:
     """Error [mm] of where a box without friction is at any time within half a second of a blow to 6 m/s."""
     with Arena(_seldom(method), size=61, physics=_SMOOTH) as arena:
         _hit_sideways(arena, Box(0.4, 0.4, 0.2), 0.1)
@@ -185,7 +184,7 @@ def hit_on_flat_ground(method: PatchConfig) -> float:
         return 1e3 * worst
 
 
-def hit_over_an_edge(method: PatchConfig) -> float:
+def hit_over_an_edge(method: Method) -> float:
     """Error [mm] of the height of a ball that a blow to 6 m/s drives over an edge, beyond which it falls freely."""
     with Arena(_seldom(method), _step(0.6, -1.0), size=61, physics=_SMOOTH) as arena:  # level up to a sample at 0.5 m
         _hit_sideways(arena, Sphere(0.2), 0.2)
@@ -197,14 +196,14 @@ def hit_over_an_edge(method: PatchConfig) -> float:
         return 1e3 * worst if fall > 0.25 else math.inf
 
 
-def hit_against_a_step(method: PatchConfig) -> float:
+def hit_against_a_step(method: Method) -> float:
     """Deepest penetration [mm] of a ball of 0.2 m that a blow to 6 m/s drives against a step of twice its radius."""
     with Arena(method, _step(0.6, 0.4), size=61, physics=_SMOOTH) as arena:
         _hit_sideways(arena, Sphere(0.2), 0.2)
         return deepest(arena, 0.35, 0.0, every=1, share=100.0)
 
 
-def on_cliff(beyond: float, low: float, high: float, method: PatchConfig) -> float:
+def on_cliff(beyond: float, low: float, high: float, method: Method) -> float:
     """How far [mm] the middle of a box is outside of heights from ``low`` to ``high`` [m], 2 s after it was put down
     with its middle ``beyond`` [m] the edge of a cliff of 2 m; at 0.1 m it stays."""
     with Arena(method, _step(0.1, -2.0), size=41) as arena:
@@ -225,10 +224,10 @@ ROWS = (
     Row("ball on the lips of a trench", _ON_LIPS, 1.0, "mm", "geometry: sqrt(r^2 - (width / 2)^2)", quick=True),
     Row("one of them sinks away", trench_opens, 0.0, "mm", "it falls in", quick=True),
     Row("long thin box on fine noise", _THIN_BOX, 4.0, "mm", "main mesh, 99 %; a step at 1 m/s", skip=("prisms",)),
-    Row("hit to 6 m/s, patches at 4 Hz", hit_on_flat_ground, 1.0, "mm", "a plane; theory: 6 m/s on"),
-    Row("hit over an edge, patches at 4 Hz", hit_over_an_edge, 25.0, "mm", "ballistics; two steps late", quick=True),
+    Row("hit to 6 m/s, colliders at 4 Hz", hit_on_flat_ground, 1.0, "mm", "a plane; theory: 6 m/s on"),
+    Row("hit over an edge, colliders at 4 Hz", hit_over_an_edge, 25.0, "mm", "ballistics; two steps late", quick=True),
     Row("hit against a step", hit_against_a_step, 25.0, "mm", _AT_6, quick=True),
-    Row("hit against a step, patches at 4 Hz", lambda method: hit_against_a_step(_seldom(method)), 25.0, "mm", _AT_6),
+    Row("hit against a step, colliders at 4 Hz", lambda method: hit_against_a_step(_seldom(method)), 25.0, "mm", _AT_6),
     Row("box 2 cm over a cliff's edge", _TIPS, 0.0, "mm", "statics: it tips", quick=True),
     Row("box 2 cm before it", _STAYS, 1.0, "mm", "statics: it stays"),
 )

@@ -10,12 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from smartmesh_ros.ground.shapes import Box, Shape, Sphere
-from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import IntArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from studies.matrix.arena import Arena
 from studies.matrix.moving_ground import WAVES
-from studies.matrix.row import own_row
+from studies.matrix.row import Method, own_row
 
 BODIES: dict[str, Shape] = {"balls": Sphere(0.2), "boxes": Box(0.4, 0.4, 0.3)}
 STEP = 1.0 / 240.0
@@ -36,7 +35,7 @@ Run = tuple[int, str, tuple[float, ...], float, int]
 
 
 @cache
-def ride(frequency: int, kind: str, stamps: tuple[float, ...], noise: float, seed: int, method: PatchConfig) -> Ride:
+def ride(frequency: int, kind: str, stamps: tuple[float, ...], noise: float, seed: int, method: Method) -> Ride:
     """Return the motion of sixteen bodies on waves, with maps at ``stamps`` [s] and white ``noise`` [m]."""
     rng, due, depths, highest = np.random.default_rng(seed), list(stamps), [], 0.0
     shape, waves = BODIES[kind], WAVES[frequency]
@@ -72,12 +71,12 @@ def stamps_of(rate: float, name: str = "") -> tuple[float, ...]:
     return tuple(((STAMPS[name](numbers) if name else numbers) / rate).tolist())
 
 
-def deeper(unit: float, run: Run, exact: Run, method: PatchConfig) -> float:
+def deeper(unit: float, run: Run, exact: Run, method: Method) -> float:
     """How much deeper bodies are in the ground than in an ``exact`` run, 99 % [``unit`` mm]."""
     return (ride(*run, method).depth - ride(*exact, method).depth) / unit
 
 
-def risen(run: Run, exact: Run | None, method: PatchConfig) -> float:
+def risen(run: Run, exact: Run | None, method: Method) -> float:
     """How far the highest body rises, of what it does in an ``exact`` run, None = of what the waves do [%]."""
     found = ride(*run, method).rise
     return found if exact is None else 100.0 * found / ride(*exact, method).rise

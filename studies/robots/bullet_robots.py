@@ -1,4 +1,4 @@
-"""Robots in this package's `World`, whose patches may be one height field of the whole map."""
+"""Robots in this package's `World`, or on one collider of the whole map."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from studies.robots.engine import FRICTION, SERVO, RobotEngine, RobotSetup
 
 
 class WorldRobots(RobotEngine):
-    """`World` as it is, with the patches, rates and sleep of the options."""
+    """`World` as it is, with the rates and sleep of the options."""
 
     def __init__(self, setup: RobotSetup, **options: Any) -> None:
         self.heightmap, self.world = world_on(setup, **options)

@@ -12,7 +12,7 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.report.config import ReportConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.configurations import Configuration
 from studies.contest import FINE_RATE, HORIZON, Contest, Rules, Runner
@@ -24,7 +24,7 @@ from studies.robots.scene import STARTS, RobotScene
 # Length of a run, and its beginning that is not measured [s]; pieces, and processor time until an engine is stopped
 # [s]. Measurements in a second [Hz]: no multiple of the rate of the maps, so that they see maps of every age.
 SECONDS, SETTLE, PIECES, PATIENCE, SAMPLES = 2.0, 1.0, 8, 6.0, 30.0
-# Rate of the reference's maps, and of its patches [Hz]. The ground's velocity carries them in between.
+# Rate of the reference's maps [Hz]. The ground's velocity carries them in between.
 MAPS = 240.0
 
 
@@ -71,8 +71,8 @@ class RobotContest(Contest):
         """On ground at rest the collider is a triangle mesh of the whole map, without a filter of inner edges. On
         moving ground, where a whole collider has no velocity, it is ours, with an eighth of the step."""
         scene, setup = self._scene, self._setup(FINE_RATE)
-        patch = PatchConfig(kind="whole_trimesh") if scene.motion == "rest" else PatchConfig(rate=MAPS)
-        with WorldRobots(setup, patch=patch, physics=PhysicsConfig(sleep=False)) as engine:
+        report = ReportConfig(kind="whole_trimesh") if scene.motion == "rest" else None
+        with WorldRobots(setup, report=report, physics=PhysicsConfig(sleep=False)) as engine:
             for step in range(math.floor(HORIZON / setup.dt + 0.5)):
                 time = step * setup.dt
                 self.act(engine, time)

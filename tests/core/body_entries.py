@@ -7,7 +7,7 @@ import numpy as np
 from smartmesh_ros import HeightMap, MotionConfig
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.shapes import SHAPE, ball, box, compound, hull
-from smartmesh_ros.patches.supports import no_supports
+from smartmesh_ros.report.supports import no_supports
 from smartmesh_ros.world.state_table import LIMITS
 from tests.bodies import TETRAHEDRON, shapes_of
 from tests.core.entries import COLUMNS, ROWS, Arguments, Entry, arrays
@@ -80,6 +80,28 @@ def above_grid() -> Arguments:
     return {"record": record, "points": zeros(2, 5), "spacing": 0.1}
 
 
+def patches() -> Any:
+    """Of bodies below a map."""
+    found, given = CORE.Patches(), bodies()
+    found.set_tiles([grid()])
+    found.search(given["shapes"], given["states"], given["slots"], np.ones(BODIES, bool), 0.0, 0.1, 1.0)
+    found.collect(given["slots"], 0.0)
+    return found
+
+
+def search_patches(shapes: Any, states: Any, slots: Any, always: Any, time: float) -> Any:
+    return patches().search(shapes, states, slots, always, time, 0.1, 1.0)
+
+
+def collect_patches(slots: Any, time: float) -> Any:
+    found = patches()
+    return found.collect(slots, time), found.describe(slots), found.geometry(slots), found.marker_revisions(slots)
+
+
+def markers(slots: Any, ids: Any, gone: Any) -> Any:
+    return patches().markers(slots, ids, gone, False, (0, 0), "map", "patches", (1.0, 1.0, 1.0, 1.0))
+
+
 OF_SLOTS = (("slots", BODIES),)
 ENTRIES = {
     "find_below": Entry(CORE.find_below, below, rows=("slots",), within=OF_SLOTS, finite=("time",)),
@@ -91,9 +113,15 @@ ENTRIES = {
         "triangles": np.array([[0, 1, 2], [2, 1, 0]], np.int32), "supports": supports(),
     }, written=("supports",), rows=("states", "supports", "triangles"), within=(("slot", BODIES), ("triangles", 3))),
     "move_with_corrections": Entry(CORE.move_with_corrections, lambda: bodies() | {
-        "tiles": [(0, grid(), 0.0)], "owners": np.array([0, 1, 1]), "supports": supports(), "time": 0.0,
+        "tiles": [(grid(), 0.0)], "owners": np.array([0, 1, 1]), "standing": np.ones(BODIES, bool), "time": 0.0,
         "poses": np.tile([0.0] * 6 + [1.0], (2, 1)),
     }, written=("poses",), rows=("slots", "poses"), within=(*OF_SLOTS, ("owners", 2)), finite=("time",)),
+    "search_patches": Entry(search_patches, lambda: bodies() | {"always": np.ones(BODIES, bool), "time": 0.0},
+        rows=("slots",), within=OF_SLOTS, finite=("time",)),
+    "collect_patches": Entry(collect_patches, lambda: {"slots": np.arange(BODIES), "time": 0.0},
+        rows=("slots",), within=OF_SLOTS, finite=("time",)),
+    "markers": Entry(markers, lambda: {"slots": np.arange(BODIES), "ids": np.arange(BODIES), "gone": np.arange(2)},
+        rows=("gone",), within=OF_SLOTS),
     "distances_outside": Entry(
         CORE.distances_outside, lambda: {"kept": np.eye(3), "points": np.ones((4, 3)), "found": np.zeros(4)},
         written=("found",), rows=("kept",),

@@ -9,7 +9,7 @@ from smartmesh_ros import BodyState, Box, HeightMap, Soil, World
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.ground.shapes import DIMENSIONS
 from smartmesh_ros.patches.shapes import SHAPE, ShapeKind, ball
-from smartmesh_ros.patches.supports import SUPPORT
+from smartmesh_ros.report.supports import SUPPORT
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.world.state_table import LIMITS
 from tests.bodies import shapes_of, state_at

@@ -4,8 +4,10 @@ Depths: coal gives the shortest way out of each facet alone, which may lead side
 overlaps several facets the shortest way out of all of them is longer. So coal's depth is a lower bound; on convex
 ground, which is one convex solid, it is the depth itself.
 
-On steep thin ridges about one pose in 5,000 of shapes with corners still overlaps the ground without a contact that
-says so, or has one that is too deep: `make contacts` finds and lists them, so it fails for those shapes.
+On steep thin ridges about one pose in 10,000 of shapes with corners still overlaps the ground without a contact that
+says so, or has one that is too deep. On convex ground one overlap in 200 is told up to a fifth too deep: its normal is
+that of a face or facet beside the pair (SEAT of cones.h). `make contacts` finds and lists them, so it fails for those
+shapes.
 """
 
 import os
@@ -34,7 +36,8 @@ SHALLOW = 1e-3
 MESH_MARGIN = 0.01  # up to which contacts with meshes are looked for [m]
 # Overlaps with meshes by less than this must have a contact that says so [m]. A deeper body may be on the other side.
 SHALLOW_IN_MESH = 6e-3
-CONE = 1e-4  # sine of the angle by which normals may leave their cones, CONE_TOLERANCE of cones.h
+# Sines of the angles by which normals may leave their cones: CONE_TOLERANCE of cones.h, and of what overlaps SEAT.
+CONE, SEAT = 1e-4, 0.02
 
 
 MESHES = {
@@ -141,8 +144,8 @@ def test_normals_are_in_the_cones_of_the_ground(name: str) -> None:
             assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-9)
             touched = case.ground.corners[case.ground.touching(point)]
             assert len(touched) > 0 or contact[6] < 0.0  # deep points leave through a facet that they are under
-            ways = touched - point
-            assert np.all(ways @ normal <= CONE * np.linalg.norm(ways, axis=2) + 1e-9), (seed, contact)
+            ways, sine = touched - point, CONE if contact[6] > 0.0 or name in ROUND else SEAT
+            assert np.all(ways @ normal <= sine * np.linalg.norm(ways, axis=2) + 1e-9), (seed, contact)
 
 
 class Triangles:

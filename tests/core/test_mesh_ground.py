@@ -38,7 +38,7 @@ class GroundWorld(World):
     """Bodies of 1 kg that never sleep, and are not put back onto the ground."""
 
     def __init__(self, ground: HeightMap | TriangleMesh, step: float = STEP) -> None:
-        super().__init__(ground, WorldConfig(physics=PhysicsConfig(rate=1.0 / step, sleep=False, guard=False)))
+        super().__init__(ground, WorldConfig(physics=PhysicsConfig(rate=1.0 / step, sleep=False)))
 
     def add(self, shape: Shape, at: Vector, linear: Vector = STILL, angular: Vector = STILL, turn: Turn = LEVEL) -> str:
         """Return the name of a body with its centre at a point [m] that moves [m/s] and turns [rad/s]."""

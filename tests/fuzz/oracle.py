@@ -63,12 +63,11 @@ class Oracle:
                 np.testing.assert_array_equal(heights, self.tiles[name].heights.astype(np.float32))
         assert self.tiles.keys() <= terrain.tiles.keys(), "a tile was lost"
 
-    def require_on_map(self, batch: Any) -> None:
-        """Asserts that every vertex of the patches of a tile that lies on it is a sample of it, at its height."""
-        if batch.tile not in self.tiles:
+    def require_on_map(self, name: str, vertices: Any) -> None:
+        """Asserts that every vertex (n, 3) of a patch of a tile that lies on it is a sample of it, at its height."""
+        if name not in self.tiles:
             return  # of a general mesh
-        tile = self.tiles[batch.tile]
-        vertices = batch.vertices_w.reshape(-1, 3)
+        tile = self.tiles[name]
         x, y = (vertices[:, :2] - tile.origin[:2]).T
         cos, sin = math.cos(tile.yaw), math.sin(tile.yaw)
         grid = np.stack([-sin * x + cos * y, cos * x + sin * y], axis=1) / tile.resolution

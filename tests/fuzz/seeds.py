@@ -185,9 +185,8 @@ def _spawn_all(rng: np.random.Generator) -> Any:
 
 
 _SETTINGS: tuple[tuple[str, Any], ...] = (
-    ("physics.rate", 120.0), ("patch.kind", "heightfield"), ("patch.rings", 2), ("patch.rate", 30.0),
-    ("physics.gravity", [0.0, 0.0, -3.0]), ("search.method", "best_first"), ("collect.method", "union_bfs"),
-    ("patch.carry_velocity", False), ("bodies.timeout", 0.5),
+    ("physics.rate", 120.0), ("physics.gravity", [0.0, 0.0, -3.0]), ("physics.sleep", False),
+    ("publish.incremental", True), ("bodies.timeout", 0.5),
 )  # fmt: skip
 
 
@@ -199,7 +198,7 @@ def _settings(kind: Any) -> Any:
     return make_settings
 
 
-_NAMES = ["physics.rate", "patch.kind", "raster.origin"]
+_NAMES = ["physics.rate", "terrain.motion", "raster.origin"]
 _MAKERS: dict[str, Any] = {
     "heightmap": _heightmap,
     "heightmap_update": _update,

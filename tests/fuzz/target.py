@@ -14,17 +14,16 @@ from rclpy.context import Context
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 
-from smartmesh_ros.ground.ground import correcting
 from smartmesh_ros.node import terrain_collider
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.terrain_collider import TerrainCollider
+from smartmesh_ros.terrain.heightmap import HeightMap
 from tests.fuzz.oracle import Oracle, Tile
 
 BASE = {
     "terrain.motion": "hold",
     "terrain.settle": 0.001,  # less than a step: so corrections are worked off when patches are compared
-    "patch.rate": 0.0,  # so that patches are compared with each map
     "frame_id": "map",
     "bodies.poses": ["p=/pose_in"],
     "bodies.odometry": ["o=/odometry_in"],
@@ -173,15 +172,16 @@ class Target:
         """A turn of the node's loop with everything published, and what must hold after it."""
         self.node.tick()
         world = self.node.session.world
-        if any(correcting(mesh) for mesh in world.terrain.tiles.values()):
+        if any(_correcting(mesh) for mesh in world.terrain.tiles.values()):
             self.node.tick()  # the first one after a pause is at the time of the last before it
-        for batch in world.shown_batches():
-            if correcting(world.terrain.tiles[batch.tile]):
+        table = world.patches().table()
+        for index, tile in enumerate(table.tiles):
+            if _correcting(world.terrain.tiles[tile]):
                 # Time stood still, or went on by less than corrections take.
                 assert self.node.session.paused or self.node.settings.motion.settle >= world.config.physics.dt
                 self._unsettled += 1
             else:
-                self.oracle.require_on_map(batch)
+                self.oracle.require_on_map(tile, table.points_of(index))
         for name in world.bodies:
             state = world.state(name)
             numbers = (*state.position, *state.orientation, *state.linear, *state.angular)
@@ -211,3 +211,8 @@ class Target:
         for name in [name for name in world.terrain.tiles if name not in ("", "far", "mesh")]:
             world.terrain.remove(name)
             self.oracle.tiles.pop(name, None)
+
+
+def _correcting(mesh: Any) -> bool:
+    """Return True while corrections of a tile are being blended in."""
+    return isinstance(mesh, HeightMap) and mesh.corrections.blending

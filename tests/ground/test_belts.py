@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, GridGeometry, HeightMap, PatchConfig, PhysicsConfig, World, WorldConfig
-from smartmesh_ros.patches.config import PatchKind
+from smartmesh_ros import BodyState, Box, GridGeometry, HeightMap, PhysicsConfig, World, WorldConfig
 
 SAMPLES = 41
 Place = tuple[float, float, float]  # x, y [m] and yaw [rad]
@@ -49,11 +48,10 @@ def ride(
     belt: Belt,
     duration: float,
     start: tuple[float, float] = (0.013, 0.017),
-    kind: PatchKind = "auto",
     speed: float = 0.0,
 ) -> Ride:
     """A box that stands on the belt from time zero on, at a ``speed`` along x [m/s]."""
-    config = WorldConfig(physics=PhysicsConfig(rate=float(belt.rate)), patch=PatchConfig(kind=kind))
+    config = WorldConfig(physics=PhysicsConfig(rate=float(belt.rate)))
     heights = np.zeros((SAMPLES, SAMPLES), np.float32)
     with World(HeightMap(heights, geometry=belt.geometry(0.0)), config) as world:
         world.spawn("box", Box(0.3, 0.3, 0.2), 1.0, BodyState((*start, 0.1), linear=(speed, 0.0, 0.0)))
@@ -85,10 +83,9 @@ def steady(x: float, y: float = 0.0) -> Callable[[float], Place]:
     ],
     ids=["1 m/s, coarse, 240 Hz", "0.05", "0.05, 20 Hz", "0.02, 240 Hz", "0.004", "1 m/s, 20 Hz", "coarse, 20 Hz"],
 )
-@pytest.mark.parametrize("kind", ["auto", "heightfield"])
-def test_a_belt_of_any_speed_takes_a_box_along(belt: Belt, kind: PatchKind) -> None:
+def test_a_belt_of_any_speed_takes_a_box_along(belt: Belt) -> None:
     """Also where the map's origin moves by less than a hundredth of a cell from map to map."""
-    gone = ride(belt, 4.0, kind=kind).at(4.0).position[0] - 0.013
+    gone = ride(belt, 4.0).at(4.0).position[0] - 0.013
     assert 0.7 <= gone / belt.place(4.0)[0] <= 1.1
 
 
@@ -154,10 +151,9 @@ def heading(orientation: tuple[float, float, float, float]) -> float:
 
 
 @pytest.mark.parametrize("maps", [60, 20])
-@pytest.mark.parametrize("kind", ["auto", "heightfield"])
-def test_a_turntable_takes_a_box_round(kind: PatchKind, maps: int) -> None:
+def test_a_turntable_takes_a_box_round(maps: int) -> None:
     """0.5 rad/s for 4 s, a box 1 m from its middle."""
-    found = ride(Belt(lambda time: (0.0, 0.0, 0.5 * time), maps=maps), 4.0, start=(1.0, 0.0), kind=kind).at(4.0)
+    found = ride(Belt(lambda time: (0.0, 0.0, 0.5 * time), maps=maps), 4.0, start=(1.0, 0.0)).at(4.0)
     x, y, z = found.position
     assert math.atan2(y, x) == pytest.approx(2.0, abs=0.06)
     assert math.hypot(x, y) == pytest.approx(1.0, abs=0.03)

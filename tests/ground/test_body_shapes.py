@@ -10,7 +10,6 @@ import pybullet_data
 import pytest
 
 from smartmesh_ros import Box, Capsule, Cylinder, Ground, HeightMap, Sphere
-from smartmesh_ros.ground import body_shapes
 from smartmesh_ros.ground.body_shapes import read_shapes
 from smartmesh_ros.patches.shapes import BodyShape, ShapeKind
 from tests import urdfs
@@ -110,9 +109,7 @@ def obj_file(folder: Path) -> Path:
     return path
 
 
-def test_a_mesh_of_several_objects_is_their_compound_or_without_the_core_in_pybullet_a_ball(
-    client: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_mesh_of_several_objects_is_their_compound(client: Any, tmp_path: Path) -> None:
     file = obj_file(tmp_path)
     robot = tmp_path / "robot.urdf"
     robot.write_text(urdfs.robot(urdfs.link("l", f'<mesh filename="{file.name}" scale="1 2 -1"/>', moment=1.0)))
@@ -121,8 +118,6 @@ def test_a_mesh_of_several_objects_is_their_compound_or_without_the_core_in_pybu
     assert [part.kind for part in shape.parts] == [ShapeKind.HULL] * 2
     np.testing.assert_allclose(shape.record["half"], (0.6, 0.2, 0.1), atol=2.0 * HULL_MARGIN)
     np.testing.assert_allclose(shape.record["offset"], (0.6, 0.2, -0.1), atol=2.0 * HULL_MARGIN)
-    monkeypatch.setattr(body_shapes, "missing_for", lambda _: "nothing to read it with")
-    assert read_shape(client, body).kind == ShapeKind.BALL
 
 
 def test_a_body_without_a_shape_has_no_size(client: Any) -> None:

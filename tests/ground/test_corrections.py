@@ -91,11 +91,11 @@ def test_a_correction_changes_no_velocity(change: Callable[[NDArray[np.float64]]
             state = BodyState((0.5 * index - 0.5, 0.0, 0.3), linear=(0.1, 0.2, -0.3), angular=(0.3, 0.2, 0.1))
             world.spawn(name, shape, 1.0, state)
         world.track("tracked", 0.1, BodyState((1.0, 1.0, 0.3), linear=(0.1, 0.0, 0.0)))
-        world.refresh()
+        world.update()
         before = {name: world.state(name) for name in world.bodies}
         heightmap.replace(change(slope(0.1)), time=0.0)
         world.time = 0.07
-        world.refresh()
+        world.update()
         for name, state in before.items():
             after = world.state(name)
             assert (after.linear, after.angular) == (state.linear, state.angular)

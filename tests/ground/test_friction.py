@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, Terrain, World, WorldConfig
+from smartmesh_ros import BodyState, Box, HeightMap, PhysicsConfig, Sphere, Terrain, World, WorldConfig
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.patches.config import PatchKind
 from tests.grounds import terrain_of
 
 GRAVITY = 9.81
@@ -29,10 +28,8 @@ def flat(friction: float | np.ndarray = 1.0) -> HeightMap:
     return HeightMap(heights, resolution=RESOLUTION, origin=(-10.0, -2.0), friction=friction)
 
 
-def sliding(
-    terrain: HeightMap | Terrain, x: float, speed: float, friction: float = 1.0, kind: PatchKind = "auto"
-) -> World:
-    world = World(terrain, WorldConfig(physics=PhysicsConfig(friction=friction), patch=PatchConfig(kind=kind)))
+def sliding(terrain: HeightMap | Terrain, x: float, speed: float, friction: float = 1.0) -> World:
+    world = World(terrain, WorldConfig(physics=PhysicsConfig(friction=friction)))
     world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((x, 0.0, 0.1), linear=(speed, 0.0, 0.0)))
     return world
 
@@ -154,20 +151,6 @@ def test_what_sleeps_on_a_slope_that_freezes_wakes_and_slides(how: str, friction
         assert bool(world.followers.awake.size) == slides
         world.step(120)
         assert (world.state("box").position[0] < before - 0.1) == slides
-
-
-def test_colliders_of_pybullet_have_the_friction_under_their_body() -> None:
-    """A metre of ice, then gravel, on a collider without inner edges, which would take some speed, too."""
-    speed_on_gravel = math.sqrt(3.0**2 - 2 * ICE * GRAVITY * 1.0)
-    expected = 1.0 + speed_on_gravel**2 / (2 * GRAVEL * GRAVITY)
-    assert way_of(sliding(flat(halves()), -1.05, 3.0, kind="hull")) == pytest.approx(expected, rel=0.05)
-
-
-@pytest.mark.parametrize("friction", [ICE, GRAVEL])
-def test_on_a_height_field_the_friction_of_ground_and_body_are_multiplied(friction: float) -> None:
-    ground = way_of(sliding(flat(friction), -9.0, 2.0, kind="heightfield"))
-    body = way_of(sliding(flat(), -9.0, 2.0, friction, kind="heightfield"))
-    assert ground == pytest.approx(body, rel=1e-3)
 
 
 @pytest.mark.parametrize("spin", [0.0, 4.0])

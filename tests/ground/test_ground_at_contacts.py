@@ -140,7 +140,7 @@ def test_bodies_on_moving_ground_do_not_sink_in(ground: Callable[[], tuple[Terra
     rng = np.random.default_rng(3)
     depths: dict[Shape, list[float]] = {shape: [] for shape in MOST}
     surfaces = {shape: surface_of(shape) for shape in MOST}
-    with World(terrain, WorldConfig(physics=PhysicsConfig(rate=RATE, sleep=False, guard=False))) as world:
+    with World(terrain, WorldConfig(physics=PhysicsConfig(rate=RATE, sleep=False))) as world:
         bodies: dict[str, Shape] = {}
         for k, (x, y) in enumerate(rng.uniform(-4.0, 4.0, (16, 2)) * (0.3, 1.0)):
             shape = list(MOST)[k % 4]

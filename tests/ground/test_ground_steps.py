@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import BodyState, Ground, HeightMap, InputError, PatchConfig, Terrain, World, WorldConfig
+from smartmesh_ros import BodyState, Ground, HeightMap, InputError, Terrain, World
 from smartmesh_ros.ground.config import PhysicsConfig, set_up
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.world.bodies import BodyFactory
@@ -19,20 +19,6 @@ from tests.grounds import level
 
 DT = 1.0 / 240.0
 BALL = Sphere(0.02)
-
-
-@pytest.mark.parametrize("deviation", [0.0, 0.005], ids=["flat", "rough"])
-@pytest.mark.parametrize("depth", [0.001, 0.005, 0.015])
-def test_a_body_whose_middle_is_below_the_ground_is_pushed_up_and_not_down(deviation: float, depth: float) -> None:
-    """Also where no guard puts it back."""
-    heights = np.random.default_rng(3).normal(0.0, deviation, (41, 41))
-    terrain = HeightMap(heights, resolution=0.1, origin=(-2.0, -2.0))
-    surface = float(terrain.at([(0.013, 0.021)], 0.0).heights[0])
-    with World(terrain, WorldConfig(physics=PhysicsConfig(guard=False))) as world:
-        world.spawn("ball", Sphere(0.02), 1.0, BodyState((0.013, 0.021, surface - depth)))
-        world.step(240)
-        x, y, z = world.state("ball").position
-    assert z - float(terrain.at([(x, y)], 0.0).heights[0]) > 0.019
 
 
 @pytest.mark.parametrize("maximal", [False, True])
@@ -103,7 +89,7 @@ def test_trajectories_are_those_of_world(bodies: Any, rise: float, every: int) -
     def maps() -> HeightMap:
         return HeightMap(heights(0.0), resolution=0.1, origin=(-4.0, -4.0))
 
-    physics, patch = PhysicsConfig(), PatchConfig()
+    physics = PhysicsConfig()
     states = [
         (shape, BodyState((-1.5 + index, 0.1 * index, z), linear=linear))
         for index, (shape, z, linear) in enumerate(bodies)
@@ -111,7 +97,7 @@ def test_trajectories_are_those_of_world(bodies: Any, rise: float, every: int) -
     bullet = BulletClient(pb.DIRECT)
     set_up(bullet, physics)
     factory, mine, ground = BodyFactory(bullet, physics), maps(), None
-    ground = Ground(bullet, Terrain.of(mine), patch)
+    ground = Ground(bullet, Terrain.of(mine))
     own = [factory.simulated(f"body {index}", shape, 1.0, state) for index, (shape, state) in enumerate(states)]
     for body, (shape, _) in zip(own, states, strict=True):
         ground.attach(body.uid, shape=shape)

@@ -6,9 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
+from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Sphere, World
 from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.patches.config import PatchKind
 
 LYING = (math.sin(math.pi / 4.0), 0.0, 0.0, math.cos(math.pi / 4.0))  # an axis along z is then along y
 # Which samples at x, y [m] are no ground.
@@ -51,15 +50,14 @@ CASES: dict[str, tuple[Hole, Shape, BodyState, float]] = {
 }
 
 
-@pytest.mark.parametrize("kind", ["auto", "heightfield"])
 @pytest.mark.parametrize("name", CASES)
-def test_rims_hold_what_stands_on_them_and_holes_nothing(name: str, kind: PatchKind) -> None:
+def test_rims_hold_what_stands_on_them_and_holes_nothing(name: str) -> None:
     """For 2 s on level ground with a hole."""
     hole, shape, state, rest = CASES[name]
     y, x = 0.1 * (np.mgrid[:61, :61] - 30.0)
-    config = WorldConfig(patch=PatchConfig(kind=kind), physics=PhysicsConfig(guard=False))
-    with World(HeightMap(np.where(hole(x, y), np.nan, 0.0), resolution=0.1, origin=(-3.0, -3.0)), config) as world:
+    with World(HeightMap(np.where(hole(x, y), np.nan, 0.0), resolution=0.1, origin=(-3.0, -3.0))) as world:
         world.spawn("body", shape, 1.0, state)
         world.step(480)
         height = world.state("body").position[2]
+        assert world.rescues == 0
     assert height < -1.0 if math.isnan(rest) else height == pytest.approx(rest, abs=2e-3)

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
+from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts
 from tests.grounds import level, moving
@@ -58,7 +57,7 @@ def test_the_guard_puts_back_a_robot_with_all_its_links(heights: tuple[float, fl
     columns = np.repeat(heights, (25, 26))
     with World(HeightMap(np.tile(columns, (51, 1)), resolution=0.1, origin=(-2.5, -2.5))) as world:
         world.spawn_robot("barbell", BARBELL, BodyState((-0.5, 0.0, -0.05)))
-        world.refresh()
+        world.update()
         assert world.rescues == 1
         assert world.below_ground() == []
         lift = world.state("barbell").position[2] + 0.05
@@ -72,25 +71,14 @@ def test_the_guard_leaves_tracked_bodies_where_they_are_said_to_be(world: World)
     assert world.state("arm").position == pytest.approx((0.0, 0.0, -0.5))
 
 
-def test_without_the_guard_it_stays_there() -> None:
-    config = WorldConfig(physics=PhysicsConfig(guard=False), patch=PatchConfig(kind="heightfield"))
-    with World(rough(), config) as world:
-        world.spawn("buried", Sphere(0.05), 1.0, BodyState((0.0, 0.0, -0.8)))
-        world.step(60)
-        assert world.rescues == 0
-        assert world.below_ground() == ["buried"]
-
-
-@pytest.mark.parametrize(
-    ("general", "kind"), [(False, "auto"), (False, "trimesh"), (True, "auto")], ids=["auto", "trimesh", "general mesh"]
-)
-def test_bodies_ride_on_ground_that_accelerates(general: bool, kind: PatchKind) -> None:
+@pytest.mark.parametrize("general", [False, True], ids=["map", "general mesh"])
+def test_bodies_ride_on_ground_that_accelerates(general: bool) -> None:
     """Maps at 20 Hz lag; the ground's acceleration, seen where the body stands, makes up for most of it."""
     rise, rate = 0.3, 4.0
     flat = level(41, 0.25)
     vertices, triangles = mesh_parts.sheet(10.0, 40)
     mesh = TriangleMesh(vertices, triangles)
-    with World(mesh if general else flat, WorldConfig(patch=PatchConfig(kind=kind))) as world:
+    with World(mesh if general else flat) as world:
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2 - rise)))
         gaps = []
         for step in range(720):
@@ -157,10 +145,10 @@ def test_the_guard_leaves_who_crosses_a_ridge_and_finds_at_once_who_is_below_it(
         uid = world.bodies["ball"].uid
         for y in np.linspace(-0.5, 0.8, 200):  # over the ridge, and below the plane that was up to then under it
             world.client.resetBasePositionAndOrientation(uid, (0.0, y, 0.55 - abs(y)), (0, 0, 0, 1))
-            world.refresh()
+            world.update()
         assert world.rescues == 0
         world.client.resetBasePositionAndOrientation(uid, (0.0, 0.8, -0.9), (0, 0, 0, 1))
-        world.refresh()
+        world.update()
         assert world.rescues == 1
 
 
@@ -169,12 +157,12 @@ def test_the_guard_finds_who_went_a_little_way_into_a_cliff() -> None:
     cliff = HeightMap(20.0 * np.maximum(y, 0.0)[:, None] * np.ones(41), resolution=0.5, origin=(-10.0, -10.0))
     with World(cliff) as world:
         world.spawn("ball", Sphere(0.5), 1.0, BodyState((0.0, -0.01, 0.2)))
-        world.refresh()
+        world.update()
         assert world.rescues == 0
         uid = world.bodies["ball"].uid
         world.client.resetBasePositionAndOrientation(uid, (0.0, 0.03, 0.2), (0, 0, 0, 1))
         world.time += 0.06
-        world.refresh()
+        world.update()
         assert world.rescues == 1
 
 

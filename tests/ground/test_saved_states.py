@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import Ground, HeightMap, InputError, PatchConfig, Soil
+from smartmesh_ros import Ground, HeightMap, InputError, Soil
 from smartmesh_ros.ground.bullet import BulletCalls
 from tests.examples import examples
 from tests.spoilt_states import HOWS, spoilt
@@ -153,10 +153,6 @@ WRONG: dict[str, tuple[Callable[[Scene], object], str]] = {
         "PyBullet cannot restore its part",
     ),
     "soil": (lambda it: it.ground.set_soil(Soil(it.map, "clay")), r"no soil, so call set_soil\(None\)"),
-    "colliders": (
-        lambda it: it.ground.configure(PatchConfig(kind="heightfield")),
-        "only where contacts come from the map",
-    ),
     "a reset client": (lambda it: it.client.resetSimulation(), "make another"),
 }
 

@@ -7,7 +7,7 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import BodyState, Ground, HeightMap, InputError, PatchConfig, Sphere, Terrain, World
+from smartmesh_ros import BodyState, Ground, HeightMap, InputError, Sphere, Terrain, World
 from smartmesh_ros.terrain.colours import FRICTION, GROUND
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
@@ -194,16 +194,11 @@ def test_tiles_come_move_and_go(client: Any) -> None:
 
 
 def test_what_cannot_be_shown_is_refused(client: Any) -> None:
-    ground = Ground(client, level(), PatchConfig(kind="heightfield"))
-    with pytest.raises(InputError, match="only where contacts come from the map"):
-        ground.show()
-    ground.configure(PatchConfig())
+    ground = Ground(client, level())
     for rate in (0.0, -1.0, math.nan, math.inf):
         with pytest.raises(InputError, match="above zero"):
             ground.show(rate)
     ground.show()
-    with pytest.raises(InputError, match="hide"):
-        ground.configure(PatchConfig(kind="heightfield"))
     client.resetSimulation()
     with pytest.raises(InputError, match="make another"):
         ground.show()

@@ -4,13 +4,11 @@ import math
 from typing import Any
 
 import numpy as np
-import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule, run_state_machine_as_test
 
 from smartmesh_ros import BodyState, HeightMap, PhysicsConfig, Terrain, World, WorldConfig
-from smartmesh_ros.patches.supports import Support
 from tests.examples import examples
 from tests.ground.test_sleep import BOX, FLAT, RATE, SIDE, SPACING
 
@@ -109,31 +107,6 @@ class SleepingBesideAwake(RuleBasedStateMachine):
         for name in self.names:
             here, there = (world.state(name).position for world in (sleeping, awake))
             assert math.dist(here, there) < 2e-3, f"{name} is at {here}, awake at {there}"
-
-    @precondition(lambda self: self.names)
-    @rule()
-    def supports_are_those_of_fresh_tables(self) -> None:
-        """Right after an update without memory of the last one, each awake body has the support that a new world's
-        body at its place has."""
-        world = self.worlds[0]
-        world.ground.configure(world.config.patch)  # wakes all
-        world.refresh()
-        with World(world.terrain, world.config) as fresh:
-            fresh.time = world.time
-            for name in self.names:
-                fresh.spawn(name, BOX, 1.0, world.state(name))
-            fresh.refresh()
-            found, expected = (
-                {w.followers[slot].name: w.ground.patches.supports[slot] for slot in w.followers.solid.tolist()}
-                for w in (world, fresh)
-            )
-            assert found.keys() == expected.keys()
-            for name, support in found.items():
-                assert support.state == expected[name].state
-                if support.state == Support.NONE:
-                    continue
-                for field in ("foot_x", "foot_y", "foot_z", "gap", "rise"):  # extents depend on the schedule
-                    assert support[field] == pytest.approx(expected[name][field], abs=1e-9), f"{field} of {name}"
 
 
 def test_sleeping_and_waking_bodies_are_where_awake_ones_are() -> None:

@@ -7,11 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
-from tests.ground.selecting import balls_on, update
+from smartmesh_ros import BodyState, Box, HeightMap, PhysicsConfig, Sphere, World, WorldConfig
+from tests.ground.reaching import balls_on
 from tests.grounds import terrain_of
-
-FIELD = PatchConfig(kind="heightfield")
 
 
 def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -43,20 +41,17 @@ def test_patches_that_cross_a_border_have_no_step_and_no_hole(name: str, radius:
     count = 81
     x = np.linspace(-2.0, 2.0, count)
     positions = np.column_stack([x, np.full(count, 0.03), surface(x, np.full(count, 0.03)) + 0.9 * radius])
-    seen = set()
-    selector = balls_on(terrain, [radius] * count, FIELD)
-    for batch in update(selector, positions, time=20.0):
-        for body, vertices in zip(batch.bodies.tolist(), batch.vertices_w, strict=True):
-            assert not np.isnan(vertices).any()
-            np.testing.assert_allclose(vertices[:, 2], surface(vertices[:, 0], vertices[:, 1]), atol=1e-4)
-            seen.add(body)
-            # It reaches as far over the border as within the tile: all that the ball is in lies on it.
-            touched = math.sqrt(radius**2 - (0.9 * radius) ** 2) * 0.9
-            for axis in (0, 1):
-                assert vertices[:, axis].min() <= positions[body, axis] - 0.5 * touched
-                assert vertices[:, axis].max() >= positions[body, axis] + 0.5 * touched
-    assert seen == set(range(count))
-    assert {batch.tile for batch in selector.batches()} == {"west", "east"}
+    table = balls_on(terrain, [radius] * count).at(positions, time=20.0)
+    for index, body in enumerate(table.slots.tolist()):
+        points = table.points_of(index)
+        assert not np.isnan(points).any()
+        np.testing.assert_allclose(points[:, 2], surface(points[:, 0], points[:, 1]), atol=1e-4)
+        # It reaches as far over the border as within the tile.
+        for axis in (0, 1):
+            assert points[:, axis].min() <= positions[body, axis] - 0.99 * radius
+            assert points[:, axis].max() >= positions[body, axis] + 0.99 * radius
+    assert table.slots.tolist() == list(range(count))
+    assert set(table.tiles) == {"west", "east"}
 
 
 @pytest.mark.parametrize("name", ADJACENT)
@@ -95,30 +90,23 @@ def test_tiles_come_are_replaced_and_go() -> None:
         world.spawn(
             "east", Sphere(0.2), 1.0, BodyState((3.0, 0.0, float(surface(np.float64(3.0), np.float64(0.0))) + 0.2))
         )
-        world.refresh()
-        assert [batch.tile for batch in world.shown_batches()] == ["west"]
+        assert world.patches().table().tiles == ["west"]
         terrain.put("east", tile(0, -5, 51, 51, 0.2))
-        world.refresh()
-        assert {batch.tile: batch.bodies.tolist() for batch in world.shown_batches()} == {"west": [0], "east": [1]}
+        assert world.patches().table().tiles == ["west", "east"]
         terrain.put("east", tile(0, -5, 101, 101, 0.1))
-        world.refresh()
-        east = next(batch for batch in world.shown_batches() if batch.tile == "east")
-        steps = np.unique(east.vertices_w[..., 0])
-        assert np.diff(steps).min() == pytest.approx(0.1 * east.stride[0])
+        table = world.patches().table()
+        assert np.diff(np.unique(table.points_of(1)[:, 0])).min() == pytest.approx(0.1 * table.stride[1])
         world.step(24)
         assert world.below_ground() == []
         terrain.remove("west")
-        world.refresh()
-        assert [batch.tile for batch in world.shown_batches()] == ["east"]
+        assert world.patches().table().tiles == ["east"]
 
 
 def test_a_body_stays_with_its_tile_where_tiles_overlap() -> None:
     terrain = ADJACENT["overlapping"]()
-    selector = balls_on(terrain, [0.2], FIELD)
-    tiles = []
+    bodies, tiles = balls_on(terrain, [0.2]), []
     for x in (*np.linspace(-2.0, 2.0, 41), *np.linspace(2.0, -2.0, 41)):
-        [batch] = update(selector, np.array([[x, 0.0, 0.5]]), time=20.0)
-        tiles.append(batch.tile)
+        tiles += bodies.at(np.array([[x, 0.0, 0.5 + 0.2 * x]]), time=20.0).tiles
     assert [tiles[0], tiles[40], tiles[-1]] == ["west", "east", "west"]
     assert sum(a != b for a, b in pairwise(tiles)) == 2
 

@@ -55,7 +55,7 @@ def run(client: Any, ground: Ground, first: int, steps: int, every: int = 1) -> 
     """Step the world, and bring the ground up to date in every so many steps."""
     for step in range(first, first + steps):
         if step % every == 0:
-            ground.update(step * DT, DT, steps=every)
+            ground.update(step * DT, DT)
         client.stepSimulation()
     return first + steps
 
@@ -107,7 +107,6 @@ def test_awake_bodies_are_not_told_to_wake(client: Any, woken: list[int]) -> Non
     heightmap, ground, _ = standing(client, sleeps=False)
     ground.update(0.0, DT)
     ground.update(0.0, DT)  # no step between
-    ground.stand_still(1.0)
     ground.update(1.0, DT)
     for step in range(240, 720):
         if step % 4 == 0:

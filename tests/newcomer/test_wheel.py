@@ -36,7 +36,6 @@ ground = Ground(p, HeightMap(np.zeros((21, 21)), resolution=0.1, origin=(-1, -1)
 ground.attach(ball)
 for step in range(480):
     ground.step(time=step / 240, dt=1 / 240)
-assert ground.exact, ground.no_proxies
 height, speed = p.getBasePositionAndOrientation(ball)[0][2], np.linalg.norm(p.getBaseVelocity(ball)[0])
 assert abs(height - 0.2) < 1e-4 and speed < 1e-6, (height, speed)
 """

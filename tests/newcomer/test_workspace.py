@@ -119,7 +119,7 @@ def test_a_user_takes_the_first_steps_with_a_package_of_his_own(workspace: Works
     assert said["bodies"] == "['ball', 'more_0', 'more_1']"
     assert said["not removed"] == "['nobody']"
     assert said["left"] == "['more_1']"
-    assert "did you mean 'patch.kind'?" in said["unknown"]
+    assert "did you mean 'terrain.motion'?" in said["unknown"]
     assert "restart the node" in said["fixed"]
     assert said["ended"] == "True"
 

@@ -20,7 +20,6 @@ SCRIPT = Path(__file__).parents[2] / "scripts" / "make_bag.py"
 MAPPER = Path(__file__).parents[1] / "data" / "mapper"
 PARAMETERS = {
     "terrain.motion": "hold",
-    "patch.kind": "heightfield",
     "bodies.odometry": ["rover=/odom"],
     "bodies.timeout": 60.0,
 }

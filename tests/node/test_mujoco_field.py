@@ -126,7 +126,7 @@ def test_an_unknown_field_and_a_patch_that_is_no_grid_are_refused() -> None:
     patch = patch_of(np.zeros((3, 3)))
     odd = patch.vertices_w.copy()
     odd[4, 0] += 0.02
-    with pytest.raises(InputError, match=r"is no grid; run the node with -p patch\.kind:=heightfield"):
+    with pytest.raises(InputError, match="is no grid, but triangles of a general mesh"):
         write_field(model, data, "ground", Patch(**{**vars(patch), "vertices_w": odd}))
 
 

@@ -26,7 +26,7 @@ from tests.node.shared import box, position_of, spawn
 
 MODULE = "tests.node.test_partition"
 NAMESPACES = ["unshare", "--user", "--map-root-user", "--net"]
-SETTINGS = {"terrain.motion": "hold", "patch.kind": "heightfield", "bodies.timeout": 60.0}
+SETTINGS = {"terrain.motion": "hold", "bodies.timeout": 60.0}
 # Peers that are not heard of for so long are given up [s]; 20 by default.
 LEASE = 8
 PROFILE = f"""<?xml version="1.0" encoding="UTF-8"?>

@@ -85,7 +85,7 @@ def test_all_is_described_and_a_dump_of_a_node_starts_the_same_node_again(
     """As `ros2 param dump` writes it: every parameter that is set."""
     changed = {
         "physics.rate": 60.0,
-        "patch.kind": "heightfield",
+        "terrain.motion": "hold",
         "raster.origin": [1.0, 2.0, 3.0],
         "terrain.changes": "correction",
         "terrain.noise": 0.01,

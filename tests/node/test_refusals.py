@@ -176,7 +176,7 @@ def test_bad_spawns_are_answered_with_what_is_wrong(shared: Probe) -> None:
     [
         ({"physics.rate": 0.0}, "physics.rate"),
         ({"physics.rate": "fast"}, "physics.rate"),
-        ({"patch.kind": "jelly"}, "patch.kind"),
+        ({"terrain.motion": "jelly"}, "terrain.motion"),
         ({"physics.gravity": [0.0, 1.0]}, "gravity"),
         ({"physics.gravity": [0, 0, -9.81]}, "[0.0, 0.0, -9.81]"),
         ({"bodies.spawn": ["{id: a}", 3]}, "of the same type"),
@@ -194,11 +194,12 @@ def test_bad_spawns_are_answered_with_what_is_wrong(shared: Probe) -> None:
         ({"raster.origin": [0.0, 0.0]}, "three finite numbers"),
         ({"raster.resolution": 0.0}, "raster.resolution"),
         ({"soil.type": ["lunar", "porridge"]}, "there is no soil 'porridge'"),
-        ({"soil.type": ["lunar"], "patch.kind": "heightfield"}, "patch.kind"),
         ({"soil.type": ["lunar"], "terrain.changes": "correction"}, "terrain.changes"),
         # Of earlier versions, with what replaces them.
         *[({name: 0.5}, f"{name} is gone: contacts from the map") for name in
           ("patch.tolerance", "patch.edge_filter", "physics.landing")],
+        *[({name: value}, f"{name} is gone: bodies collide with the map itself") for name, value in
+          (("patch.kind", "auto"), ("search.method", "auto"), ("collect.method", "cached"))],
         ({"bodies.longest_name": 20}, "at most 256 characters"),
         ({"bodies.longest_urdf": 20}, "at most 10,000,000 bytes"),
     ],

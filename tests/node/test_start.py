@@ -70,7 +70,7 @@ def test_one_line_tells_the_start_and_pybullet_says_nothing(probe: Probe) -> Non
     assert "'base_footprint' has no mass" in root and "links without <inertial> have no mass" in masses, "once each"
     assert [line for line in said.splitlines() if "[INFO]" not in line] == [ignored], "the others are usual"
     assert "[WARN]" in ignored
-    for words in ("[INFO]", "~/heightmap", "120 Hz", "patches auto, 60 Hz", "events", "parameters.yaml"):
+    for words in ("[INFO]", "~/heightmap", "120 Hz", "events", "parameters.yaml"):
         assert words in line
 
 
@@ -130,8 +130,8 @@ def test_a_parameter_file_for_another_node_is_named(probe: Probe, tmp_path: Path
 
 
 def test_a_parameter_that_is_not_known_is_warned_about(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
-    with made_with(TerrainCollider, {"patch.kin": "auto"}):
-        words = "parameter 'patch.kin' is unknown and has no effect; did you mean 'patch.kind'?"
+    with made_with(TerrainCollider, {"terrain.motoin": "hold"}):
+        words = "parameter 'terrain.motoin' is unknown and has no effect; did you mean 'terrain.motion'?"
         assert words in capfd.readouterr().err
 
 
@@ -225,12 +225,12 @@ def test_a_node_of_the_same_name_is_warned_about(shared: Probe, shared_node: tup
 
 def test_each_changed_parameter_has_a_line(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
     before = len(lines(shared_node[1], "INFO"))
-    assert set_parameters(shared, {"patch.kind": "heightfield"}).successful
-    assert set_parameters(shared, {"patch.kind": "heightfield"}).successful
+    assert set_parameters(shared, {"physics.sleep": False}).successful
+    assert set_parameters(shared, {"physics.sleep": False}).successful
     assert set_parameters(shared, {"terrain.motion": "hold"}).successful
     changed = shared.wait_for(lambda: len(found := lines(shared_node[1], "INFO")[before:]) >= 2 and found)
     assert [line.partition("parameter ")[2] for line in changed] == [
-        "patch.kind is now 'heightfield'; it was 'auto'",
+        "physics.sleep is now False; it was True",
         "terrain.motion is now 'hold'; it was 'extrapolate'",
     ]
 
@@ -238,7 +238,7 @@ def test_each_changed_parameter_has_a_line(shared: Probe, shared_node: tuple[Pro
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("patch.kin", "unknown; did you mean 'patch.kind'?"),
+        ("terrain.motoin", "unknown; did you mean 'terrain.motion'?"),
         ("zzz", "parameter 'zzz' is unknown"),
         ("patch.tolerance", "patch.tolerance is gone: contacts from the map are exact"),
         ("executor", "executor is fixed after the start; restart the node"),

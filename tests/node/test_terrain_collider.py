@@ -177,9 +177,9 @@ def test_parameters_change_at_run_time_as_a_whole_or_not_at_all(shared: Probe) -
         shared.publish_map(np.zeros((60, 60)))
         spawn(shared, "ball", (3.0, 3.0, 1000.0))
         assert set_parameters(shared, {"physics.rate": 60.0, "bodies.default_radius": 0.5}).successful
-        bad = set_parameters(shared, {"physics.rate": 120.0, "patch.kind": "jelly"})
+        bad = set_parameters(shared, {"physics.rate": 120.0, "terrain.motion": "jelly"})
         assert not bad.successful
-        assert "patch.kind" in bad.reason
+        assert "terrain.motion" in bad.reason
         assert not set_parameters(shared, {"physics.rate": 0.0}).successful
         assert not set_parameters(shared, {"executor": "single_threaded"}).successful, "read-only"
         shared.latest("timing")
@@ -201,47 +201,25 @@ def update_message(probe: Probe | Fed, vertices: np.ndarray, indices: list[int] 
 
 
 def test_patches_follow_a_general_mesh_whose_vertices_move(shared: Probe) -> None:
-    with changed(shared, {"search.method": "best_first"}):
 
-        def tracked(height: float) -> bool:
-            shared.publish_poses([(2.0, 2.0, 0.5), (4.0, 1.0, 0.5)])
-            seen = patch_vertices(shared)
-            everything = sheet(height)
-            return len(seen) == 2 and all(
-                np.abs(everything[:, None] - mine).max(axis=2).min(axis=0).max() < 1e-9 for mine in seen.values()
-            )
+    def tracked(height: float) -> bool:
+        shared.publish_poses([(2.0, 2.0, 0.5), (4.0, 1.0, 0.5)])
+        seen = patch_vertices(shared)
+        everything = sheet(height)
+        return len(seen) == 2 and all(
+            np.abs(everything[:, None] - mine).max(axis=2).min(axis=0).max() < 1e-9 for mine in seen.values()
+        )
 
-        shared.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=shared.now()))
-        shared.wait_for(lambda: tracked(0.0))
-        kinds = {patch.kind for patch in shared.latest("collider_patches").patches}
-        assert kinds == {ColliderPatch.TRIMESH}
-        assert shared.diagnostics("terrain")["size of ''"] == "mesh of 600 vertices and 1102 triangles"
-        shared.publishers["terrain_mesh_update"].publish(update_message(shared, sheet(1.0)))
-        shared.wait_for(lambda: tracked(1.0))
-        shared.publishers["terrain_mesh_update"].publish(update_message(shared, sheet(2.0)[5:9], [5, 6, 7, 8]))
-        shared.wait_for(lambda: shared.diagnostics("terrain")["updates of ''"] == "2")
-        shared.wait_for(lambda: tracked(1.0))  # vertices elsewhere have not moved
-
-
-def test_methods_that_a_mesh_does_not_allow_are_refused_and_named(
-    domain: int, capfd: pytest.CaptureFixture[str]
-) -> None:
-    sheared, folded = sheet(), sheet()
-    sheared[:, 0] += 4.0 * sheared[:, 1]
-    folded[100:110, 0] -= 3.0
-    with fed({"search.method": "best_first"}) as node:
-        sent = stamped(node, mesh_message(sheared, TRIANGLES))
-        node.require_refused("terrain_mesh", [("search_method", sent)])
-        assert "use brute_force, ray_cast" in capfd.readouterr().err
-        assert not node.world.terrain.tiles
-        assert not node.set("search.method", "brute_force")
-        node.give("terrain_mesh", sent)
-        assert node.world.terrain.tiles
-        assert "brute_force" in node.set("search.method", "best_first")
-        assert node.set("patch.kind", "whole_heightfield")
-        node.give("terrain_mesh", stamped(node, mesh_message(sheet(), TRIANGLES)))
-        assert not node.set("search.method", "best_first")
-        node.require_refused("terrain_mesh_update", [("search_method", update_message(node, folded))])
+    shared.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=shared.now()))
+    shared.wait_for(lambda: tracked(0.0))
+    kinds = {patch.kind for patch in shared.latest("collider_patches").patches}
+    assert kinds == {ColliderPatch.TRIMESH}
+    assert shared.diagnostics("terrain")["size of ''"] == "mesh of 600 vertices and 1102 triangles"
+    shared.publishers["terrain_mesh_update"].publish(update_message(shared, sheet(1.0)))
+    shared.wait_for(lambda: tracked(1.0))
+    shared.publishers["terrain_mesh_update"].publish(update_message(shared, sheet(2.0)[5:9], [5, 6, 7, 8]))
+    shared.wait_for(lambda: shared.diagnostics("terrain")["updates of ''"] == "2")
+    shared.wait_for(lambda: tracked(1.0))  # vertices elsewhere have not moved
 
 
 def test_bad_meshes_are_refused_and_the_last_one_stays(domain: int) -> None:

@@ -7,15 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import HeightMap, PatchConfig
-from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros import HeightMap
 from smartmesh_ros.patches.shapes import BODY_COLUMNS
-from smartmesh_ros.patches.supports import Support
+from smartmesh_ros.report.batch import PatchBatch
+from smartmesh_ros.report.config import ReportConfig
 from smartmesh_ros.report.fixed import extent_for
 from smartmesh_ros.report.mesh import mesh_twist
+from smartmesh_ros.report.supports import Support
 from smartmesh_ros.terrain.grid import FloatArray
 from tests.examples import examples
-from tests.ground.selecting import SOLID, balls_on, update
+from tests.report.selecting import SOLID, balls_on, update
 
 DT = 1.0 / 240.0
 
@@ -25,10 +26,10 @@ DT = 1.0 / 240.0
     st.integers(0, 10**6),
     st.floats(-3.1, 3.1),
     st.sampled_from([(3, 3), (5, 9), (40, 30), (200, 150)]),
-    st.sampled_from([SOLID, PatchConfig(rings=2), PatchConfig(kind="heightfield"), PatchConfig()]),
+    st.sampled_from([SOLID, ReportConfig(rings=2), ReportConfig()]),
 )
 def test_every_vertex_is_a_sample_of_the_map(
-    seed: int, yaw: float, shape: tuple[int, int], config: PatchConfig
+    seed: int, yaw: float, shape: tuple[int, int], config: ReportConfig
 ) -> None:
     """Of fixed patches, and of chosen ones."""
     rng = np.random.default_rng(seed)
@@ -66,9 +67,9 @@ def test_patches_reach_beyond_the_body_on_every_side(radius: float, travel: floa
 @given(
     st.floats(-2, 2), st.floats(-0.9, 0.9), st.floats(-0.9, 0.9), st.floats(-3.1, 3.1), st.sampled_from([0.1, 0.3, 0.7])
 )
-@pytest.mark.parametrize("config", [SOLID, PatchConfig(kind="heightfield"), PatchConfig(rings=2), PatchConfig()])
+@pytest.mark.parametrize("config", [SOLID, ReportConfig(rings=2), ReportConfig()])
 def test_the_twist_of_a_patch_is_that_of_rigidly_moving_ground(
-    config: PatchConfig, rise: float, roll: float, pitch: float, yaw: float, radius: float
+    config: ReportConfig, rise: float, roll: float, pitch: float, yaw: float, radius: float
 ) -> None:
     heightmap = HeightMap(np.zeros((60, 60)), resolution=0.2, yaw=yaw)
     place = heightmap.geometry.to_world(*np.indices((60, 60)))
@@ -81,8 +82,8 @@ def test_the_twist_of_a_patch_is_that_of_rigidly_moving_ground(
     np.testing.assert_allclose(batch.angular_w[0], [roll, pitch, 0.0], atol=1e-3)
 
 
-@pytest.mark.parametrize("config", [SOLID, PatchConfig(kind="heightfield"), PatchConfig(rings=3), PatchConfig()])
-def test_a_patch_moves_as_the_ground_under_the_body_does(config: PatchConfig) -> None:
+@pytest.mark.parametrize("config", [SOLID, ReportConfig(rings=3), ReportConfig()])
+def test_a_patch_moves_as_the_ground_under_the_body_does(config: ReportConfig) -> None:
     """Where the velocity of the ground is curved, its mean over the patch is another one."""
     rng = np.random.default_rng(4)
     rows, columns = np.indices((60, 60))
@@ -143,7 +144,7 @@ def test_fixed_rings_are_the_reports_collider_size_by_every_method(rings: int, c
     rng = np.random.default_rng(0)
     heightmap = HeightMap(rng.normal(scale=0.05, size=(50, 50)), resolution=0.1)
     positions = np.column_stack([rng.uniform(1.0, 3.9, (6, 2)), np.full(6, 1.0)])
-    configs = PatchConfig(rings=rings), PatchConfig(rings=rings, collect=collect, search=search)
+    configs = ReportConfig(rings=rings), ReportConfig(rings=rings, collect=collect, search=search)
     expected, found = (balls_on(heightmap, [0.01, 2.0] * 3, config) for config in configs)
     for _ in range(3):  # rays are cast at the patches before
         [one], [other] = update(expected, positions), update(found, positions)
@@ -167,7 +168,7 @@ def test_patches_of_bodies_that_are_not_solid_are_worked_out_when_asked_for() ->
     heightmap = HeightMap(rng.normal(size=(60, 60)), resolution=0.1)
     solid = np.arange(12) % 3 > 0
     fixed = balls_on(heightmap, [0.3] * 12, SOLID)
-    chosen = balls_on(heightmap, [0.3] * 12, PatchConfig(), solid)
+    chosen = balls_on(heightmap, [0.3] * 12, ReportConfig(), solid)
     others = set(np.flatnonzero(~solid).tolist())
     positions = rng.uniform(1.0, 4.0, (12, 3))
     bodies = np.zeros((12, BODY_COLUMNS))

@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.tri import Triangulation
 
-from smartmesh_ros import BodyState, GridGeometry, InputError, PatchConfig, Sphere, World, WorldConfig
-from smartmesh_ros.patches.config import SearchMethod, require_search
+from smartmesh_ros import BodyState, GridGeometry, InputError, Sphere, World
+from smartmesh_ros.report.config import ReportConfig, SearchMethod, require_search
+from smartmesh_ros.report.ground import ReportWorld
 from smartmesh_ros.report.search import (
     Cells,
     best_first_cells,
@@ -213,6 +214,6 @@ def test_a_mesh_of_several_parts_is_refused_with_the_reason(search: SearchMethod
     two = TriangleMesh(np.concatenate([floor.vertices, rock]), np.concatenate([floor.triangles, [[100, 101, 102]]]))
     for mesh, parts in ((two, "2 parts"), (split, f"{len(split.triangles)} parts")):
         with pytest.raises(InputError, match=parts) as error:
-            World(mesh, WorldConfig(patch=PatchConfig(kind="trimesh", search=search)))
+            ReportWorld(mesh, report=ReportConfig(kind="trimesh", search=search))
         assert "height map" in str(error.value)
         assert "brute_force" not in str(error.value)

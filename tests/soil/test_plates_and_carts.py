@@ -13,7 +13,6 @@ from smartmesh_ros import (
     Ground,
     HeightMap,
     InputError,
-    PatchConfig,
     PhysicsConfig,
     Sphere,
     World,
@@ -143,7 +142,7 @@ def test_prints_under_a_body_and_the_body_move_with_the_ground() -> None:
         step_on_moving(world, lambda time: 0.1 * (time - start), 240, every=8)
         assert world.state("box").position[2] - low == pytest.approx(0.1, abs=0.01)
         assert world.state("box").linear == pytest.approx((0.0, 0.0, 0.1), abs=1e-3)
-        world.ground.refresh(world.time, world.dt)
+        world.ground.soil.show()
         assert tile.heights.max() - tile.heights.min() == pytest.approx(sunk, rel=0.3)
 
 
@@ -316,5 +315,3 @@ def test_soil_where_it_cannot_be_is_refused() -> None:
         with pytest.raises(InputError, match="no tile"):
             world.ground.set_soil(Soil(HeightMap(FLAT, resolution=0.04), "lunar"))
         world.ground.set_soil(Soil(world.terrain, "lunar"))
-        with pytest.raises(InputError, match="contacts come from the map"):
-            world.ground.configure(PatchConfig(kind="heightfield"))

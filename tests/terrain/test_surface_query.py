@@ -254,7 +254,7 @@ def test_wider_gaps_and_holes_are_no_ground() -> None:
 
 def test_a_ball_lies_on_the_bridge_that_queries_find() -> None:
     terrain = two_tiles(0.5, 0.1, 0.5, 8)
-    with World(terrain, WorldConfig(physics=PhysicsConfig(guard=False))) as world:
+    with World(terrain, WorldConfig(physics=PhysicsConfig())) as world:
         world.step(24)  # the ground comes to rest
         for number, (x, y) in enumerate(in_gap(0.5, 9)[:20]):
             found = terrain.at([[x, y]], world.time).heights

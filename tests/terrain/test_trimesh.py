@@ -54,20 +54,6 @@ def test_impossible_moves_are_refused_and_change_nothing(move: Callable[[Triangl
     assert mesh.time == 0.0
 
 
-def test_a_move_may_be_objected_to_before_it_is_made() -> None:
-    mesh = TriangleMesh(grid(), grid_triangles(6, 8))
-
-    def check(shape: object) -> None:
-        raise InputError("search_method", "no")
-
-    folded = grid()
-    folded[20, 0] -= 3.0
-    with pytest.raises(InputError):
-        mesh.move(folded, time=1.0, check=check)
-    np.testing.assert_array_equal(mesh.vertices, grid())
-    mesh.move(grid() + (0.0, 0.0, 1.0), time=1.0, check=check)  # straight up: there is nothing to check
-
-
 def test_vertices_move_with_the_velocity_of_their_positions() -> None:
     mesh = TriangleMesh(grid(), grid_triangles(6, 8))
     mesh.move(grid() + (0.1, 0.0, 0.2), time=0.1)

@@ -11,7 +11,7 @@ import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import BodyState, Box, Ground, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
+from smartmesh_ros import BodyState, Box, Ground, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
@@ -36,9 +36,9 @@ def faults(monkeypatch: pytest.MonkeyPatch) -> Faults:
     return bullet_faults(monkeypatch)
 
 
-def made(kind: str = "auto", *, robots: bool = True, after: float = 0.5, changes: Changes = "motion") -> World:
+def made(*, robots: bool = True, after: float = 0.5, changes: Changes = "motion") -> World:
     """A world with a box, a tracked ball and, if asked for, a robot; it has run for some steps."""
-    config = WorldConfig(patch=PatchConfig(kind=kind), physics=PhysicsConfig(sleep=True))  # type: ignore[arg-type]
+    config = WorldConfig(physics=PhysicsConfig(sleep=True))
     config = replace(config, sleep=replace(config.sleep, after=after))
     world = World(level(61, motion=MotionConfig(changes=changes)), config)
     world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.0, 0.0, 0.1)))
@@ -64,9 +64,6 @@ OPERATIONS: dict[str, tuple[Callable[[World], object], set[str], set[str]]] = {
     "move": (lambda w: w.move("robot", BodyState((-1.0, 1.0, 0.1), linear=(0.0, 0.1, 0.0))), set(), set()),
     "restore": (lambda w: w.save(), set(), set()),
 }
-# Operations of many calls, which take the same path whatever the ground is.
-LONG = ("spawn on ground", "restore")
-CASES = [(name, kind) for name in OPERATIONS for kind in ("auto", "heightfield") if kind == "auto" or name not in LONG]
 
 
 def assert_whole(world: World) -> None:
@@ -79,14 +76,7 @@ def assert_whole(world: World) -> None:
     for name, body in world.bodies.items():
         found = {world.followers[slot].name for slot in world.followers.of(body.uid)}
         assert found == set(wanted[name])
-    assert world.client.getNumBodies() == len(world.bodies) + colliders(world)
-
-
-def colliders(world: World) -> int:
-    """Number of colliders or proxies that the world must have now."""
-    if world.config.patch.kind == "whole_trimesh":
-        return int(world.refreshes > 0)
-    return sum(follower.solid and (world.ground.exact or follower.collider is not None) for follower in world.followers)
+    assert world.client.getNumBodies() == len(world.bodies) + sum(follower.solid for follower in world.followers)
 
 
 def set_ground(world: World, height: float) -> None:
@@ -116,11 +106,11 @@ def known(world: World) -> tuple[dict[str, FloatArray], dict[str, dict[str, Join
     return numbers, {name: dict(body.commands) for name, body in world.bodies.items()}
 
 
-@pytest.mark.parametrize(("name", "kind"), CASES)
-def test_an_operation_is_done_or_has_changed_nothing(faults: Faults, name: str, kind: str) -> None:
+@pytest.mark.parametrize("name", OPERATIONS)
+def test_an_operation_is_done_or_has_changed_nothing(faults: Faults, name: str) -> None:
     operation, come, go = OPERATIONS[name]
     for number in faults.runs():
-        with made(kind) as world:
+        with made() as world:
             numbers, commands = known(world)
             if not faults.done(number, lambda: operation(world)):
                 found, still = known(world)
@@ -134,11 +124,10 @@ def test_an_operation_is_done_or_has_changed_nothing(faults: Faults, name: str, 
             assert_goes_on(world)
 
 
-@pytest.mark.parametrize("kind", ["auto", "heightfield", "trimesh", "whole_trimesh"])
-def test_a_step_that_failed_is_made_again(faults: Faults, kind: str) -> None:
+def test_a_step_that_failed_is_made_again(faults: Faults) -> None:
     """The map has changed under the bodies before the step."""
     for number in faults.runs():
-        with made(kind) as world:
+        with made() as world:
             set_ground(world, 0.02)
             time = world.time
             if not faults.done(number, world.step):
@@ -223,17 +212,13 @@ def test_guests_come_and_go_whatever_failed(faults: Faults) -> None:
                 assert_goes_on(world)
 
 
-@pytest.mark.parametrize("kinds", [("auto", "heightfield"), ("heightfield", "auto"), ("auto", "auto")])
-def test_settings_are_changed_or_not(faults: Faults, kinds: tuple[str, str]) -> None:
+def test_settings_are_changed_or_not(faults: Faults) -> None:
     for number in faults.runs():
-        with made(kinds[0]) as world:
+        with made() as world:
             old = world.config
-            new = replace(
-                old, patch=replace(old.patch, kind=kinds[1]), physics=replace(old.physics, gravity=(0, 0, -5))
-            )
+            new = replace(old, physics=replace(old.physics, gravity=(0, 0, -5)))
             if not faults.done(number, lambda: world.configure(new)):  # noqa: B023
                 assert world.config is old
-                assert world.ground.config is old.patch
                 assert_gravity(world, old)
                 assert_goes_on(world)
                 world.configure(new)

@@ -154,10 +154,7 @@ def test_guests_are_shown_saved_and_reset_by_their_owners_only() -> None:
         made.step(5)
         for world, own in zip(made.worlds, ("b0", "b1"), strict=True):
             assert set(world.bodies) == {"b0", "b1"}
-            names = world.followers.names
-            assert [names[index] for batch in world.shown_batches() for index in batch.bodies.tolist()] == [own]
-            # Guests stand on patches of their own.
-            assert sum(len(batch.bodies) for batch in world.ground.patches.batches) == 2
+            assert [world.followers.names[slot] for slot in world.patches().slots.tolist()] == [own]
             assert {contact.body for contact in world.contacts()} == {own}
             assert [wrench.body for wrench in world.wrenches()] == [own]
             assert [body.name for body in world.snapshot().bodies] == [own]

@@ -59,14 +59,14 @@ def test_tracked_bodies_report_depth_and_normal_of_their_contact() -> None:
         normal = np.array([-slope, 0.0, 1.0]) / math.hypot(slope, 1.0)
         for depth in (0.05, 0.25, 0.35):  # touching, deep, and with the centre below the surface
             world.track("probe", 0.3, BodyState(tuple((0.3 - depth) * normal + np.array([0.0, 0.013, 0.0]))))
-            world.refresh()
+            world.update()
             [contact] = world.contacts()
             assert contact.depth == pytest.approx(depth, abs=1e-5)
             np.testing.assert_allclose(contact.normal, normal, atol=1e-5)
             assert contact.position[2] == pytest.approx(slope * contact.position[0], abs=1e-5)
             assert math.isnan(contact.normal_force)
         world.track("probe", 0.3, BodyState((0.0, 0.0, 0.5)))
-        world.refresh()
+        world.update()
         assert world.contacts() == []
 
 
@@ -150,23 +150,6 @@ def test_a_plank_stands_on_its_edge_not_in_the_ground(urdf: str) -> None:
         assert math.hypot(*state.linear) < 1e-3
         assert state.position[2] > 0.2 and world.rescues == 0, "it leans on the step"
         assert -1e-4 < corners[:, 2].min() < 1e-3
-
-
-def test_gravity_that_is_raised_while_a_world_runs_holds_for_what_bodies_can_reach() -> None:
-    """Until the next update a ball may reach the farther ground, the stronger gravity is, and its patch shows that."""
-    heavy = WorldConfig(physics=PhysicsConfig(gravity=(0.0, 0.0, -400.0)))
-
-    def run(start: WorldConfig) -> tuple[int, list[BodyState]]:
-        with World(HeightMap(np.zeros((30, 30)), resolution=0.1), start) as world:
-            world.configure(heavy)
-            world.spawn("ball", Sphere(0.1), 1.0, BodyState((1.5, 1.5, 0.12)))
-            world.step()
-            shown = len(world.shown_batches())
-            return shown, [world.state("ball") for _ in range(20) if world.step() is None]
-
-    shown, states = run(WorldConfig())
-    assert shown == 1
-    assert (shown, states) == run(heavy)
 
 
 def test_a_robot_has_a_patch_for_each_link_that_can_touch_the_ground(world: World) -> None:

@@ -157,6 +157,11 @@ struct Ground {
     for (std::size_t k = 0; k < asleep.shape(0); ++k)
       asleep.data()[k] = found->has(static_cast<int>(k)) && found->is_asleep(static_cast<int>(k));
   }
+  // Writes which slots (S,) have contacts with the ground.
+  void read_touching(Array<bool, 1> touching) const {
+    const std::vector<bool> found = world()->find_touching();
+    for (std::size_t k = 0; k < touching.shape(0); ++k) touching.data()[k] = k < found.size() && found[k];
+  }
   // Moves the surface of the body in a slot about an axis (3,) at a `speed` [m/s]; see Belt.
   void drive(int slot, std::tuple<double, double, double> axis, double speed) {
     const auto [x, y, z] = axis;
@@ -288,6 +293,7 @@ void add_ground(nb::module_& m) {
       .def("wake_disturbed", &Ground::wake_disturbed)
       .def("find_gone", [](const Ground& g) { return g.world()->find_gone(); })
       .def("read_asleep", &Ground::read_asleep, "asleep"_a.noconvert())
+      .def("read_touching", &Ground::read_touching, "touching"_a.noconvert())
       .def_prop_ro("sleep_changes", [](const Ground& g) { return g.world()->sleep_changes(); })
       .def("drive", &Ground::drive, "slot"_a, "axis"_a, "speed"_a)
       .def("memory_of", &Ground::memory_of, "slots"_a.noconvert())
@@ -304,7 +310,6 @@ void add_ground(nb::module_& m) {
   add_number<&BulletWorld::duration>(ground, "duration");
   add_number<&BulletWorld::margin>(ground, "margin");
   add_number<&BulletWorld::drawn>(ground, "drawn");
-  add_number<&BulletWorld::carry_velocity>(ground, "carry_velocity");
 }
 
 }  // namespace smartmesh

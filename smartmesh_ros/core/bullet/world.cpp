@@ -149,6 +149,19 @@ std::vector<int> BulletWorld::find_gone() const {
   return found;
 }
 
+std::vector<bool> BulletWorld::find_touching() {
+  std::vector<bool> found(slots_.size(), false);
+  btDispatcher& dispatcher = *world_->getDispatcher();
+  for (int k = 0; k < dispatcher.getNumManifolds(); ++k) {
+    const btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(k);
+    if (manifold.getNumContacts() == 0) continue;
+    const Slot* slot = slot_of(*manifold.getBody0());
+    if (slot == nullptr) slot = slot_of(*manifold.getBody1());
+    if (slot != nullptr) found[slot - slots_.data()] = true;
+  }
+  return found;
+}
+
 bool BulletWorld::keep_apart(int body) {
   btCollisionObject* object = find(body, -1);
   if (object != nullptr) untouchable_.keep_apart(*world_, *object);

@@ -86,7 +86,6 @@ class BulletWorld {
   double time = 0.0;     // at the start of the next step [s]
   double duration = 0.0; // of a step [s]
   double margin = 0.001;  // distance up to which contacts are found beside the motion of a step [m]
-  bool carry_velocity = true;
 
   // Finds its Bullet world at a `place` of the server's memory.
   explicit BulletWorld(WorldPlace place);
@@ -130,6 +129,9 @@ class BulletWorld {
   bool is_asleep(int slot) const { return slots_[slot].rest.asleep; }
   // Returns a number that changes when a body falls asleep, wakes or is moved asleep.
   long sleep_changes() const { return sleep_changes_; }
+
+  // Returns true for the slots that have contacts with the ground.
+  std::vector<bool> find_touching();
 
   // Returns the parts of the body in a slot that came near the soil.
   const SoilParts& parts_on_soil(int slot) const { return slots_[slot].on_soil; }
@@ -233,8 +235,6 @@ class BulletWorld {
   bool is_attached(const btCollisionObject& object) const;
   // Returns `margin` and the way that gravity adds to the motion of a body in a step.
   double margin_in(double step) const;
-  // Returns the time over which velocities of the ground are means in a step [s]; zero if they are not carried.
-  double ahead_in(double step) const;
   Approach approach_of(const Slot& slot, double step) const;
   const Convex* convex_of_part(Slot& slot, const btCollisionShape& shape);
   static void find_parts(Slot& slot);

@@ -84,7 +84,7 @@ OnSoil BulletWorld::on_soil(const Slot& slot, double step) const {
   }
   OnSoil found;
   found.pose = from_bullet(slot.object->getWorldTransform());
-  found.soil = soil->motion_at(found.pose.at, time, ahead_in(step));
+  found.soil = soil->motion_at(found.pose.at, time, step);
   found.approach.centre = found.pose.at;
   found.approach.linear = slot.linear - found.soil.velocity, found.approach.angular = slot.angular;
   found.approach.ground = found.soil.velocity;
@@ -115,7 +115,7 @@ void BulletWorld::place(Slot& slot) {
   low.setMin(low + travel), high.setMax(high + travel);
   const double grown = margin_in(duration) + turn * size;
   const Bounds swept = Bounds{from_bullet(low), from_bullet(high)}.grown(grown);
-  const NearbyGround& near = slot.near = surface.near(swept, time, ahead_in(duration));
+  const NearbyGround& near = slot.near = surface.near(swept, time, duration);
   const double moved = (norm(near.velocity) + near.spread) * duration;
   low = to_bullet(swept.grown(moved).low), high = to_bullet(swept.grown(moved).high);
   if (near.highest < low.z()) high = low -= btVector3(0, 0, APART);  // so that they are no pair
@@ -168,7 +168,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
     soil->touch(*shape, pose, on_soil(slot, step), before_, slot.on_soil[part_number(slot, *body.getCollisionShape())], contacts_, rows_);
   } else {
     search_.run(*shape, pose, surface, time, approach, contacts_);
-    choose_contacts(approach, before_, contacts_);
+    choose_contacts(*shape, pose, approach, before_, contacts_);
     if (surface.has_friction()) {
       const SurfaceReader ground_now = surface.reader(time, INSTANT);
       for (Contact& contact : contacts_) contact.friction = ground_now.tiles.friction(contact.point.x, contact.point.y);
@@ -203,8 +203,6 @@ double BulletWorld::anchor_time(double step) const {
 
 double BulletWorld::margin_in(double step) const { return margin + world_->getGravity().length() * step * step; }
 
-double BulletWorld::ahead_in(double step) const { return carry_velocity ? step : 0.0; }
-
 Approach BulletWorld::approach_of(const Slot& slot, double step) const {
   Approach approach;
   approach.centre = from_bullet(slot.object->getWorldTransform().getOrigin());
@@ -214,7 +212,7 @@ Approach BulletWorld::approach_of(const Slot& slot, double step) const {
   approach.margin = margin_in(step) + slot.near.spread * step;
   approach.gravity = from_bullet(world_->getGravity());
   approach.ground = slot.near.velocity;
-  approach.ahead = ahead_in(step);
+  approach.ahead = step;
   return approach;
 }
 

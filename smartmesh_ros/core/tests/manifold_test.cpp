@@ -18,9 +18,17 @@ std::vector<Contact> underside() {
   return contacts;
 }
 
+// Chooses contacts of a box of 2 m x 2 m x 0.2 m at rest on them.
+void choose(const std::vector<OldContact>& before, std::vector<Contact>& contacts) {
+  Approach rest;
+  rest.centre = {0.0, 0.0, 0.1};
+  rest.duration = 1.0 / 240.0, rest.margin = 1e-3;
+  choose_contacts(box({1.0, 1.0, 0.1}), {}, rest, before, contacts);
+}
+
 TEST(Manifold, SpansTheContactArea) {
   std::vector<Contact> contacts = underside();
-  choose_contacts({}, {}, contacts);
+  choose({}, contacts);
   ASSERT_EQ(contacts.size(), 4u);
   for (const Contact& contact : contacts) EXPECT_NEAR(std::abs(contact.point.x) + std::abs(contact.point.y), 2.0, 1e-9);
 }
@@ -29,18 +37,18 @@ TEST(Manifold, HoldsTheContactThatClosesTheMost) {
   std::vector<Contact> contacts = underside();
   contacts[200].distance = -0.02;
   const int deepest = contacts[200].body_feature;
-  choose_contacts({}, {}, contacts);
+  choose({}, contacts);
   EXPECT_EQ(contacts[0].body_feature, deepest);
 }
 
 TEST(Manifold, KeepsItsContactsFromStepToStep) {
   std::vector<Contact> first = underside();
-  choose_contacts({}, {}, first);
+  choose({}, first);
   std::vector<OldContact> before;
   for (const Contact& contact : first) before.push_back({contact.body_feature, contact.ground_feature, contact.point, 1.0, {}});
   std::vector<Contact> second = underside();
   for (Contact& contact : second) contact.distance += 1e-4 * std::sin(7.0 * contact.body_feature);
-  choose_contacts({}, before, second);
+  choose(before, second);
   for (const Contact& contact : second) EXPECT_NE(matching(contact, before), nullptr);
 }
 

@@ -29,7 +29,6 @@ from smartmesh_ros.node.inputs.rivals import RivalMaps
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.session import Session, require_name
 from smartmesh_ros.node.timing.stamps import Placed, StampClock, stamp_seconds
-from smartmesh_ros.patches.config import ANYWHERE, require_search_on, require_usable
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
@@ -152,7 +151,6 @@ class TerrainInputs:
             mesh = TriangleMesh(
                 new.vertices, new.triangles, time=placed.time, velocities=new.velocities, motion=settings.motion
             )
-            self._session.world.ground.require_usable(mesh)
             self._terrain.put(new.start.tile, mesh)
 
     def _on_mesh_update(self, data: bytes) -> None:
@@ -162,10 +160,8 @@ class TerrainInputs:
             mesh = self._terrain.tile(new.start.tile)
             if not isinstance(mesh, TriangleMesh):
                 raise InputError("unknown_tile", f"tile {new.start.tile!r} is a height map; use ~/heightmap_update")
-            method = settings.world.patch.search
-            check = None if method in ANYWHERE else partial(require_search_on, method)
             time = max(placed.time, mesh.time)
-            mesh.move(new.vertices, time=time, indices=new.indices, velocities=new.velocities, check=check)
+            mesh.move(new.vertices, time=time, indices=new.indices, velocities=new.velocities)
 
     def _overtaken(self, topic: str, start: Stamped) -> bool:
         """Return True, and count the map, if a newer map arrived just before it; such a map is skipped."""
@@ -249,5 +245,4 @@ def take_map(
         heights, geometry=geometry, time=time, velocities=velocities, variance=variances, friction=friction, soil=soil,
         motion=settings.motion,
     )  # fmt: skip
-    require_usable(settings.world.patch, new, exact=False)
     terrain.put(tile, new)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -121,11 +120,7 @@ class Diagnostics:
     def _bodies(self) -> tuple[bytes, str, dict[str, Any]]:
         world, peers = self._world, self._peers.summaries()
         below = world.below_ground()
-        batches = world.shown_batches()
-        kinds: Counter[str] = Counter()
-        for batch in batches:
-            kinds[batch.kind] += len(batch.bodies)
-        patches, remote = kinds.total(), int(world.followers.table["remote"].sum())
+        patches, remote = len(world.patches().slots), int(world.followers.table["remote"].sum())
         values: dict[str, Any] = {
             "simulated": sum(body.simulated for body in world.bodies.values()),
             "tracked": sum(body.tracked for body in world.bodies.values()),
@@ -137,9 +132,6 @@ class Diagnostics:
             "put back onto the ground": world.rescues,
             **{f"lost, {name}": why for name, why in [*self._session.lost.items()][-MOST_LOST:]},
             **{f"jumps on {topic}": count for topic, count in sorted(self._session.jumps.items())},
-            **{f"patches, {kind}": count for kind, count in sorted(kinds.items())},
-            "colliders replaced": world.ground.contacts.replacements,
-            "colliders leaked": world.ground.contacts.leaked,
         }
         if peers:
             values["guests"] = remote

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Hashable, Iterator
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from geometry_msgs.msg import Point
@@ -15,75 +13,27 @@ from smartmesh_msgs.msg import ColliderPatch, ColliderPatchArray
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.node.outputs.cdr import ArrayMessage, by_length, stamp_fields, text_rows
-from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
-
-
-class PatchGroup(NamedTuple):
-    """Patches of a batch with the same triangles (T, 3): rows ``members`` (n,) of the batch, their bodies (n,) and
-    vertices (n, K, 3) [m]. ``whole``: the group has all triangles of the batch, none removed at a hole."""
-
-    batch: PatchBatch
-    members: NDArray[np.int64]
-    bodies: NDArray[np.int64]
-    vertices_w: NDArray[np.float64]
-    triangles: NDArray[np.int32]
-    whole: bool
-
-
-def by_triangles(batches: list[PatchBatch]) -> Iterator[PatchGroup]:
-    """Yield the patches grouped by their triangles; triangles that touch a hole are removed."""
-    for batch in batches:
-        vertices = batch.vertices_w
-        if not batch.may_have_holes:
-            yield PatchGroup(batch, np.arange(len(vertices)), batch.bodies, vertices, batch.triangles, True)
-            continue
-        ground = ~np.isnan(vertices[..., 2])
-        for index in np.flatnonzero(~ground.all(axis=1)):
-            solid = ground[index][batch.triangles].all(axis=1)
-            if solid.any():
-                one = np.array([index])
-                yield PatchGroup(batch, one, batch.bodies[one], vertices[one], batch.triangles[solid], False)
-        members = np.flatnonzero(ground.all(axis=1))
-        if members.size:
-            yield PatchGroup(batch, members, batch.bodies[members], vertices[members], batch.triangles, True)
+from smartmesh_ros.ground.shown_patches import PatchTable, ShownPatches
+from smartmesh_ros.node.outputs.cdr import ArrayMessage, bytes_of, stamp_fields, text_rows
+from smartmesh_ros.terrain.grid import IntArray
 
 
 class SentPatches:
-    """The patches of the last message of changes, by body."""
+    """Revisions of the patches of the last message, by slot. Bodies without a patch in it count as changed when they
+    return."""
 
     def __init__(self) -> None:
-        self._sent: dict[int, tuple[Hashable, bytes]] = {}
-        self._now: dict[int, tuple[Hashable, bytes]] = {}  # of the message that is being written
+        self._sent = np.empty(0, np.int64)
 
-    def end(self) -> None:
-        """Ends a message. Bodies without a patch in it will count as changed when they return, and so will all bodies
-        after a message of all patches."""
-        self._sent, self._now = self._now, {}
-
-    def changed(self, group: PatchGroup, kind: Hashable, *values: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which patches of a group (n,) differ from those last sent, and record the group as sent.
-
-        ``kind``: key of the constant content of the group. ``values`` (n, ...): all other content of its patches.
-        """
-        count = len(group.bodies)
-        if not group.whole:  # at a hole: rare, and each has its own triangles
-            return np.ones(count, bool)
-        key = kind, group.triangles.tobytes()
-        rows = np.concatenate([part.reshape(count, -1) for part in values], axis=1, dtype=np.float64)
-        new = {body: (key, row.tobytes()) for body, row in zip(group.bodies.tolist(), rows, strict=True)}
-        self._now |= new
-        return np.array([self._sent.get(body) != patch for body, patch in new.items()], bool)
+    def changed(self, slots: IntArray, revisions: IntArray, capacity: int) -> NDArray[np.bool_]:
+        """Return which of the patches of ``slots`` (n,) differ from those last sent, and note them as sent."""
+        before = np.full(capacity, -1)
+        before[: len(self._sent)] = self._sent
+        self._sent = np.full(capacity, -1)
+        self._sent[slots] = revisions
+        return np.asarray(before[slots] != revisions)
 
 
-KINDS = {
-    "heightfield": ColliderPatch.HEIGHTFIELD,
-    "trimesh": ColliderPatch.TRIMESH,
-    "hull": ColliderPatch.HULL,
-    "prisms": ColliderPatch.PRISMS,
-    "whole": ColliderPatch.WHOLE,
-}
 # Id of the marker that deletes all others. RViz reports an error if an id comes twice in an array.
 NO_ID = -1
 # Colour of the patches (r, g, b, a).
@@ -99,7 +49,6 @@ class PatchMarkers:
 
     def __init__(self, namespace: str = "patches") -> None:
         self._namespace = namespace
-        self._message = ArrayMessage()
         self._ids: dict[str, int] = {}
         self._id_of = np.empty(0, np.int64)  # marker ids by slot
         self._next_id = 0
@@ -110,7 +59,7 @@ class PatchMarkers:
     def write(
         self,
         header: Header,
-        batches: list[PatchBatch],
+        patches: ShownPatches,
         names: list[str],
         epoch: int,
         *,
@@ -123,42 +72,19 @@ class PatchMarkers:
         ``clear``: first delete all markers of the namespace, such as those of a node that ended.
         """
         self._assign_ids(names, epoch)
-        message = self._message
-        message.start("markers", MarkerArray)
-        if clear:
-            self._add_clearing(header)
-        stamp = stamp_fields(header)
-        # Patches of equal size form one group, planes and heightfields alike.
-        ids: dict[int, list[IntArray]] = defaultdict(list)
-        points: dict[int, list[FloatArray]] = defaultdict(list)
-        shown = [np.empty(0, np.int64)]
-        for group in by_triangles(batches):
-            of_group, vertices, size = self._id_of[group.bodies], group.vertices_w, group.triangles.size
-            shown.append(of_group)
-            if only_changed:
-                changed = self._sent.changed(group, "marker", vertices)
-                of_group, vertices = of_group[changed], vertices[changed]
-            ids[size].append(of_group)
-            points[size].append(vertices.take(group.triangles.ravel(), axis=1))
-        for size, parts in points.items():
-            fields = {**stamp, "id": np.concatenate(ids[size]), "points": np.concatenate(parts)}
-            make = partial(_marker, self._namespace, header.frame_id, Marker.ADD, size)
-            message.add((header.frame_id, size), make, len(fields["id"]), fields)
-        gone = self._gone(np.sort(np.concatenate(shown)))
-        make = partial(_marker, self._namespace, header.frame_id, Marker.DELETE, 0)
-        message.add((header.frame_id, "gone"), make, len(gone), {**stamp, "id": gone})
-        self._sent.end()
-        return message.finish()
+        changed = self._sent.changed(patches.slots, patches.marker_revisions(), len(names))
+        shown = self._id_of[patches.slots]
+        written = changed if only_changed else np.ones(len(shown), bool)
+        gone = self._gone(np.sort(shown))
+        return patches.markers(
+            patches.slots[written], shown[written], gone, (header.stamp.sec, header.stamp.nanosec), header.frame_id,
+            self._namespace, COLOUR, clear=clear,
+        )  # fmt: skip
 
     def cleared(self, header: Header) -> bytes:
         """Return the MarkerArray that deletes all markers of the namespace."""
-        self._message.start("markers", MarkerArray)
-        self._add_clearing(header)
-        return self._message.finish()
-
-    def _add_clearing(self, header: Header) -> None:
-        make = partial(_marker, self._namespace, header.frame_id, Marker.DELETEALL, 0)
-        self._message.add((header.frame_id, "all"), make, 1, {**stamp_fields(header), "id": NO_ID})
+        marker = Marker(header=header, ns=self._namespace, id=NO_ID, action=Marker.DELETEALL)
+        return bytes_of(MarkerArray(markers=[marker]))
 
     def _assign_ids(self, names: list[str], epoch: int) -> None:
         """Assigns marker ids to new bodies."""
@@ -180,30 +106,22 @@ class ColliderPatches:
 
     def __init__(self) -> None:
         self._message = ArrayMessage()
-        self._names: list[str] = []
         self._epoch = -1  # of the bodies known here
         self._shown: set[str] = set()
         self._sent = SentPatches()
 
     def write(
-        self,
-        header: Header,
-        batches: list[PatchBatch],
-        names: list[str],
-        epoch: int,
-        carry_velocity: bool,
-        *,
-        only_changed: bool = False,
+        self, header: Header, patches: PatchTable, names: list[str], epoch: int, *, only_changed: bool = False
     ) -> bytes:
         """Return the ColliderPatchArray of all patches, or of the changed patches and the removed bodies.
 
         ``names``: names of all bodies that may have a patch, by slot; ``epoch`` changes when the bodies change.
         """
         if epoch != self._epoch:
-            self._epoch, self._names = epoch, names
+            self._epoch = epoch
             self._sent = SentPatches()
-        groups = list(by_triangles(batches))
-        shown = {names[index] for group in groups for index in group.bodies.tolist()}
+        bodies = [names[slot] for slot in patches.slots.tolist()]
+        shown = set(bodies)
         gone = sorted(self._shown - shown) if only_changed else []
         self._shown = shown
         self._message.start(
@@ -211,54 +129,42 @@ class ColliderPatches:
             lambda: ColliderPatchArray(header=header, incremental=only_changed, removed=gone),
             stamp_fields(header),
         )
-        for group in groups:
-            self._add(group, carry_velocity, only_changed)
-        self._sent.end()
+        changed = self._sent.changed(patches.slots, patches.revisions, len(names))
+        chosen = np.flatnonzero(changed) if only_changed else np.arange(len(patches))
+        groups: dict[tuple[str, bool, int, int, int], list[int]] = defaultdict(list)
+        for index in chosen.tolist():  # patches of equal size form one group
+            sizes = int(patches.counts[index]), int(patches.triangle_counts[index])
+            length = len(bodies[index].encode())
+            groups[patches.tiles[index], bool(patches.is_mesh[index]), length, *sizes].append(index)
+        for key, members in groups.items():
+            self._add(patches, key, np.array(members), [bodies[index] for index in members])
         return self._message.finish()
 
-    def _add(self, group: PatchGroup, carry_velocity: bool, only_changed: bool) -> None:
-        """Adds all patches of a group, or only the changed ones."""
-        batch, triangles = group.batch, group.triangles
-        placed = np.stack([batch.rows, batch.columns, batch.stride, batch.deviation], axis=1)[group.members]
-        twist = np.concatenate([batch.linear_w, batch.angular_w], axis=1)[group.members]
-        vertices = group.vertices_w
-        chosen = np.arange(len(vertices))
-        if only_changed:
-            kind = (batch.tile, batch.kind, carry_velocity)
-            chosen = np.flatnonzero(self._sent.changed(group, kind, vertices, placed, twist))
-        for some, texts in by_length([self._names[index] for index in group.bodies[chosen].tolist()]):
-            part = chosen[some]
-            fields = {
-                "body_id": text_rows(texts),
-                **dict(zip(("row", "column", "stride", "deviation"), placed[part].T, strict=True)),
-                "mesh.vertices": vertices[part],
-                "mesh.triangles": np.broadcast_to(triangles, (len(texts), *triangles.shape)),
-            }
-            if carry_velocity:
-                fields.update(zip(_TWIST_FIELDS, twist[part].T, strict=True))
-            size = vertices.shape[1]
-            self._message.add(
-                (batch.tile, batch.kind, len(texts[0].encode()), size, len(triangles)),
-                lambda: _collider_patch(batch.tile, batch.kind, texts[0], size, len(triangles)),  # noqa: B023
-                len(texts),
-                fields,
-            )
+    def _add(
+        self, patches: PatchTable, key: tuple[str, bool, int, int, int], members: IntArray, texts: list[str]
+    ) -> None:
+        tile, is_mesh, _, points, triangles = key
+        starts = np.cumsum(patches.counts) - patches.counts
+        first = np.cumsum(patches.triangle_counts) - patches.triangle_counts
+        fields = {
+            "body_id": text_rows(texts),
+            "row": patches.rows[members], "column": patches.columns[members], "stride": patches.stride[members],
+            # A patch of all samples is the ground itself.
+            "deviation": np.where(patches.stride[members] == 1, 0.0, np.nan),
+            "mesh.vertices": patches.points_w[starts[members, None] + np.arange(points)],
+            "mesh.triangles": patches.triangles[first[members, None] + np.arange(triangles)],
+            **dict(zip(_TWIST_FIELDS, patches.motion[members].T, strict=True)),
+        }  # fmt: skip
+        make = partial(_collider_patch, tile, is_mesh, texts[0], points, triangles)
+        self._message.add(key, make, len(texts), fields)
 
 
 _TWIST_FIELDS = tuple(f"surface_twist.{part}.{axis}" for part in ("linear", "angular") for axis in "xyz")
 
 
-def _marker(namespace: str, frame_id: str, action: int, points: int) -> Marker:
-    marker = Marker(ns=namespace, type=Marker.TRIANGLE_LIST, action=action, frame_locked=True)
-    marker.header.frame_id = frame_id
-    marker.scale.x = marker.scale.y = marker.scale.z = 1.0
-    marker.color.r, marker.color.g, marker.color.b, marker.color.a = COLOUR
-    marker.points = [Point()] * points
-    return marker
-
-
-def _collider_patch(tile: str, kind: str, name: str, vertices: int, triangles: int) -> ColliderPatch:
-    patch = ColliderPatch(body_id=name, tile=tile, kind=KINDS[kind])
+def _collider_patch(tile: str, is_mesh: bool, name: str, vertices: int, triangles: int) -> ColliderPatch:
+    kind = ColliderPatch.TRIMESH if is_mesh else ColliderPatch.HEIGHTFIELD
+    patch = ColliderPatch(body_id=name, tile=tile, kind=kind)
     patch.mesh.triangles = [MeshTriangle()] * triangles
     patch.mesh.vertices = [Point()] * vertices
     return patch

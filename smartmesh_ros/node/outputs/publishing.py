@@ -38,7 +38,7 @@ from smartmesh_ros.node.session import Session
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.world.states import SimulatedStates
 
-# Outputs that show patches. They are published only after the patches were refreshed.
+# Outputs that show patches.
 PATCH_OUTPUTS = ("patches", "collider_patches")
 # Longest wait at the end until subscribers have the last message [s].
 LAST_WORDS = 0.5
@@ -158,7 +158,6 @@ class Publishing:
         self._served = dict.fromkeys(self._outputs, 0)  # numbers of subscribers of the last messages
         self._timing_window = Window(session)
         self._audiences = {name: Audience(self._now) for name in (*PATCH_OUTPUTS, "pressed_ground", "sinkage", "scene")}
-        self._shown = dict.fromkeys(PATCH_OUTPUTS, -1)  # the number of refreshes at the last message
 
     def publish(self, *, now: bool = False, idle: bool = False) -> None:
         """Publishes every output that has subscribers and is due. ``now``: due or not. ``idle``: without a step, also
@@ -198,8 +197,7 @@ class Publishing:
         rates = self._session.settings.publish
         for name in names:
             output, rate = self._outputs[name], getattr(rates, name)
-            new = self._shown.get(name) != self._world.refreshes
-            due = now or (new and time >= self._due[name]) or (idle and self._has_joined(name, output))
+            due = now or time >= self._due[name] or (idle and self._has_joined(name, output))
             if rate > 0.0 and due:
                 # Keeps the phase, unless a message was missed or came before it was due.
                 self._due[name] = max(min(self._due[name], time) + 1.0 / rate, time)
@@ -220,8 +218,6 @@ class Publishing:
             made = output.make()
             for message in made if isinstance(made, list) else [made]:
                 output.publisher.publish(message)
-        if name in self._shown:
-            self._shown[name] = self._world.refreshes
 
     def _output(self, kind: Any, topic: str, make: Callable[[], Any]) -> _Output:
         self._session.topics.publish(topic)
@@ -241,15 +237,14 @@ class Publishing:
     def _make_patches(self) -> bytes:
         world, only_changed = self._world, self._only_changed("patches")
         return self._markers.write(
-            self._header(), world.shown_batches(), world.followers.names, world.followers.epoch,
+            self._header(), world.patches(), world.followers.names, world.followers.epoch,
             only_changed=only_changed, clear=self._audiences["patches"].new and not only_changed,
         )  # fmt: skip
 
     def _make_collider_patches(self) -> bytes:
         world, only_changed = self._world, self._only_changed("collider_patches")
-        carried = world.config.patch.carry_velocity
         return self._collider_patches.write(
-            self._header(), world.shown_batches(), world.followers.names, world.followers.epoch, carried,
+            self._header(), world.patches().table(), world.followers.names, world.followers.epoch,
             only_changed=only_changed,
         )  # fmt: skip
 

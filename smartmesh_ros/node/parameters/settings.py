@@ -247,7 +247,5 @@ class Settings:
         if not self.soil:
             return
         soils_from(self.soil)
-        if self.world.patch.kind != "auto":
-            raise InputError("parameter", "soil.type needs contacts from the map: set patch.kind to auto")
         if self.motion.corrects:
             raise InputError("parameter", "soil.type needs maps that are exact: set terrain.changes to motion")

@@ -38,7 +38,7 @@ _types: Callable[[Any], dict[str, Any]] = cache(get_type_hints)  # of a config's
 
 
 # Places in the settings of groups of parameters with other names; that of the others is their name.
-PLACES = {"physics": "world.physics.", "patch": "world.patch.", "terrain": "motion.", "bodies": ""}
+PLACES = {"physics": "world.physics.", "terrain": "motion.", "bodies": ""}
 
 
 def _param(
@@ -66,7 +66,6 @@ SPECS = (
         "<contact>, spawned after the change.", 0.0, 10.0),
     _param("physics.restitution", "Coefficient of restitution of simulated bodies, and of links of robots without "
         "<contact>, spawned after the change.", 0.0, 1.0),
-    _param("physics.guard", "Put bodies that are below the ground back onto it."),
     _param("physics.sleep", "Bodies at rest on ground at rest sleep, until anything touches or moves them or the "
         "ground changes."),
     _param("physics.solver_residual", "The solver stops iterating once the squared change of every contact's velocity "
@@ -75,18 +74,6 @@ SPECS = (
     _param("physics.deadline", "What happens to late steps. skip: leave them out; catch_up: run them as soon as "
         "possible; slow_down: delay all later steps, so that simulated time runs slower than real time.",
         place="deadline"),
-    _param("search.method", "Search for the vertex nearest to a body, of patches that are shown or are colliders.",
-        place="world.patch.search"),
-    _param("collect.method", "Collection of the vertices of a patch that is shown or is a collider.",
-        place="world.patch.collect"),
-    _param("patch.kind", "What bodies collide with; auto: the map itself. The other kinds are colliders of PyBullet's "
-        "own, for comparisons."),
-    _param("patch.rings", "Samples of a patch on each side of the nearest vertex; 0 = as many as the body and its "
-        "motion need.", 0, 4),
-    _param("patch.rate", "Refresh rate of the patches [Hz]; new maps raise it up to twofold. 0 = refresh in every "
-        "step.", 0.0, 100_000.0),
-    _param("patch.carry_velocity", "Pass the ground's velocity to the contacts, so that moving ground carries bodies "
-        "along."),
     _param("terrain.motion", "Motion of the ground between maps. hold: stay at the last map; extrapolate: continue "
         "with the estimated velocity and acceleration; interpolate: follow the maps one map interval late, on smooth "
         "curves.",
@@ -185,12 +172,20 @@ SPECS = (
 NAMES = frozenset(spec.name for spec in SPECS)
 # Parameters of earlier versions, and what replaces them.
 _IN = "set qos_overrides.<full name of the topic>.subscription."
+_FROM_MAP = "bodies collide with the map itself; leave it out"
+_PATCHES = "patches on topics come at the rates publish.*"
 _START = "set it in robot.start, a mapping such as {id: rover, xy: [0, 0], above: 0.5, yaw: 0}"
 REMOVED = {
     "bodies.longest_urdf": f"robot descriptions have at most {UrdfRules.longest:,} bytes; leave it out",
     "bodies.longest_name": f"names have at most {LONGEST_NAME} characters; leave it out",
+    "collect.method": _FROM_MAP,
+    "patch.carry_velocity": "contacts have the velocity of ground that moves; terrain.motion hold is ground without",
     "patch.edge_filter": "contacts from the map have no inner edges; leave it out",
+    "patch.kind": _FROM_MAP,
+    "patch.rate": f"contacts are those of each step, and {_PATCHES}",
+    "patch.rings": f"contacts come from the map in reach, and {_PATCHES}",
     "patch.tolerance": "contacts from the map are exact; leave it out",
+    "physics.guard": "bodies below the ground are always put back onto it; leave it out",
     "physics.landing": "contacts from the map stop bodies at the surface; leave it out",
     "publish.contact_wrenches": "it is that of publish.joint_states",
     "publish.depth": "set qos_overrides.<full name of the topic>.publisher.depth",
@@ -202,6 +197,7 @@ REMOVED = {
     "robot.name": _START,
     "robot.xy": _START,
     "robot.yaw": _START,
+    "search.method": _FROM_MAP,
     "terrain.durability": f"{_IN}durability",
     "terrain.map_depth": f"{_IN}depth",
     "terrain.max_tiles": "there may be 1000 tiles; leave it out",
@@ -270,13 +266,9 @@ def announce(node: Node, settings: Settings) -> None:
 
 def summary(settings: Settings) -> str:
     """Return the most important settings in one line."""
-    physics, patch = settings.world.physics, settings.world.patch
+    physics = settings.world.physics
     terrain = f"~/{settings.input}" + (f" and {settings.file}" if settings.file else "")
-    often = f"{patch.rate:g} Hz" if patch.rate else "every step"
-    return (
-        f"terrain from {terrain}; physics {physics.rate:g} Hz; patches {patch.kind}, "
-        f"{often}; executor {settings.executor}"
-    )
+    return f"terrain from {terrain}; physics {physics.rate:g} Hz; executor {settings.executor}"
 
 
 def announce_changes(node: Node, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:

@@ -47,9 +47,7 @@ def write_field(model: Any, data: Any, field: int | str, patch: Patch) -> None:
     """
     found = _find(model, field)
     if patch.shape is None:
-        raise InputError(
-            "geometry", f"the patch of {patch.name!r} is no grid; run the node with -p patch.kind:=heightfield"
-        )
+        raise InputError("geometry", f"the patch of {patch.name!r} is no grid, but triangles of a general mesh")
     rows, columns = patch.shape
     high, wide = rows + 2 * RIM, columns + 2 * RIM
     if high * wide > found.room:

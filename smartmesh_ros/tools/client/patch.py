@@ -15,16 +15,15 @@ from smartmesh_msgs.msg import ColliderPatch
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
-from smartmesh_ros.node.outputs import patch_outputs
 
-KINDS = {ColliderPatch.PLANE: "plane", **{number: kind for kind, number in patch_outputs.KINDS.items()}}
+KINDS = {ColliderPatch.HEIGHTFIELD: "heightfield", ColliderPatch.TRIMESH: "trimesh"}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Patch:
     """The ground under one body, in the terrain's frame (z up).
 
-    ``name``: the body. ``kind``: "heightfield", "plane", "trimesh", "hull", "prisms" or "whole". ``tile``, ``row``,
+    ``name``: the body. ``kind``: "heightfield", or "trimesh" on a general mesh. ``tile``, ``row``,
     ``column``: the patch's centre sample. ``stride``: map samples from one vertex to the next. ``vertices_w`` (K, 3)
     [m]: z is NaN in a hole. ``triangles`` (T, 3): counter-clockwise from above. ``linear_w`` [m/s], ``angular_w``
     [rad/s], (3,): the ground's twist at the centre sample. ``deviation`` [m]: bound of the vertical distance to the

@@ -42,13 +42,11 @@ class Entry:
 
 
 class PatchLook(Entry, Enum):
-    """Entries of the patches' legend, heightfields by their least stride [samples]."""
+    """Entries of the patches' legend, those of maps by their least stride [samples]."""
 
-    FIELD_1 = "heightfield, every sample", (240, 120, 20), 1
-    FIELD_2 = "heightfield, every 2nd", (245, 175, 40), 2
-    FIELD_4 = "heightfield, every 3rd or 4th", (250, 215, 90), 3
-    FIELD_MORE = "heightfield, coarser", (180, 205, 70), 5
-    MESH = "mesh", (222, 110, 180), math.inf
+    SAMPLES = "samples of a map", (240, 120, 20), 1
+    FEWER = "fewer samples, under a large body", (250, 215, 90), 2
+    MESH = "triangles of a mesh", (222, 110, 180), math.inf
 
 
 def patch_look(kind: str, stride: float) -> PatchLook:

@@ -153,7 +153,7 @@ class Panel:
         )  # fmt: skip
 
     def _show_selected(self) -> None:
-        """Mark the selected body, and tell its position and the kind, stride and deviation of its patches."""
+        """Mark the selected body, and tell its position and the size of its patches."""
         name, sight = self._selected, self._remote.sight
         if name is None or name not in sight.poses:
             self._scene.mark(None)
@@ -163,10 +163,9 @@ class Panel:
         lines = []
         for patch in sight.patches.values():
             if patch.name == name or patch.name.startswith(f"{name}/"):
-                known = "unknown" if np.isnan(patch.deviation) else f"{1000 * patch.deviation:.3f} mm"
                 part = patch.name.removeprefix(name).strip("/") or "patch"
-                lines.append(f"{part}: {patch.kind}, stride {patch.stride}, deviation {known}")
-        lines = lines or ["no patch: no ground within reach"]
+                lines.append(f"{part}: {len(patch.triangles)} triangles of ground in reach")
+        lines = lines or ["no ground in reach"]
         self._about.content = "\n\n".join([f"**{name}** at {x:.2f}, {y:.2f}, {z:.2f} m", *lines])
 
 

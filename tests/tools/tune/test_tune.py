@@ -106,7 +106,7 @@ def test_ground_that_is_not_followed_is_measured_as_penetration(tmp_path: Path) 
         recorded(tmp_path / "bag", topic="/maps"), {"bodies.spawn": SPAWN}, [("~/heightmap", "/maps")], None
     )
     kept, _ = measure(case, {})
-    lagging, positions = measure(case, {"terrain.motion": "hold", "patch.carry_velocity": False})
+    lagging, positions = measure(case, {"terrain.motion": "hold"})
     assert kept.penetration < 0.5 * lagging.penetration
     assert kept.hover < 0.5 * lagging.hover
     assert kept.cost > 0.0 and kept.longest > 0.0 and positions.keys() == {"ball", "crate"}
@@ -131,7 +131,7 @@ def test_corrected_ground_is_the_one_that_the_node_shows(tmp_path: Path) -> None
     [
         (["flat", "--budget", "0"], "--budget is 0; it must be a number greater than zero"),
         (["flat", "--jobs", "0"], "--jobs is 0"),
-        (["flat", "-p", "patch.rats:=0.1"], "did you mean 'patch.rate'?"),
+        (["flat", "-p", "physics.rats:=0.1"], "did you mean 'physics.rate'?"),
         (["flat", "-p", "bodies.most:=many"], "bodies.most is 'many'"),
         (["flat", "--preset", "swift"], "there is no preset 'swift'; choose accurate"),
         (["nowhere"], "no bag and no scene 'nowhere'; the scenes are crater"),

@@ -84,8 +84,8 @@ def test_knobs_hold_to_the_bounds_and_choices_of_the_node() -> None:
 def test_kinds_of_knobs() -> None:
     found = knobs()
     assert found["physics.friction"].kind == "slider"
-    assert found["patch.kind"].kind == "dropdown"
-    assert found["physics.guard"].kind == "checkbox"
+    assert found["terrain.motion"].kind == "dropdown"
+    assert found["physics.sleep"].kind == "checkbox"
     assert found["physics.gravity"].kind == "text"
     assert found["physics.solver_residual"].kind == "number", "no slider can be set to 1e-7 of 1"
 

@@ -102,7 +102,7 @@ def test_patches_and_bodies_are_drawn_where_the_node_says(shown: tuple[Probe, Pr
     spawn(probe, "flat", FLAT)
     spawn(probe, "waves", WAVES)
     names = ("flat", "waves")
-    purple, orange = BODY_COLOURS[BodyDescription.BOX], PatchLook.FIELD_1.colour
+    purple, orange = BODY_COLOURS[BodyDescription.BOX], PatchLook.SAMPLES.colour
     for name in names:
         wait(probe, page, lambda name=name: patch(probe, name)[0] == ColliderPatch.HEIGHTFIELD)
     corners = {name: patch(probe, name)[1] for name in names}
@@ -136,7 +136,7 @@ def test_the_button_pauses_the_node_and_lets_it_go_on(shown: tuple[Probe, Proces
 def test_a_click_tells_the_name_of_a_body_and_its_patch(shown: tuple[Probe, Process], page: Any) -> None:
     probe, _ = shown
     page.mouse.click(*pixel(position(probe, "flat")))
-    page.get_by_text("patch: heightfield, stride 1").wait_for()
+    page.get_by_text("triangles of ground in reach").wait_for()
     page.get_by_text("flat").first.wait_for()
     page.mouse.click(*pixel(position(probe, "waves")))
     page.get_by_text("waves").first.wait_for()

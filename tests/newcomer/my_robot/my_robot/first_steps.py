@@ -42,7 +42,7 @@ def main() -> None:
         print("not removed:", [failure.id for failure in failed])
         assert probe.call("remove_bodies", RemoveBodies, ids=["ball", "more_0"]).success
         print("left:", bodies(probe, 1))
-        print("unknown:", refusal(probe, "patch.kin"))
+        print("unknown:", refusal(probe, "terrain.motoin"))
         print("fixed:", refusal(probe, "executor"))
         with probe.running("idle", package="my_robot") as idle:
             assert idle.process.poll() is None

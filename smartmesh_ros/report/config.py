@@ -26,7 +26,7 @@ MeshKind = Literal["trimesh", "hull", "prisms"]
 WholeKind = Literal["whole_trimesh", "whole_heightfield"]
 # The collider of one patch; "whole" = no collider of its own, because the body stands on one of the whole terrain.
 ColliderKind = Literal["heightfield", MeshKind, "whole"]
-PatchKind = Literal["auto", "heightfield", MeshKind, WholeKind]
+PatchKind = Literal["heightfield", MeshKind, WholeKind]
 # Rings of the largest patch: 65 x 65 samples, which PyBullet replaces in about two milliseconds.
 MOST_RINGS = 32
 MESH_KINDS, WHOLE_KINDS = get_args(MeshKind), get_args(WholeKind)
@@ -43,24 +43,24 @@ def is_whole(kind: str) -> TypeGuard[WholeKind]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PatchConfig:
-    """How patches are made.
+class ReportConfig:
+    """How the report's colliders are made.
 
-    ``kind``: *auto* works out contacts from the map itself; its patches are only shown. Where that is impossible (see
-    `Ground.no_proxies`), it is *heightfield*. The other kinds are colliders of PyBullet's own: a *heightfield* of the
-    samples around each body; the report's *trimesh*, *hull* and *prisms*; and its Simple-Mesh, one collider of the
-    whole terrain. ``search``, ``collect``: the report's methods for these and for patches that are shown. ``rings``:
-    number of samples on each side of the nearest vertex (the report's collider-size); 0 = as many as the body and its
-    motion need. ``rate`` [Hz]: refreshes of the patches per second; 0 = in every step. New maps add refreshes, up to
-    twice this rate, unless the world runs behind real time. ``carry_velocity``: contacts see the ground's velocity.
+    ``kind``: a *heightfield* of the samples around each body; the report's *trimesh*, *hull* and *prisms*; and its
+    Simple-Mesh, one collider of the whole terrain. ``search``, ``collect``: the report's methods. ``rings``: number of
+    samples on each side of the nearest vertex (the report's collider-size); 0 = as many as the body and its motion
+    need. ``rate`` [Hz]: refreshes of the colliders per second; 0 = in every step. New maps add refreshes, up to twice
+    this rate. ``carry_velocity``: colliders have the ground's velocity. ``guard``: bodies below the ground are put back
+    onto it.
     """
 
     search: SearchMethod = "auto"
     collect: CollectMethod = "cached"
-    kind: PatchKind = "auto"
+    kind: PatchKind = "heightfield"
     rings: int = 0
     rate: float = 60.0
     carry_velocity: bool = True
+    guard: bool = True
 
     def __post_init__(self) -> None:
         for name, kinds in (("search", SearchMethod), ("collect", CollectMethod), ("kind", PatchKind)):
@@ -77,7 +77,7 @@ class PatchConfig:
     @property
     def most_rings(self) -> int:
         """Rings of the largest patch around a body; larger bodies get a coarser stride."""
-        return MOST_RINGS if self.kind in ("auto", "heightfield") else MOST_GRID_RINGS
+        return MOST_RINGS if self.kind == "heightfield" else MOST_GRID_RINGS
 
     @property
     def grid_kind(self) -> ColliderKind:
@@ -97,14 +97,8 @@ MOST_VERTICES = 131_072
 MOST_INDICES = 524_288
 
 
-def require_usable(config: PatchConfig, mesh: MainMesh, *, exact: bool) -> None:
-    """Raise `InputError` if ``mesh`` does not allow the patch settings ``config``; the message names settings that it
-    allows. ``exact``: contacts come from the map, which every mesh allows; the search for patches that are shown may
-    not work on it."""
-    if exact:
-        if isinstance(mesh, TriangleMesh) and config.search not in ANYWHERE:
-            require_search_on(config.search, mesh.shape)
-        return
+def require_usable(config: ReportConfig, mesh: MainMesh) -> None:
+    """Raise `InputError` if ``mesh`` does not allow the settings; the message names settings that it allows."""
     if isinstance(mesh, TriangleMesh):
         require_search(config.search, mesh)
     if is_whole(config.kind):
@@ -114,14 +108,14 @@ def require_usable(config: PatchConfig, mesh: MainMesh, *, exact: bool) -> None:
 def require_whole(kind: WholeKind, mesh: MainMesh) -> None:
     """Raise `InputError` if PyBullet cannot make one collider of a whole mesh."""
     if kind == "whole_heightfield" and not isinstance(mesh, HeightMap):
-        raise InputError("parameter", "a general mesh is no heightfield; use patch.kind 'whole_trimesh' or 'trimesh'")
+        raise InputError("parameter", "a general mesh is no heightfield; use the kind 'whole_trimesh' or 'trimesh'")
     if kind == "whole_trimesh":
         indices = 6 * mesh.size if isinstance(mesh, HeightMap) else mesh.triangles.size
         if mesh.size > MOST_VERTICES or indices > MOST_INDICES:
             raise InputError(
                 "size",
                 f"PyBullet takes no trimesh of {mesh.size} vertices (at most about {MOST_INDICES // 6} of a grid); use "
-                "patch.kind 'whole_heightfield', or 'auto' for a patch per body",
+                "the kind 'whole_heightfield'",
             )
 
 
@@ -147,9 +141,7 @@ def require_search_on(method: SearchMethod, shape: MeshShape) -> None:
     reason = _why_invalid(method, shape)
     if reason:
         valid = ", ".join(other for other in get_args(SearchMethod) if not _why_invalid(other, shape))
-        raise InputError(
-            "search_method", f"search.method {method!r} cannot be used on this mesh: {reason}; use {valid}"
-        )
+        raise InputError("search_method", f"the search {method!r} cannot be used on this mesh: {reason}; use {valid}")
 
 
 def _why_invalid(method: SearchMethod, shape: MeshShape) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.patches.config import ColliderKind, PatchConfig
+from smartmesh_ros.report.config import ColliderKind, ReportConfig
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples
 from smartmesh_ros.terrain.motion import INSTANT
@@ -69,7 +69,7 @@ def grid_batches(
     bodies: IntArray,
     supports: Any,
     time: float,
-    config: PatchConfig,
+    config: ReportConfig,
 ) -> Iterator[PatchBatch]:
     """Yield the patches of ``bodies`` (n,) with ``supports`` (n,) on the height map ``name`` at ``time`` [s]."""
     heightmap = terrain.tiles[name]

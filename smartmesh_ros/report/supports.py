@@ -53,14 +53,3 @@ def no_supports(count: int) -> Any:
     table["tile"] = -1
     table["gap"], table["deviation"] = np.inf, np.nan
     return table
-
-
-def with_rows(array: Any, count: int, initial: Any) -> Any:
-    """Return ``array`` with at least ``count`` rows: itself if it has them, otherwise a copy whose further rows are
-    ``initial``. The number of rows at least doubles, so that adding bodies one by one costs constant time for each."""
-    if len(array) >= count:
-        return array
-    longer = np.empty((max(count, 2 * len(array)), *array.shape[1:]), array.dtype)
-    longer[: len(array)] = array
-    longer[len(array) :] = initial
-    return longer

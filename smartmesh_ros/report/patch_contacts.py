@@ -1,5 +1,5 @@
-"""Contacts with colliders of PyBullet's own, where they cannot come from the map or the settings ask for them: one for
-each patch, replaced as ground and body move, and moved with the ground's velocity between updates."""
+"""Contacts with colliders of PyBullet's own: one for each patch, replaced as ground and body move, and moved with the
+ground's velocity between refreshes."""
 
 from __future__ import annotations
 
@@ -11,16 +11,19 @@ from typing import Any
 import numpy as np
 import pybullet as pb
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls, undone
-from smartmesh_ros.ground.colliders.made import Field, MeshCollider, make_field, make_mesh
-from smartmesh_ros.ground.colliders.whole_mesh import WholeMesh
 from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.height_field import quarter_turn
-from smartmesh_ros.ground.shown_patches import ShownPatches
-from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.patches.config import PatchConfig, is_mesh, is_whole
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.patches.shapes import BODY_COLUMNS
+from smartmesh_ros.report.batch import PatchBatch
+from smartmesh_ros.report.chosen_patches import ChosenPatches
+from smartmesh_ros.report.config import ReportConfig, is_mesh, is_whole
+from smartmesh_ros.report.made import Field, MeshCollider, make_field, make_mesh
+from smartmesh_ros.report.supports import Support
+from smartmesh_ros.report.whole_mesh import WholeMesh
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
 
@@ -84,10 +87,8 @@ class PatchContacts:
     which PyBullet leaks a few KiB.
     """
 
-    exact = False
-
     def __init__(
-        self, client: Any, followers: Followers, terrain: Terrain, config: PatchConfig, patches: ShownPatches
+        self, client: Any, followers: Followers, terrain: Terrain, config: ReportConfig, patches: ChosenPatches
     ) -> None:
         self.replacements = self.leaked = 0
         self._client = client
@@ -101,10 +102,6 @@ class PatchContacts:
         self._whole = WholeMesh(client, terrain)
         self.time = 0.0
 
-    def configure(self, config: PatchConfig) -> None:
-        """Take settings from the next `refresh` on."""
-        self._config = config
-
     def attach(self, follower: Follower) -> None:
         """A follower gets its collider in the next `refresh`."""
 
@@ -112,6 +109,26 @@ class PatchContacts:
         """Remove the colliders of followers. If PyBullet fails, the next `refresh` makes those that are missing."""
         for slot in slots:
             self._release(self._followers[slot])
+
+    def take_tiles(self) -> None:
+        """`refresh` reads the terrain."""
+
+    def require_client(self) -> None:
+        """Raise `InputError`: what asks for it needs contacts from the map."""
+        raise InputError("client", "there are colliders of PyBullet's own, which have no such ground")
+
+    def set_soil(self, soil: Any) -> None:
+        """Raise `InputError` if there is soil."""
+        if soil is not None:
+            self.require_client()
+
+    def drive(self, follower: Follower) -> None:
+        """Raise `InputError`: surfaces stand still."""
+        self.require_client()
+
+    def touching(self) -> BoolArray:
+        """Return which followers had ground in reach at the last refresh (S,)."""
+        return np.asarray(self._patches.supports["state"] != Support.NONE)
 
     def let_sleep(self, config: SleepConfig | None) -> None:
         """Nobody sleeps on colliders."""
@@ -157,9 +174,10 @@ class PatchContacts:
             states[slot] = self._calls.state(self._followers[slot].body, self._followers[slot].link)
         self._followers.note_places(awake, states[awake], dt)
 
-    def states_of(self, slots: IntArray) -> FloatArray | None:
-        """None: PyBullet's calls read bodies one by one."""
-        return None
+    def states_of(self, slots: IntArray) -> FloatArray:
+        """Return the states (n, 13) of followers as they are now."""
+        chosen = [self._followers[slot] for slot in slots.tolist()]
+        return np.array([self._calls.state(it.body, it.link) for it in chosen]).reshape(-1, BODY_COLUMNS)
 
     def close(self) -> None:
         """Remove all colliders."""

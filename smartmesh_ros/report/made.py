@@ -15,7 +15,7 @@ import pybullet as pb
 from numpy.typing import NDArray
 
 from smartmesh_ros.ground.height_field import make_shape, replace_heights
-from smartmesh_ros.patches.config import MeshKind
+from smartmesh_ros.report.config import MeshKind
 from smartmesh_ros.terrain.grid import FloatArray
 
 # Depth of holes below a field's base [m].

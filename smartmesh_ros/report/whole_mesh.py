@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.ground.colliders.made import HOLE, Field, make_field, make_mesh
 from smartmesh_ros.ground.height_field import quarter_turn
-from smartmesh_ros.patches.config import WholeKind, require_whole
+from smartmesh_ros.report.config import WholeKind, require_whole
+from smartmesh_ros.report.made import HOLE, Field, make_field, make_mesh
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain

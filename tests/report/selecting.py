@@ -6,23 +6,24 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros import HeightMap, PatchConfig, Terrain
-from smartmesh_ros.ground.shown_patches import ShownPatches
-from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros import HeightMap, Terrain
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, ShapeTable, ball
+from smartmesh_ros.report.batch import PatchBatch
+from smartmesh_ros.report.chosen_patches import ChosenPatches
+from smartmesh_ros.report.config import ReportConfig
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 from tests.bodies import shapes_of
 
-SOLID = PatchConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
+SOLID = ReportConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
 
 
 class Selecting:
-    """Bodies of ``shapes`` (N,) in the first slots of `ShownPatches`; those that are not ``solid`` get patches when
+    """Bodies of ``shapes`` (N,) in the first slots of `ChosenPatches`; those that are not ``solid`` get patches when
     asked for."""
 
     def __init__(
-        self, terrain: Terrain, config: PatchConfig, shapes: ShapeTable, solid: BoolArray | None = None
+        self, terrain: Terrain, config: ReportConfig, shapes: ShapeTable, solid: BoolArray | None = None
     ) -> None:
         self.terrain = terrain
         self._count = len(shapes.table)
@@ -30,7 +31,7 @@ class Selecting:
         self._followers: Any = SimpleNamespace(
             tables=[], shape_table=shapes, solid=np.flatnonzero(solid), tracked=np.flatnonzero(~solid)
         )
-        self._patches = ShownPatches(terrain, config, self._followers, Stopwatch())
+        self._patches = ChosenPatches(terrain, config, self._followers, Stopwatch())
         self._patches.grow(self._count)
 
     @property
@@ -48,7 +49,7 @@ class Selecting:
 
 
 def balls_on(
-    ground: HeightMap | Terrain, radii: Iterable[float], config: PatchConfig = SOLID, solid: BoolArray | None = None
+    ground: HeightMap | Terrain, radii: Iterable[float], config: ReportConfig = SOLID, solid: BoolArray | None = None
 ) -> Selecting:
     """Balls of these radii [m]."""
     return Selecting(Terrain.of(ground), config, shapes_of(ball(radius) for radius in radii), solid)

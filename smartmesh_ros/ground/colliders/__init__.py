@@ -1,1 +1,0 @@
-"""Colliders of PyBullet's own under patches: the contacts with them, and a file for each kind."""

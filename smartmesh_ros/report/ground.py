@@ -1,0 +1,121 @@
+"""The report's colliders as the ground of a PyBullet world: what studies and benchmarks compare contacts from the map
+with."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from smartmesh_ros.ground.ground import Ground, move_with_corrections, show_corrections
+from smartmesh_ros.report.chosen_patches import ChosenPatches
+from smartmesh_ros.report.config import ReportConfig, require_usable
+from smartmesh_ros.report.patch_contacts import PatchContacts
+from smartmesh_ros.report.schedule import UpdateSchedule
+from smartmesh_ros.stopwatch import Stopwatch
+from smartmesh_ros.terrain.checked_heights import checked_time
+from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+from smartmesh_ros.world.settings import WorldConfig
+from smartmesh_ros.world.world import World
+
+
+class ReportGround(Ground):
+    """A ground of colliders of PyBullet's own, in any client. No body sleeps, no surface moves, and there is no soil.
+
+    ``chosen``: the patches that the report's search and collecting chose at the last `refresh`; ``colliders``: those
+    of the patches.
+    """
+
+    def __init__(
+        self, client: Any, terrain: MainMesh | Terrain, config: ReportConfig, stopwatch: Stopwatch | None = None
+    ) -> None:
+        self.config = config
+        self._schedule, self._stale = UpdateSchedule(), True
+        super().__init__(client, terrain, stopwatch)
+        self._require_usable()
+
+    def _new_contacts(self) -> Any:
+        self.chosen = ChosenPatches(self.terrain, self.config, self.followers, self.stopwatch)
+        self.colliders = PatchContacts(self._client, self.followers, self.terrain, self.config, self.chosen)
+        return self.colliders
+
+    def update(self, time: float, dt: float) -> None:
+        """Refresh the colliders if the step of ``dt`` [s] from ``time`` [s] on needs it, by their rate."""
+        if self._stale or self._schedule.due(self.terrain):
+            self.refresh(time, dt)
+        elif self.followers.has_remote:
+            self.contacts.read(self.followers.states, dt)
+
+    def refresh(self, time: float, dt: float) -> None:
+        """Move bodies with corrections of maps, replace the colliders, and put bodies below the ground back onto it."""
+        time = checked_time(time)
+        self._require_usable()
+        self._stale = True  # until the end: a refresh that failed is made again before the next step
+        steps = self._schedule.begin(self.terrain, time, dt, self.config.rate)
+        self.contacts.set_time(time, dt)
+        with self.stopwatch.stage("bodies"):
+            self.contacts.read(self.followers.states, dt)
+            corrections = show_corrections(self.terrain, time)
+            if corrections and len(self.followers):
+                move_with_corrections(self._client, corrections, self.followers, self.contacts.touching(), time)
+                self.contacts.read(self.followers.states, dt)
+        self.time = time
+        self.chosen.begin(time, dt * steps, math.inf)
+        self.colliders.refresh()
+        self._stale = False
+        if self.config.guard:
+            self.rescue(time, dt)
+
+    def wake(self, body: int | None = None) -> None:
+        """Refresh the colliders before the next step."""
+        self._stale = True
+
+    def attach(self, body: int, *given: Any, **more: Any) -> Any:
+        """Attach a body, which gets its colliders before the next step."""
+        self._stale = True
+        return super().attach(body, *given, **more)
+
+    def detach(self, body: int) -> None:
+        """Detach a body, and refresh the colliders before the next step."""
+        self._stale = True
+        super().detach(body)
+
+    def _require_usable(self) -> None:
+        for mesh in self.terrain.tiles.values():
+            require_usable(self.config, mesh)
+
+
+class ReportWorld(World):
+    """A world whose bodies stand on the report's colliders."""
+
+    def __init__(
+        self,
+        terrain: MainMesh | Terrain | None = None,
+        config: WorldConfig | None = None,
+        stopwatch: Stopwatch | None = None,
+        *,
+        report: ReportConfig,
+    ) -> None:
+        self.report = report
+        super().__init__(terrain, config, stopwatch)
+
+    ground: ReportGround
+
+    def _new_ground(self, client: Any) -> Ground:
+        return ReportGround(client, self.terrain, self.report, self.stopwatch)
+
+    def refresh(self) -> None:
+        """Refresh the colliders now."""
+        self.ground.refresh(self.time, self.dt)
+        self._drop_lost()
+
+    def skip(self, steps: int) -> None:
+        """Advance the time without simulating; the next step refreshes the colliders."""
+        super().skip(steps)
+        self.ground.wake()
+
+
+def world_on(
+    terrain: MainMesh | Terrain | None, config: WorldConfig | None = None, report: ReportConfig | None = None
+) -> World:
+    """Return a world whose contacts come from the map, or from the ``report``'s colliders."""
+    return World(terrain, config) if report is None else ReportWorld(terrain, config, report=report)

@@ -1,0 +1,208 @@
+"""Shapes on crests, rims and in impacts: what is solid stays outside the ground, and nothing gains energy."""
+
+import itertools
+
+import numpy as np
+import pybullet as pb
+import pytest
+from pybullet_utils.bullet_client import BulletClient
+
+from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, PhysicsConfig, World, WorldConfig
+from smartmesh_ros.core import _core
+from smartmesh_ros.ground.config import set_up
+from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.patches.shapes import hull
+from smartmesh_ros.terrain.grid import FloatArray
+from tests.bodies import rotation
+
+RATE = 240.0
+TOP, MIDDLE = 0.6, 12  # height of the crest [m], and its column
+AWAKE = WorldConfig(physics=PhysicsConfig(sleep=False))
+# Heights of the rows of a map whose crest is in the middle [cells -> m].
+COLUMNS = np.arange(25) - MIDDLE
+CRESTS = {
+    "step": np.where(COLUMNS <= 0, TOP, 0.0),
+    "ridge": np.where(COLUMNS == 0, TOP, 0.0),
+    "rim": np.full(MIDDLE + 1, TOP),
+    "hole": np.where((COLUMNS <= 0) | (COLUMNS > 9), TOP, np.nan),
+    "blade": TOP - 0.15 * np.abs(COLUMNS),  # in cells of 5 cm, so that flanks rise by 3
+}
+CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+
+
+def planes_of(points: FloatArray) -> FloatArray:
+    """Returns the outward unit normals and offsets (F, 4) of the faces of a hull, by brute force."""
+    found = []
+    for three in itertools.combinations(points, 3):
+        normal = np.cross(three[1] - three[0], three[2] - three[0])
+        if (length := np.linalg.norm(normal)) < 1e-9:
+            continue
+        ways = (normal / length, -normal / length)
+        found.extend((*way, three[0] @ way) for way in ways if np.all(points @ way <= three[0] @ way + 1e-9))
+    return np.array(found)
+
+
+def leaning(points: FloatArray, rng: np.random.Generator, form: str) -> tuple[FloatArray, FloatArray]:
+    """Returns place and orientation at which a shape leans over a crest along y at x = 0, just above the ground."""
+    roll, yaw = rng.normal(0.0, rng.choice([0.0, 3e-3, 0.3]), 2)
+    turn = np.array(pb.getQuaternionFromEuler((roll, rng.uniform(0.1, 1.2), yaw)))
+    at = np.array([rng.uniform(-0.1, 0.1), 0.0, TOP + 0.4])
+    heights = np.nan_to_num(CRESTS[form], nan=0.0)
+    crest = np.column_stack([np.zeros(101), np.linspace(-0.5, 0.5, 101), np.full(101, TOP)])
+    planes = planes_of(points)
+
+    def is_in_ground() -> bool:
+        corners = points @ rotation(tuple(turn)).T + at
+        ground = np.interp(corners[:, 0], 0.05 * COLUMNS[: len(heights)], heights, right=0.0)
+        return bool(np.any(corners[:, 2] < ground)) or depth_of(crest, planes, at, turn) > -1e-3
+
+    while not is_in_ground():
+        at[2] -= 5e-3
+    return at + (0.0, 0.0, 5e-3), turn
+
+
+def depth_of(line: FloatArray, planes: FloatArray, at: FloatArray, turn: FloatArray) -> float:
+    """Returns how deep a point of a line (N, 3) is in a hull [m]."""
+    inside = (line - at) @ rotation(tuple(turn)) @ planes[:, :3].T - planes[:, 3]
+    return float(-inside.max(axis=1).min())
+
+
+@pytest.mark.parametrize("is_box", [True, False])
+@pytest.mark.parametrize("form", CRESTS)
+def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool) -> None:
+    """At most 1 mm, of 12 boxes or sharp hulls each."""
+    rng = np.random.default_rng(len(form) + is_box)
+    heights = np.tile(CRESTS[form], (360, 1)).astype(np.float32)
+    client = BulletClient(pb.DIRECT)
+    set_up(client, PhysicsConfig(rate=RATE))
+    ground = Ground(client, HeightMap(heights, resolution=0.05, origin=(-0.05 * MIDDLE, 0.0)))
+    bodies = []
+    for y in 1.0 + 1.4 * np.arange(12):
+        half = np.array([rng.uniform(0.1, 0.3), rng.uniform(0.1, 0.3), rng.uniform(0.02, 0.15)])
+        points = CORNERS * half
+        if not is_box:
+            points = rng.normal(size=(10, 3))
+            points = points / np.linalg.norm(points, axis=1)[:, None] * half
+        at, turn = leaning(points, rng, form)
+        if is_box:
+            shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=half.tolist())
+        else:
+            shape = client.createCollisionShape(pb.GEOM_MESH, vertices=points.tolist())
+        body = client.createMultiBody(1.0, shape, -1, at + (0.0, y, 0.0), turn)
+        client.changeDynamics(body, -1, lateralFriction=rng.choice([0.0, 0.5]), collisionMargin=1e-4)
+        ground.attach(body, shape=Box(*(2.0 * half)) if is_box else hull(points))
+        line = np.column_stack([np.zeros(81), np.linspace(y - 0.5, y + 0.5, 81), np.full(81, TOP)])
+        bodies.append((body, line, planes_of(points)))
+    deepest = 0.0
+    for step in range(150):
+        ground.step(step / RATE, 1.0 / RATE)
+        for body, line, planes in bodies:
+            at, turn = (np.array(part) for part in client.getBasePositionAndOrientation(body))
+            deepest = max(deepest, depth_of(line, planes, at, turn))
+    client.disconnect()
+    assert deepest < 1e-3
+
+
+@pytest.mark.parametrize("length", [0.2, 0.37])
+def test_boxes_slide_straight_down_a_blade_as_their_upper_edges_leave_it(length: float) -> None:
+    """By g sin(slope) t, without friction, from where they lie on a flank that rises by 3, across its crest."""
+    heights = np.tile(CRESTS["blade"], (40, 1))
+    config = WorldConfig(physics=PhysicsConfig(sleep=False, friction=0.0))
+    slope, half = np.arctan(3.0), 0.05
+    down, out = np.array([np.cos(slope), 0.0, -np.sin(slope)]), np.array([np.sin(slope), 0.0, np.cos(slope)])
+    turn = pb.getQuaternionFromEuler((0.0, slope, 0.0))
+    for above in np.linspace(0.01, 0.05, 9):  # of the upper edge over the crest [m]
+        start = np.array([0.0, 1.0, TOP]) + down * (0.5 * length - above) + out * (half - 1e-5)
+        with World(HeightMap(heights, resolution=0.05, origin=(-0.05 * MIDDLE, 0.0)), config) as world:
+            world.spawn("box", Box(length, 0.2, 2.0 * half), 1.0, BodyState(tuple(start.tolist()), turn))
+            world.step(40)
+            state = world.state("box")
+        g_along, time = 9.81 * np.sin(slope), 40 / RATE
+        assert np.allclose(state.linear, down * g_along * time, atol=0.02)
+        assert np.allclose(state.position, start + down * 0.5 * g_along * time * (time + 1.0 / RATE), atol=1e-3)
+
+
+def test_sharp_edges_are_touched_from_outside() -> None:
+    """Whatever they do, in the way of a height map's normals: none points down."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 9)[:-1]
+    lens = np.column_stack([0.08 * np.cos(angle), 0.07 * np.sin(angle), 0.002 * np.sin(3.0 * angle)])
+    lens = np.vstack([lens, (0.02, 0.0, 6e-3), (-0.02, 0.0, -6e-3)])
+    shape = _core.Shape.hull(lens, 1e-3)
+    rim = HeightMap(np.tile(CRESTS["rim"], (40, 1)), resolution=0.05, origin=(-0.05 * MIDDLE, 0.0)).core_reader
+    rng, touched = np.random.default_rng(0), 0
+    for _ in range(400):
+        turn = rotation(tuple(pb.getQuaternionFromEuler((rng.normal(0.0, 0.1), rng.uniform(0.1, 1.3), 0.0))))
+        at = np.array([0.0, 1.0, TOP]) - turn @ (rng.uniform(-0.03, 0.03), 0.0, -rng.uniform(5e-3, 8e-3))
+        motion = np.vstack([rng.normal(0.0, 0.3, 3), rng.normal(0.0, 10.0, 3)])
+        contacts = np.asarray(_core.find_contacts(shape, [rim], np.vstack([turn, at]), motion, 1.0 / RATE, 1e-3))
+        touched += len(contacts) > 0
+        assert np.all(contacts[:, 5] > -0.1)
+    assert touched > 100
+
+
+@pytest.mark.parametrize("cell", [1e-3, 1e-2])
+@pytest.mark.parametrize("size", [3e-4, 1e-3, 5e-3])
+def test_boxes_of_any_size_come_to_rest_on_a_face(size: float, cell: float) -> None:
+    with World(HeightMap(np.zeros((41, 41)), resolution=cell, origin=(-20.0 * cell, -20.0 * cell)), AWAKE) as world:
+        world.spawn("box", Box(size, size, size), 1e-3, BodyState((0.3 * cell, 0.3 * cell, 2.0 * size)))
+        world.step(360)
+        state = world.state("box")
+    up = np.abs(rotation(state.orientation)[2])
+    assert up.max() > 1.0 - 1e-6
+    assert state.position[2] - 0.5 * size * up.sum() == pytest.approx(-1e-5, abs=5e-6)
+
+
+def lowest(shape: Shape, state: BodyState) -> float:
+    """Returns the height of the lowest point of a box or cylinder [m]."""
+    up = rotation(state.orientation)[2]
+    if isinstance(shape, Box):
+        reach = 0.5 * np.abs(up) @ (shape.x, shape.y, shape.z)
+    else:
+        assert isinstance(shape, Cylinder)
+        reach = shape.radius * np.hypot(up[0], up[1]) + 0.5 * shape.height * abs(up[2])
+    return float(state.position[2] - reach)
+
+
+@pytest.mark.parametrize("shape", [Cylinder(radius=0.5, height=0.05), Box(1.6, 0.1, 0.1)], ids=["coin", "rod"])
+def test_impacts_of_shapes_that_turn_are_not_deep(shape: Shape) -> None:
+    """At most 1 mm, in 12 throws onto level ground at 6 to 17 m/s and up to 12 rad/s."""
+    rng = np.random.default_rng(0)
+    with World(HeightMap(np.zeros((80, 80)), resolution=0.5), AWAKE) as world:
+        for k in range(12):
+            turn = rng.normal(size=4)
+            place = (4.0 + 8.0 * (k % 4), 4.0 + 8.0 * (k // 4), 1.5)
+            linear = (*rng.uniform(-2.0, 2.0, 2), rng.uniform(-12.0, 0.0))
+            state = BodyState(place, tuple(turn / np.linalg.norm(turn)), linear, tuple(rng.uniform(-7.0, 7.0, 3)))
+            world.spawn(f"{k}", shape, 1.0, state)
+        for _ in range(240):
+            world.step()
+            assert min(lowest(shape, world.state(f"{k}")) for k in range(12)) > -1e-3
+
+
+@pytest.mark.parametrize("form", ["rim", "hole"])
+def test_plates_that_fall_over_a_rim_gain_no_energy(form: str) -> None:
+    """Without friction, from the rim down beside the wall under it."""
+    rng = np.random.default_rng(1)
+    heights = np.tile(CRESTS[form], (360, 1))
+    plate, count = Box(0.4, 0.4, 0.03), 10
+    config = WorldConfig(physics=PhysicsConfig(sleep=False, friction=0.0))
+    inertia = np.array([plate.y**2 + plate.z**2, plate.x**2 + plate.z**2, plate.x**2 + plate.y**2]) / 12.0
+
+    def energy(name: str) -> float:
+        state = world.state(name)
+        turning = rotation(state.orientation).T @ state.angular
+        return float(9.81 * state.position[2] + 0.5 * np.dot(state.linear, state.linear) + 0.5 * inertia @ turning**2)
+
+    with World(HeightMap(heights, resolution=0.05, origin=(-0.05 * MIDDLE, 0.0)), config) as world:
+        for k in range(count):
+            turn = pb.getQuaternionFromEuler(rng.normal(0.0, 0.3, 3).tolist())
+            place, linear = (rng.uniform(-0.15, 0.15), 1.0 + 1.5 * k, TOP + 0.25), (rng.uniform(0.0, 1.0), 0.0, 0.0)
+            world.spawn(f"{k}", plate, 1.0, BodyState(place, turn, linear))
+        before = [energy(f"{k}") for k in range(count)]
+        gained = np.zeros(count)
+        for _ in range(240):
+            world.step()
+            now = [energy(f"{k}") for k in range(count)]
+            gained = np.maximum(gained + np.subtract(now, before), 0.0)
+            before = now
+            assert gained.max() < 0.05  # [J/kg]
