@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from smartmesh_ros.terrain.grid import GridGeometry
     from smartmesh_ros.terrain.height_scan import HeightScan
     from smartmesh_ros.terrain.heightmap import HeightMap
+    from smartmesh_ros.terrain.material import Material
     from smartmesh_ros.terrain.motion import MotionConfig
     from smartmesh_ros.terrain.terrain import Terrain
     from smartmesh_ros.world.height_scanner import HeightScanner
@@ -38,6 +39,7 @@ _MODULES = {
     "terrain.grid": ("GridGeometry",),
     "terrain.height_scan": ("HeightScan",),
     "terrain.heightmap": ("HeightMap",),
+    "terrain.material": ("Material",),
     "terrain.motion": ("MotionConfig",),
     "terrain.terrain": ("Terrain",),
 }
@@ -54,6 +56,7 @@ __all__ = [
     "HeightScan",
     "HeightScanner",
     "InputError",
+    "Material",
     "MotionConfig",
     "PhysicsConfig",
     "Snapshot",

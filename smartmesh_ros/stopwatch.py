@@ -8,7 +8,7 @@ import numpy as np
 
 # Stages in pipeline order. "bodies": work for bodies in every step (reading their states, sleep).
 # "total": a whole step without ingest and publish.
-STAGES = ("ingest", "search", "collect", "collider", "step", "publish", "bodies", "total")
+STAGES = ("ingest", "search", "collect", "step", "publish", "bodies", "total")
 # Number of runs of a stage that a window keeps. New runs replace the oldest.
 WINDOW = 4096
 

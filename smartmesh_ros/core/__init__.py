@@ -20,3 +20,12 @@ except ImportError as error:
 def as_bytes(records: Any) -> NDArray[np.uint8]:
     """Return records (...) as the core takes them: their bytes (..., size), not copied."""
     return np.asarray(records.view(np.uint8).reshape(*records.shape, records.dtype.itemsize))
+
+
+def dtype_of(layout: Any) -> np.dtype[Any]:
+    """Return the NumPy type of records of the core, by its layout of them."""
+    size, fields = layout
+    names, codes, counts, places = zip(*fields, strict=True)
+    formats = [(f"{code}8", (count,) if count > 1 else ()) for code, count in zip(codes, counts, strict=True)]
+    record = np.dtype({"names": names, "formats": formats, "offsets": places, "itemsize": size})
+    return np.dtype((np.record, record))

@@ -1,16 +1,16 @@
 #include "below_ground.h"
 
 #include <cmath>
+#include <limits>
 
 namespace smartmesh {
 
-Lift lift_out(SurfaceReader& surface, const BodySolid& body) {
-  const Vec3 middle = body.whole.centre;
-  if (!std::isfinite(middle.x + middle.y + middle.z)) return {};
+GroundPoint ground_above(SurfaceReader& surface, const Vec3& middle) {
+  const GroundPoint none{std::numeric_limits<double>::quiet_NaN(), {}};
+  if (!std::isfinite(middle.x + middle.y + middle.z)) return none;
   GroundPoint ground = surface.at(middle.x, middle.y, middle.z);
   if (std::isnan(ground.height)) ground = surface.at(middle.x, middle.y);
-  if (!(middle.z < ground.height)) return {};
-  return {true, ground.height - body.lowest(), ground.velocity.z};
+  return middle.z < ground.height ? ground : none;
 }
 
 }  // namespace smartmesh

@@ -1,6 +1,7 @@
 // Arrays that Python gives to the core, and the parts of the ground that keep them. Each bindings_*.cpp adds one room.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <optional>
@@ -13,7 +14,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/tuple.h>
 
-#include "map_arrays.h"
+#include "map_memory.h"
 #include "mesh_updates.h"
 #include "step_lock.h"
 #include "surface.h"
@@ -93,45 +94,32 @@ inline void check_clock(const Clock& clock) {
     throw std::invalid_argument("a clock names a velocity or an interval that is not there");
 }
 
-// A height map's arrays, which stay alive with it.
+// A height map, whose memory Python sees.
 struct Grid {
-  HeightGrid grid;
-  Array<float, 2> heights, offsets, rates;
-  Array<float, 3> velocities;
-  Array<std::uint8_t, 3> clocks;
-  std::optional<Floats2> friction, variances;
+  MapMemory memory;
+  HeightGrid& grid = memory.grid;
+  std::array<std::optional<Floats2>, LAYERS> layers;  // of the material
 
-  Grid(Array<float, 2> heights_rc, Array<float, 3> velocities_krc, Array<float, 2> offsets_rc, Array<float, 2> rates_rc,
-       Array<std::uint8_t, 3> clocks_rc)
-      : heights(heights_rc), offsets(offsets_rc), rates(rates_rc), velocities(velocities_krc), clocks(clocks_rc) {
-    const std::size_t rows = heights.shape(0), columns = heights.shape(1);
-    const std::size_t block_rows = (rows + 63) >> BLOCK_SHIFT, block_columns = (columns + 63) >> BLOCK_SHIFT;
-    if (rows < 2 || columns < 2 || rows > (1u << 24) || columns > (1u << 24))
-      throw std::invalid_argument("a grid has 2 to 2^24 rows and columns");
-    check_table(offsets, rows, columns, "offsets"), check_table(rates, rows, columns, "rates");
-    if (velocities.shape(0) != KEPT || velocities.shape(1) != rows || velocities.shape(2) != columns)
-      throw std::invalid_argument("velocities must have the shape (3, rows, columns)");
-    if (clocks.shape(0) != block_rows || clocks.shape(1) != block_columns || clocks.shape(2) != sizeof(Clock))
-      throw std::invalid_argument("clocks must be records of CLOCK, one for each block of 64 x 64 samples");
-    check_alignment(heights.data(), sizeof(float));
-    check_alignment(velocities.data(), sizeof(float)), check_alignment(clocks.data(), alignof(Clock));
-    grid.heights = heights.data(), grid.velocities = velocities.data(), grid.offsets = offsets.data();
-    grid.rates = rates.data();
-    grid.clocks = reinterpret_cast<const Clock*>(clocks.data());
-    grid.rows = static_cast<int>(rows), grid.columns = static_cast<int>(columns);
-    grid.block_columns = static_cast<int>(block_columns);
+  Grid(int rows, int columns) : memory(checked(rows), checked(columns)) {}
+
+  static int checked(int count) {
+    if (count < 2 || count > 1 << 24) throw std::invalid_argument("a grid has 2 to 2^24 rows and columns");
+    return count;
   }
-
-  // Returns the arrays as they are written, after a check of the clocks of the blocks that a rectangle touches. To check all
-  // of a large map takes longer than a small update.
-  MapArrays arrays(const Region& touched) {
-    const MapArrays map = {heights.data(), velocities.data(), offsets.data(), rates.data(),
-                           reinterpret_cast<Clock*>(clocks.data()), grid.rows, grid.columns, grid.block_columns};
+  // Returns the map for an update of a rectangle, after a check of the clocks of the blocks that it touches, which Python may
+  // write. To check all of a large map takes longer than a small update.
+  HeightGrid& writable(const Region& touched) {
     const Span down = blocks_of({touched.top, touched.bottom}), along = blocks_of({touched.left, touched.right});
     for (std::ptrdiff_t row = down.first; row < down.last; ++row)
       for (std::ptrdiff_t column = along.first; column < along.last; ++column)
-        check_clock(map.clocks[row * map.block_columns + column]);
-    return map;
+        check_clock(grid.clocks[row * grid.block_columns + column]);
+    return grid;
+  }
+  // Notes that Python wrote to the arrays.
+  void note_change() { grid.revision = next_revision(); }
+  void begin_fusion() {
+    const StepLock lock;
+    memory.begin_fusion(), note_change();
   }
   void place(double x, double y, double z, double yaw, double resolution) {
     if (!(resolution > 0.0 && std::isfinite(resolution)))
@@ -139,41 +127,34 @@ struct Grid {
     if (!std::isfinite(x + y + z + yaw)) throw std::invalid_argument("the place of a grid must be finite");
     const StepLock lock;
     grid.x = x, grid.y = y, grid.z = z, grid.yaw = yaw, grid.resolution = resolution;
+    note_change();
   }
   void move(double time, double interval, double x, double y, double spin) {
     if (!std::isfinite(time + interval + x + y + spin)) throw std::invalid_argument("the motion of a grid must be finite");
     const StepLock lock;
     grid.track = {time, interval, x, y, spin};
+    note_change();
   }
   void show(double instant) {
     if (std::isnan(instant)) throw std::invalid_argument("the instant shown must be a number");
     const StepLock lock;
     grid.show(instant);
   }
-  // Sets the coefficient of friction of each sample (rows, columns), or a `uniform` one.
-  void set_friction(std::optional<Floats2> samples, double uniform) {
-    if (!(uniform >= 0.0 && std::isfinite(uniform))) throw std::invalid_argument("a coefficient of friction is zero or more");
-    if (samples && (samples->shape(0) != heights.shape(0) || samples->shape(1) != heights.shape(1)))
-      throw std::invalid_argument("friction must have the shape of heights");
-    if (samples) check_alignment(samples->data(), sizeof(float));
+  // Sets a layer of the material: samples (rows, columns), or a `uniform` number, NaN = not given.
+  void set_layer(int number, std::optional<Floats2> samples, double uniform) {
+    if (number < 0 || number >= LAYERS) throw std::invalid_argument("the layer must be one of Layer");
+    if (uniform < 0.0) throw std::invalid_argument("the number of a layer is zero or more");
+    if (samples) check_table(*samples, static_cast<std::size_t>(grid.rows), static_cast<std::size_t>(grid.columns), "a layer");
     const StepLock lock;
-    std::swap(friction, samples);  // the one before goes after the lock
-    grid.friction = friction ? friction->data() : nullptr;
-    grid.uniform_friction = uniform;
-    ++grid.revision;
-  }
-  // Sets the variances of fused heights (rows, columns) [m^2]; none = they are exact.
-  void set_variances(std::optional<Floats2> samples) {
-    if (samples) check_table(*samples, heights.shape(0), heights.shape(1), "variances");
-    const StepLock lock;
-    std::swap(variances, samples);
-    grid.variances = variances ? variances->data() : nullptr;
+    std::swap(layers[number], samples);  // the one before goes after the lock
+    grid.materials.layers[number] = {layers[number] ? layers[number]->data() : nullptr, uniform};
+    note_change();
   }
   void set_motion(int mode, double max_velocity, double settle, double noise, double smoothing) {
     const StepLock lock;
     grid.mode = mode_of(mode);
     grid.max_velocity = max_velocity, grid.settle = settle, grid.noise = noise, grid.smoothing = smoothing;
-    ++grid.revision;
+    note_change();
   }
 };
 

@@ -50,9 +50,11 @@ Lifts find_below(const Shapes& shapes, const Doubles2& states, const Slots& slot
   BodySolid body;
   Lifts lifts;
   for (std::size_t k = 0; k < slots.shape(0); ++k) {
-    bodies.place(slots.data()[k], body);
-    const Lift lift = lift_out(reader, body);
-    if (lift.is_below) lifts.emplace_back(slots.data()[k], lift.height, lift.velocity);
+    const std::int64_t slot = slots.data()[k];
+    const GroundPoint ground = ground_above(reader, Solid(bodies.shape(slot), bodies.states[slot].pose).centre);
+    if (std::isnan(ground.height)) continue;
+    bodies.place(slot, body);
+    lifts.emplace_back(slot, ground.height - body.lowest(), ground.velocity.z);
   }
   return lifts;
 }

@@ -12,7 +12,7 @@ constexpr std::size_t MOST_SLOTS = 1u << 24;
 // Largest reach of a body [m].
 constexpr double MOST_REACH = 1e7;
 
-// A body's id and colours of its marker.
+// Red, green, blue and alpha of a marker.
 using Colour = std::tuple<float, float, float, float>;
 
 struct Patches {
@@ -97,11 +97,11 @@ struct Patches {
     return array_of<std::int64_t, 1>(found, {found.size()});
   }
   // Returns the bytes of a MarkerArray: first a marker that deletes all if `clears`, then the patches of `slots` (n,) with
-  // their `ids` (n,), then markers that delete those of `gone` (m,).
+  // their `ids` (n,), `lift` [m] above the ground, then markers that delete those of `gone` (m,).
   nb::bytes markers(const Slots& slots, const Slots& ids, const Slots& gone, bool clears, std::tuple<std::int32_t, std::uint32_t> stamp,
-                    const std::string& frame, const std::string& ns, const Colour& colour) {
+                    const std::string& frame, const std::string& ns, const Colour& colour, double lift) {
     const auto [red, green, blue, alpha] = colour;
-    const MarkerStyle style{std::get<0>(stamp), std::get<1>(stamp), frame, ns, {red, green, blue, alpha}};
+    const MarkerStyle style{std::get<0>(stamp), std::get<1>(stamp), frame, ns, {red, green, blue, alpha}, finite(lift, "the lift")};
     const Slots1 shown = slots_below(slots, patches.size());
     check_list(ids, shown.size(), "ids"), check_list(gone, gone.shape(0), "gone");
     bytes_.start(static_cast<std::uint32_t>(clears + shown.size() + gone.shape(0)));
@@ -130,7 +130,7 @@ void add_patches(nb::module_& m) {
       .def("geometry", &Patches::geometry, "slots"_a.noconvert())
       .def("marker_revisions", &Patches::marker_revisions, "slots"_a.noconvert())
       .def("markers", &Patches::markers, "slots"_a.noconvert(), "ids"_a.noconvert(), "gone"_a.noconvert(), "clears"_a,
-           "stamp"_a, "frame"_a, "namespace"_a, "colour"_a);
+           "stamp"_a, "frame"_a, "namespace"_a, "colour"_a, "lift"_a);
 }
 
 }  // namespace smartmesh

@@ -34,7 +34,7 @@ void take_rectangle(Grid& grid, Pair first, Floats2 fresh, std::optional<Floats2
   if (given) check_table(*given, fresh.shape(0), fresh.shape(1), "velocities");
   const Region place = place_of(grid.grid, first, fresh);
   const StepLock lock;
-  take_heights(grid.grid, grid.arrays(place), place,
+  take_heights(grid.writable(place), place,
                {fresh.data(), given ? given->data() : nullptr, finite(time, "the time")},
                {std::get<0>(intervals), std::get<1>(intervals)});
 }
@@ -44,7 +44,7 @@ void correct(Grid& grid, Pair first, Floats2 known, double time) {
   const Region place = place_of(grid.grid, first, known);
   if (!(grid.grid.settle > 0.0)) throw std::invalid_argument("settle must be above zero");
   const StepLock lock;
-  take_corrected(grid.arrays(place), place, {known.data(), finite(time, "the time"), grid.grid.shown, grid.grid.settle});
+  take_corrected(grid.writable(place), place, {known.data(), finite(time, "the time"), grid.grid.shown, grid.grid.settle});
 }
 
 // Fuses the rectangle whose first sample is `first` with heights `measured` (h, w). `noises`: their variances (h, w), or

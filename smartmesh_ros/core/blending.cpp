@@ -32,10 +32,10 @@ void ShownGround::read(GridReader& reader, std::ptrdiff_t row, double* heights, 
   reader.read_row(r, c, count, heights), reader.read_rises(r, c, count, rises);
 }
 
-void ShownGround::write_deviations(const HeightGrid& grid, const MapArrays& map) const {
+void ShownGround::write_deviations(HeightGrid& map) const {
   const std::ptrdiff_t count = columns_.last - columns_.first;
   std::vector<double> heights(static_cast<std::size_t>(count)), rises(heights.size());
-  GridReader reader(grid, instant_, READ_OVER);
+  GridReader reader(map, instant_, READ_OVER);
   for (std::ptrdiff_t r = rows_.first; r < rows_.last; ++r) {
     float *offsets = map.offsets + r * map.columns, *rates = map.rates + r * map.columns;
     std::fill(offsets + columns_.first, offsets + columns_.last, 0.0f);
@@ -44,13 +44,13 @@ void ShownGround::write_deviations(const HeightGrid& grid, const MapArrays& map)
     const double *shown = &heights_[(r - rows_.first) * count], *shown_rise = &rises_[(r - rows_.first) * count];
     for (std::ptrdiff_t c = columns_.first, end; c < columns_.last; c = end) {
       end = std::min(block_span(c >> BLOCK_SHIFT, map.columns).last, columns_.last);
-      const Clock& clock = grid.clock(static_cast<int>(r), static_cast<int>(c));
+      const Clock& clock = map.clock(static_cast<int>(r), static_cast<int>(c));
       if (clock.known == 0) continue;
       const float* newest = map.velocities + (clock.newest * map.rows + r) * map.columns;
       for (std::ptrdiff_t i = c; i < end; ++i) {
         const std::ptrdiff_t k = i - columns_.first;
         const double offset = shown[k] - heights[k], rate = (shown_rise[k] - rises[k]) * (1.0 / READ_OVER);
-        const bool moves = (std::abs(static_cast<double>(newest[i])) <= grid.max_velocity) & (offset == offset);
+        const bool moves = (std::abs(static_cast<double>(newest[i])) <= map.max_velocity) & (offset == offset);
         offsets[i] = moves ? static_cast<float>(offset) : 0.0f;
         rates[i] = moves ? static_cast<float>(rate) : 0.0f;
       }

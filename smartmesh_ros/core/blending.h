@@ -7,7 +7,7 @@
 
 #include <vector>
 
-#include "map_arrays.h"
+#include "map_region.h"
 
 namespace smartmesh {
 
@@ -27,7 +27,7 @@ class ShownGround {
   ShownGround(const HeightGrid& grid, const Span& rows, const Span& columns, double instant);
 
   // Writes the deviations from the motion after the update. Samples that are or were holes, or jumped, do not blend.
-  void write_deviations(const HeightGrid& grid, const MapArrays& map) const;
+  void write_deviations(HeightGrid& map) const;
 
  private:
   void read(GridReader& reader, std::ptrdiff_t row, double* heights, double* rises) const;

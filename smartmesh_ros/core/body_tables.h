@@ -35,11 +35,13 @@ struct Bodies {
   Bodies(const Shapes& shapes, const Doubles2& states_s)
       : table(shapes.table), states(records_of<BodyState>(states_s, "states")),
         count(static_cast<std::int64_t>(states_s.shape(0))) {}
-  void place(std::int64_t slot, BodySolid& placed) const {
+  const Shape& shape(std::int64_t slot) const {
     require(slot >= 0 && slot < table.shape_count && slot < count, "a slot has no shape or no state");
-    const Shape& shape = table.shapes[slot];
-    require(table.has_all_of(shape), "a shape names parts or vertices that are not there");
-    place_shape(table, shape, states[slot].pose, placed);
+    return table.shapes[slot];
+  }
+  void place(std::int64_t slot, BodySolid& placed) const {
+    require(table.has_all_of(shape(slot)), "a shape names parts or vertices that are not there");
+    place_shape(table, shape(slot), states[slot].pose, placed);
   }
 };
 

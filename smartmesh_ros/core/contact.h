@@ -6,18 +6,19 @@
 #pragma once
 
 #include "convex.h"
+#include "material.h"
 #include "patch.h"
 
 namespace smartmesh {
 
 // Contact point. `point`: on the ground [m]. `normal`: unit, from the ground into the body. `distance` [m]: negative
-// inside the ground. `body_feature`, `ground_feature`: names of the two features, equal from step to step. `friction`:
-// coefficient of the ground there. `ground`: motion of the ground there, mean over the step.
+// inside the ground. `body_feature`, `ground_feature`: names of the two features, equal from step to step. `material`,
+// `ground`: material of the ground there, and its motion, mean over the step.
 struct Contact {
   Vec3 point, normal;
   double distance;
   int body_feature, ground_feature;
-  double friction = 1.0;
+  Material material{};
   GroundMotion ground{};
 };
 

@@ -50,7 +50,7 @@ ContactRow row_of(const Contact& contact, const Approach& approach, const BodySu
   const double dt = approach.duration, stiffness = body.stiffness;
   ContactRow row;
   row.at = contact.point;
-  const double bounce = bounce_of(contact, approach, body.restitution, solver.slowest_bounce);
+  const double bounce = bounce_of(contact, approach, body.restitution * contact.material.restitution, solver.slowest_bounce);
   const double distance = bounce > 0.0 ? std::min(0.0, contact.distance) : contact.distance;
   row.speed = dot(contact.normal, contact.ground.velocity) + bounce;
   // Of a spring, the force is that of its depth and its speed at the end of the step.
@@ -64,7 +64,7 @@ ContactRow row_of(const Contact& contact, const Approach& approach, const BodySu
     row.softness = std::max(row.softness, 1.0 / body.mass);
   }
   row.friction = body.friction;
-  row.friction.sliding *= contact.friction;
+  row.friction.sliding *= contact.material.friction;
   return row;
 }
 
@@ -96,6 +96,23 @@ void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<
     if (const Vec3 tilts = unit(cross(contact.normal, axis)); is_round) turns = tilts * dot(turns, tilts);
     const Vec3 on_core = contact.point + contact.normal * (contact.distance + shape.rounding);
     rows[k].at = contact.point + cross(turns, on_core - approach.centre) * (0.5 * approach.duration);
+  }
+}
+
+void resist_rolling(const std::vector<Contact>& contacts, const Approach& approach, const Vec3& pull,
+                    std::vector<ContactRow>& rows) {
+  for (std::size_t k = 0; k < contacts.size(); ++k) {
+    const Contact& contact = contacts[k];
+    const Vec3 arm = approach.centre - contact.point;
+    const double radius = dot(arm, contact.normal), most = contact.material.rolling * radius;
+    if (!(most > 0.0)) continue;
+    const Vec3 rolls = cross(approach.angular, arm) + pull, along = rolls - contact.normal * dot(rolls, contact.normal);
+    const double speed = norm(along), falls = -dot(approach.gravity, contact.normal) * approach.duration;
+    if (!(speed > 0.0)) continue;
+    // What carries the weight of the body there stops it in the step.
+    const Vec3 ahead = along * ((falls > 0.0 ? std::min(most, radius * speed / falls) : most) / speed);
+    rows[k].at = rows[k].at + ahead;
+    rows[k].speed += dot(contact.normal, cross(approach.angular, ahead));
   }
 }
 

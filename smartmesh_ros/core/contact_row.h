@@ -55,6 +55,12 @@ Vec3 surface_velocity(const Vec3& belt, const Vec3& normal);
 void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<Contact>& contacts,
                        const Approach& approach, std::vector<ContactRow>& rows);
 
+// Moves the places of the rows of contacts that resist rolling ahead, by the coefficient times the radius, as the middle
+// of the pressures under a wheel does. `pull`: what gravity and applied forces add to the velocity of the body in the step
+// [m/s]. A body that rolls slowly, or would begin to, is held.
+void resist_rolling(const std::vector<Contact>& contacts, const Approach& approach, const Vec3& pull,
+                    std::vector<ContactRow>& rows);
+
 // What gravity and applied forces add to the velocity of a body in this step and in the last one [m/s], and its mass [kg].
 struct Pull {
   Vec3 now, before;

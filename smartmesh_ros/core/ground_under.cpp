@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "map_arrays.h"
+#include "map_region.h"
 #include "window.h"
 
 namespace smartmesh {
@@ -41,7 +41,7 @@ void add_ground_under(const HeightGrid& grid, double time, const Bounds& box, Gr
       const int row = static_cast<int>(r), column = static_cast<int>(c);
       const double height = reader.height(row, column);
       found.heights.push_back(std::isnan(height) ? HOLE : height);
-      found.friction.push_back(grid.friction_of(row, column));
+      found.materials.push_back(grid.material_of(row, column));
       found.variances.push_back(variance_of(grid, grid.index(row, column)));
     }
   }
@@ -68,7 +68,7 @@ void Updates::add(const BlockUnder& block, double time) {
 
 bool differs(const GroundUnder& before, const GroundUnder& now, const Tolerance& tolerance) {
   if (before.slides || now.slides || before.heights.size() != now.heights.size()) return true;
-  if (before.friction != now.friction || before.vertices.size() != now.vertices.size()) return true;
+  if (!(before.materials == now.materials) || before.vertices.size() != now.vertices.size()) return true;
   for (std::size_t k = 0; k < now.vertices.size(); ++k)
     if (std::abs(now.vertices[k] - before.vertices[k]) > tolerance.change) return true;
   for (std::size_t k = 0; k < now.heights.size(); ++k) {

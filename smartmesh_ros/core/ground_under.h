@@ -8,14 +8,15 @@
 
 namespace smartmesh {
 
-// Ground inside the bounds of a body. `heights` [m] and `friction` of the samples of height maps, whose `variances` [m^2]
-// are negative where a map is not fused, and the coordinates of the vertices of meshes [m]. `slides`: it moves horizontally.
+// Ground inside the bounds of a body. `heights` [m] and `materials` of the samples of height maps, whose `variances`
+// [m^2] are negative where a map is not fused, and the coordinates of the vertices of meshes [m]. `slides`: it moves horizontally.
 struct GroundUnder {
-  std::vector<double> heights, friction, vertices;
+  std::vector<double> heights, vertices;
+  std::vector<Material> materials;
   std::vector<float> variances;
   bool slides = false;
 
-  void clear() { heights.clear(), friction.clear(), vertices.clear(), variances.clear(), slides = false; }
+  void clear() { heights.clear(), materials.clear(), vertices.clear(), variances.clear(), slides = false; }
 };
 
 // Adds the samples of a map at `time` [s] around a box.

@@ -38,14 +38,6 @@ bool HeightGrid::moves(double time) const {
   return false;
 }
 
-double HeightGrid::lifetime() const {
-  double newest = -std::numeric_limits<double>::infinity(), longest = track.interval;
-  for (int k = 0; k < blocks(); ++k) newest = std::max(newest, clocks[k].time);
-  for (int k = 0; k < blocks(); ++k)
-    if (goes_on(newest, clocks[k].time, clocks[k].lifetime, clocks[k].delay)) longest = std::max(longest, clocks[k].lifetime);
-  return longest;
-}
-
 double remaining(const Clock& clock, double shown, double settle) {
   const double elapsed = shown - clock.middle;
   if (!(elapsed < settle)) return 0.0;
@@ -57,7 +49,7 @@ void HeightGrid::show(double instant) {
     return remaining(clock, shown, settle) != remaining(clock, instant, settle);
   });
   shown = instant;
-  if (changes) ++revision;
+  if (changes) revision = next_revision();
 }
 
 void GridReader::enter(const Clock& clock) {

@@ -5,7 +5,9 @@
 #include <cstddef>
 #include <limits>
 
+#include "material.h"
 #include "motion.h"
+#include "revision.h"
 #include "vec3.h"
 
 namespace smartmesh {
@@ -54,7 +56,7 @@ struct Sample {
   double height, rise;
 };
 
-// Samples of a height map and their motion; the arrays belong to Python.
+// Samples of a height map and their motion; the arrays are in a MapMemory.
 //
 // `heights` (rows, columns) [m], NaN = hole. `velocities` (KEPT, rows, columns) [m/s]: a ring buffer, whose newest index is
 // in the clock of each block. `offsets` (rows, columns) [m]: old minus new heights of corrections; of other ground, the
@@ -62,34 +64,28 @@ struct Sample {
 // of its velocity, see Blend. `clocks`: one for each block. `x`, `y`, `z` [m]: position of sample (0, 0) at the last map; z is added to every height. `yaw` [rad]: of the grid.
 // `max_velocity` [m/s], `settle` [s]: see MotionConfig in terrain/motion.py. `noise` [m]: standard deviation of the heights
 // for the estimation of velocities. `smoothing` [map intervals]: see MotionConfig. `shown` [s]: instant up to which the
-// ground was shown to bodies, infinity before; corrections are blended in up to then. `friction` (rows,
-// columns): coefficient of each sample, NaN = 1; null: `uniform_friction` everywhere. `variances` (rows, columns) [m^2]: of
-// fused heights; null: exact.
+// ground was shown to bodies, infinity before; corrections are blended in up to then. `variances` (rows,
+// columns) [m^2]: of fused heights; null: exact.
 struct HeightGrid {
-  const float* heights = nullptr;
-  const float* velocities = nullptr;
-  const float* offsets = nullptr;
-  const float* rates = nullptr;
-  const Clock* clocks = nullptr;
-  const float* friction = nullptr;
+  float* heights = nullptr;
+  float* velocities = nullptr;
+  float* offsets = nullptr;
+  float* rates = nullptr;
+  Clock* clocks = nullptr;
   const float* variances = nullptr;
-  double uniform_friction = 1.0;
+  MaterialLayers materials;
   int rows = 0, columns = 0, block_columns = 0;
   double x = 0.0, y = 0.0, z = 0.0, yaw = 0.0, resolution = 1.0;
   Mode mode = Mode::Extrapolate;
   double max_velocity = 0.0, settle = 0.0, noise = 0.0, smoothing = 0.0;
   double shown = std::numeric_limits<double>::infinity();
   GridTrack track;
-  long revision = 0;  // grows with every change
+  long revision = next_revision();  // changes with every update, with the settings, and with what is shown
 
   std::size_t index(int row, int column) const {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(column);
   }
-  bool has_friction() const { return friction != nullptr || uniform_friction != 1.0; }
-  double friction_of(int row, int column) const {
-    const double found = friction == nullptr ? uniform_friction : friction[index(row, column)];
-    return std::isnan(found) ? 1.0 : found;
-  }
+  Material material_of(int row, int column) const { return materials.at(index(row, column)); }
   bool has(int row, int column) const { return row >= 0 && column >= 0 && row < rows && column < columns; }
   int blocks() const { return ((rows + (1 << BLOCK_SHIFT) - 1) >> BLOCK_SHIFT) * block_columns; }
   const Clock& clock(int row, int column) const {
@@ -105,8 +101,6 @@ struct HeightGrid {
 
   // Returns true if any sample may move at `time` [s].
   bool moves(double time) const;
-  // Returns the expected time between maps of ground that moves [s]; 0 = no map expected.
-  double lifetime() const;
 };
 
 // Reads samples of one grid at `time` [s] and their rise within the time `ahead` [s]. It keeps the phase of the last

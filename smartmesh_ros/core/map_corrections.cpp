@@ -33,7 +33,7 @@ void set(float* heights, float* offsets, const float* known, std::ptrdiff_t coun
 }
 
 // Writes the part of a row that is in one block, of whose correction before a share `left` is not blended in.
-void correct_part(const MapArrays& map, const Region& place, const NewEstimate& estimate, std::ptrdiff_t row,
+void correct_part(HeightGrid& map, const Region& place, const NewEstimate& estimate, std::ptrdiff_t row,
                   const Span& columns, float left) {
   float *heights = map.heights + row * map.columns, *offsets = map.offsets + row * map.columns;
   const Span inside = place.has_row(row) ? columns.within(place.left, place.right) : Span{columns.last, columns.last};
@@ -48,7 +48,7 @@ void correct_part(const MapArrays& map, const Region& place, const NewEstimate& 
 
 }  // namespace
 
-void take_corrected(const MapArrays& map, const Region& place, const NewEstimate& estimate) {
+void take_corrected(HeightGrid& map, const Region& place, const NewEstimate& estimate) {
   const Span down = blocks_of({place.top, place.bottom}), along = blocks_of({place.left, place.right});
   for (std::ptrdiff_t block_row = down.first; block_row < down.last; ++block_row) {
     Clock* clocks = map.clocks + block_row * map.block_columns;
@@ -63,6 +63,7 @@ void take_corrected(const MapArrays& map, const Region& place, const NewEstimate
       ++clocks[k].updates;
     }
   }
+  map.revision = next_revision();
 }
 
 }  // namespace smartmesh

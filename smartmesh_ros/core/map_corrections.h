@@ -1,7 +1,7 @@
 // Corrections of static ground: new estimates of its heights, blended in over a short time.
 #pragma once
 
-#include "map_arrays.h"
+#include "map_region.h"
 
 namespace smartmesh {
 
@@ -14,6 +14,6 @@ struct NewEstimate {
 
 // Writes a new estimate to a `place` of a map. The offsets are set so that the shown heights do not jump. A filled hole
 // takes the offset of the sample before it in its row, because a different offset would be a spike.
-void take_corrected(const MapArrays& map, const Region& place, const NewEstimate& estimate);
+void take_corrected(HeightGrid& map, const Region& place, const NewEstimate& estimate);
 
 }  // namespace smartmesh

@@ -18,7 +18,7 @@ struct BlockUpdate {
 };
 
 // Notes the update in the clocks of one row of blocks.
-void note_blocks(const MapArrays& map, const Region& place, const NewSamples& samples, const Intervals& intervals,
+void note_blocks(HeightGrid& map, const Region& place, const NewSamples& samples, const Intervals& intervals,
                  std::ptrdiff_t block_row, std::vector<BlockUpdate>& blocks) {
   blocks.clear();
   const Span rows = block_span(block_row, map.rows), touched = blocks_of({place.left, place.right});
@@ -66,7 +66,7 @@ void write(float* velocities, float* heights, const float* fresh, const float* g
 }
 
 // Writes the part of a row that is in one block.
-void take_part(const MapArrays& map, const Region& place, const NewSamples& samples, std::ptrdiff_t row,
+void take_part(HeightGrid& map, const Region& place, const NewSamples& samples, std::ptrdiff_t row,
                const BlockUpdate& block) {
   float* velocities = map.velocities + (block.slot * map.rows + row) * map.columns;
   if (!place.has_row(row)) return rest(velocities, block.columns, block);
@@ -80,23 +80,23 @@ void take_part(const MapArrays& map, const Region& place, const NewSamples& samp
 
 }  // namespace
 
-void take_heights(const HeightGrid& grid, const MapArrays& map, const Region& place, const NewSamples& samples,
-                  const Intervals& intervals) {
+void take_heights(HeightGrid& map, const Region& place, const NewSamples& samples, const Intervals& intervals) {
   std::vector<BlockUpdate> blocks;
   const Span touched = blocks_of({place.top, place.bottom}), along = blocks_of({place.left, place.right});
   const Span columns = {along.first << BLOCK_SHIFT, block_span(along.last - 1, map.columns).last};
-  const double instant = instant_of_update(samples.time, map.clocks[0].delay, grid.shown, intervals.most);
+  const double instant = instant_of_update(samples.time, map.clocks[0].delay, map.shown, intervals.most);
   for (std::ptrdiff_t block_row = touched.first; block_row < touched.last; ++block_row) {
     const Span rows = block_span(block_row, map.rows);
     std::optional<ShownGround> shown;
-    if (grid.blends()) shown.emplace(grid, rows, columns, instant);
+    if (map.blends()) shown.emplace(map, rows, columns, instant);
     note_blocks(map, place, samples, intervals, block_row, blocks);
     for (std::ptrdiff_t row = rows.first; row < rows.last; ++row)  // in the order of memory
       for (const BlockUpdate& block : blocks) take_part(map, place, samples, row, block);
     for (std::ptrdiff_t k = along.first; k < along.last; ++k)
-      set_blend(map.clocks[block_row * map.block_columns + k], instant, grid.mode, grid.smoothing);
-    if (shown) shown->write_deviations(grid, map);
+      set_blend(map.clocks[block_row * map.block_columns + k], instant, map.mode, map.smoothing);
+    if (shown) shown->write_deviations(map);
   }
+  map.revision = next_revision();
 }
 
 }  // namespace smartmesh

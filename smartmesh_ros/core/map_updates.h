@@ -2,7 +2,7 @@
 #pragma once
 
 #include "clock_updates.h"
-#include "map_arrays.h"
+#include "map_region.h"
 
 namespace smartmesh {
 
@@ -13,11 +13,10 @@ struct NewSamples {
   double time;
 };
 
-// Writes new samples to a `place` of a map, whose arrays `map` are those that `grid` reads. Velocities are difference
+// Writes new samples to a `place` of a map. Velocities are difference
 // quotients, or given. They are written to the ring buffer; other samples of the touched blocks are at rest for that
 // interval. An update of a part of a block less than `intervals.least` after the last one corrects it. An update so soon, or
 // soon compared to the intervals before, is merged: the newest velocity then is the mean over both intervals.
-void take_heights(const HeightGrid& grid, const MapArrays& map, const Region& place, const NewSamples& samples,
-                  const Intervals& intervals);
+void take_heights(HeightGrid& map, const Region& place, const NewSamples& samples, const Intervals& intervals);
 
 }  // namespace smartmesh

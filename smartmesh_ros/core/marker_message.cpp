@@ -36,7 +36,7 @@ void put_marker(const MarkerStyle& style, std::int32_t id, MarkerAction action, 
   put_header(style, bytes);
   bytes.put(style.ns);
   bytes.put(id), bytes.put(TRIANGLE_LIST), bytes.put(static_cast<std::int32_t>(action));
-  bytes.put(Vec3{}), bytes.put(Vec3{}), bytes.put(1.0);  // pose
+  bytes.put(Vec3{0.0, 0.0, patch == nullptr ? 0.0 : style.lift}), bytes.put(Vec3{}), bytes.put(1.0);  // pose
   bytes.put(Vec3{1.0, 1.0, 1.0});                        // scale
   for (float part : style.colour) bytes.put(part);
   bytes.put(std::int32_t{0}), bytes.put(std::uint32_t{0});  // lifetime

@@ -9,12 +9,13 @@
 
 namespace smartmesh {
 
-// What all markers of a message share. `colour`: red, green, blue, alpha.
+// What all markers of a message share. `colour`: red, green, blue, alpha. `lift` [m]: height of markers above their points.
 struct MarkerStyle {
   std::int32_t sec;
   std::uint32_t nanosec;
   std::string frame, ns;
   float colour[4];
+  double lift;
 };
 
 // Writes numbers in little-endian CDR: each is aligned to its size, counted from the end of the 4-byte header.

@@ -14,15 +14,13 @@ constexpr int INTERVALS_KEPT = 10;
 // As in terrain/motion.py; Correct is the last.
 enum class Mode : int { Hold, Extrapolate, Interpolate, Correct };
 
-// Update times of a block of samples, with the layout of the NumPy type CLOCK in terrain/motion.py, which explains the
-// fields.
+// Update times of a block of samples; CLOCK in terrain/motion.py, made from this, explains the fields.
 struct Clock {
   double time, opened, lifetime, delay, middle, middle_1, middle_2, since, until;
   std::int64_t known, newest;
   double intervals[INTERVALS_KEPT];
   std::int64_t count, updates;
 };
-static_assert(sizeof(Clock) == 184, "the layout of CLOCK in terrain/motion.py");
 
 // Age of the last map at which the ground is at rest at the map's heights, as a multiple of the age at which the next map
 // is expected: three times LATE_AFTER.

@@ -15,7 +15,7 @@ inline bool is_primitive(ShapeKind kind) {
   return kind == ShapeKind::Box || kind == ShapeKind::Ball || kind == ShapeKind::Cylinder || kind == ShapeKind::Capsule;
 }
 
-// A shape, with the layout of the NumPy type SHAPE in patches/shapes.py, which explains the fields.
+// A shape; SHAPE in patches/shapes.py, made from this, explains the fields.
 struct Shape {
   ShapeKind kind = ShapeKind::Ball;
   Vec3 half;
@@ -32,6 +32,5 @@ struct Shape {
     return half.x * std::abs(d.x) + half.y * std::abs(d.y) + half.z * std::abs(d.z) + rounding;
   }
 };
-static_assert(sizeof(Shape) == 128, "the layout of SHAPE in patches/shapes.py");
 
 }  // namespace smartmesh

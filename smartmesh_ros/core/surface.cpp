@@ -85,8 +85,8 @@ long Surface::revision() const {
   return sum;
 }
 
-bool Surface::has_friction() const {
-  return std::any_of(tiles_.begin(), tiles_.end(), [](const HeightGrid* grid) { return grid->has_friction(); });
+bool Surface::has_material() const {
+  return std::any_of(tiles_.begin(), tiles_.end(), [](const HeightGrid* grid) { return grid->materials.is_given(); });
 }
 
 bool Surface::moves(double time) const {

@@ -67,8 +67,8 @@ class Surface {
   long revision() const;
   // Returns a number that grows when the surface gets other tiles.
   long layout() const { return layout_; }
-  // Returns true if any height map has a coefficient of friction.
-  bool has_friction() const;
+  // Returns true if any height map has a material.
+  bool has_material() const;
   // Returns true if any ground may move at `time` [s].
   bool moves(double time) const;
   // Finds the ground inside `bounds` at `time` [s], and the blocks of samples there, which are known until the surface gets

@@ -115,7 +115,7 @@ GroundPoint TileReader::bridged(double x, double y) {
   return sides < 2 ? GroundPoint{NONE, {}} : GroundPoint{sum.height / weights, sum.velocity * (1.0 / weights)};
 }
 
-double TileReader::friction(double x, double y) const {
+Material TileReader::material(double x, double y) const {
   for (const Tile& tile : tiles_) {
     const HeightGrid& grid = *tile.grid;
     const GridPoint place = tile.place(x, y);
@@ -123,9 +123,9 @@ double TileReader::friction(double x, double y) const {
     const GridPoint inside = clamped(grid, place);
     const int row = static_cast<int>(std::lround(inside.row)), column = static_cast<int>(std::lround(inside.column));
     if (std::isnan(grid.heights[grid.index(row, column)])) continue;
-    return grid.friction_of(row, column);
+    return grid.material_of(row, column);
   }
-  return 1.0;
+  return {};
 }
 
 bool TileReader::continues(std::size_t number, double x, double y) {

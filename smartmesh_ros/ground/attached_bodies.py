@@ -170,7 +170,7 @@ class AttachedBodies:
         are at rest."""
         followers = self.followers
         slots = np.array([followers.of(body)[0] for body in bodies], np.int64)
-        jumps = np.linalg.norm(states[:, :3] - followers.positions_w[slots], axis=1)
+        jumps = np.linalg.norm(states[:, :3] - followers.states[slots, :3], axis=1)
         active = slots[states[:, 7:13].any(axis=1) | ~(jumps <= followers.radii[slots])]
         self.contacts.wake(active.tolist())
 

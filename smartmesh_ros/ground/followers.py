@@ -89,9 +89,8 @@ class Followers:
     """The attached bodies and links by slot; iteration is over those in use, by slot.
 
     Arrays with a row for each slot: ``table``, records of ``FOLLOWER``; ``bodies``, PyBullet bodies; ``radii``, about
-    the centres of mass [m]; ``states`` (S, 13) at the last update; ``positions_w`` (S, 3) before the current step [m];
-    ``moved_w`` (S, 3), motion in one step [m]. ``shape_table``: their shapes; ``tables``: what others know of a slot.
-    ``epoch`` changes when a follower is added or removed.
+    the centres of mass [m]; ``states`` (S, 13) before the current step. ``shape_table``: their shapes; ``tables``: what
+    others know of a slot. ``epoch`` changes when a follower is added or removed.
     """
 
     def __init__(self) -> None:
@@ -99,7 +98,6 @@ class Followers:
         self.table: Any = np.zeros(0, FOLLOWER)
         self.shape_table = ShapeTable()
         self.states = np.empty((0, BODY_COLUMNS))
-        self.positions_w, self.moved_w = np.empty((0, 3)), np.empty((0, 3))
         self.radii: FloatArray = np.empty(0)
         self.bodies: IntArray = np.empty(0, np.int64)
         self.tables: list[SlotTables] = []
@@ -156,7 +154,7 @@ class Followers:
         self.table[slot] = (True, True, follower.solid, own, False)
         self.shape_table.put(slot, follower.shape)
         self.radii[slot], self.bodies[slot] = follower.radius, follower.body
-        self.states[slot], self.positions_w[slot], self.moved_w[slot] = np.nan, np.nan, 0.0
+        self.states[slot] = np.nan
         self._changed()
 
     def set_owner(self, slot: int, *, own: bool, remote: bool) -> None:
@@ -175,7 +173,7 @@ class Followers:
             del self._slots[self[slot].body]
         self._items[slot] = None
         self.table[slot] = False
-        self.states[slot] = self.positions_w[slot] = np.nan
+        self.states[slot] = np.nan
         self._unused.append(slot)
         self._changed()
 
@@ -191,15 +189,19 @@ class Followers:
         """Return True if no surface of a PyBullet body or of its links is driven."""
         return not any(self[slot].belt.speed for slot in self.of(body))
 
-    def note_places(self, slots: IntArray, states: FloatArray, dt: float) -> None:
-        """Note where followers with ``states`` (n, 13) are before a step of ``dt`` [s], and how far they move in it."""
-        self.positions_w[slots] = states[:, :3]
-        self.moved_w[slots] = states[:, 7:10] * dt
+    @property
+    def positions_w(self) -> FloatArray:
+        """Positions (S, 3) before the current step [m]."""
+        return np.ascontiguousarray(self.states[:, :3])
+
+    @property
+    def velocities_w(self) -> FloatArray:
+        """Velocities (S, 3) before the current step [m/s], zero for sleeping followers."""
+        return np.where(self.table["awake"][:, None], self.states[:, 7:10], 0.0)
 
     def set_asleep(self, asleep: BoolArray) -> None:
         """Note which followers sleep (S,), and do not move."""
         self.table["awake"] = self.table["alive"] & ~asleep
-        self.moved_w[asleep] = 0.0
         self._note_wakes()
 
     @cached_property
@@ -222,11 +224,6 @@ class Followers:
         """Slots of the followers that are awake and may be lifted out of the ground."""
         return np.flatnonzero(self.table["awake"] & self.table["solid"] & self.table["own"])
 
-    @property
-    def has_remote(self) -> bool:
-        """True if another node simulates any of the followers."""
-        return bool(self.table["remote"].any())
-
     @cached_property
     def tracked(self) -> IntArray:
         """Slots of the followers without colliders."""
@@ -247,7 +244,5 @@ class Followers:
         self.radii = with_rows(self.radii, slots, 0.0)
         self.bodies = with_rows(self.bodies, slots, -1)
         self.states = with_rows(self.states, slots, np.nan)
-        self.positions_w = with_rows(self.positions_w, slots, np.nan)
-        self.moved_w = with_rows(self.moved_w, slots, 0.0)
         for table in self.tables:
             table.grow(self.capacity)

@@ -70,17 +70,17 @@ class Ground(SavedBodies):
             contacts.settle(self._may_sleep)
             corrections = show_corrections(self.terrain, time)
             if corrections and len(followers):
-                contacts.read(followers.states, 0.0)
+                contacts.read(followers.states)
                 move_with_corrections(self._client, corrections, followers, contacts.touching(), time)
-            contacts.read(followers.states, dt)
-            self.rescue(time, dt)
+            contacts.read(followers.states)
+            self.rescue(time)
         if self.soil is not None and not 0.0 <= time - self._printed < PRINT_PERIOD:
             self._printed = time
             self.soil.show()
         if self._shown is not None:
             self._shown.refresh(time)
 
-    def rescue(self, time: float, dt: float) -> None:
+    def rescue(self, time: float) -> None:
         """Put bodies that are below the ground at ``time`` [s] back onto it: that were spawned or teleported there,
         covered by a map, or pushed there by another body. This is the last resort, and its ``rescues`` are counted."""
         lifted = _put_back(self._client, self.followers, self.below(self.followers.guarded, time))
@@ -88,7 +88,7 @@ class Ground(SavedBodies):
         for body in lifted:
             self.wake(body)
         if lifted:
-            self.contacts.read(self.followers.states, dt)
+            self.contacts.read(self.followers.states)
 
     def find_patches(self, time: float) -> ShownPatches:
         """Return the patches of the bodies as they are now, on the ground at ``time`` [s]."""

@@ -246,11 +246,9 @@ class MapContacts:
         """Return True if a PyBullet body is a proxy."""
         return body in self._proxies
 
-    def read(self, states: FloatArray, dt: float) -> None:
-        """Read the awake followers into ``states`` (S, 13), and note their places before a step of ``dt`` [s]."""
-        awake = self._followers.awake
-        self._core.read(awake, states)
-        self._followers.note_places(awake, states[awake], dt)
+    def read(self, states: FloatArray) -> None:
+        """Read the awake followers into ``states`` (S, 13)."""
+        self._core.read(self._followers.awake, states)
 
     def states_of(self, slots: IntArray) -> FloatArray:
         """Return the states (n, 13) of followers, asleep or not, as they are now; NaN for bodies that are gone."""

@@ -85,11 +85,12 @@ class ShownPatches:
 
     def markers(
         self, slots: IntArray, ids: IntArray, gone: IntArray, stamp: tuple[int, int], frame: str, namespace: str,
-        colour: tuple[float, float, float, float], *, clear: bool = False,
+        colour: tuple[float, float, float, float], lift: float, *, clear: bool = False,
     ) -> bytes:  # fmt: skip
         """Return the bytes of a MarkerArray: the triangles in reach of the bodies in ``slots`` (n,) under their ``ids``
-        (n,), and the end of markers with the ids ``gone`` (m,). ``clear``: all other markers of the namespace end."""
-        made: bytes = self._core.markers(slots, ids, gone, clear, stamp, frame, namespace, colour)
+        (n,), ``lift`` [m] above the ground, and the end of markers with the ids ``gone`` (m,). ``clear``: all other
+        markers of the namespace end."""
+        made: bytes = self._core.markers(slots, ids, gone, clear, stamp, frame, namespace, colour, lift)
         return made
 
     def marker_revisions(self) -> IntArray:

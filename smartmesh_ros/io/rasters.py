@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.checked_heights import MOST_SOILS, unmasked
+from smartmesh_ros.terrain.checked_heights import unmasked
 from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.material import MOST_SOILS, Material, require_layer
 
 FloatGrid = NDArray[np.float32]
 FirstRow = Literal["top", "bottom"]
@@ -28,15 +29,13 @@ MAX_CONDITION = 1e12
 
 
 class Raster(NamedTuple):
-    """Geometry of a surface, its heights (rows, columns) [m], NaN = no ground, their variances [m^2] or None; the
-    ground's coefficients of friction: one, those of the samples (NaN = 1), or None = unknown; and the places of its
-    soils in a list (rows, columns), or None = unknown."""
+    """Geometry of a surface, its heights (rows, columns) [m], NaN = no ground, their variances [m^2] or None, and what
+    is known of the material of the ground."""
 
     geometry: GridGeometry
     heights: FloatGrid
     variances: FloatGrid | None = None
-    friction: float | FloatGrid | None = None
-    soil: NDArray[np.uint8] | None = None
+    material: Material = Material()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,17 +43,16 @@ class RasterConfig:
     """Conversion of values to heights, ``scale`` x value + ``offset`` [m], and position of images and plain files.
 
     ``layer``: layer of a grid map with the heights. ``variance_layer``: layer with their variances [m^2 before
-    scaling], empty = none. ``friction_layer``: layer with the ground's coefficients of friction (NaN = 1), empty =
-    none. ``soil_layer``: layer with the places of soils in a list (NaN = 0), empty = none. ``resolution`` [m],
-    ``origin`` (x, y, z) [m] of the sample in the bottom left corner, and ``yaw`` [rad]: of images and plain files.
+    scaling], empty = none. ``material_layers``: those of the ground's material, as "friction=slip" for the friction in
+    the layer slip, or "friction" if it has the same name. ``resolution`` [m], ``origin`` (x, y, z) [m] of the sample in
+    the bottom left corner, and ``yaw`` [rad]: of images and plain files.
     ``first_row``: their first row is at the top (the largest y) or at the bottom. ``zero_is_hole``: zero means no
     ground in images and plain files.
     """
 
     layer: str = "elevation"
     variance_layer: str = ""
-    friction_layer: str = ""
-    soil_layer: str = ""
+    material_layers: tuple[str, ...] = ()
     scale: float = 1.0
     offset: float = 0.0
     resolution: float = 0.1
@@ -69,6 +67,15 @@ class RasterConfig:
                 raise InputError("parameter", f"{name} is {getattr(self, name)}; it must be a finite number")
         if len(self.origin) != 3 or not all(math.isfinite(value) for value in self.origin):
             raise InputError("parameter", f"the origin is {self.origin}; it must be three finite numbers [m]")
+        for entry in self.material_layers:
+            require_layer(entry.split("=")[0])
+        if len(self.layers) < len(self.material_layers):
+            raise InputError("layer", f"the layers of the material are {self.material_layers}; give each once")
+
+    @property
+    def layers(self) -> dict[str, str]:
+        """Layers of a grid map by those of the material that they hold."""
+        return {name: layer or name for name, _, layer in (entry.partition("=") for entry in self.material_layers)}
 
 
 def scaled(values: NDArray[Any], config: RasterConfig) -> FloatGrid:
@@ -112,11 +119,10 @@ def from_grid_map(
     resolution: float,
     config: RasterConfig,
     variances: NDArray[Any] | None = None,
-    friction: NDArray[Any] | None = None,
-    soil: NDArray[Any] | None = None,
+    material: Material | None = None,
 ) -> Raster:
-    """Return a layer ``cells`` (along -x, along -y) of a grid map as a raster, optionally with ``variances``,
-    ``friction`` and ``soil``.
+    """Return a layer ``cells`` (along -x, along -y) of a grid map as a raster, optionally with ``variances`` and a
+    ``material``, whose layers are such cells.
 
     A grid map is a circular buffer: ``start`` is the index of its first cell in space, and scrolling moves ``start``
     instead of the cells. ``centre`` (x, y) [m]: middle of the map. Heights belong to the centres of cells.
@@ -130,12 +136,14 @@ def from_grid_map(
     x = centre[0] - 0.5 * (along_x - 1) * resolution
     y = centre[1] - 0.5 * (along_y - 1) * resolution
     geometry = GridGeometry(rows=along_y, columns=along_x, resolution=resolution, origin=(x, y, 0.0))
-    rubs = None if friction is None else _unrolled(friction, start)
-    return Raster(geometry, heights, certainty, rubs, None if soil is None else _soils_of(_unrolled(soil, start)))
+    ground = (material or Material()).each(lambda name, layer: from_numbers(name, _unrolled(layer, start)))
+    return Raster(geometry, heights, certainty, ground)
 
 
-def _soils_of(layer: NDArray[Any]) -> NDArray[np.uint8]:
-    """Return the places of soils that a layer of numbers holds."""
+def from_numbers(name: str, layer: NDArray[Any]) -> NDArray[Any]:
+    """Return a layer of a material from numbers (...); those of soils become places in a list."""
+    if name != "soil":
+        return layer
     places = np.where(np.isnan(layer), 0.0, layer)
     if not (np.rint(places) == places).all() or not 0.0 <= places.min() <= places.max() < MOST_SOILS:
         most = MOST_SOILS - 1

@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.endpoints import EndpointNames, OwnTopics
-from smartmesh_ros.node.inputs.cdr_reader import MOST_ITEMS, message_from
+from smartmesh_ros.node.inputs.checked_messages import MOST_ITEMS, message_from
 from smartmesh_ros.node.inputs.conversions import BodyInput, RobotNames
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings

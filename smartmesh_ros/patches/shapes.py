@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.core import CORE, as_bytes
+from smartmesh_ros.core import CORE, as_bytes, dtype_of
 from smartmesh_ros.patches.tables import with_rows
 from smartmesh_ros.terrain.grid import FloatArray
 
@@ -35,22 +35,7 @@ class ShapeKind(IntEnum):
 # [m] and ``turn`` (x, y, z, w): pose of the shape in the frame of the body's centre of mass; ``reach`` [m]: bounding
 # radius about the shape's middle; ``radius`` [m]: bounding radius about the centre of mass; ``first``, ``rows``: first
 # row and number of a hull's vertices, or of a compound's parts.
-SHAPE = np.dtype(
-    (
-        np.record,
-        [
-            ("kind", np.int64),
-            ("half", np.float64, (3,)),
-            ("rounding", np.float64),
-            ("offset", np.float64, (3,)),
-            ("turn", np.float64, (4,)),
-            ("reach", np.float64),
-            ("radius", np.float64),
-            ("first", np.int64),
-            ("rows", np.int64),
-        ],
-    )
-)
+SHAPE = dtype_of(CORE.SHAPE)
 
 # Columns of a table of bodies (N, 13): position [m], orientation (x, y, z, w), velocity [m/s], angular velocity
 # [rad/s].
@@ -129,19 +114,6 @@ def part_of(
         return hull(points, rounding)
     core = math.hypot(half[0], half[2]) if kind == ShapeKind.CYLINDER else math.hypot(*half)
     return _shape(ShapeKind(kind), half, rounding, core, offset, turn)
-
-
-def primitive(
-    client: Any, kind: int, size: Sequence[float], offset: Sequence[float], turn: Sequence[float]
-) -> BodyShape | None:
-    """The shape that a PyBullet ``client`` reports, by its kind and size; None for meshes and unknown kinds."""
-    if kind == client.GEOM_SPHERE:
-        return ball(size[0], offset)
-    if kind == client.GEOM_BOX:
-        return box(size, offset, turn)
-    if kind == client.GEOM_CYLINDER:
-        return cylinder(size[1], size[0], offset, turn)
-    return capsule(size[1], size[0], offset, turn) if kind == client.GEOM_CAPSULE else None
 
 
 def hull(points: FloatArray, rounding: float = 0.0) -> BodyShape:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -22,8 +21,6 @@ from smartmesh_ros.terrain.terrain import Terrain
 
 # Largest speed that sizes patches [m/s], because a teleported body has no real speed.
 FASTEST = 50.0
-# Largest gap at which a body at rest touches its ground [m].
-TOUCHING = 1e-3
 
 
 class ChosenPatches:
@@ -43,7 +40,6 @@ class ChosenPatches:
         self._batches: list[PatchBatch] | None = None
         self._time = 0.0  # of the update [s]
         self._duration = 0.0  # until the next one [s]
-        self._fall = 0.0  # in that time [m]
         self._chosen = self._tracked_chosen = True
 
     def grow(self, slots: int) -> None:
@@ -58,10 +54,9 @@ class ChosenPatches:
         self._fixed.forget(np.array([slot]))
         self._batches = None
 
-    def begin(self, time: float, duration: float, fall: float) -> None:
-        """Forget the choice: the next reader chooses patches at ``time`` [s] for a ``duration`` [s], in which bodies
-        ``fall`` [m]. Ground that a body cannot come to in that time is not chosen."""
-        self._time, self._duration, self._fall = time, duration, fall
+    def begin(self, time: float, duration: float) -> None:
+        """Forget the choice: the next reader chooses patches at ``time`` [s] for a ``duration`` [s]."""
+        self._time, self._duration = time, duration
         self._chosen = self._tracked_chosen = False
 
     @property
@@ -88,8 +83,6 @@ class ChosenPatches:
             return
         self._chosen = True
         self._select(self._followers.solid)
-        if self._fall < math.inf:
-            self._let_go(self._followers.solid)
 
     def _select(self, chosen: IntArray) -> None:
         """Choose the supports of the bodies in the slots ``chosen`` (n,). Those of other bodies stay as they are."""
@@ -111,15 +104,6 @@ class ChosenPatches:
                     found, shapes, bodies, reach, self._time, duration, self._config, self._supports,
                     self._mesh_patches,
                 )  # fmt: skip
-
-    def _let_go(self, slots: IntArray) -> None:
-        """Discard ground that bodies cannot come to until the next update."""
-        states, found = self._followers.states[slots], self._supports[slots]
-        ground = np.stack([found["slide_x"], found["slide_y"], found["rise"]], axis=1)
-        spin = self._followers.radii[slots] * np.linalg.norm(states[:, 10:], axis=1)
-        speeds = np.linalg.norm(states[:, 7:10] - ground, axis=1) + spin
-        moved = speeds * self._duration + self._fall + TOUCHING
-        self._supports["state"][slots[found["gap"] > moved]] = Support.NONE
 
     def _known_batches(self) -> list[PatchBatch]:
         if self._batches is None:

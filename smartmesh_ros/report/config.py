@@ -49,9 +49,8 @@ class ReportConfig:
     ``kind``: a *heightfield* of the samples around each body; the report's *trimesh*, *hull* and *prisms*; and its
     Simple-Mesh, one collider of the whole terrain. ``search``, ``collect``: the report's methods. ``rings``: number of
     samples on each side of the nearest vertex (the report's collider-size); 0 = as many as the body and its motion
-    need. ``rate`` [Hz]: refreshes of the colliders per second; 0 = in every step. New maps add refreshes, up to twice
-    this rate. ``carry_velocity``: colliders have the ground's velocity. ``guard``: bodies below the ground are put back
-    onto it.
+    need. ``rate`` [Hz]: refreshes of the colliders per second; 0 = in every step. New maps add refreshes.
+    ``carry_velocity``: colliders have the ground's velocity. ``guard``: bodies below the ground are put back onto it.
     """
 
     search: SearchMethod = "auto"

@@ -3,15 +3,13 @@ with."""
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from smartmesh_ros.ground.ground import Ground, move_with_corrections, show_corrections
 from smartmesh_ros.report.chosen_patches import ChosenPatches
 from smartmesh_ros.report.config import ReportConfig, require_usable
 from smartmesh_ros.report.patch_contacts import PatchContacts
-from smartmesh_ros.report.schedule import UpdateSchedule
-from smartmesh_ros.stopwatch import Stopwatch
+from smartmesh_ros.stopwatch import STAGES, Stopwatch
 from smartmesh_ros.terrain.checked_heights import checked_time
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.world.settings import WorldConfig
@@ -29,8 +27,8 @@ class ReportGround(Ground):
         self, client: Any, terrain: MainMesh | Terrain, config: ReportConfig, stopwatch: Stopwatch | None = None
     ) -> None:
         self.config = config
-        self._schedule, self._stale = UpdateSchedule(), True
-        super().__init__(client, terrain, stopwatch)
+        self._age, self._lifetime, self._revision = 0, 0, -1  # steps since the last refresh, and until the next
+        super().__init__(client, terrain, stopwatch or Stopwatch((*STAGES, "collider")))
         self._require_usable()
 
     def _new_contacts(self) -> Any:
@@ -39,44 +37,43 @@ class ReportGround(Ground):
         return self.colliders
 
     def update(self, time: float, dt: float) -> None:
-        """Refresh the colliders if the step of ``dt`` [s] from ``time`` [s] on needs it, by their rate."""
-        if self._stale or self._schedule.due(self.terrain):
+        """Refresh the colliders for the step of ``dt`` [s] from ``time`` [s] on, with new maps and by their rate."""
+        self._age += 1
+        if self._age >= self._lifetime or self._revision != self.terrain.revision:
             self.refresh(time, dt)
-        elif self.followers.has_remote:
-            self.contacts.read(self.followers.states, dt)
 
     def refresh(self, time: float, dt: float) -> None:
         """Move bodies with corrections of maps, replace the colliders, and put bodies below the ground back onto it."""
         time = checked_time(time)
         self._require_usable()
-        self._stale = True  # until the end: a refresh that failed is made again before the next step
-        steps = self._schedule.begin(self.terrain, time, dt, self.config.rate)
+        self._lifetime = 0  # until the end: a refresh that failed is made again before the next step
         self.contacts.set_time(time, dt)
         with self.stopwatch.stage("bodies"):
-            self.contacts.read(self.followers.states, dt)
+            self.contacts.read(self.followers.states)
             corrections = show_corrections(self.terrain, time)
             if corrections and len(self.followers):
                 move_with_corrections(self._client, corrections, self.followers, self.contacts.touching(), time)
-                self.contacts.read(self.followers.states, dt)
+                self.contacts.read(self.followers.states)
         self.time = time
-        self.chosen.begin(time, dt * steps, math.inf)
+        steps = max(round(1.0 / (self.config.rate * dt)), 1) if self.config.rate else 1
+        self.chosen.begin(time, dt * steps)
         self.colliders.refresh()
-        self._stale = False
+        self._age, self._lifetime, self._revision = 0, steps, self.terrain.revision
         if self.config.guard:
-            self.rescue(time, dt)
+            self.rescue(time)
 
     def wake(self, body: int | None = None) -> None:
         """Refresh the colliders before the next step."""
-        self._stale = True
+        self._lifetime = 0
 
     def attach(self, body: int, *given: Any, **more: Any) -> Any:
         """Attach a body, which gets its colliders before the next step."""
-        self._stale = True
+        self._lifetime = 0
         return super().attach(body, *given, **more)
 
     def detach(self, body: int) -> None:
         """Detach a body, and refresh the colliders before the next step."""
-        self._stale = True
+        self._lifetime = 0
         super().detach(body)
 
     def _require_usable(self) -> None:
@@ -96,7 +93,7 @@ class ReportWorld(World):
         report: ReportConfig,
     ) -> None:
         self.report = report
-        super().__init__(terrain, config, stopwatch)
+        super().__init__(terrain, config, stopwatch or Stopwatch((*STAGES, "collider")))
 
     ground: ReportGround
 

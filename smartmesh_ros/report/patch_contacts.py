@@ -167,12 +167,11 @@ class PatchContacts:
         """Return True if a PyBullet body is a collider of this ground."""
         return self._pairs.has(body) or self._whole.has(body)
 
-    def read(self, states: FloatArray, dt: float) -> None:
-        """Read the awake followers into ``states`` (S, 13), and note their places before a step of ``dt`` [s]."""
+    def read(self, states: FloatArray) -> None:
+        """Read the awake followers into ``states`` (S, 13)."""
         awake = self._followers.awake
         for slot in awake.tolist():
             states[slot] = self._calls.state(self._followers[slot].body, self._followers[slot].link)
-        self._followers.note_places(awake, states[awake], dt)
 
     def states_of(self, slots: IntArray) -> FloatArray:
         """Return the states (n, 13) of followers as they are now."""

@@ -13,8 +13,8 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.soil.config import SoilType
 from smartmesh_ros.soil.soils import map_from, soil_table, soils_from
-from smartmesh_ros.terrain.checked_heights import checked_soil
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.material import checked_soil
 from smartmesh_ros.terrain.prints import NOTHING, corners
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.soil.config import SoilType
-from smartmesh_ros.terrain.checked_heights import MOST_SOILS
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.material import MOST_SOILS
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 KNOWN = Path(__file__).parent / "soils.yaml"

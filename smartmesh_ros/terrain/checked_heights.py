@@ -10,15 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.errors import InputError
 
-# Most soils of a map.
-MOST_SOILS = 255
-
 
 def checked_time(time: float) -> float:
     """Return a time [s]; raises `InputError` if it is no finite number."""
     try:
         seconds = float(time)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         seconds = math.nan
     if not math.isfinite(seconds):
         raise InputError("time", f"the time is {time!r}; it must be a finite number of seconds")
@@ -54,34 +51,7 @@ def checked_variance(variance: float | ArrayLike | None, shape: tuple[int, ...])
     """Return variances as one number or as float32 of the right shape."""
     if variance is None or isinstance(variance, float | int):
         return None if variance is None else float(variance)
-    return _as_floats(variance, shape, "variances")
-
-
-def checked_friction(friction: float | ArrayLike, shape: tuple[int, ...]) -> float | NDArray[np.float32]:
-    """Return coefficients of friction as one number or as a float32 copy of the right shape."""
-    if isinstance(friction, float | int | np.floating | np.integer):
-        friction = float(friction)
-        if not 0.0 <= friction < math.inf:
-            raise InputError("friction", f"friction is {friction}; it must be zero or more")
-        return friction
-    samples = np.array(_as_floats(friction, shape, "coefficients of friction"), order="C")
-    if (samples < 0.0).any() or _has_infinity(samples):
-        raise InputError("friction", "coefficients of friction must be zero or more, or NaN where they are unknown")
-    samples.setflags(write=False)  # what is assigned is checked, and wakes bodies
-    return samples
-
-
-def checked_soil(soil: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint8]:
-    """Return places of soils in a list as uint8 of the right shape."""
-    array = unmasked(soil, "places of soils")
-    if array.shape != shape:
-        raise InputError("length", f"places of soils have shape {array.shape}; it must be {shape}")
-    if array.dtype.kind not in "iub":
-        raise InputError("type", f"places of soils are of type {array.dtype}; they must be whole numbers")
-    if array.size and not 0 <= array.min() <= array.max() < MOST_SOILS:
-        found = f"{array.min()} to {array.max()}"
-        raise InputError("soil", f"places of soils are {found}; they must be 0 to {MOST_SOILS - 1}")
-    return array.astype(np.uint8)
+    return as_floats(variance, shape, "variances")
 
 
 def deviation_of(variance: float | NDArray[np.float32]) -> float:
@@ -95,13 +65,13 @@ def checked(
     heights: ArrayLike, velocities: ArrayLike | None, shape: tuple[int, ...], what: str
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
     """Return heights and velocities as float32 of the right shape without infinities."""
-    new = _as_floats(heights, shape, f"heights of {what}")
+    new = as_floats(heights, shape, f"heights of {what}")
     # One fast pass over the sum; the slow search for infinities follows only if needed.
     if not np.isfinite(new.sum()) and _has_infinity(new):
         raise InputError("non_finite", f"heights of {what} contain infinity; mark missing ground with NaN")
     if velocities is None:
         return new, None
-    speeds = _as_floats(velocities, shape, f"velocities of {what}")
+    speeds = as_floats(velocities, shape, f"velocities of {what}")
     if _has_infinity(speeds):
         raise InputError("non_finite", f"velocities of {what} contain infinity; they must be finite or NaN [m/s]")
     return new, speeds
@@ -117,7 +87,8 @@ def _has_infinity(values: NDArray[np.float32]) -> bool:
     return bool(np.isinf([np.fmin.reduce(values, axis=None), np.fmax.reduce(values, axis=None)]).any())
 
 
-def _as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float32]:
+def as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float32]:
+    """Return real numbers as float32; raises `InputError` if they have another shape or type."""
     array = unmasked(values, what)
     if array.shape != shape:
         raise InputError("length", f"{what} have shape {array.shape}; it must be {shape}")

@@ -11,7 +11,6 @@ variance is underestimated; ``growth`` bounds the error.
 from __future__ import annotations
 
 import math
-import mmap
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -22,6 +21,7 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.checked_heights import dense
 from smartmesh_ros.terrain.grid import overlap
 from smartmesh_ros.terrain.motion import BLOCK
+from smartmesh_ros.terrain.state_file import filled
 
 FloatGrid = NDArray[np.float32]
 
@@ -77,18 +77,33 @@ def fuse(
 
 
 class Corrections:
-    """The corrections of one map of a ``shape`` (rows, columns).
+    """The corrections of one map, which is the ``core``'s.
 
-    ``offsets``: old minus new heights (rows, columns) [m]. ``shown`` [s]: instant up to which corrections are blended
-    in, infinity before the first. ``settled`` [s]: instant at which all of them are. ``fused``: the estimate, None if
-    heights are not fused.
+    ``offsets``: old minus new heights (rows, columns) [m]. ``settled`` [s]: instant at which all of them are blended
+    in.
     """
 
-    def __init__(self, shape: tuple[int, int]) -> None:
-        self.offsets = untouched_zeros(shape)
-        self.shown = math.inf
-        self.fused: FusedMap | None = None
+    def __init__(self, core: Any) -> None:
+        self._core = core
+        self.offsets: FloatGrid = core.offsets
         self.settled = -math.inf
+
+    @property
+    def shown(self) -> float:
+        """Instant up to which corrections are blended in [s], infinity before the first."""
+        return float(self._core.shown)
+
+    @property
+    def fused(self) -> FusedMap | None:
+        """The estimate; None if heights are not fused."""
+        return None if self._core.fused is None else FusedMap(*self._core.fused)
+
+    def put(self, known: FusedMap) -> None:
+        """Replace the estimate."""
+        if self._core.fused is None:
+            self._core.begin_fusion()
+        for array, new in zip(self._core.fused, known, strict=True):
+            filled(array, new)
 
     @property
     def blending(self) -> bool:
@@ -97,19 +112,17 @@ class Corrections:
 
     def show(self, time: float) -> None:
         """Blend corrections in up to ``time`` [s]; earlier times than before have no effect."""
-        self.shown = time if self.shown == math.inf else max(self.shown, time)
+        self._core.show(time if self.shown == math.inf else max(self.shown, time))
 
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to all times."""
-        self.shown += by
+        self._core.show(self.shown + by)
         self.settled += by
 
-    def take(
-        self, core_reader: Any, first: tuple[int, int], known: NDArray[np.float32], time: float, settle: float
-    ) -> None:
+    def take(self, first: tuple[int, int], known: NDArray[np.float32], time: float, settle: float) -> None:
         """Store the estimate ``known`` (h, w) [m] of ``time`` [s], of the rectangle whose ``first`` sample is given, in
         the map; it is blended in within the time ``settle`` [s]."""
-        CORE.take_corrected(core_reader, first, dense(known), time)
+        CORE.take_corrected(self._core, first, dense(known), time)
         if self.shown < math.inf:
             self.settled = self.shown + settle
 
@@ -122,14 +135,16 @@ class Corrections:
         if self.fused is None:
             if isinstance(variance, float) and variance == 0.0:
                 return new
-            self.fused = nothing_known(*self.offsets.shape)
+            self._core.begin_fusion()
+        fused: Any = self.fused
         (row, column), (high, wide) = first, new.shape
         rows = slice(row // BLOCK, (row + high - 1) // BLOCK + 1)
         columns = slice(column // BLOCK, (column + wide - 1) // BLOCK + 1)
         before = float(clocks["time"][rows, columns].min())
         elapsed = max(time - before, 0.0) if math.isfinite(before) else 0.0
-        fuse(self.fused, new, variance, elapsed, FusionConfig(), first)
-        return self.fused.heights[row : row + high, column : column + wide]
+        fuse(fused, new, variance, elapsed, FusionConfig(), first)
+        known: FloatGrid = fused.heights[row : row + high, column : column + wide]
+        return known
 
     def fuse_across(self, before: Corrections, cells: tuple[int, int], elapsed: float) -> None:
         """Fuse with the estimate of the map ``before``, which lies ``cells`` (rows, columns) back and is ``elapsed``
@@ -140,15 +155,4 @@ class Corrections:
         new, old = overlap(cells, self.offsets.shape)
         known.heights[new], known.variances[new] = before.fused.heights[old], before.fused.variances[old]
         fuse(known, measured.heights, measured.variances, elapsed, FusionConfig())
-        self.fused = known
-
-
-def untouched_zeros(shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Return float32 zeros whose memory is allocated at the first write, in small pages.
-
-    `numpy.zeros` uses huge pages: the first write to one allocates 2 MiB, and the kernel may need 10 ms and more to
-    compact memory for it.
-    """
-    memory = mmap.mmap(-1, 4 * math.prod(shape), flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
-    memory.madvise(mmap.MADV_NOHUGEPAGE)
-    return np.frombuffer(memory, np.float32).reshape(shape)
+        self.put(known)

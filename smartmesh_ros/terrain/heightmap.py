@@ -11,7 +11,7 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.checked_heights import checked_time, unmasked
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray, overlap
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest
-from smartmesh_ros.terrain.motion import BLOCK, INSTANT, next_revision
+from smartmesh_ros.terrain.motion import BLOCK, INSTANT
 from smartmesh_ros.terrain.moving_heights import MovingHeights
 from smartmesh_ros.terrain.prints import Prints
 
@@ -42,10 +42,10 @@ class HeightMap(MovingHeights):
     ``yaw`` place the grid (see `GridGeometry`; an origin of two numbers lies at z = 0); alternatively pass a
     ``geometry``. ``time`` [s]: instant of the heights, on the clock of `Ground` or `World`. ``velocities`` [m/s], same
     shape: vertical velocity of the ground; by default the difference quotient of successive heights. ``variance``
-    [m^2]: of the heights, one number or one for each; by default that of ``motion.noise``. ``friction``: coefficient of
-    the ground, by which that of a body is multiplied; one number or one for each sample (NaN = 1). By default it is 1,
-    or that of the map that this one replaces (see `Terrain.put`). ``soil``: which soil each sample is, by its place in
-    the list of a `Soil` (rows, columns); by default the first, or as in the map that this one replaces.
+    [m^2]: of the heights, one number or one for each; by default that of ``motion.noise``. ``material``: friction,
+    stiffness, damping, restitution, rolling resistance and soil of the ground, see `Material`; ``friction`` and
+    ``soil`` may be given by themselves. Layers that are not given are the usual ones, or those of the map that this one
+    replaces (see `Terrain.put`).
 
     If changes are corrections (see `MotionConfig`), the ground has no velocity, heights with a variance are fused over
     time, and the shown heights approach the fused ones as `show` advances.
@@ -53,11 +53,6 @@ class HeightMap(MovingHeights):
     The map also stores the last three velocities of each sample, in memory that is allocated when written, and the
     update times of each block of 64 x 64 samples. ``revision`` changes with every update.
     """
-
-    @property
-    def has_friction(self) -> bool:
-        """True if coefficients of friction were given."""
-        return self._friction is not None
 
     @property
     def size(self) -> int:
@@ -69,18 +64,12 @@ class HeightMap(MovingHeights):
         """Size and resolution as text."""
         return f"{self.geometry.rows} x {self.geometry.columns} at {self.geometry.resolution:g} m"
 
-    @property
-    def lifetime(self) -> float:
-        """Expected time between updates of moving ground [s]; 0 = no update expected."""
-        return float(self.core_reader.lifetime())
-
     def correct_from(self, before: "HeightMap", cells: tuple[int, int] | None) -> None:
         """Treat this map as a correction of the map ``before`` it, which it replaces, where both have ground.
 
         ``cells``: (rows, columns) by which the map was scrolled, None = the maps lie on different grids.
         """
-        self.corrections.shown = before.corrections.shown
-        self._tell_core()
+        self.core_reader.show(before.corrections.shown if before.motion.corrects else math.inf)
         if cells is None:
             rows, columns = np.mgrid[: self.geometry.rows, : self.geometry.columns]
             shown = before.at(self.geometry.to_world(rows, columns).reshape(-1, 2), before.time).heights
@@ -92,7 +81,6 @@ class HeightMap(MovingHeights):
         known = self._heights.copy() if fused is None else fused.heights
         self._heights[...] = shown.reshape(known.shape) - self.geometry.origin[2]
         self._correct(0, 0, known, self.time)
-        self._tell_core()
 
     def moving(self, time: float) -> bool:
         """Return True if any sample may move at ``time`` [s]."""
@@ -109,7 +97,6 @@ class HeightMap(MovingHeights):
         self.track = at_rest(self.geometry, self.time)
         if motion != STILL:
             self.track = self.track._replace(motion=motion, interval=interval)
-        self._tell_core()
 
     def press(self, places: IntArray, heights: NDArray[np.float32]) -> None:
         """Write the ``heights`` (n,) [m] to which bodies pressed the samples at ``places`` (n, 2), rows and columns.
@@ -120,9 +107,8 @@ class HeightMap(MovingHeights):
         self.prints.press(places, heights)
         self._clocks["updates"][tuple(places.T // BLOCK)] += 1
         self.version += len(places)
-        self.revision = next_revision()
-        self._deviation = None
-        self._tell_core()
+        self._set_deviation(None)
+        self.core_reader.note_change()
 
     def go_on_from(self, before: "HeightMap", cells: tuple[int, int]) -> None:
         """Estimate vertical velocities as if these heights had replaced those of ``before``, a map on the same grid but

@@ -16,12 +16,12 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from itertools import count
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from smartmesh_ros.core import CORE, dtype_of
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.state_file import filled
 
@@ -54,27 +54,7 @@ BLOCK = 1 << BLOCK_SHIFT
 # first. ``since``, ``until`` [s]: between these instants the ground goes over from what was shown before the last map
 # to the motion of that map. ``known``: number of known velocities. ``newest``: index of the newest velocity in the ring
 # buffer. ``intervals`` [s]: between the last ``count`` updates. ``updates``: number of updates so far.
-CLOCK = np.dtype(
-    (
-        np.record,
-        [
-            ("time", np.float64),
-            ("opened", np.float64),
-            ("lifetime", np.float64),
-            ("delay", np.float64),
-            ("middle", np.float64),
-            ("middle_1", np.float64),
-            ("middle_2", np.float64),
-            ("since", np.float64),
-            ("until", np.float64),
-            ("known", np.int64),
-            ("newest", np.int64),
-            ("intervals", np.float64, (INTERVALS_KEPT,)),
-            ("count", np.int64),
-            ("updates", np.int64),
-        ],
-    )
-)
+CLOCK = dtype_of(CORE.CLOCK)
 CLOCK_TIMES = ("time", "opened", "middle", "middle_1", "middle_2", "since", "until")  # fields that are instants
 
 
@@ -153,12 +133,9 @@ class MotionConfig:
         return int(Mode[self.mode.upper()])
 
 
-_numbers = count(1)
-
-
 def next_revision() -> int:
-    """Return a number higher than all revisions before."""
-    return next(_numbers)
+    """Return a number higher than all revisions before, of the core's maps too."""
+    return int(CORE.next_revision())
 
 
 class MovingGround(ABC):
@@ -168,13 +145,17 @@ class MovingGround(ABC):
     """
 
     version: int
-    revision: int
     _motion: MotionConfig
     _clocks: NDArray[np.void]  # records of ``CLOCK``
 
     @abstractmethod
-    def _tell_core(self) -> None:
-        """Tell the core what has changed beside the arrays."""
+    def _set_motion(self) -> None:
+        """Set the motion in the core."""
+
+    @property
+    @abstractmethod
+    def revision(self) -> int:
+        """Revision of the last change."""
 
     @property
     def motion(self) -> MotionConfig:
@@ -186,7 +167,7 @@ class MovingGround(ABC):
         if (motion.code, motion.smoothing) != (self._motion.code, self._motion.smoothing):
             self._clocks["until"] = self._clocks["since"]  # what was shown by other settings is no part of the motion
         self._motion = motion
-        self._tell_core()
+        self._set_motion()
 
     def _take_clocks(self, clocks: Any) -> None:
         """Take the clocks of a saved state; raises `InputError` if they are none of this ground."""

@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smartmesh_ros.core import CORE, as_bytes
+from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.checked_heights import (
     checked,
-    checked_friction,
     checked_next_time,
-    checked_soil,
     checked_time,
     checked_variance,
     dense,
@@ -22,17 +20,19 @@ from smartmesh_ros.terrain.checked_heights import (
     require_region,
     unmasked,
 )
-from smartmesh_ros.terrain.corrections import Corrections, nothing_known, untouched_zeros
+from smartmesh_ros.terrain.corrections import Corrections
 from smartmesh_ros.terrain.grid import GridGeometry, geometry_of
-from smartmesh_ros.terrain.grid_track import at_rest, follow
-from smartmesh_ros.terrain.motion import BLOCK, CLOCK, KEPT, MotionConfig, MovingGround, next_revision
+from smartmesh_ros.terrain.grid_track import GridTrack, at_rest, follow
+from smartmesh_ros.terrain.laid_ground import LaidGround
+from smartmesh_ros.terrain.material import Material, together
+from smartmesh_ros.terrain.motion import CLOCK, MotionConfig, MovingGround
 from smartmesh_ros.terrain.prints import Prints
 from smartmesh_ros.terrain.state_file import filled
 
 
-class MovingHeights(MovingGround):
-    """What a `HeightMap` stores: heights, their last velocities and update times, corrections, friction, soil, and the
-    motion of the grid. All change in place; the core reads the same arrays."""
+class MovingHeights(LaidGround, MovingGround):
+    """What a `HeightMap` stores: heights, their last velocities and update times, corrections, material, and the motion
+    of the grid. The arrays are the core's memory."""
 
     def __init__(
         self,
@@ -47,6 +47,7 @@ class MovingHeights(MovingGround):
         variance: float | ArrayLike | None = None,
         friction: float | ArrayLike | None = None,
         soil: ArrayLike | None = None,
+        material: Material | None = None,
         motion: MotionConfig | None = None,
     ) -> None:
         if geometry is None:
@@ -57,27 +58,23 @@ class MovingHeights(MovingGround):
         self._motion = motion or MotionConfig()
         shape = (geometry.rows, geometry.columns)
         new, speeds = checked(heights, velocities, shape, "the map")
-        self._heights = np.array(new, order="C")
-        self._velocities = untouched_zeros((KEPT, *shape))
-        self._rates = untouched_zeros(shape)
+        # The map of the C++ core, whose memory the arrays are.
+        self.core_reader: Any = CORE.Grid(*shape)
+        self.core_reader.place(*geometry.origin, geometry.yaw, geometry.resolution)
+        self._heights: NDArray[np.float32] = self.core_reader.heights
+        self._velocities, self._rates = self.core_reader.velocities, self.core_reader.rates
+        self._heights[...] = new
+        self._clocks = self.core_reader.clocks.view(CLOCK)[..., 0]
         self.prints: Prints | None = None  # made by the first `press` of a `HeightMap`
-        self._clocks = np.zeros((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), CLOCK)
-        self._clocks["time"] = -np.inf
-        self.corrections = Corrections(shape)
-        # The reader of this map in the C++ core.
-        self.core_reader: Any = CORE.Grid(
-            self._heights, self._velocities, self.corrections.offsets, self._rates, as_bytes(self._clocks)
-        )
+        self.corrections = Corrections(self.core_reader)
         self._deviation: float | None = None  # standard deviation by the last update's variances [m], None = not given
         self.version = 0  # number of updates
-        self._friction = None if friction is None else checked_friction(friction, shape)
-        self._soil = None if soil is None else checked_soil(soil, shape)
+        self._material = together(material, friction=friction, soil=soil).checked(shape)
         self.soil_revision = 0  # changes with every assignment of the soil
-        self.track = at_rest(geometry, time)  # pose and rigid motion of the grid
-        self._tell_core()
+        self.track = at_rest(geometry, time)
+        self._set_motion()
         self._take(0, 0, new, speeds, time, checked_variance(variance, shape))
-        self._tell_core()
-        self._tell_friction()
+        self._material.tell(self.core_reader)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy of the map, or one in another process, is made of: arrays, and what they mean."""
@@ -86,8 +83,7 @@ class MovingHeights(MovingGround):
             "map": {
                 "geometry": self.geometry,
                 "motion": self.motion,
-                "friction": self._friction,
-                "soil": self._soil,
+                "material": self._material,
             },
             "heights": self._heights,
             "clocks": self._clocks,
@@ -96,8 +92,8 @@ class MovingHeights(MovingGround):
             "track": self.track,
             "version": self.version,
             "deviation": self._deviation,
-            "shown": self.core_reader.shown,
-            "corrections": (corrections.shown, corrections.settled),
+            "shown": corrections.shown,
+            "settled": corrections.settled,
             "fused": corrections.fused,
             "prints": None if prints is None else (prints.given, prints.corners),
         }
@@ -110,16 +106,14 @@ class MovingHeights(MovingGround):
             if kept is not None:
                 filled(array, kept)
         self.track, self.version, self._deviation = state["track"], state["version"], state["deviation"]
-        self.corrections.shown, self.corrections.settled = state["corrections"]
+        self.corrections.settled = state["settled"]
         if state["fused"] is not None:
-            self.corrections.fused = nothing_known(*self._heights.shape)
-            for array, kept in zip(self.corrections.fused, state["fused"], strict=True):
-                filled(array, kept)
+            self.corrections.put(state["fused"])
         if state["prints"] is not None:
             self.prints = Prints(self._heights)
             given, self.prints.corners = state["prints"]
             filled(self.prints.given, given)
-        self._tell_core()
+        self._set_motion()
         self.core_reader.show(state["shown"])
 
     @property
@@ -128,40 +122,6 @@ class MovingHeights(MovingGround):
         view = self._heights.view()
         view.setflags(write=False)
         return view
-
-    @property
-    def friction(self) -> float | NDArray[np.float32]:
-        """Coefficient of the ground, by which that of a body is multiplied: one number, or (rows, columns), NaN = 1;
-        read-only.
-
-        Assign another to replace it; raises `InputError` and then changes nothing.
-        """
-        return 1.0 if self._friction is None else self._friction
-
-    @friction.setter
-    def friction(self, friction: float | ArrayLike) -> None:
-        self._friction = checked_friction(friction, (self.geometry.rows, self.geometry.columns))
-        self._clocks["updates"] += 1  # what rests on the ground looks at it again
-        self.revision = next_revision()
-        self._tell_friction()
-
-    @property
-    def soil(self) -> NDArray[np.uint8] | None:
-        """Which soil each sample is, by its place in the list of a `Soil` (rows, columns); None = the first everywhere;
-        read-only.
-
-        Assign others to replace them; raises `InputError` and then changes nothing. `Ground.update` tells its `Soil`.
-        """
-        if self._soil is None:
-            return None
-        view = self._soil.view()
-        view.setflags(write=False)
-        return view
-
-    @soil.setter
-    def soil(self, soil: ArrayLike) -> None:
-        self._soil = checked_soil(soil, (self.geometry.rows, self.geometry.columns))
-        self.soil_revision = self.revision = next_revision()
 
     @property
     def arrays(self) -> tuple[NDArray[Any], ...]:
@@ -183,7 +143,6 @@ class MovingHeights(MovingGround):
     def show(self, time: float) -> None:
         """Blend corrections in up to ``time`` [s]; earlier times than before have no effect."""
         self.corrections.show(checked_time(time))
-        self.core_reader.show(self.corrections.shown)
 
     def replace(
         self,
@@ -194,22 +153,19 @@ class MovingHeights(MovingGround):
         variance: float | ArrayLike | None = None,
         friction: float | ArrayLike | None = None,
         soil: ArrayLike | None = None,
+        material: Material | None = None,
     ) -> None:
-        """Replace all heights (rows, columns) [m], and the friction and the soil unless they are None; raises
-        `InputError` and then changes nothing."""
-        shape = (self.geometry.rows, self.geometry.columns)
-        time = checked_next_time(time, self.time)
+        """Replace all heights (rows, columns) [m], and the layers of the material that are given; raises `InputError`
+        and then changes nothing."""
+        time, shape = checked_next_time(time, self.time), self._shape
         certainty = checked_variance(variance, shape)
         new, speeds = checked(heights, velocities, shape, "the map")
-        places = None if soil is None else checked_soil(soil, shape)
-        if friction is not None:
-            self.friction = friction
-        if places is not None:
-            self.soil = places
+        laid = together(material, friction=friction, soil=soil).checked(shape)
+        if laid.layers:
+            self._lay(laid.over(self._material))
         self._take(0, 0, new, speeds, time, certainty)
         if not self.motion.corrects:
             self.follow(self, time)
-        self._tell_core()
 
     def update_region(
         self,
@@ -220,25 +176,29 @@ class MovingHeights(MovingGround):
         time: float,
         velocities: ArrayLike | None = None,
         variance: float | ArrayLike | None = None,
+        material: Material | None = None,
     ) -> None:
-        """Replace the heights (h, w) [m] of the rectangle whose first sample is (``row``, ``column``).
+        """Replace the heights (h, w) [m] of the rectangle whose first sample is (``row``, ``column``), and the layers
+        of the material there that are given.
 
         The cost depends on the size of the rectangle, not of the map. Other samples of the blocks that the rectangle
         touches count as at rest. Raises `InputError` and then changes nothing.
         """
         time, heights = checked_next_time(time, self.time), unmasked(heights, "heights of the region")
         shape = heights.shape
-        require_region(row, column, shape, (self.geometry.rows, self.geometry.columns))
+        require_region(row, column, shape, self._shape)
         certainty = checked_variance(variance, shape)
         new, speeds = checked(heights, velocities, shape, "the region")
+        laid = (material or Material()).checked(shape)
+        if laid.layers:
+            place = slice(row, row + shape[0]), slice(column, column + shape[1])
+            self._lay(self._material.written(laid, place, self._shape))
         self._take(row, column, new, speeds, time, certainty)
-        self._tell_core()
 
     def follow(self, before: MovingHeights, time: float) -> None:
         """Estimate the rigid motion of this map of ``time`` [s] from its pose and the track of the map ``before``."""
         motion = self.motion
         self.track, _ = follow(before.track, self.geometry, time, motion.max_interval, motion.max_velocity)
-        self._tell_core()
 
     @property
     def has_velocities(self) -> bool:
@@ -249,23 +209,33 @@ class MovingHeights(MovingGround):
         """Add ``by`` [s] to all update times, after their clock was reset or lost time."""
         super().shift_time(by)
         self.track = self.track.shifted(by)
-        self.corrections.shift_time(by)
-        self._tell_core()
+        if self.motion.corrects:
+            self.corrections.shift_time(by)
 
-    def _tell_core(self) -> None:
-        """Tell the core the pose, the motion and the settings of the map, which are not in its arrays."""
-        geometry, track, motion, core = self.geometry, self.track, self.motion, self.core_reader
-        core.place(*geometry.origin, geometry.yaw, geometry.resolution)
-        core.move(track.time, track.interval, *track.motion)
-        fused = self.corrections.fused
-        core.set_variances(None if fused is None else fused.variances)
-        core.set_motion(motion.code, motion.max_velocity, motion.settle, self.noise, motion.smoothing)
-        if motion.corrects:
-            core.show(self.corrections.shown)
+    @property
+    def revision(self) -> int:
+        """Revision of the map: higher after every change of it, and of what is shown of it."""
+        return int(self.core_reader.revision)
 
-    def _tell_friction(self) -> None:
-        samples, uniform = (None, self.friction) if isinstance(self.friction, float) else (self.friction, 1.0)
-        self.core_reader.set_friction(samples, uniform)
+    @property
+    def track(self) -> GridTrack:
+        """Pose and rigid motion of the grid."""
+        return self._track
+
+    @track.setter
+    def track(self, track: GridTrack) -> None:
+        self._track = track
+        self.core_reader.move(track.time, track.interval, *track.motion)
+
+    def _set_deviation(self, deviation: float | None) -> None:
+        """Set the standard deviation of the heights by the last update's variances [m]; None = not given."""
+        if deviation != self._deviation:
+            self._deviation = deviation
+            self._set_motion()
+
+    def _set_motion(self) -> None:
+        motion = self.motion
+        self.core_reader.set_motion(motion.code, motion.max_velocity, motion.settle, self.noise, motion.smoothing)
 
     def _take(
         self,
@@ -278,14 +248,13 @@ class MovingHeights(MovingGround):
     ) -> None:
         """Store checked heights and their time."""
         self.version += 1
-        self.revision = next_revision()
         if self.motion.corrects:
             certainty = self.motion.noise**2 if variance is None else variance
             known = self.corrections.fuse((row, column), new, certainty, time, self._clocks)
             self._correct(row, column, known, time)
             return
-        self._deviation = None if variance is None else deviation_of(variance)
         self._store(row, column, new, speeds, time)
+        self._set_deviation(None if variance is None else deviation_of(variance))
 
     def _store(
         self, row: int, column: int, new: NDArray[np.float32], speeds: NDArray[np.float32] | None, time: float
@@ -298,4 +267,4 @@ class MovingHeights(MovingGround):
 
     def _correct(self, row: int, column: int, known: NDArray[np.float32], time: float) -> None:
         """Store the new estimate of a rectangle of static ground."""
-        self.corrections.take(self.core_reader, (row, column), known, time, self.motion.settle)
+        self.corrections.take((row, column), known, time, self.motion.settle)

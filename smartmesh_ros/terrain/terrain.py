@@ -13,15 +13,16 @@ from smartmesh_ros.terrain.corrections import FusedMap
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.grid_track import GridTrack, RigidMotion, cells_moved
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples, ground_heights
+from smartmesh_ros.terrain.material import Material
 from smartmesh_ros.terrain.motion import MotionConfig, next_revision
-from smartmesh_ros.terrain.scrolling import carry_layers, follow_across
+from smartmesh_ros.terrain.scrolling import carry_material, follow_across
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 MainMesh = HeightMap | TriangleMesh
 # What the saved state of a terrain is made of, by name.
 _KINDS: dict[str, type[HeightMap] | type[TriangleMesh]] = {kind.__name__: kind for kind in (HeightMap, TriangleMesh)}
 STATE_TYPES: dict[str, type] = {
-    each.__name__: each for each in (GridGeometry, MotionConfig, GridTrack, RigidMotion, FusedMap)
+    each.__name__: each for each in (GridGeometry, MotionConfig, GridTrack, RigidMotion, FusedMap, Material)
 }
 
 
@@ -84,8 +85,8 @@ class Terrain:
         """Add a tile or replace the tile of that name.
 
         If a height map replaces another one, its motion or correction is estimated from both, as by
-        `HeightMap.replace`; velocities that were given with the map are kept. The ground keeps its friction and its
-        soil unless the new map was given one, 1.0 included: what is new in a map are its heights.
+        `HeightMap.replace`; velocities that were given with the map are kept. The ground keeps the layers of its
+        material that the new map was not given: what is new in a map are its heights.
         """
         if not isinstance(mesh, MainMesh):
             raise InputError(
@@ -94,7 +95,7 @@ class Terrain:
             )  # fmt: skip
         old = self.tiles.get(name)
         if isinstance(old, HeightMap) and isinstance(mesh, HeightMap) and old is not mesh:
-            carry_layers(old, mesh)
+            carry_material(old, mesh)
             if mesh.motion.corrects:
                 mesh.correct_from(old, cells_moved(old.geometry, mesh.geometry))
             else:
@@ -122,10 +123,6 @@ class Terrain:
         """Add ``by`` [s] to the times of all maps, after their clock was reset or lost time."""
         for mesh in self.tiles.values():
             mesh.shift_time(by)
-
-    def changed_since(self, revision: int) -> bool:
-        """Return True if a tile was added, changed or removed after the terrain had this ``revision``."""
-        return self.revision > revision
 
     @property
     def revision(self) -> int:
@@ -158,7 +155,7 @@ class Terrain:
         found = np.full(len(xy_w), np.nan)
         unknown = np.ones(len(xy_w), np.bool_)
         maps = [mesh for mesh in self.tiles.values() if isinstance(mesh, HeightMap)]
-        for heightmap in maps if any(heightmap.has_friction for heightmap in maps) else ():
+        for heightmap in maps if any(heightmap.material.friction is not None for heightmap in maps) else ():
             chosen = np.flatnonzero(unknown & (heightmap.beyond(xy_w) <= 0.0))
             rows, columns = np.rint(heightmap.geometry.to_grid(xy_w[chosen])).astype(np.int64).T
             ground = ~np.isnan(heightmap.heights[rows, columns])

@@ -55,7 +55,7 @@ class TriangleMesh(MovingGround):
             self._now, self._velocities, self._offsets, self._rates, as_bytes(self._clocks), self.triangles
         )
         self._motion = motion or MotionConfig()
-        self._tell_core()
+        self._set_motion()
         self.graph = TriangleGraph(self.triangles, self.size)
         first, second = self._now[:, self.triangles[:, 0]], self._now[:, self.triangles[:, 1]]
         self.edge_length = float(np.linalg.norm(first - second, axis=0).mean())
@@ -64,7 +64,7 @@ class TriangleMesh(MovingGround):
         self._incident_at = np.searchsorted(self.triangles.ravel()[corners], np.arange(self.size + 1))
         self._shape: MeshShape | None = None
         self.version = 0
-        self.revision = next_revision()
+        self._revision = next_revision()
         if velocities is not None:
             self.move(vertices, time=time, velocities=velocities)
         self.triangles.setflags(write=False)
@@ -85,7 +85,7 @@ class TriangleMesh(MovingGround):
         self._take_clocks(state["clocks"])
         for array, kept in zip(self._moving[:-1], state["moving"], strict=True):
             filled(array, kept)
-        self._tell_core()
+        self._set_motion()
         self.core_reader.shown = state["shown"]
 
     @property
@@ -149,15 +149,15 @@ class TriangleMesh(MovingGround):
         CORE.move_vertices(self.core_reader, chosen, np.ascontiguousarray(new), given, time, intervals)
         self._shape = shape
         self.version += 1
-        self.revision = next_revision()
-
-    def _tell_core(self) -> None:
-        self.core_reader.set_motion(self.motion.code, self.motion.max_velocity, self.motion.smoothing)
+        self._revision = next_revision()
 
     @property
-    def lifetime(self) -> float:
-        """Expected time between updates [s]; 0 = no update expected."""
-        return float(self._clocks[0].lifetime)
+    def revision(self) -> int:
+        """Revision of the last update."""
+        return self._revision
+
+    def _set_motion(self) -> None:
+        self.core_reader.set_motion(self.motion.code, self.motion.max_velocity, self.motion.smoothing)
 
     def moving(self, time: float) -> bool:
         """Return True if any vertex may move at ``time`` [s]."""

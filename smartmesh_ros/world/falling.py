@@ -73,7 +73,7 @@ class Falls:
         """Look at all awake bodies at ``time`` [s], for falling ones if that is due. Returns a line about those that
         began to fall, if any did, and, by name, why bodies are lost."""
         followers, config = self._followers, self.config
-        places_w = followers.positions_w[followers.awake]
+        places_w = followers.states[followers.awake, :3]
         if not np.abs(places_w).max(initial=0.0) <= FARTHEST_BODY:  # also True if any value is NaN
             slots = followers.awake[~(np.abs(places_w) <= FARTHEST_BODY).all(axis=1)]
             return [], {self._name(slot): NOWHERE for slot in slots.tolist()}
@@ -82,7 +82,7 @@ class Falls:
         self._checked = time
         own = np.flatnonzero(followers.table["own"] & followers.table["awake"])
         slots = own[np.unique(followers.bodies[own], return_index=True)[1]]
-        positions = followers.positions_w[slots]
+        positions = followers.states[slots, :3]
         ground = self._terrain.at(positions[:, :2], time).heights
         over = ~np.isnan(ground)
         places = np.column_stack([positions[:, :2], np.where(over, ground, positions[:, 2])])
@@ -98,7 +98,7 @@ class Falls:
     def _words(self, slots: list[int]) -> list[str]:
         if not slots:
             return []
-        names = [f"{self._name(slot)!r} at {_text(self._followers.positions_w[slot])}" for slot in slots]
+        names = [f"{self._name(slot)!r} at {_text(self._followers.states[slot, :3])}" for slot in slots]
         more = f" and {len(names) - self.config.most} more" if len(names) > self.config.most else ""
         few, falls = ", ".join(names[: self.config.most]), "falls" if len(names) == 1 else "fall"
         return [

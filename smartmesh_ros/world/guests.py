@@ -129,7 +129,12 @@ class Guests:
         world, followers = self._world, self._world.followers
         remote, solid = followers.flags("remote"), followers.flags("solid")
         near = CORE.may_touch(
-            followers.positions_w, followers.moved_w, followers.radii, remote, solid, self.config.touching
+            followers.positions_w,
+            followers.velocities_w * world.dt,
+            followers.radii,
+            remote,
+            solid,
+            self.config.touching,
         )
         client = world.client._client
         for slot in np.flatnonzero(near).tolist():
@@ -186,7 +191,7 @@ class Guests:
         world, states, followers = self._world, now.states, self._world.followers
         margins = np.full(len(states.names), self.config.margin)
         margins[[guest.row for guest in known.guests.values()]] *= self.config.stay
-        attached = followers.positions_w, followers.moved_w / world.dt, followers.radii, followers.flags("own")
+        attached = followers.positions_w, followers.velocities_w, followers.radii, followers.flags("own")
         near = CORE.near_any((states.numbers, states.radii, margins), self._age(now), attached, self.config.horizon)
         if known.barred.size:
             near &= ~known.barred

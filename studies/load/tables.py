@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from studies.load.cases import Case
 from studies.markdown import table
 
-UPDATE = ("search", "collect", "collider", "bodies")
+UPDATE = ("search", "collect", "bodies")
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ def _three(values: tuple[float, float, float] | None) -> str:
 
 
 STAGES = {
-    "search": "#9ecae1", "collect": "#4292c6", "collider": "#084594", "bodies": "#807dba", "step": "#d95f0e",
+    "search": "#9ecae1", "collect": "#4292c6", "bodies": "#807dba", "step": "#d95f0e",
     "publish": "#74c476",
 }  # fmt: skip
 

@@ -10,7 +10,7 @@ from smartmesh_ros.patches.shapes import SHAPE, ball, box, compound, hull
 from smartmesh_ros.report.supports import no_supports
 from smartmesh_ros.world.state_table import LIMITS
 from tests.bodies import TETRAHEDRON, shapes_of
-from tests.core.entries import COLUMNS, ROWS, Arguments, Entry, arrays
+from tests.core.entries import COLUMNS, ROWS, Arguments, Entry, new_grid
 
 BODIES, SIDE = 3, 5  # of tables of shapes, and of their patches
 SLOTS = 8  # of other tables
@@ -70,7 +70,7 @@ def near_any(states: Any, radii: Any, margins: Any, places: Any, speeds: Any, ot
 
 def soil() -> Arguments:
     return {
-        "grid": CORE.Grid(**arrays()), "kinds": np.zeros((ROWS, COLUMNS), np.uint8),
+        "grid": new_grid(), "kinds": np.zeros((ROWS, COLUMNS), np.uint8),
         "soils": np.array([[1e6, 0.0, 1.0, 0.0, 0.5, 0.01, 2e8, 3e4]]), "spacing": 0.5,
     }  # fmt: skip
 
@@ -99,7 +99,7 @@ def collect_patches(slots: Any, time: float) -> Any:
 
 
 def markers(slots: Any, ids: Any, gone: Any) -> Any:
-    return patches().markers(slots, ids, gone, False, (0, 0), "map", "patches", (1.0, 1.0, 1.0, 1.0))
+    return patches().markers(slots, ids, gone, False, (0, 0), "map", "patches", (1.0, 1.0, 1.0, 1.0), 0.0)
 
 
 OF_SLOTS = (("slots", BODIES),)

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.terrain.motion import CLOCK, KEPT
+from smartmesh_ros.terrain.motion import CLOCK
 
 REFUSED = (TypeError, ValueError)
 Arguments = dict[str, Any]
@@ -67,15 +67,11 @@ class Entry(NamedTuple):
         return name in self.any_shape or (same_rows and spoilt.shape[1:] == right.shape[1:])
 
 
-def arrays(rows: int = ROWS, columns: int = COLUMNS) -> dict[str, np.ndarray]:
-    """Return the arrays of a height map of the core."""
-    return {
-        "heights": np.zeros((rows, columns), np.float32),
-        "velocities": np.zeros((KEPT, rows, columns), np.float32),
-        "offsets": np.zeros((rows, columns), np.float32),
-        "rates": np.zeros((rows, columns), np.float32),
-        "clocks": clock_bytes((rows + 63) // 64, (columns + 63) // 64),
-    }
+def new_grid(**fields: float) -> Any:
+    """Return a height map of the core, with these fields in its clocks."""
+    grid = CORE.Grid(ROWS, COLUMNS)
+    grid.clocks[...] = clock_bytes(*grid.clocks.shape[:2], **fields)
+    return grid
 
 
 def clock_bytes(*shape: int, **fields: float) -> np.ndarray:
@@ -88,6 +84,7 @@ def clock_bytes(*shape: int, **fields: float) -> np.ndarray:
 
 def grid_of(heights: np.ndarray, resolution: float = 0.1, yaw: float = 0.0) -> Any:
     """Return a height map of the core whose first sample is at the origin."""
-    grid = CORE.Grid(**(arrays(*heights.shape) | {"heights": heights}))
+    grid = CORE.Grid(*heights.shape)
+    grid.heights[...] = heights
     grid.place(0.0, 0.0, 0.0, yaw, resolution)
     return grid

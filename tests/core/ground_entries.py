@@ -7,7 +7,7 @@ import numpy as np
 from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.motion import KEPT
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from tests.core.entries import COLUMNS, ROWS, Arguments, Entry, arrays, clock_bytes, grid_of
+from tests.core.entries import COLUMNS, ROWS, Arguments, Entry, clock_bytes, grid_of, new_grid
 
 COUNT = 6  # of points, rays and scans
 
@@ -21,7 +21,7 @@ def mesh_arrays() -> Arguments:
 
 
 def tiles() -> list[Any]:
-    return [CORE.Grid(**arrays()), CORE.Mesh(**mesh_arrays())]
+    return [new_grid(), CORE.Mesh(**mesh_arrays())]
 
 
 def floats(*shape: int) -> np.ndarray:
@@ -51,23 +51,19 @@ def lattice() -> Arguments:
 
 
 def corrected() -> Any:
-    grid = CORE.Grid(**arrays())
+    grid = new_grid()
     grid.set_motion(3, 25.0, 0.2, 0.0, 0.0)
     return grid
 
 
-def set_friction(friction: Any) -> None:
-    CORE.Grid(**arrays()).set_friction(friction, 1.0)
-
-
-def set_variances(variances: Any) -> None:
-    CORE.Grid(**arrays()).set_variances(variances)
+def set_layer(samples: Any) -> None:
+    new_grid().set_layer(0, samples, 1.0)
 
 
 def recall(**memory: Any) -> None:
     """Give a soil what it knew."""
     kinds, soils = np.zeros((ROWS, COLUMNS), np.uint8), np.ones((1, 8))
-    CORE.Soil(CORE.Grid(**arrays()), kinds, soils, 1.0).recall(**memory)
+    CORE.Soil(new_grid(), kinds, soils, 1.0).recall(**memory)
 
 
 ENTRIES = {
@@ -75,12 +71,8 @@ ENTRIES = {
         "places": np.array([3, 700]), "samples": np.ones((2, 5)), "nodes": np.array([1, 2]), "heights": floats(2),
         "pressed": np.array([7, 2, 1]), "step": 3,
     }, rows=("pressed",), within=tuple((name, ROWS * COLUMNS) for name in ("places", "nodes", "pressed"))),
-    "Grid": Entry(CORE.Grid, arrays),
     "Mesh": Entry(CORE.Mesh, mesh_arrays, rows=("triangles",), within=(("triangles", 4),), finite=("vertices",)),
-    "set_friction": Entry(set_friction, lambda: {"friction": floats(ROWS, COLUMNS) + 1.0}, optional=("friction",)),
-    "set_variances": Entry(
-        set_variances, lambda: {"variances": floats(ROWS, COLUMNS) + 1.0}, optional=("variances",)
-    ),
+    "set_layer": Entry(set_layer, lambda: {"samples": floats(ROWS, COLUMNS) + 1.0}, optional=("samples",)),
     "hull": Entry(
         lambda points: CORE.Shape.hull(points, 0.0),
         lambda: {"points": np.random.default_rng(0).normal(size=(8, 3))},
@@ -104,18 +96,18 @@ ENTRIES = {
         "heights": np.zeros((COUNT, 4)),
     }, written=("heights",), finite=("pattern", "time")),
     "sample_grid": Entry(CORE.sample_grid, lambda: {
-        "grid": CORE.Grid(**arrays()), "indices": np.arange(COUNT), "time": 0.0, "ahead": 0.1,
+        "grid": new_grid(), "indices": np.arange(COUNT), "time": 0.0, "ahead": 0.1,
         "heights": np.zeros(COUNT), "velocities": np.zeros(COUNT),
     }, written=("heights", "velocities"), finite=("time", "ahead")),
     "grid_window": Entry(CORE.grid_window, lambda: {
-        "grid": CORE.Grid(**arrays()), "row": 0, "column": 0, "time": 0.0, "heights": np.zeros((COUNT, COUNT)),
+        "grid": new_grid(), "row": 0, "column": 0, "time": 0.0, "heights": np.zeros((COUNT, COUNT)),
     }, written=("heights",), any_shape=("heights",), finite=("time",)),
     "sample_mesh": Entry(
         CORE.sample_mesh, vertices, written=("positions", "velocities"), within=(("indices", 12),),
         finite=("time", "ahead"),
     ),
     "take_rectangle": Entry(CORE.take_rectangle, lambda: {
-        "grid": CORE.Grid(**arrays()), "first": (67, 126), "fresh": floats(3, 4), "given": floats(3, 4), "time": 0.1,
+        "grid": new_grid(), "first": (67, 126), "fresh": floats(3, 4), "given": floats(3, 4), "time": 0.1,
         "intervals": (0.004, 0.25),
     }, optional=("given",)),
     "take_corrected": Entry(CORE.take_corrected, lambda: {

@@ -1,5 +1,6 @@
 """Maps, meshes, contacts, queries and updates of the core at the limits of what they take."""
 
+import gc
 import math
 from collections.abc import Iterator
 from typing import Any
@@ -10,10 +11,11 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.terrain.motion import INTERVALS_KEPT, KEPT
+from smartmesh_ros.patches.shapes import SHAPE
+from smartmesh_ros.terrain.motion import CLOCK, INTERVALS_KEPT, KEPT
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts
-from tests.core.entries import COLUMNS, REFUSED, ROWS, arrays, clock_bytes, grid_of
+from tests.core.entries import COLUMNS, REFUSED, ROWS, clock_bytes, grid_of, new_grid
 from tests.core.ground_entries import COUNT, ENTRIES, contacts, lattice, mesh_arrays
 from tests.core.test_arguments import NO_TILES
 
@@ -30,7 +32,7 @@ def call(name: str, **changes: Any) -> dict[str, Any]:
 @pytest.mark.parametrize(("rows", "columns"), [(1, 5), (5, 1), (0, 0)])
 def test_a_grid_has_at_least_a_cell(rows: int, columns: int) -> None:
     with pytest.raises(REFUSED):
-        CORE.Grid(**arrays(rows, columns))
+        CORE.Grid(rows, columns)
 
 
 @pytest.mark.parametrize(
@@ -40,25 +42,30 @@ def test_a_grid_has_at_least_a_cell(rows: int, columns: int) -> None:
         ("place", (0, 0, 0, np.inf, 0.1)),
         *(("place", (0, 0, 0, 0, resolution)) for resolution in (np.nan, np.inf, -np.inf, 0.0, -1.0)),
         *(("set_motion", (mode, 1.0, 1.0, 0.0, 0.0)) for mode in (-1, 4, 2**31 - 1)),
-        *(("set_friction", (None, value)) for value in (-1.0, math.nan, math.inf)),
+        *(("set_layer", values) for values in ((0, None, -1.0), (-1, None, 1.0), (5, None, 1.0))),
     ],
 )  # fmt: skip
 def test_a_grid_has_a_finite_place_a_resolution_above_zero_and_a_known_motion(method: str, values: Any) -> None:
     with pytest.raises(REFUSED):
-        getattr(CORE.Grid(**arrays()), method)(*values)
+        getattr(new_grid(), method)(*values)
 
 
-def test_a_grid_keeps_its_arrays() -> None:
-    given = arrays()
-    given["heights"][:] = 2.0
-    grid = CORE.Grid(**given)
-    del given
+def test_arrays_are_views_of_the_core_which_they_keep() -> None:
+    grid = new_grid()
+    heights, clocks = grid.heights, grid.clocks
+    heights[:] = 2.0
     assert grid.sample(ROWS - 1, COLUMNS - 1, 0.0, 0.1) == (2.0, 0.0)
+    grid.begin_fusion()
+    known, variances = grid.fused
+    del grid
+    gc.collect()
+    known[...] = variances
+    assert np.unique(heights) == 2.0 and np.unique(known) == 0.0 and not clocks.any()
 
 
 @pytest.mark.parametrize("place", [(-1, 0), (0, -1), (ROWS, 0), (0, COLUMNS), (2**31 - 1, 0), (-(2**31), -(2**31))])
 def test_samples_beyond_a_grid_are_no_ground(place: tuple[int, int]) -> None:
-    height, rise = CORE.Grid(**arrays()).sample(*place, 0.0, 0.1)
+    height, rise = new_grid().sample(*place, 0.0, 0.1)
     assert np.isnan(height) and rise == 0.0
 
 
@@ -66,7 +73,7 @@ def test_samples_beyond_a_grid_are_no_ground(place: tuple[int, int]) -> None:
 def test_a_clock_that_names_no_velocity_reads_none(newest: int) -> None:
     fields = {"known": KEPT, "newest": newest, "lifetime": 1.0, "middle": -0.05, "middle_1": -0.15, "middle_2": -0.25}
     for noise in (0.0, 0.1):
-        grid = CORE.Grid(**(arrays() | {"clocks": clock_bytes(2, 3, **fields)}))
+        grid = new_grid(**fields)
         grid.set_motion(1, 25.0, 0.2, noise, 0.0)
         assert grid.sample(3, 3, 0.5, 0.1) == (0.0, 0.0)
         assert not call("grid_window", grid=grid, time=0.5)["heights"].any()
@@ -194,7 +201,7 @@ def test_scans_from_nowhere_find_no_ground(value: float) -> None:
 @pytest.mark.parametrize("place", [0.0, 1e300, -1e300])
 @pytest.mark.parametrize("name", ["ground_heights", "ground_samples", "cast"])
 def test_grids_of_any_size_anywhere_do_no_harm(name: str, resolution: float, place: float) -> None:
-    grid, other = CORE.Grid(**arrays()), CORE.Grid(**arrays())
+    grid, other = new_grid(), new_grid()
     grid.place(place, 0.0, 0.0, 1.0, resolution)
     other.place(1.0, 1.0, 0.0, 0.0, 0.1)
     call(name, tiles=[grid, other])
@@ -240,7 +247,7 @@ def test_clocks_that_lead_out_of_an_array_are_refused(entry: str) -> None:
         if entry == "move_vertices":
             ground = {"mesh": CORE.Mesh(**mesh_arrays() | {"clock": clock_bytes(1, **{field: value})})}
         else:
-            grid = CORE.Grid(**(arrays() | {"clocks": clock_bytes(2, 3, **{field: value})}))
+            grid = new_grid(**{field: value})
             grid.set_motion(3, 25.0, 0.2, 0.0, 0.0)
             ground = {"grid": grid}
         with pytest.raises(REFUSED):
@@ -249,7 +256,7 @@ def test_clocks_that_lead_out_of_an_array_are_refused(entry: str) -> None:
 
 def test_corrections_need_a_time_to_settle() -> None:
     for settle in (0.0, np.nan):
-        grid = CORE.Grid(**arrays())
+        grid = new_grid()
         grid.set_motion(3, 25.0, settle, 0.0, 0.0)
         with pytest.raises(REFUSED):
             call("take_corrected", grid=grid)
@@ -260,3 +267,10 @@ def test_a_lattice_may_be_smaller_than_the_map_and_does_not_know_points_that_are
     assert counts[0] <= ROWS * COLUMNS
     for cell in (2**40, 2**63 - 1, -(2**63)):
         assert not CORE.moved_as_one(**(lattice() | {"cells": np.full((8, 14, 2), cell)}))
+
+
+@pytest.mark.parametrize("record", [CLOCK, SHAPE])
+def test_each_byte_of_a_shared_record_belongs_to_one_field(record: Any) -> None:
+    """So that a field that is added, or changes places, is the same one on both sides."""
+    bytes_of = [range(place, place + kind.itemsize) for kind, place in record.fields.values()]
+    assert sorted(byte for field in bytes_of for byte in field) == list(range(record.itemsize))

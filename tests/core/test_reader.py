@@ -65,8 +65,10 @@ def random_grid(mode: Mode, noise: float, rng: np.random.Generator) -> MovingMap
 
 
 def core_grid(grid: MovingMap) -> _core.Grid:
-    clocks = grid.clocks.view(np.uint8).reshape(*grid.clocks.shape, CLOCK.itemsize)
-    made = _core.Grid(grid.heights, grid.velocities, grid.offsets, grid.rates, clocks)
+    made = _core.Grid(*grid.heights.shape)
+    made.clocks.view(CLOCK)[..., 0] = grid.clocks
+    for name in ("heights", "velocities", "offsets", "rates"):
+        getattr(made, name)[...] = getattr(grid, name)
     made.place(0.0, 0.0, grid.z, 0.0, 0.1)
     made.set_motion(grid.mode, grid.max_velocity, grid.settle, grid.noise, grid.smoothing)
     made.show(grid.shown)

@@ -36,6 +36,9 @@ class Oracle:
         friction = np.array(message.friction, np.float64)
         assert friction.size in (0, 1, grid.size), "a map with friction of the wrong length was taken"
         assert not ((friction < 0.0) | np.isinf(friction)).any(), "a map with impossible friction was taken"
+        for layer in message.layers:
+            assert len(layer.values) in (0, 1, grid.size), "a map with a layer of the wrong length was taken"
+            assert not (np.array(layer.values) < 0.0).any(), "a map with an impossible layer was taken"
         assert len(message.soil) in (0, grid.size), "a map with soils of the wrong length was taken"
         assert 255 not in message.soil, "a map with impossible soils was taken"
         assert math.isfinite(info.resolution), "a map of infinite resolution was taken"

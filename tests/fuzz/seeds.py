@@ -57,7 +57,8 @@ def _heightmap(rng: np.random.Generator) -> Any:
     friction = [None, None, rng.uniform(0.0, 2.0), rng.uniform(0.0, 2.0, (ROWS, COLUMNS))][int(rng.integers(4))]
     return heightmap_message(heights(rng), resolution=RESOLUTION, origin=origin, tile=tile, velocities=speeds,
                              friction=friction, yaw=float(rng.choice([0.0, 0.4])),
-                             soil=rng.integers(0, 3, (ROWS, COLUMNS)) if rng.random() < 0.3 else None)  # fmt: skip
+                             soil=rng.integers(0, 3, (ROWS, COLUMNS)) if rng.random() < 0.3 else None,
+                             layers={"rolling": rng.uniform(0.0, 0.2)} if rng.random() < 0.3 else {})  # fmt: skip
 
 
 def _update(rng: np.random.Generator) -> Any:

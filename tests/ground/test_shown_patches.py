@@ -39,7 +39,7 @@ def places_on(terrain: HeightMap, rng: np.random.Generator, count: int, above: f
 def corners_of(bodies: Reaching, slot: int) -> FloatArray:
     """The triangles (t, 3, 3) of a body's marker [m]."""
     one = np.array([slot])
-    data = bodies.patches.markers(one, one, one[:0], (0, 0), "map", "patches", (1.0, 1.0, 1.0, 1.0))
+    data = bodies.patches.markers(one, one, one[:0], (0, 0), "map", "patches", (1.0, 1.0, 1.0, 1.0), 0.0)
     [marker] = deserialize_message(data, MarkerArray).markers
     return np.array([(p.x, p.y, p.z) for p in marker.points]).reshape(-1, 3, 3)
 

@@ -42,9 +42,10 @@ def test_a_map_is_what_was_sent(
 ) -> None:
     friction = {"": None, "one": 0.25, "each": 3 * heights}[rubs]
     soil = None if rubs == "one" else np.arange(heights.size).reshape(heights.shape) % 5
+    layers = {"": {"rolling": 0.25}, "one": {}, "each": {"stiffness": 1e5, "damping": 2 * heights}}[rubs]
     message = heightmap_message(
         heights, frame_id=frame_id, tile=tile, origin=origin, yaw=yaw, velocities=2 * heights if moving else None,
-        friction=friction, soil=soil,
+        friction=friction, soil=soil, layers=layers,
     )  # fmt: skip
     message.header.stamp.sec, message.header.stamp.nanosec = 12, 34
     new = map_from(serialize_message(message), ROOM)
@@ -57,12 +58,10 @@ def test_a_map_is_what_was_sent(
         np.testing.assert_array_equal(new.velocities, 2 * heights)
     else:
         assert new.velocities is None
-    assert (new.friction is None) == (friction is None)
-    if friction is not None:
-        np.testing.assert_array_equal(new.friction, friction)
-    assert (new.soil is None) == (soil is None)
-    if soil is not None:
-        np.testing.assert_array_equal(new.soil, soil)
+    sent = {name: layer for name, layer in {"friction": friction, "soil": soil, **layers}.items() if layer is not None}
+    assert new.material.layers.keys() == sent.keys()
+    for name, layer in sent.items():
+        np.testing.assert_array_equal(new.material.layers[name], layer)
 
 
 def test_the_arrays_lie_over_the_message() -> None:

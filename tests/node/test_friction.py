@@ -65,23 +65,27 @@ def test_a_layer_of_a_grid_map_holds_the_friction(domain: int) -> None:
 
         def grid_map(friction: NDArray[np.float32], start: tuple[int, int] = (0, 0)) -> GridMap:
             """Level ground with a layer of coefficients, whose circular buffer begins at ``start``."""
-            return grid_map_message({"elevation": FLAT, "slip": friction}, RESOLUTION, start=start, stamp=node.now())
+            layers = {"elevation": FLAT, "slip": friction, "rolling": 0.1 * halves()}
+            return grid_map_message(layers, RESOLUTION, start=start, stamp=node.now())
 
         node.give("grid_map", grid_map(halves()))
         assert (coefficients(node) == 1.0).all()
-        assert not node.set("terrain.friction_layer", "slip")
+        assert not node.set("raster.material_layers", ["friction=slip", "rolling"])
         for start in ((0, 0), (3, 17)):
             node.give("grid_map", grid_map(halves(), start))
             np.testing.assert_array_equal(coefficients(node), halves())
+            np.testing.assert_array_equal(node.world.terrain.tiles[""].material.rolling, np.float32(0.1) * halves())
         node.require_refused("grid_map", [("friction", grid_map(-halves()))])
-        assert not node.set("terrain.friction_layer", "grip")
+        assert "may be one of" in node.set("raster.material_layers", ["grip=slip"])
+        assert "once" in node.set("raster.material_layers", ["friction", "friction=slip"])
+        assert not node.set("raster.material_layers", ["friction=grip"])
         node.require_refused("grid_map", [("layer", grid_map(halves()))])
         np.testing.assert_array_equal(coefficients(node), halves())
 
 
 def test_the_publisher_on_the_page_makes_ice_beside_gravel(probe: Probe) -> None:
-    """docs/friction.md; bodies have the friction 0.5."""
-    page = (Path(__file__).parents[2] / "docs" / "friction.md").read_text()
+    """docs/materials.md; bodies have the friction 0.5."""
+    page = (Path(__file__).parents[2] / "docs" / "materials.md").read_text()
     [code] = [code for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "rclpy" in code]
     with probe.running(), subprocess.Popen([sys.executable, "-c", code]) as publisher:
         try:

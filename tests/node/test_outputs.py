@@ -93,7 +93,7 @@ def test_markers_equal_those_of_message_objects(make: Callable[[], Reaching], fr
     for index, found in enumerate(message.markers):
         marker = Marker(header=header, ns="patches", id=found.id, type=Marker.TRIANGLE_LIST, action=Marker.ADD)
         marker.frame_locked = True  # shown in any Fixed Frame: RViz takes the newest transform, not the stamp's
-        marker.scale = Vector3(x=1.0, y=1.0, z=1.0)
+        marker.scale, marker.pose.position.z = Vector3(x=1.0, y=1.0, z=1.0), patch_outputs.LIFT
         marker.color.r, marker.color.g, marker.color.b, marker.color.a = patch_outputs.COLOUR
         corners = table.points_of(index)[table.triangles_of(index)]
         known, shown = ({triangle.tobytes() for triangle in part} for part in (corners, corners_of(found)))

@@ -17,7 +17,7 @@ from smartmesh_msgs.msg import HeightmapUpdate, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
 from smartmesh_ros import BodyState, Sphere
-from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, floats, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, floats, heightmap_message, layer_message, pose_message
 from tests.node.shared import (
     BALL,
     Fed,
@@ -94,6 +94,12 @@ CASES = [
     ("heightmap", "length", bad_map(friction=floats(np.ones(1199, np.float32)))),
     ("heightmap", "friction", bad_map(friction=floats(np.full(1200, -0.1, np.float32)))),
     ("heightmap", "friction", bad_map(friction=floats(np.array([np.inf], np.float32)))),
+    ("heightmap", "length", bad_map(layers=[layer_message("rolling", np.ones(1199))])),
+    ("heightmap", "stiffness", bad_map(layers=[layer_message("stiffness", 0.0)])),
+    ("heightmap", "layer", bad_map(layers=[layer_message("colour", 1.0)])),
+    ("heightmap", "layer", bad_map(layers=[layer_message("rolling", 0.1)] * 2)),
+    ("heightmap", "layer", bad_map(layers=[layer_message("rolling", 0.1)] * 1000)),
+    ("heightmap_update", "restitution", bad_update(layers=[layer_message("restitution", 2.0)])),
     ("heightmap", "frame", bad_map(header__frame_id="odom")),
     ("heightmap", "stamp_backwards", bad_map(header__stamp=Time(sec=10))),
     ("heightmap", "stamp", bad_map(header__stamp=Time(sec=-5))),

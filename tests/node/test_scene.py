@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from matplotlib.tri import LinearTriInterpolator, Triangulation
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import TrackedBody
 from smartmesh_msgs.srv import RemoveBodies
@@ -19,6 +20,7 @@ from smartmesh_ros.node.outputs.ground_view import GroundView, ground_points, wi
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.tools.testing import Probe
 from tests.bodies import rotation
+from tests.ground.reaching import balls_on
 from tests.node.shared import LATCHED, show_map, spawn
 from tests.urdfs import HUSKY, ROVER
 
@@ -185,6 +187,29 @@ def test_the_window_covers_the_ground_around_the_bodies(kind: str, positions: An
     np.testing.assert_allclose(corners[:, 2], -VIEW.lower, atol=1e-6)
     area = 0.5 * np.linalg.norm(np.cross(*(corners[k::3] - corners[::3] for k in (1, 2))), axis=1).sum()
     assert 0.0 < area <= 400.0 + 1e-6, "triangles over ground alone"
+
+
+@pytest.mark.parametrize("side", [61, 601])
+def test_the_drawn_ground_hides_no_patch(side: int) -> None:
+    """Where it leaves samples out, too."""
+    rng = np.random.default_rng(side)
+    terrain = Terrain(HeightMap(rng.normal(scale=0.2, size=(side, side)), resolution=0.1))
+    places = rng.uniform(1.0, 0.1 * side - 1.0, (12, 2))
+    bodies = balls_on(terrain, [0.3] * 12)
+    points = bodies.at(np.column_stack([places, terrain.at(places, 0.0).heights])).points_w
+    window = window_around(places, terrain, VIEW)
+    assert window is not None and (window.spacing > 0.15) == (side > 100)
+    drawn = [ground_points(window, terrain, 0.0, VIEW, *more).reshape(-1, 3, 3) for more in ((), (points,))]
+    gaps = [points[:, 2] - heights_of(corners, points) for corners in drawn]
+    assert (gaps[0].min() < -0.1) == (side > 100)
+    assert gaps[1].min() > VIEW.lower - 1e-6
+
+
+def heights_of(corners: Any, points: Any) -> Any:
+    """Heights (n,) of triangles (t, 3, 3) over points (n, 3)."""
+    vertices, places = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    drawn = Triangulation(vertices[:, 0], vertices[:, 1], places.reshape(-1, 3))
+    return np.asarray(LinearTriInterpolator(drawn, vertices[:, 2])(points[:, 0], points[:, 1]))
 
 
 def test_no_ground_is_drawn_over_holes_and_without_terrain() -> None:

@@ -80,7 +80,7 @@ def test_soils_come_with_maps_and_layers_and_stay_where_later_ones_say_nothing(d
         short = give(x=0.3)
         short.soil = [1, 0]
         node.require_refused("heightmap", [("length", short)])
-        assert not node.set("soil.layer", "kind")
+        assert not node.set("raster.material_layers", ["soil=kind"])
 
         def grid_map(kind: Any) -> GridMap:
             return grid_map_message({"elevation": np.zeros((9, 9)), "kind": kind}, 0.1, stamp=node.now())

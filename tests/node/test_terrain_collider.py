@@ -105,9 +105,9 @@ def test_bodies_fall_rest_and_report(shared: Probe) -> None:
 
     shared.wait_for(carried)
     timing = shared.latest("timing")
-    names = "ingest search collect collider step publish bodies total lateness"
+    names = "ingest search collect step publish bodies total lateness"
     assert [stage.stage for stage in timing.stages] == names.split()
-    step = timing.stages[4]
+    step = timing.stages[3]
     assert step.count > 0
     assert 0.0 < step.p50_us <= step.p99_us <= step.max_us
     bodies = shared.diagnostics("bodies")
@@ -184,7 +184,7 @@ def test_parameters_change_at_run_time_as_a_whole_or_not_at_all(shared: Probe) -
         assert not set_parameters(shared, {"executor": "single_threaded"}).successful, "read-only"
         shared.latest("timing")
         timing = shared.latest("timing")
-        assert timing.stages[4].count < 1.5 * 60.0 * timing.window_s, "still 60 Hz"
+        assert timing.stages[3].count == pytest.approx(60.0 * timing.window_s, rel=0.2), "still 60 Hz"
 
 
 TRIANGLES = grid_triangles(20, 30)

@@ -40,7 +40,7 @@ class Selecting:
 
     def update(self, bodies: FloatArray, time: float, duration: float) -> None:
         self._followers.states = bodies
-        self._patches.begin(time, duration, np.inf)
+        self._patches.begin(time, duration)
         assert len(self.supports) == self._count
 
     def batches(self) -> list[PatchBatch]:

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import HeightMap, MotionConfig, Terrain
+from smartmesh_ros import HeightMap, Material, MotionConfig, Terrain
+from smartmesh_ros.terrain.material import NAMES
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.examples import examples
 
@@ -22,7 +23,7 @@ MOTIONS = [
     MotionConfig(), MotionConfig(mode="interpolate"), MotionConfig(noise=0.01), MotionConfig(changes="correction"),
     MotionConfig(changes="correction", noise=0.01),
 ]  # fmt: skip
-CHANGES = ["whole", "region", "press", "show", "friction", "soil", "slide", "scroll"]
+CHANGES = ["whole", "region", "press", "show", "friction", "material", "soil", "slide", "scroll"]
 
 
 def heights_of(seed: int) -> np.ndarray:
@@ -44,6 +45,9 @@ def change(ground: Terrain, what: str, time: float) -> None:
         tile.show(time)
     elif what == "friction":
         tile.friction = np.full((ROWS, COLUMNS), 0.01 * (seed % 90))
+    elif what == "material":
+        part = Material(stiffness=1e3 * (1 + seed % 7), rolling=np.full((4, 5), 0.01 * (seed % 9)))
+        tile.update_region(2, 3, heights_of(seed)[:4, :5], time=time, material=part)
     elif what == "soil":
         tile.soil = np.random.default_rng(seed).integers(0, 9, (ROWS, COLUMNS))
     else:
@@ -54,11 +58,8 @@ def change(ground: Terrain, what: str, time: float) -> None:
 
 def seen(ground: Terrain, time: float) -> list[np.ndarray]:
     points = np.stack(np.meshgrid(np.linspace(-0.2, 2.0, 25), np.linspace(-0.1, 0.9, 12)), axis=-1).reshape(-1, 2)
-    soil = ground.tile("").soil
-    return [
-        *ground.at(points, time), ground.friction_at(points),
-        np.empty(0) if soil is None else soil.copy(),
-    ]  # fmt: skip
+    layers = ground.tile("").material.layers
+    return [*ground.at(points, time), ground.friction_at(points), *(np.array(layers.get(name, 0.0)) for name in NAMES)]
 
 
 @pytest.mark.parametrize("how", COPIES)

@@ -2,14 +2,16 @@
 
 import math
 import mmap
+import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import GridGeometry, HeightMap, InputError
+from smartmesh_ros import GridGeometry, HeightMap, InputError, Material
 from smartmesh_ros.terrain.motion import BLOCK, MotionConfig
 from tests.examples import examples
 
@@ -180,3 +182,26 @@ def test_impossible_geometry_is_refused(change: dict[str, object], reason: str) 
     with pytest.raises(InputError) as error:
         GridGeometry(**{"rows": 10, "columns": 10, "resolution": 0.1, **change})  # type: ignore[arg-type]
     assert error.value.reason == reason
+
+
+@pytest.mark.parametrize("how", ["replace", "update_region"])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        *({"time": time} for time in (math.nan, math.inf, 10**400, "soon", -1.0)),
+        {"heights": np.full((9, 12), np.inf)},
+        {"velocities": np.zeros((3, 3))},
+        {"velocities": np.full((9, 12), np.inf)},
+        {"variance": np.zeros((3, 3))},
+        {"material": Material(rolling=0.1, stiffness=-1.0)},
+    ],
+)
+def test_an_update_that_is_refused_changes_nothing(wrong: dict[str, Any], how: str) -> None:
+    heightmap = HeightMap(np.zeros((9, 12)), resolution=0.1, material=Material(rolling=0.2))
+    heightmap.press(np.array([[1, 1]]), np.array([-0.2], np.float32))
+    before, revision = pickle.dumps(heightmap), heightmap.revision
+    given = {"heights": np.ones((9, 12)), "time": 1.0, **wrong}
+    place = (0, 0) if how == "update_region" else ()
+    with pytest.raises(InputError):
+        getattr(heightmap, how)(*place, given.pop("heights"), **given)
+    assert (pickle.dumps(heightmap), heightmap.revision) == (before, revision)

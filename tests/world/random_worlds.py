@@ -18,6 +18,7 @@ from smartmesh_ros import (
     Capsule,
     Cylinder,
     HeightMap,
+    Material,
     MotionConfig,
     Soil,
     Sphere,
@@ -88,6 +89,9 @@ class RandomWorld:
         layers = {} if rng.random() < 0.5 else {"friction": rng.uniform(0.3, 1.2, (SIDE, SIDE))}
         if self.soil:
             layers["soil"] = rng.integers(0, 2, (SIDE, SIDE))
+        if rng.random() < 0.3:
+            stiffness, rolling = rng.uniform(1e6, 1e8, (SIDE, SIDE)), rng.uniform(0.0, 0.1, (SIDE, SIDE))
+            layers["material"] = Material(stiffness=stiffness, damping=1e5, restitution=0.5, rolling=rolling)
         terrain = Terrain(self._map(0.0, **layers))
         if self.tiles:
             x = -self._origin(0.0)[0] + self.spacing

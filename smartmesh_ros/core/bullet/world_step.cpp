@@ -10,6 +10,7 @@
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
 #include "contact_points.h"
+#include "foundation.h"
 #include "step_lock.h"
 
 namespace smartmesh {
@@ -164,25 +165,32 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   read_contacts(manifold, before_);
   const Approach approach = approach_of(slot, step);
   const btContactSolverInfo& solver = world_->getSolverInfo();
+  const auto* rigid = btRigidBody::upcast(slot.object);
+  const Vec3 pull = rigid != nullptr ? from_bullet(rigid->getTotalForce() * (rigid->getInvMass() * step))
+                                     : from_bullet(world_->getGravity() * step);
   if (soil != nullptr && soil->is_under(pose.at, time)) {
     soil->touch(*shape, pose, on_soil(slot, step), before_, slot.on_soil[part_number(slot, *body.getCollisionShape())], contacts_, rows_);
   } else {
     search_.run(*shape, pose, surface, time, approach, contacts_);
     choose_contacts(*shape, pose, approach, before_, contacts_);
-    if (surface.has_friction()) {
+    const bool has_material = surface.has_material();
+    if (has_material) {
       const SurfaceReader ground_now = surface.reader(time, INSTANT);
-      for (Contact& contact : contacts_) contact.friction = ground_now.tiles.friction(contact.point.x, contact.point.y);
+      for (Contact& contact : contacts_) contact.material = ground_now.tiles.material(contact.point.x, contact.point.y);
     }
     BodySurface own;
     read_surface(*slot.object, *slot.ground, own);
     if (slot.belt.speed != 0.0) own.belt = belt_of(slot), own.mass = mass_of(*slot.object);
     find_rows(contacts_, approach, own, {solver.m_erp2, solver.m_linearSlop, solver.m_restitutionVelocityThreshold}, rows_);
     place_in_mid_step(*shape, pose, contacts_, approach, rows_);
+    if (has_material) {
+      lay_on_foundation(*shape, pose, approach, own, contacts_, rows_);
+      resist_rolling(contacts_, approach, pull, rows_);
+    }
   }
   const bool resists_turning = !rows_.empty() && rows_[0].friction.rolling + rows_[0].friction.spinning > 0.0;
   slot.turning = resists_turning ? contacts_[0].ground.turning : Vec3{};
-  if (const auto* rigid = btRigidBody::upcast(slot.object)) {  // robots have a solver with a cone of its own
-    const Vec3 pull = from_bullet(rigid->getTotalForce() * (rigid->getInvMass() * step));
+  if (rigid != nullptr) {  // robots have a solver with a cone of its own
     find_slips(contacts_, before_, approach, {pull, slot.pull, mass_of(*slot.object)}, rows_);
     slot.pull = pull;
   }

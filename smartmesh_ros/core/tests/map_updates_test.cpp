@@ -1,9 +1,12 @@
 // Taking maps: velocities are difference quotients, and rectangles one after the other equal the whole map at once.
 #include "map_updates.h"
 
+#include <algorithm>
 #include <vector>
 
 #include <gtest/gtest.h>
+
+#include "map_memory.h"
 
 namespace smartmesh {
 namespace {
@@ -11,18 +14,10 @@ namespace {
 constexpr int ROWS = 70, COLUMNS = 130;  // of more than one block in both directions
 constexpr Intervals INTERVALS{1e-4, 1.0};
 
-struct Map {
-  std::vector<float> heights = std::vector<float>(ROWS * COLUMNS), velocities = std::vector<float>(KEPT * ROWS * COLUMNS);
-  std::vector<Clock> clocks = std::vector<Clock>(2 * 3);
-
-  Map() {
-    for (Clock& clock : clocks) clock = Clock{}, clock.time = -1e300;
-  }
+struct Map : MapMemory {
+  Map() : MapMemory(ROWS, COLUMNS) {}
   void take(const Region& place, const std::vector<float>& fresh, double time) {
-    MapArrays arrays;
-    arrays.heights = heights.data(), arrays.velocities = velocities.data(), arrays.clocks = clocks.data();
-    arrays.rows = ROWS, arrays.columns = COLUMNS, arrays.block_columns = 3;
-    take_heights(HeightGrid{}, arrays, place, {fresh.data(), nullptr, time}, INTERVALS);
+    take_heights(grid, place, {fresh.data(), nullptr, time}, INTERVALS);
   }
   float newest(int row, int column) const {
     const Clock& clock = clocks[(row >> BLOCK_SHIFT) * 3 + (column >> BLOCK_SHIFT)];
@@ -48,7 +43,7 @@ TEST(MapUpdates, PartsOfOneInstantEqualTheWhole) {
     for (const Region& place : {Region{0, 0, 30, COLUMNS}, Region{30, 0, ROWS, 100}, Region{30, 100, ROWS, COLUMNS}})
       parts.take(place, fresh, time);
   }
-  EXPECT_EQ(whole.heights, parts.heights);
+  EXPECT_TRUE(std::equal(whole.heights.begin(), whole.heights.end(), parts.heights.begin()));
   for (int row = 0; row < ROWS; ++row)
     for (int column = 0; column < COLUMNS; ++column) EXPECT_FLOAT_EQ(whole.newest(row, column), parts.newest(row, column));
 }

@@ -20,6 +20,7 @@ from smartmesh_ros.io.rasters import (
     occupancy_heights,
 )
 from smartmesh_ros.node.inputs.cdr_reader import FloatGrid, require_cells, yaw_from
+from smartmesh_ros.terrain.material import Material
 
 # Types of pixels by encoding of an image.
 ENCODINGS = {"32FC1": "f4", "16UC1": "u2", "mono16": "u2", "mono8": "u1", "8UC1": "u1"}
@@ -40,17 +41,15 @@ def require_length(what: str, actual: int, wanted: int) -> None:
 
 
 def grid_map_raster(message: Any, config: RasterConfig, max_samples: int) -> Raster:
-    """Convert a grid_map_msgs/GridMap: the layer ``config.layer`` and, unless empty, ``config.variance_layer``,
-    ``config.friction_layer`` and ``config.soil_layer``.
+    """Convert a grid_map_msgs/GridMap: the layer ``config.layer`` and, unless empty, ``config.variance_layer``, and
+    those of the material, ``config.layers``.
 
     The map's orientation and z are ignored, as grid_map itself does.
     """
     info = message.info
     layers = list(message.layers)
-    for name, parameter in (
-        (config.layer, "raster.layer"), (config.variance_layer, "raster.variance_layer"),
-        (config.friction_layer, "terrain.friction_layer"), (config.soil_layer, "soil.layer"),
-    ):  # fmt: skip
+    named = [(config.layer, "raster.layer"), (config.variance_layer, "raster.variance_layer")]
+    for name, parameter in (*named, *((name, "raster.material_layers") for name in config.layers.values())):
         if name not in layers and (name or parameter == "raster.layer"):
             raise InputError("layer", f"there is no layer {name!r}; {parameter} may be one of {', '.join(layers)}")
     require_length("the list of layers' data", len(message.data), len(message.layers))
@@ -58,19 +57,18 @@ def grid_map_raster(message: Any, config: RasterConfig, max_samples: int) -> Ras
     along_x = _cells_of(info.length_x, info.resolution)
     along_y = _cells_of(info.length_y, info.resolution)
     require_cells(along_x * along_y, max_samples)
-    variances, friction, soil = (
-        _layer(message.data[layers.index(name)], along_x, along_y) if name else None
-        for name in (config.variance_layer, config.friction_layer, config.soil_layer)
-    )
+
+    def cells(name: str) -> NDArray[np.float32]:
+        return _layer(message.data[layers.index(name)], along_x, along_y)
+
     return from_grid_map(
-        _layer(message.data[layers.index(config.layer)], along_x, along_y),
+        cells(config.layer),
         start=(message.outer_start_index, message.inner_start_index),
         centre=(info.pose.position.x, info.pose.position.y),
         resolution=info.resolution,
         config=config,
-        variances=variances,
-        friction=friction,
-        soil=soil,
+        variances=cells(config.variance_layer) if config.variance_layer else None,
+        material=Material(**{name: cells(layer) for name, layer in config.layers.items()}),
     )
 
 

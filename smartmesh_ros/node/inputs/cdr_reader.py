@@ -1,4 +1,4 @@
-"""Reading of messages from untrusted CDR bytes: those with terrain, arrays without a copy, and any other after a check.
+"""Reading of messages with terrain from untrusted CDR bytes, arrays without a copy.
 
 The middleware drops malformed messages silently, and decodes oversized ones before a callback can refuse them. So the
 node subscribes to raw bytes, and checks them here before decoding.
@@ -8,20 +8,16 @@ from __future__ import annotations
 
 import math
 import struct
-from functools import cache
-from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.serialization import deserialize_message
-from rosidl_parser.definition import AbstractNestedType, AbstractString, Array, BasicType, NamespacedType
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import QUATERNION_SLACK
-from smartmesh_ros.io.rasters import Raster
-from smartmesh_ros.node.outputs.cdr import DTYPES
+from smartmesh_ros.io.rasters import Raster, from_numbers
 from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.material import NAMES, Material, require_layer, usual
 
 FloatGrid = NDArray[np.float32]
 
@@ -96,32 +92,31 @@ class CdrReader:
 
 
 class MapInput(NamedTuple):
-    """A whole map: geometry (None = remove the tile), heights (rows, columns) [m], velocities [m/s] or None;
-    coefficients of friction: one, those of the samples, or None; and places of soils (rows, columns) or None."""
+    """A whole map: geometry (None = remove the tile), heights (rows, columns) [m], velocities [m/s] or None,
+    and what is said of the material."""
 
     start: Stamped
     geometry: GridGeometry | None
     heights: FloatGrid
     velocities: FloatGrid | None
-    friction: float | FloatGrid | None = None
-    soil: NDArray[np.uint8] | None = None
+    material: Material = Material()
 
     @property
     def raster(self) -> Raster | None:
         """The map as a raster; None = remove the tile."""
-        if self.geometry is None:
-            return None
-        return Raster(self.geometry, self.heights, friction=self.friction, soil=self.soil)
+        return None if self.geometry is None else Raster(self.geometry, self.heights, material=self.material)
 
 
 class RegionInput(NamedTuple):
-    """New heights (rows, columns) [m] of a rectangle, its first row and column, and velocities [m/s] or None."""
+    """New heights (rows, columns) [m] of a rectangle, its first row and column, velocities [m/s] or None, and
+    what is said of its material."""
 
     start: Stamped
     row: int
     column: int
     heights: FloatGrid
     velocities: FloatGrid | None
+    material: Material = Material()
 
 
 class MeshInput(NamedTuple):
@@ -150,17 +145,14 @@ def map_from(data: bytes, max_samples: int) -> MapInput:
     resolution, columns, rows = reader.number("f"), reader.number("I"), reader.number("I")
     x, y, z, *orientation = reader.numbers("d", 7)
     heights, velocities, friction = (reader.sequence("f4") for _ in range(3))
-    soil = reader.sequence("u1")
+    layers = [("friction", friction), ("soil", reader.sequence("u1")), *_layers(reader)]
     if not rows and not columns and not len(heights):
         return MapInput(start, None, heights, None)
     _require_count(columns, rows, len(heights), len(velocities), max_samples)
     geometry = GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=(x, y, z),
                             yaw=yaw_from(*orientation))  # fmt: skip
-    if len(soil) not in (0, rows * columns):
-        raise InputError("length", f"{len(soil)} soils for {rows * columns} heights; there must be as many, or none")
-    grids = _grids(heights, velocities, (rows, columns))
-    places = soil.reshape(rows, columns) if len(soil) else None
-    return MapInput(start, geometry, *grids, _friction(friction, (rows, columns)), places)
+    shape = rows, columns
+    return MapInput(start, geometry, *_grids(heights, velocities, shape), _material(layers, shape))
 
 
 def region_from(data: bytes, max_samples: int) -> RegionInput:
@@ -169,8 +161,9 @@ def region_from(data: bytes, max_samples: int) -> RegionInput:
     start = reader.stamped()
     column, row, columns, rows = (reader.number("I") for _ in range(4))
     heights, velocities = reader.sequence("f4"), reader.sequence("f4")
+    layers, shape = _layers(reader), (rows, columns)
     _require_count(columns, rows, len(heights), len(velocities), max_samples)
-    return RegionInput(start, row, column, *_grids(heights, velocities, (rows, columns)))
+    return RegionInput(start, row, column, *_grids(heights, velocities, shape), _material(layers, shape))
 
 
 def mesh_from(data: bytes, max_samples: int) -> MeshInput:
@@ -201,15 +194,31 @@ def _grids(heights: Any, velocities: Any, shape: tuple[int, int]) -> tuple[Float
     return heights.reshape(shape), velocities.reshape(shape) if len(velocities) else None
 
 
-def _friction(values: Any, shape: tuple[int, int]) -> float | FloatGrid | None:
-    """Return flat coefficients as one number, a view (rows, columns), or None if there are none."""
-    if len(values) == 1:
-        return 1.0 if math.isnan(values[0]) else float(values[0])
-    count = shape[0] * shape[1]
-    if len(values) not in (0, count):
-        what = f"{len(values)} coefficients of friction for {count} heights"
-        raise InputError("length", f"{what}; there must be as many, or one, or none")
-    return np.asarray(values.reshape(shape)) if len(values) else None
+def _layers(reader: CdrReader) -> list[tuple[str, NDArray[Any]]]:
+    """Read the names and values of MaterialLayer messages."""
+    count = reader.count(8)
+    if count > len(NAMES):
+        raise InputError("layer", f"{count} layers of a material; there are {', '.join(NAMES)}")
+    return [(reader.text(), reader.sequence("f4")) for _ in range(count)]
+
+
+def _material(layers: list[tuple[str, NDArray[Any]]], shape: tuple[int, int]) -> Material:
+    """Return the material of flat layers; one value is that of all samples, and none says nothing."""
+    found: dict[str, Any] = {}
+    for name, values in layers:
+        require_layer(name)
+        if not len(values):
+            continue
+        if name in found:
+            raise InputError("layer", f"the layer {name} is there twice; give it once")
+        if len(values) == 1 and name != "soil":
+            found[name] = usual(name) if math.isnan(values[0]) else float(values[0])
+        elif len(values) == shape[0] * shape[1]:
+            found[name] = from_numbers(name, values).reshape(shape)
+        else:
+            what = f"{len(values)} values of {name} for {shape[0] * shape[1]} heights"
+            raise InputError("length", f"{what}; there must be as many, or one, or none")
+    return Material(**found)
 
 
 def _require_count(width: int, height: int, heights: int, velocities: int, max_samples: int) -> None:
@@ -235,66 +244,3 @@ def require_cells(count: int, max_samples: int) -> None:
     """Raise `InputError` if there are more samples than allowed. Called before memory is allocated."""
     if count > max_samples:
         raise InputError("size", f"{count} samples are more than terrain.max_samples = {max_samples}")
-
-
-# Default of the most elements in a sequence of messages or strings.
-MOST_ITEMS = 100_000
-
-
-def message_from(data: bytes, kind: Any, most: int = MOST_ITEMS) -> Any:
-    """Decode a message of type ``kind`` from its bytes.
-
-    Raises `InputError` if the bytes are no such message, or if a sequence of messages or strings has more than ``most``
-    elements, which is checked before anything is allocated.
-    """
-    _check(CdrReader(data), _fields_to_check(kind), most, last=True)
-    try:
-        return deserialize_message(data, kind)
-    except Exception as error:  # noqa: BLE001  # the decoder's errors have no common base
-        raise InputError("malformed", f"{len(data)} bytes are no {kind.__name__}: {error}") from None
-
-
-def _check(reader: CdrReader, fields: list[Any], most: int, *, last: bool) -> None:
-    """Skip fields, checking the sequences in them. ``last``: no check follows, so the last one need not be skipped."""
-    for index, field in enumerate(fields):
-        _check_field(reader, field, most, last=last and index == len(fields) - 1)
-
-
-def _check_field(reader: CdrReader, field: Any, most: int, *, last: bool) -> None:
-    if isinstance(field, BasicType):
-        reader.skip(DTYPES[field.typename].itemsize)
-    elif isinstance(field, AbstractString):
-        reader.skip(1, reader.count(1))
-    elif isinstance(field, NamespacedType):
-        kind = _class_of(*field.namespaced_name())
-        _check(reader, _fields_to_check(kind) if last else kind.SLOT_TYPES, most, last=last)
-    else:
-        items = field.value_type
-        count = field.size if isinstance(field, Array) else reader.count(1)
-        if isinstance(items, BasicType):
-            reader.skip(DTYPES[items.typename].itemsize, count)
-        elif count > most:
-            raise InputError("size", f"{count} elements in one sequence are more than the {most} allowed")
-        elif not last or _needs_check(items):
-            _check(reader, [items] * count, most, last=False)
-
-
-def _needs_check(field: Any) -> bool:
-    """Return True if a field is or contains a sequence of messages or strings."""
-    if isinstance(field, NamespacedType):
-        return bool(_fields_to_check(_class_of(*field.namespaced_name())))
-    return isinstance(field, AbstractNestedType) and not isinstance(field.value_type, BasicType)
-
-
-@cache
-def _fields_to_check(kind: Any) -> list[Any]:
-    """Return the types of a message's fields up to the last one that needs a check."""
-    fields = list(kind.SLOT_TYPES)
-    while fields and not _needs_check(fields[-1]):
-        fields.pop()
-    return fields
-
-
-@cache
-def _class_of(*name: str) -> Any:
-    return getattr(import_module(".".join(name[:-1])), name[-1])

@@ -30,6 +30,7 @@ from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.session import Session, require_name
 from smartmesh_ros.node.timing.stamps import Placed, StampClock, stamp_seconds
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.material import Material
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
@@ -122,7 +123,10 @@ class TerrainInputs:
                     "unknown_tile", f"tile {new.start.tile!r} is a general mesh; use ~/terrain_mesh_update"
                 )
             time = max(placed.time, tile.time)  # of a source whose clock is behind that of another one
-            tile.update_region(new.row, new.column, new.heights, time=time, velocities=new.velocities)
+            require_soils(new.material, self._session.settings)
+            tile.update_region(
+                new.row, new.column, new.heights, time=time, velocities=new.velocities, material=new.material
+            )
 
     def _listen_to_occupancy_updates(self, qos: QoSProfile) -> None:
         kind = find_message("map_msgs", "OccupancyGridUpdate")
@@ -223,26 +227,32 @@ def require_tile_fits(name: str, samples: int, terrain: Terrain, settings: Setti
         raise InputError("size", f"{total} samples in all are more than terrain.max_samples = {settings.max_samples}")
 
 
+def require_soils(material: Material, settings: Settings) -> None:
+    """Raises `InputError` if a material names a soil that is not in the list of the settings."""
+    soil: Any = material.soil
+    if soil is not None and settings.soil and soil.max() >= len(settings.soil):
+        last = len(settings.soil) - 1
+        raise InputError("soil", f"soils are up to {soil.max()}; they must be places in soil.type, 0 to {last}")
+
+
 def take_map(
     terrain: Terrain, settings: Settings, tile: str, raster: Raster, velocities: FloatGrid | None, time: float
 ) -> None:
     """Puts a map of ``time`` [s] into the terrain.
 
     A map on the same grid replaces the heights of the last one, unless it is older, by its source's clock. If the grid
-    moved, samples that both grids share keep their velocities. The ground keeps its friction and its soil, unless the
-    raster has others. On `InputError` the terrain is unchanged.
+    moved, samples that both grids share keep their velocities. The ground keeps the layers of its material that the
+    raster does not have. On `InputError` the terrain is unchanged.
     """
-    geometry, heights, variances, friction, soil = raster
-    if soil is not None and settings.soil and soil.max() >= len(settings.soil):
-        last = len(settings.soil) - 1
-        raise InputError("soil", f"soils are up to {soil.max()}; they must be places in soil.type, 0 to {last}")
+    geometry, heights, variances, material = raster
+    require_soils(material, settings)
     known = terrain.tiles.get(tile)
     if isinstance(known, HeightMap) and known.geometry == geometry and time >= known.time:
-        known.replace(heights, time=time, velocities=velocities, variance=variances, friction=friction, soil=soil)
+        known.replace(heights, time=time, velocities=velocities, variance=variances, material=material)
         return
     require_tile_fits(tile, geometry.size, terrain, settings)
     new = HeightMap(
-        heights, geometry=geometry, time=time, velocities=velocities, variance=variances, friction=friction, soil=soil,
+        heights, geometry=geometry, time=time, velocities=velocities, variance=variances, material=material,
         motion=settings.motion,
     )  # fmt: skip
     terrain.put(tile, new)

@@ -65,18 +65,37 @@ def window_around(positions_w: FloatArray, terrain: Terrain, view: GroundView) -
     return Window(x, y, spacing)
 
 
-def ground_points(window: Window, terrain: Terrain, time: float, view: GroundView) -> FloatArray:
-    """Return the corners (n, 3) [m] of the triangles of a window at ``time`` [s]. Their number is always the same:
-    those at holes have no area."""
+def ground_points(
+    window: Window, terrain: Terrain, time: float, view: GroundView, patches_w: FloatArray | None = None
+) -> FloatArray:
+    """Return the corners (n, 3) [m] of the triangles of a window at ``time`` [s], below the points ``patches_w`` (p, 3)
+    [m] of patches. Their number is always the same: those at holes have no area."""
     count = view.cells + 1
     rows, columns = np.divmod(np.arange(count * count), count)
     xy = np.stack([window.x + columns * window.spacing, window.y + rows * window.spacing], axis=1)
     vertices = np.column_stack([xy, terrain.at(xy, time).heights - view.lower])
+    if patches_w is not None:
+        _lower(vertices, window, view, patches_w)
     corners = vertices[grid_triangles(count, count)]
     holes = np.isnan(corners[..., 2]).any(axis=1)
     if holes.any():
         corners[holes] = corners[~holes][0, 0] if not holes.all() else (window.x, window.y, 0.0)
     return corners.reshape(-1, 3)
+
+
+def _lower(vertices: FloatArray, window: Window, view: GroundView, points_w: FloatArray) -> None:
+    """Lower the vertices of triangles that would hide points (p, 3) [m], because they leave samples of the map out."""
+    count, place = view.cells + 1, (points_w[:, :2] - (window.x, window.y)) / window.spacing
+    inside = (place >= 0.0).all(axis=1) & (place < view.cells).all(axis=1) & ~np.isnan(points_w[:, 2])
+    cell = np.floor(place[inside]).astype(np.int64)
+    u, v = (place[inside] - cell).T
+    first = cell[:, 1] * count + cell[:, 0]
+    corners = np.stack([first, first + np.where(u >= v, 1, count), first + count + 1], axis=1)
+    weights = np.stack([1.0 - np.maximum(u, v), np.abs(u - v), np.minimum(u, v)], axis=1)
+    above = (weights * vertices[corners, 2]).sum(axis=1) - (points_w[inside, 2] - view.lower)
+    drop = np.zeros(len(vertices))
+    np.maximum.at(drop, corners, np.maximum(np.nan_to_num(above), 0.0)[:, None])
+    vertices[:, 2] -= drop
 
 
 def _bounds(tile: MainMesh) -> FloatArray:

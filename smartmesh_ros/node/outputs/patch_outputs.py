@@ -36,6 +36,8 @@ class SentPatches:
 
 # Id of the marker that deletes all others. RViz reports an error if an id comes twice in an array.
 NO_ID = -1
+# Height of the markers' poses above the ground [m], so that displays of the same ground do not hide them.
+LIFT = 0.005
 # Colour of the patches (r, g, b, a).
 COLOUR = (0.95, 0.55, 0.15, 0.85)
 
@@ -78,7 +80,7 @@ class PatchMarkers:
         gone = self._gone(np.sort(shown))
         return patches.markers(
             patches.slots[written], shown[written], gone, (header.stamp.sec, header.stamp.nanosec), header.frame_id,
-            self._namespace, COLOUR, clear=clear,
+            self._namespace, COLOUR, LIFT, clear=clear,
         )  # fmt: skip
 
     def cleared(self, header: Header) -> bytes:

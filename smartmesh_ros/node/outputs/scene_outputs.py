@@ -134,11 +134,12 @@ class SceneMarkers:
         self._due = now + view.period
         window = window_around(poses, world.terrain, view)
         moving = any(tile.moving(world.time) for tile in world.terrain.tiles.values())
-        seen = (window, world.terrain.revision, header.frame_id)
+        patches_w = world.patches().table().points_w
+        seen = (window, world.terrain.revision, header.frame_id, patches_w.tobytes())
         if window is None or (seen == self._last and not moving and not again):
             return
         self._last = seen
-        points = ground_points(window, world.terrain, world.time, view)
+        points = ground_points(window, world.terrain, world.time, view, patches_w)
         make = partial(_marker, self._ground, header.frame_id, Marker.TRIANGLE_LIST, GROUND, points=len(points))
         fields = {**stamp_fields(header), "id": 0, "points": points[None]}
         self._message.add((header.frame_id, "ground", len(points)), make, 1, fields)

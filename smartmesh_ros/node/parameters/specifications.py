@@ -98,18 +98,17 @@ SPECS = (
         "Additional terrain topic, ~/<input>; the node always subscribes to the heightmap and mesh topics.",
         choices=("heightmap", *ADAPTERS), read_only=True, place="input"),
     _fixed("terrain.file", "Terrain at start: a .npy, .png, .tif or .asc file; empty = none.", place="file"),
-    _param("terrain.friction_layer", "Layer of a grid map that holds the ground's coefficients of friction, by which "
-        "those of bodies are multiplied (NaN = 1); empty = none.", place="raster.friction_layer"),
     _param("soil.type", "Soils that bodies stand on where the first tile is a height map, by their names in "
         "docs/soil.md; empty = none. The field soil of a map says which one each sample is; by default the first.",
         place="soil"),
     _param("soil.slip_sinkage", "Wheels that slip dig themselves in. false: for robots that turn by the slip of their "
         "wheels, which dig in until they turn no more.", place="slip_sinkage"),
-    _param("soil.layer", "Layer of a grid map that holds the places of soils in soil.type, from 0 on (NaN = 0); empty "
-        "= none.", place="raster.soil_layer"),
     _param("raster.layer", "Layer of a grid map that holds the heights."),
     _param("raster.variance_layer", "Layer of a grid map that holds the variances of the heights [m^2], which weight "
         "their fusion; empty = none, use terrain.noise."),
+    _param("raster.material_layers", "Layers of a grid map that hold the material of the ground, docs/materials.md: "
+        "friction, stiffness, damping, restitution, rolling, soil. friction=slip: the friction in the layer slip; "
+        "friction: in the layer of this name. Empty = none."),
     _param("raster.scale", "Height = scale x value + offset [m per unit]. Values are pixel values, metres, or "
         "occupancies from 0 to 1.", -1_000_000.0, 1_000_000.0),
     _param("raster.offset", "Height at value zero [m].", -1_000_000.0, 1_000_000.0),

@@ -126,8 +126,8 @@ class Pacer:
 
     ``lateness`` records the delay of each step. ``misses``, ``restarts``: numbers of missed deadlines and of restarts.
     ``follows_clock``: the clock is another simulator's. Its messages release steps in bursts, which miss no deadline
-    unless they are dropped, and it reads zero until its first message. ``deadline_missed``: the last step missed its
-    deadline. ``paused``: the loop keeps its period without deadlines.
+    unless they are dropped, and it reads zero until its first message. ``paused``: the loop keeps its period without
+    deadlines.
 
     A step misses its deadline if it has not started by the next deadline. The ``policy`` decides what follows:
 
@@ -145,7 +145,6 @@ class Pacer:
         self.period = period
         self.policy = policy
         self.misses = self.restarts = 0
-        self.deadline_missed = False
         self.paused = False
         self.most_catch_up = MOST_CATCH_UP
         self.follows_clock = False
@@ -210,7 +209,6 @@ class Pacer:
     def advance(self) -> int:
         """Records the start of the step that is due and sets the next deadline; returns the number of steps to skip."""
         if self.paused:
-            self.deadline_missed = False
             self.deadline = self._now() + self.period
             return 0
         late = -self.remaining()
@@ -218,7 +216,6 @@ class Pacer:
         missed = int(late / self.period) if late > self.period else 0
         if self.follows_clock and late <= self.most_catch_up:
             missed = 0
-        self.deadline_missed = missed > 0 and not self.follows_clock
         self._timeline.note(self._now(), self.most_catch_up + self.period)
         skipped = 0
         if missed and self.policy == "catch_up":

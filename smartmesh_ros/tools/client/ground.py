@@ -15,7 +15,7 @@ from smartmesh_ros.node.inputs import cdr_reader
 from smartmesh_ros.terrain.grid import MOST_SAMPLES, FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.terrain.scrolling import carry_layers
+from smartmesh_ros.terrain.scrolling import carry_material
 from smartmesh_ros.terrain.surface_query import RayCaster, checked_rays
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
@@ -76,7 +76,7 @@ class Ground:
         known, new = self.tiles.get(tile), MAPS[topic][1](data, MOST_SAMPLES)
         if isinstance(new, cdr_reader.RegionInput):
             if isinstance(known, HeightMap):
-                known.update_region(new.row, new.column, new.heights, time=0.0)
+                known.update_region(new.row, new.column, new.heights, time=0.0, material=new.material)
         elif isinstance(new, cdr_reader.MeshUpdateInput):
             if isinstance(known, TriangleMesh):
                 known.move(new.vertices, indices=new.indices, time=0.0)
@@ -86,9 +86,9 @@ class Ground:
             if not (isinstance(known, HeightMap) and known.geometry == new.geometry):
                 self.first[tile] = new.heights
             # A new map beside the old one, from which no motion is estimated.
-            shown = HeightMap(new.heights, geometry=new.geometry, friction=new.friction, motion=STILL)
+            shown = HeightMap(new.heights, geometry=new.geometry, material=new.material, motion=STILL)
             if isinstance(known, HeightMap):
-                carry_layers(known, shown)
+                carry_material(known, shown)
             self.tiles[tile] = shown
         else:  # an empty message removes its tile
             self.tiles.pop(tile, None)

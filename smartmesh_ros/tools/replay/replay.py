@@ -14,7 +14,7 @@ from rosgraph_msgs.msg import Clock
 from service_msgs.msg import ServiceEventInfo
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs.cdr_reader import message_from
+from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.node.parameters.declaring import plain_value
 from smartmesh_ros.node.parameters.specifications import NAMES
 from smartmesh_ros.node.terrain_collider import Collider

@@ -30,6 +30,7 @@ from smartmesh_ros.startup.dds import isolated
 from smartmesh_ros.tools.testing.messages import (
     assert_on_map,
     heightmap_message,
+    layer_message,
     mesh_message,
     point_message,
     points_of,
@@ -53,6 +54,7 @@ __all__ = [
     "floats",
     "heightmap_message",
     "isolated",
+    "layer_message",
     "mesh_message",
     "point_message",
     "points_of",

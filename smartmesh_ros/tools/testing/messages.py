@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion
 from numpy.typing import ArrayLike, NDArray
 from shape_msgs.msg import MeshTriangle
-from smartmesh_msgs.msg import Heightmap, TerrainMesh
+from smartmesh_msgs.msg import Heightmap, MaterialLayer, TerrainMesh
 from visualization_msgs.msg import Marker
 
 from smartmesh_ros.node.outputs.cdr import floats
@@ -28,10 +29,11 @@ def heightmap_message(
     velocities: ArrayLike | None = None,
     friction: ArrayLike | None = None,
     soil: ArrayLike | None = None,
+    layers: Mapping[str, ArrayLike] = MappingProxyType({}),
     stamp: Any = None,
 ) -> Heightmap:
     """Return a Heightmap message from heights (rows, columns) [m]; ``friction``: one coefficient, or those of the
-    samples; ``soil``: places of soils (rows, columns)."""
+    samples; ``soil``: places of soils (rows, columns); ``layers``: further ones of the material, by name."""
     grid = np.asarray(heights, np.float32)
     message = Heightmap(tile=tile, heights=floats(grid))
     message.header.frame_id = frame_id
@@ -46,7 +48,13 @@ def heightmap_message(
         message.friction = floats(np.asarray(friction, np.float32))
     if soil is not None:
         message.soil = array("B", np.asarray(soil, np.uint8).tobytes())
+    message.layers = [layer_message(name, values) for name, values in layers.items()]
     return message
+
+
+def layer_message(name: str, values: ArrayLike) -> MaterialLayer:
+    """Return a MaterialLayer message from one number, or numbers (rows, columns)."""
+    return MaterialLayer(name=name, values=floats(np.asarray(values, np.float32)))
 
 
 def mesh_message(

@@ -17,7 +17,7 @@ from smartmesh_ros.tools.client.remote import Remote
 from smartmesh_ros.tools.view.camera import Cameras
 from smartmesh_ros.tools.view.looks import Entry, PatchLook
 from smartmesh_ros.tools.view.scene import Scene
-from smartmesh_ros.tools.view.terrain_scene import Depth, Grip
+from smartmesh_ros.tools.view.terrain_scene import Depth, Give, Grip
 
 # Time over which missed deadlines are counted [s].
 WINDOW = 10.0
@@ -34,7 +34,7 @@ ABOVE, DENSITY = 1.5, 600.0
 MINUTE, PERIOD = 60.0, 1.0
 # Stages of a step in the chart, and their colours.
 STAGES = {
-    "total": "#222222", "step": "#1f77b4", "search": "#2ca02c", "collider": "#ff7f0e", "publish": "#9467bd",
+    "total": "#222222", "step": "#1f77b4", "search": "#2ca02c", "collect": "#ff7f0e", "publish": "#9467bd",
     "bodies": "#8c564b",
 }  # fmt: skip
 # Times above this many times what a stage rarely exceeds are cut, so that a stall does not flatten the rest. Rarely: in
@@ -69,6 +69,7 @@ class Panel:
                 shadows = gui.add_checkbox("shadows", False, hint="Slow without a graphics card.")
             with gui.add_folder("Ground", expand_by_default=False):
                 gui.add_html(_legend(Grip))
+                gui.add_html(_legend(Give))
                 sunk = gui.add_checkbox("sunk ground", False, hint="It lies below its first map, such as ruts.")
                 gui.add_html(_legend(Depth))
             with gui.add_folder("Step and reset", expand_by_default=False):

@@ -53,8 +53,9 @@ class Scene:
         """Refresh the whole scene."""
         positions, radii = sight.bodies
         with self._server.atomic():
-            self._terrain.show(ground, positions, radii, sunk=self.show_sunk)
-            self._patches.show(patch_meshes(sight.patches.values()))
+            patches = list(sight.patches.values())
+            self._terrain.show(ground, positions, radii, patches, sunk=self.show_sunk)
+            self._patches.show(patch_meshes(patches))
             self._show_robots(sight)
             self._show_bodies(sight)
             self._show_contacts(sight, float(np.median(radii)) if len(radii) else DEFAULT_RADIUS)

@@ -1,8 +1,9 @@
-"""The terrain on the page: a mesh a tile, at full resolution near bodies, and the colours of depth and friction."""
+"""The terrain on the page: a mesh a tile, at full resolution near bodies, and the colours of depth and material."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from time import monotonic
@@ -15,11 +16,16 @@ from smartmesh_ros.terrain.colours import FRICTION, GROUND, Colour
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.ground import Ground
+from smartmesh_ros.tools.client.patch import Patch
 from smartmesh_ros.tools.view.decimation import decimate
 from smartmesh_ros.tools.view.looks import Entry
 
 # Height at which the colours of ground are drawn above it [m], below patches.
 LIFT = np.array([0.0, 0.0, 0.003], np.float32)
+
+
+# Least difference of the drawn ground from that under a patch [m]. It is less than patches are drawn above the ground.
+SEEN = 1e-3
 
 
 class Depth(Entry, Enum):
@@ -40,7 +46,15 @@ class Grip(Entry, Enum):
     ROUGH = "more than 1", FRICTION[1.0], 1.0
 
 
-Bands = type[Depth] | type[Grip]
+class Give(Entry, Enum):
+    """Entries of the legend of ground that gives, by its depth under a pressure of 1 kPa [mm]."""
+
+    FIRM = "gives 0.1 to 1 mm under 1 kPa", (186, 214, 160), 0.1
+    SOFT = "1 to 10 mm", (134, 188, 108), 1.0
+    SOFTEST = "more than 10 mm", (78, 148, 66), 10.0
+
+
+Bands = type[Depth] | type[Grip] | type[Give]
 
 
 class Mesh(NamedTuple):
@@ -90,9 +104,14 @@ class TerrainScene:
         self._meshes, self._config = Meshes(scene), config
         self._reliefs: dict[str, _Relief] = {}
 
-    def show(self, ground: Ground, bodies: FloatArray, radii: FloatArray, *, sunk: bool = False) -> None:
-        """Refresh the tiles, with bodies at (B, 3) [m] of ``radii`` (B,) [m]; ``sunk``: colour the ground that lies
-        below its first map."""
+    def show(
+        self, ground: Ground, bodies: FloatArray, radii: FloatArray, patches: Iterable[Patch], *, sunk: bool = False
+    ) -> None:
+        """Refresh the tiles, with bodies at (B, 3) [m] of ``radii`` (B,) [m]. Under their ``patches`` the ground is
+        that of the patches' instant. ``sunk``: colour the ground that lies below its first map."""
+        of_tile: dict[str, list[Patch]] = defaultdict(list)
+        for patch in patches:
+            of_tile[patch.tile].append(patch)
         meshes = {}
         for name, tile in ground.tiles.items():
             path = f"/terrain/{name or 'map'}"
@@ -102,6 +121,7 @@ class TerrainScene:
             relief = self._reliefs.get(name)
             if relief is None or relief.geometry != tile.geometry:
                 relief = self._reliefs[name] = _Relief(path, tile.geometry, self._config)
+            relief.follow(tile, of_tile[name])
             meshes |= relief.meshes(tile, bodies, radii, ground.first[name] if sunk else None)
         self._meshes.show(meshes)
 
@@ -113,14 +133,31 @@ class _Relief:
         self._path, self.geometry, self._config = path, geometry, config
         self._centres, self._due = np.full((1, 2), np.inf), 0.0
         self._made: dict[str, Mesh] = {}
-        self._made_from: tuple[int, bool] | None = None  # revision of the map, and whether sunk ground was coloured
+        # Revision of the map, whether sunk ground was coloured, and the heights under patches.
+        self._made_from: tuple[int, bool, bytes] | None = None
+        # Samples whose ground has moved since the map, ascending, and their heights [m].
+        self._moved, self._heights = np.empty(0, np.int64), np.empty(0)
+
+    def follow(self, tile: HeightMap, patches: list[Patch]) -> None:
+        """Take the heights under patches where they are no longer those of the map."""
+        found = [samples_of(patch) for patch in patches if patch.shape is not None]
+        rows, columns, heights = (
+            np.concatenate([part[k] for part in found]) if found else np.empty(0) for k in range(3)
+        )
+        inside = (rows >= 0) & (columns >= 0) & (rows < self.geometry.rows) & (columns < self.geometry.columns)
+        inside &= ~np.isnan(heights)
+        places = rows[inside].astype(np.int64) * self.geometry.columns + columns[inside].astype(np.int64)
+        places, first = np.unique(places, return_index=True)
+        heights = heights[inside][first]
+        moved = np.abs(tile.heights.ravel()[places] + self.geometry.origin[2] - heights) > SEEN
+        self._moved, self._heights = places[moved], heights[moved]
 
     def meshes(
         self, tile: HeightMap, bodies: FloatArray, radii: FloatArray, first: NDArray[np.float32] | None
     ) -> dict[str, Mesh]:
-        """Return the ground with bodies at (B, 3) [m] of ``radii`` (B,) [m], the colours of its friction, and of what
+        """Return the ground with bodies at (B, 3) [m] of ``radii`` (B,) [m], the colours of its material, and of what
         lies below the heights of its ``first`` map (rows, columns) [m], by path."""
-        wanted = tile.revision, first is not None
+        wanted = tile.revision, first is not None, self._moved.tobytes() + self._heights.tobytes()
         if self._cut(bodies, radii) or wanted != self._made_from:
             self._made_from, self._made = wanted, dict(self._make(tile, first))
         return self._made
@@ -130,12 +167,20 @@ class _Relief:
         heights = tile.heights[place]
         holes = np.isnan(heights)
         z = np.where(holes, 0.0, heights + self.geometry.origin[2])
+        if self._moved.size:
+            samples = place[0] * self.geometry.columns + place[1]
+            at = np.minimum(np.searchsorted(self._moved, samples), self._moved.size - 1)
+            z = np.where(self._moved[at] == samples, self._heights[at], z)
         if holes.any():
             triangles = triangles[~holes[triangles].any(axis=1)]
         vertices = np.column_stack([self._xy, z]).astype(np.float32)
         yield self._path, Mesh(vertices, triangles, GROUND)
         coloured: list[tuple[str, Bands, FloatArray]] = []
-        if tile.has_friction:
+        stiffness = tile.material.stiffness
+        if stiffness is not None:
+            gives = 1e6 / np.broadcast_to(np.asarray(stiffness, np.float64), tile.heights.shape)[place]
+            coloured.append(("give", Give, np.where(np.isnan(gives), 0.0, gives)))
+        if tile.material.friction is not None:
             friction = np.broadcast_to(tile.friction, tile.heights.shape)[place].astype(np.float64)
             friction[np.isnan(friction) | (friction == 1.0)] = -1.0  # below all entries
             coloured.append(("grip", Grip, friction))
@@ -161,6 +206,14 @@ class _Relief:
         self._surface = decimate((geometry.rows, geometry.columns), centres, near)
         self._xy = geometry.to_world(self._surface.rows, self._surface.columns)
         return True
+
+
+def samples_of(patch: Patch) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the rows, columns and heights [m] of the samples (n,) of a patch of a map."""
+    high, wide = patch.shape or (0, 0)
+    r, c = np.divmod(np.arange(high * wide), max(wide, 1))
+    rows = patch.row + (r - (high - 1) // 2) * patch.stride
+    return rows, patch.column + (c - (wide - 1) // 2) * patch.stride, patch.vertices_w[:, 2]
 
 
 def triangles_by_band(values: FloatArray, triangles: NDArray[Any], bands: Bands) -> Iterator[tuple[Any, NDArray[Any]]]:

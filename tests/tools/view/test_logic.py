@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import ArrayLike
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate, StageTiming, Timing
@@ -20,7 +19,7 @@ from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate, StageTiming, Ti
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.specifications import SPECS
-from smartmesh_ros.tools.client.patch import KINDS
+from smartmesh_ros.tools.client.patch import KINDS, Patch
 from smartmesh_ros.tools.testing import floats, heightmap_message
 from tests.examples import examples
 
@@ -37,7 +36,7 @@ from smartmesh_ros.tools.view.page import Page, start_server, stop_server
 from smartmesh_ros.tools.view.panel import CUT, chart_data
 from smartmesh_ros.tools.view.robots import GAP, Robot
 from smartmesh_ros.tools.view.scene import Scene
-from smartmesh_ros.tools.view.terrain_scene import Depth, Grip, TerrainConfig, TerrainScene, triangles_by_band
+from smartmesh_ros.tools.view.terrain_scene import Depth, Give, Grip, TerrainConfig, TerrainScene, triangles_by_band
 
 
 @pytest.fixture
@@ -251,7 +250,7 @@ def test_ruts_are_coloured_while_that_is_asked_for(server: Any, topic: str) -> N
     drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, TerrainConfig(period=0.0))
 
     def colours(*, sunk: bool) -> set[str]:
-        scene.show(ground, np.zeros((0, 3)), np.zeros(0), sunk=sunk)
+        scene.show(ground, np.zeros((0, 3)), np.zeros(0), [], sunk=sunk)
         return {name.rpartition("/")[2] for name in drawn if name.startswith("/sunk/")} & {d.name for d in Depth}
 
     assert colours(sunk=True) == set()
@@ -268,18 +267,19 @@ def test_ruts_are_coloured_while_that_is_asked_for(server: Any, topic: str) -> N
     assert colours(sunk=True) == set()
 
 
-def test_ground_with_another_friction_than_1_is_coloured_where_it_lies(server: Any) -> None:
-    """The ground of a map that scrolls keeps it; new ground has 1."""
+def test_ground_of_another_material_than_usual_is_coloured_where_it_lies(server: Any) -> None:
+    """The ground of a map that scrolls keeps it; new ground is usual."""
     ground = ground_of(np.zeros((40, 40)), resolution=0.1)
     drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, TerrainConfig(period=0.0))
 
-    def coloured(x: float = 0.0, **friction: ArrayLike) -> dict[str, tuple[float, float]]:
+    def coloured(x: float = 0.0, **material: Any) -> dict[str, tuple[float, float]]:
         """Names of the colours, and from where to where along x [m]."""
-        message = heightmap_message(np.zeros((40, 40)), resolution=0.1, origin=(x, 0.0, 0.0), **friction)
+        message = heightmap_message(np.zeros((40, 40)), resolution=0.1, origin=(x, 0.0, 0.0), **material)
         ground.take("heightmap", serialize_message(message))
         ground.apply_waiting()
-        scene.show(ground, np.zeros((0, 3)), np.zeros(0))
-        names = {band.name: drawn.get(f"/grip/terrain/map/{band.name}") for band in Grip}
+        scene.show(ground, np.zeros((0, 3)), np.zeros(0), [])
+        bands = [*(("grip", band) for band in Grip), *(("give", band) for band in Give)]
+        names = {band.name: drawn.get(f"/{kind}/terrain/map/{band.name}") for kind, band in bands}
         along = {name: mesh.vertices[:, 0] for name, mesh in names.items() if mesh is not None}
         return {name: (pytest.approx(x.min(), abs=1e-5), pytest.approx(x.max(), abs=1e-5)) for name, x in along.items()}
 
@@ -292,6 +292,31 @@ def test_ground_with_another_friction_than_1_is_coloured_where_it_lies(server: A
     assert coloured(x=0.5) == {"ICE": (0.5, 1.0), "ROUGH": (1.9, 4.0)}
     assert coloured(x=0.5, friction=0.5) == {"SLIPPERY": (0.5, 4.4)}
     assert coloured(x=0.5, friction=np.nan) == {}
+    stiffness = np.full((40, 40), np.nan)
+    stiffness[:, :10] = 2e5
+    assert coloured(x=0.5, layers={"stiffness": stiffness}) == {"SOFT": (0.5, 1.5)}
+    assert coloured(x=0.5) == {"SOFT": (0.5, 1.5)}
+
+
+def test_no_ground_is_drawn_over_a_patch_that_has_moved_since_the_map(server: Any) -> None:
+    """Below it, at the same samples; the ground elsewhere stays."""
+    ground = ground_of(np.random.default_rng(0).normal(scale=0.1, size=(40, 40)), resolution=0.1)
+    drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, TerrainConfig(period=0.0))
+    tile, (r, c) = ground.tiles[""], np.divmod(np.arange(49), 7)
+    rows, columns = 20 + r - 3, 12 + c - 3
+    places = tile.geometry.to_world(rows, columns)
+    for rise in (-0.2, 0.0):
+        vertices = np.column_stack([places, tile.heights[rows, columns] + rise])
+        patch = Patch(
+            name="ball", kind="heightfield", tile="", row=20, column=12, stride=1, deviation=0.0, linear_w=np.zeros(3),
+            angular_w=np.zeros(3), vertices_w=vertices, triangles=np.zeros((0, 3), np.uint32),
+        )  # fmt: skip
+        scene.show(ground, np.array([[1.2, 2.0, 0.1]]), np.array([0.2]), [patch])
+        mesh = drawn["/terrain/map"]
+        found = {tuple(np.rint(10.0 * v[:2]).astype(int)): v[2] for v in np.asarray(mesh.vertices, float)}
+        for k in range(49):
+            assert found[(columns[k], rows[k])] == pytest.approx(vertices[k, 2], abs=1e-5)
+        assert found[(16, 20)] == pytest.approx(tile.heights[20, 16], abs=1e-5)
 
 
 URDF = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'

@@ -1,4 +1,4 @@
-// Arrays of a height map that are written to, and rectangles of its samples.
+// Rectangles of the samples of a height map, and its blocks.
 #pragma once
 
 #include <algorithm>
@@ -7,16 +7,6 @@
 #include "height_grid.h"
 
 namespace smartmesh {
-
-// The arrays belong to Python and have the meanings of HeightGrid; null where they are not needed.
-struct MapArrays {
-  float* heights = nullptr;
-  float* velocities = nullptr;
-  float* offsets = nullptr;
-  float* rates = nullptr;
-  Clock* clocks = nullptr;
-  std::ptrdiff_t rows = 0, columns = 0, block_columns = 0;
-};
 
 // Rectangle of samples: first row and column, and the row and column after the last.
 struct Region {

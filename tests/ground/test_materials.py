@@ -1,0 +1,229 @@
+"""Ground that gives by its contact, rebound and rolling resistance by place, by closed forms."""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+import pytest
+from pybullet_utils.bullet_client import BulletClient
+
+from smartmesh_ros import (
+    BodyState,
+    Box,
+    Cylinder,
+    Ground,
+    HeightMap,
+    InputError,
+    Material,
+    PhysicsConfig,
+    Sphere,
+    World,
+    WorldConfig,
+)
+from smartmesh_ros.ground.shapes import Capsule, Shape
+
+GRAVITY, MASS, STIFFNESS = 9.81, 20.0, 2e5
+RADIUS, LENGTH = 0.2, 0.3
+LYING = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+WHOLE = (0.0, 0.0, 0.0, 1.0)
+
+
+def flat(material: Material) -> HeightMap:
+    return HeightMap(np.zeros((41, 201)), resolution=0.1, origin=(-2.0, -2.0), material=material)
+
+
+def world_on(material: Material, rate: float = 240.0, **physics: Any) -> World:
+    return World(flat(material), WorldConfig(physics=PhysicsConfig(rate=rate, sleep=False, **physics)))
+
+
+def ball_volume(depth: float) -> float:
+    return math.pi * depth**2 * (RADIUS - depth / 3.0)
+
+
+def lying_volume(depth: float) -> float:
+    rest = RADIUS - depth
+    return LENGTH * (RADIUS**2 * math.acos(rest / RADIUS) - rest * math.sqrt(RADIUS**2 - rest**2))
+
+
+def capsule_volume(depth: float) -> float:
+    return lying_volume(depth) + ball_volume(depth)
+
+
+PLATE = Box(0.4, 0.6, 0.1)
+# Shape, orientation, height of its middle above the ground that it touches, and its volume below a depth.
+SHAPES: list[Any] = [
+    pytest.param(PLATE, WHOLE, 0.05, lambda d: 0.24 * d, id="plate"),
+    pytest.param(PLATE, (0.0, 0.0, math.sin(0.2), math.cos(0.2)), 0.05, lambda d: 0.24 * d, id="turned"),
+    pytest.param(Cylinder(height=0.1, radius=RADIUS), WHOLE, 0.05, lambda d: math.pi * RADIUS**2 * d, id="disc"),
+    pytest.param(Cylinder(height=LENGTH, radius=RADIUS), LYING, RADIUS, lying_volume, id="wheel"),
+    pytest.param(Capsule(height=LENGTH, radius=RADIUS), LYING, RADIUS, capsule_volume, id="capsule"),
+    pytest.param(Sphere(RADIUS), WHOLE, RADIUS, ball_volume, id="ball"),
+]
+
+
+def depth_of(volume: Any) -> float:
+    """The depth at which the pressures carry the body [m]."""
+    low, high = 0.0, 0.1
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if STIFFNESS * volume(middle) < MASS * GRAVITY else (low, middle)
+    return low
+
+
+@pytest.mark.parametrize("rate", [60.0, 240.0, 960.0])
+@pytest.mark.parametrize(("shape", "orientation", "above", "volume"), SHAPES)
+def test_a_body_at_rest_sinks_until_the_pressures_carry_it(
+    shape: Shape, orientation: Any, above: float, volume: Any, rate: float
+) -> None:
+    """Of a plate of an area A that is m g / (k A)."""
+    with world_on(Material(stiffness=STIFFNESS, damping=2e4), rate) as world:
+        world.spawn("body", shape, MASS, BodyState((0.013, 0.027, above), orientation=orientation))
+        world.step(int(2.0 * rate))
+        state = world.state("body")
+    assert above - state.position[2] == pytest.approx(depth_of(volume), rel=0.01)
+    assert np.linalg.norm(state.linear) < 1e-5
+
+
+@pytest.fixture
+def client() -> Iterator[Any]:
+    client = BulletClient(pb.DIRECT)
+    client.setGravity(0.0, 0.0, -GRAVITY)
+    yield client
+    client.disconnect()
+
+
+@pytest.mark.parametrize("kind", ["box", "hull"])
+def test_a_plate_with_an_eccentric_mass_tilts_as_its_bed_of_springs_does(client: Any, kind: str) -> None:
+    """By m g e / (k I - m g z), with the second moment of area I and the height z of the mass above the plate's
+    underside, whose tilt moves it outwards; the pressures are above zero everywhere."""
+    half, off = (0.2, 0.3, 0.05), 0.03
+    corners = [[x, y, z] for x in (-0.2, 0.2) for y in (-0.3, 0.3) for z in (-0.05, 0.05)]
+    shape = (
+        client.createCollisionShape(pb.GEOM_BOX, halfExtents=half) if kind == "box"
+        else client.createCollisionShape(pb.GEOM_MESH, vertices=corners)
+    )  # fmt: skip
+    body = client.createMultiBody(MASS, shape, basePosition=(0.0, 0.0, 0.05), baseInertialFramePosition=(off, 0.0, 0.0))
+    ground = Ground(client, flat(Material(stiffness=STIFFNESS, damping=2e4)))
+    ground.attach(body)
+    for k in range(480):
+        ground.step(k / 240.0, 1.0 / 240.0)
+    turn = client.getEulerFromQuaternion(client.getBasePositionAndOrientation(body)[1])
+    margin = 1e-3 if kind == "hull" else 0.0  # by which PyBullet grows hulls
+    moment = (0.6 + 2.0 * margin) * (0.4 + 2.0 * margin) ** 3 / 12.0
+    weight = MASS * GRAVITY
+    assert turn[1] == pytest.approx(weight * off / (STIFFNESS * moment - weight * half[2]), rel=0.01)
+    assert abs(turn[0]) < 1e-4
+
+
+def test_a_body_that_gives_and_ground_that_gives_are_springs_in_series(client: Any) -> None:
+    """Bullet's stiffness is that of each of the four contacts."""
+    own, area = 1.5e4, 0.24
+    shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=(0.2, 0.3, 0.05))
+    body = client.createMultiBody(MASS, shape, basePosition=(0.0, 0.0, 0.05))
+    client.changeDynamics(body, -1, contactStiffness=own, contactDamping=600.0)
+    ground = Ground(client, flat(Material(stiffness=STIFFNESS)))
+    ground.attach(body)
+    for k in range(480):
+        ground.step(k / 240.0, 1.0 / 240.0)
+    sunk = 0.05 - client.getBasePositionAndOrientation(body)[0][2]
+    assert sunk == pytest.approx(MASS * GRAVITY * (0.25 / own + 1.0 / (STIFFNESS * area)), rel=0.02)
+
+
+@pytest.mark.parametrize("rate", [60.0, 240.0, 960.0])
+@pytest.mark.parametrize("ground", [0.4, 0.8])
+def test_a_ball_rebounds_by_the_product_of_both_coefficients(ground: float, rate: float) -> None:
+    own, height = 0.9, 1.0
+    with world_on(Material(restitution=ground), rate, restitution=own) as world:
+        world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.1 + height)))
+        heights = []
+        for _ in range(int(1.2 * rate)):
+            world.step()
+            heights.append(world.state("ball").position[2] - 0.1)
+    touched = int(np.argmax(np.array(heights) < 0.05))
+    speed = math.sqrt(2.0 * GRAVITY * max(heights[touched + 1 :]))
+    assert speed == pytest.approx(ground * own * math.sqrt(2.0 * GRAVITY * height), rel=0.02)
+
+
+@pytest.mark.parametrize("rate", [60.0, 240.0, 960.0])
+@pytest.mark.parametrize(
+    ("shape", "orientation", "inertia"),
+    [(Sphere(RADIUS), WHOLE, 0.4), (Cylinder(height=LENGTH, radius=RADIUS), LYING, 0.5)], ids=["ball", "wheel"],
+)  # fmt: skip
+@pytest.mark.parametrize("mass", [1.0, 300.0])
+def test_what_rolls_coasts_down_by_the_coefficient(
+    shape: Shape, orientation: Any, inertia: float, mass: float, rate: float
+) -> None:
+    """v^2 (1 + I / m r^2) / (2 c g), whatever its mass and heading, and stays where it came to rest."""
+    rolling, speed, heading = 0.03, 1.5, 0.0 if isinstance(shape, Cylinder) else 0.3
+    along = np.array([math.cos(heading), math.sin(heading), 0.0])
+    spin = np.cross([0.0, 0.0, 1.0], along) * speed / RADIUS
+    with world_on(Material(rolling=rolling), rate, friction=0.8) as world:
+        world.spawn(
+            "body", shape, mass,
+            BodyState((0.0, 0.0, RADIUS), orientation=orientation, linear=tuple(speed * along), angular=tuple(spin)),
+        )  # fmt: skip
+        world.step(int(12.0 * rate))
+        there = np.array(world.state("body").position)
+        assert there @ along == pytest.approx(speed**2 * (1.0 + inertia) / (2.0 * rolling * GRAVITY), rel=0.02)
+        world.step(int(2.0 * rate))
+        assert np.linalg.norm(world.state("body").position - there) < 1e-3
+
+
+@pytest.mark.parametrize(("slope", "rolls"), [(0.02, False), (0.04, True)])
+def test_a_ball_on_a_slope_is_held_below_the_coefficient_alone(slope: float, rolls: bool) -> None:
+    x = np.linspace(-2.0, 18.0, 201)
+    ground = HeightMap(
+        np.tile(-slope * x, (41, 1)), resolution=0.1, origin=(-2.0, -2.0), material=Material(rolling=0.03)
+    )
+    with World(ground, WorldConfig(physics=PhysicsConfig(sleep=False))) as world:
+        world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.1 * math.hypot(1.0, slope))))
+        world.step(480)
+        way = world.state("ball").position[0]
+    expected = 0.5 * (slope - 0.03) * GRAVITY / 1.4 * 2.0**2 if rolls else 0.0
+    assert way == pytest.approx(expected, rel=0.03, abs=1e-3)
+
+
+def test_a_mat_beside_hard_ground() -> None:
+    """Stiffness by place, NaN = rigid; what sleeps there wakes as it is laid."""
+    world = World(flat(Material()))
+    with world:
+        for name, x in (("west", -1.0), ("east", 1.0)):
+            world.spawn(name, PLATE, MASS, BodyState((x, 0.0, 0.05)))
+        world.step(480)
+        assert world.is_asleep("west") and world.is_asleep("east")
+        tile: Any = world.terrain.tile("")
+        stiffness = np.full((41, 201), np.nan)
+        stiffness[:, :20] = STIFFNESS
+        tile.material = Material(stiffness=stiffness, damping=2e4)
+        world.step(480)
+        assert 0.05 - world.state("west").position[2] == pytest.approx(MASS * GRAVITY / (0.24 * STIFFNESS), rel=0.02)
+        assert abs(0.05 - world.state("east").position[2]) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("layers", "words"),
+    [
+        ({"stiffness": 0.0}, "above zero"),
+        ({"stiffness": np.full((41, 201), -1.0)}, "above zero"),
+        ({"damping": -1.0}, "zero or more"),
+        ({"damping": math.inf}, "zero or more"),
+        ({"restitution": 1.1}, "at most 1"),
+        ({"rolling": np.full((41, 201), np.inf)}, "zero or more"),
+        ({"rolling": np.ones((3, 3))}, "it must be"),
+        ({"soil": np.full((41, 201), 255)}, "0 to 254"),
+    ],
+)
+def test_an_impossible_material_is_refused_whole(layers: dict[str, Any], words: str) -> None:
+    known = Material(friction=0.3, stiffness=1e5)
+    terrain = flat(known)
+    for give in (
+        terrain.give, lambda bad: terrain.replace(np.ones((41, 201)), time=1.0, material=bad),
+        lambda bad: terrain.update_region(0, 0, np.ones((41, 201)), time=1.0, material=bad),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=words):
+            give(Material(friction=0.5, **layers))
+    assert (terrain.friction, terrain.material.stiffness, terrain.heights.max()) == (0.3, 1e5, 0.0)
+    with pytest.raises(InputError, match="twice"):
+        HeightMap(np.zeros((9, 9)), resolution=0.1, friction=0.3, material=known)
