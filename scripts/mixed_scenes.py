@@ -91,7 +91,7 @@ class Scene:
 
     def disturb(self) -> None:
         """Does one of the things that users do to a world."""
-        kind, body = int(self.rng.integers(6)), int(self.rng.choice(self.bodies))
+        kind, body = int(self.rng.integers(7)), int(self.rng.choice(self.bodies))
         if kind == 0:
             self.client.resetBaseVelocity(body, self.rng.normal(scale=100.0, size=3))
         elif kind == 1:
@@ -105,6 +105,11 @@ class Scene:
             slot = int(self.rng.choice(list(self.proxies)))
             self.client.removeBody(self.proxies.pop(slot))
             self.ground.detach(slot)
+        elif kind == 5:
+            slots = np.array(list(self.proxies))
+            memory = self.ground.memory_of(slots)
+            self.ground.forget()
+            self.ground.recall(slots, memory)
         else:
             self.ground.wake(int(self.rng.choice(list(self.proxies))))
 

@@ -79,6 +79,7 @@ NB_MODULE(_core, m) {
            "velocities"_a.noconvert(), "offsets"_a.noconvert(), "rates"_a.noconvert(), "clock"_a.noconvert(), "triangles"_a.noconvert())
       .def("set_motion", &Mesh::set_motion, "mode"_a, "max_velocity"_a, "smoothing"_a)
       .def("moves", [](const Mesh& m, double time) { return m.surface.moves(time); }, "time"_a)
+      .def_prop_rw("shown", [](const Mesh& m) { return m.surface.shown; }, [](Mesh& m, double t) { m.surface.shown = t; })
       .def("update", &Mesh::update);
   add_ground(m);
   add_contacts(m);

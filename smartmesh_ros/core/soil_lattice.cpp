@@ -18,6 +18,31 @@ void SoilLattice::reset() {
   pressed_.clear();
 }
 
+SoilMemory SoilLattice::memory() const {
+  SoilMemory found;
+  for (std::size_t k = 0; k < blocks_.size(); ++k) {
+    const std::int64_t top = static_cast<std::int64_t>(k / block_columns_) << SIDE_SHIFT, left = (k % block_columns_) << SIDE_SHIFT;
+    for (int i = 0; blocks_[k] != nullptr && i < SIDE * SIDE; ++i) {
+      if ((*blocks_[k])[i].step == 0) continue;
+      found.places.push_back((top + i / SIDE) * columns() + left + i % SIDE);
+      found.samples.push_back((*blocks_[k])[i]);
+    }
+  }
+  for (const auto& [node, height] : known_) found.nodes.push_back(node);
+  std::sort(found.nodes.begin(), found.nodes.end());
+  for (const std::int64_t node : found.nodes) found.heights.push_back(known_.at(node));
+  found.pressed.assign(pressed_.begin(), pressed_.end());
+  return found;
+}
+
+void SoilLattice::recall(const SoilMemory& memory) {
+  reset();
+  for (std::size_t k = 0; k < memory.places.size(); ++k)
+    at(static_cast<int>(memory.places[k] / columns()), static_cast<int>(memory.places[k] % columns())) = memory.samples[k];
+  for (std::size_t k = 0; k < memory.nodes.size(); ++k) known_[memory.nodes[k]] = memory.heights[k];
+  pressed_.insert(memory.pressed.begin(), memory.pressed.end());
+}
+
 std::size_t SoilLattice::nearest(int row, int column) const {
   const int r = (row + refine_ / 2) / refine_, c = (column + refine_ / 2) / refine_;
   return map_.index(std::min(r, map_.rows - 1), std::min(c, map_.columns - 1));

@@ -38,6 +38,14 @@ struct PressedNode {
   float height;
 };
 
+// All that a soil knows of the past: fine samples by `places`, their index in rows, and the map's samples where bodies have
+// been (`nodes`) with their heights [m], or that were pressed since `take_pressed`.
+struct SoilMemory {
+  std::vector<std::int64_t> places, nodes, pressed;
+  std::vector<FineSample> samples;
+  std::vector<float> heights;
+};
+
 class SoilLattice {
  public:
   // `spacing` [m]: largest of the fine samples.
@@ -70,6 +78,10 @@ class SoilLattice {
   // Writes how far the ground of each sample of the map was pressed, where bodies have been [m].
   void read_sinkage(double* sinkage) const;
   void reset();
+
+  // Returns what it knows, in order, and takes it over; the places must be those of its own samples.
+  SoilMemory memory() const;
+  void recall(const SoilMemory& memory);
 
  private:
   static constexpr int SIDE_SHIFT = 4, SIDE = 1 << SIDE_SHIFT;

@@ -23,6 +23,20 @@ double ShearedRim::at(const Solid& solid, const Vec3& offset) const {
   return slides_[place].length;
 }
 
+void ShearedRim::write(std::vector<double>& numbers) const {
+  numbers.insert(numbers.end(), {static_cast<double>(lies_), slip_});
+  for (const Slide& slide : slides_) numbers.insert(numbers.end(), {slide.around, slide.along, slide.length});
+}
+
+bool ShearedRim::read(const double* numbers, std::size_t count) {
+  if (count < 2 || (count - 2) % 3 != 0) return false;
+  lies_ = numbers[0] != 0.0, slip_ = numbers[1];
+  const std::size_t places = (count - 2) / 3;
+  slides_.clear();
+  for (std::size_t k = 0; k < places; ++k) slides_.push_back({numbers[2 + 3 * k], numbers[3 + 3 * k], numbers[4 + 3 * k]});
+  return places == 0 || places == (lies_ ? PLACES : 1);
+}
+
 void ShearedRim::slide(const MovingSolid& moving, const PointsInSoil& points, double dt) {
   if (points.offsets.empty()) return reset();
   const bool lies_now = lies(moving.solid);

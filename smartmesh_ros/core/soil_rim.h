@@ -36,6 +36,10 @@ class ShearedRim {
   void slide(const MovingSolid& moving, const PointsInSoil& points, double dt);
   void reset() { *this = {}; }
 
+  // Adds what it knows to `numbers`, and takes it from there; false if they are none of a rim.
+  void write(std::vector<double>& numbers) const;
+  bool read(const double* numbers, std::size_t count);
+
  private:
   struct Slide {
     double around = 0.0, along = 0.0, length = 0.0;

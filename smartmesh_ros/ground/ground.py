@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.ground.attached_bodies import AttachedBodies
 from smartmesh_ros.ground.bullet import BulletCalls, is_fixed
 from smartmesh_ros.ground.config import require_time_step
 from smartmesh_ros.ground.followers import Followers
+from smartmesh_ros.ground.saved_bodies import SavedBodies
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.patches.shapes import BODY_COLUMNS
 from smartmesh_ros.terrain.checked_heights import checked_time
@@ -34,7 +34,7 @@ PRINT_PERIOD = 1.0 / 60.0
 FASTEST_RESCUED = 5.0
 
 
-class Ground(AttachedBodies):
+class Ground(SavedBodies):
     """The deforming terrain as ground of the attached bodies of a PyBullet world.
 
     Contacts come from the map itself, in each step of PyBullet. ``client`` is a connected

@@ -41,6 +41,12 @@ class SteppedSoil(Protocol):
     def show(self) -> int:
         """Write what was pressed into the map; returns the number of changed samples."""
 
+    def state(self) -> dict[str, Any]:
+        """Return all that it goes on from beside its map."""
+
+    def become(self, terrain: Terrain, state: dict[str, Any], tile: str) -> None:
+        """Be the soil of such a state on a tile; raises `InputError` and changes nothing if it is none."""
+
 
 class SoilSupport(NamedTuple):
     """How the soil bears a body or link: the deepest ``sinkage`` [m], pressed ``area`` [m^2], and the force that its
@@ -192,6 +198,28 @@ class MapContacts:
         """Return sinkage [m], area [m^2] and carried force [N] of each part of a follower on the soil (n, 3)."""
         return np.asarray(self._core.on_soil(slot))
 
+    def memory(self, slots: list[int]) -> dict[str, Any]:
+        """Return what is known of the past of followers beside their contacts: for how long they were still and where,
+        and their parts on the soil."""
+        table = self._core.memory_of(np.array(slots, np.int64))
+        return {"slots": table, "parts": [self._core.parts_memory(slot) for slot in slots]}
+
+    def recall(self, slots: list[int], memory: dict[str, Any]) -> None:
+        """Take over what `memory` returned, in the same order. Raises `InputError` if it is none of these followers."""
+        try:
+            self._core.recall(np.array(slots, np.int64), memory["slots"])
+            for slot, parts in zip(slots, memory["parts"], strict=True):
+                self._core.recall_parts(slot, parts)
+        except (TypeError, ValueError) as error:
+            raise InputError("state", f"a saved state is none of these bodies: {error}") from None
+
+    def forget(self) -> None:
+        """Forget the past of all bodies: contacts, their impulses and order, rest. Poses and velocities stay."""
+        self.require_client()
+        self._core.take_restored()
+        self._core.forget()
+        self.note_sleep()
+
     def set_time(self, time: float, dt: float) -> None:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""
         self.require_client()
@@ -199,8 +227,13 @@ class MapContacts:
 
     @property
     def time(self) -> float:
-        """Time [s] at the start of the next step."""
+        """Time at the start of the next step [s]."""
         return float(self._core.time)
+
+    @property
+    def duration(self) -> float:
+        """Duration of the last step [s]."""
+        return float(self._core.duration)
 
     def require_client(self) -> None:
         """Raise `InputError` if the client was reset or closed, and PyBullet's error if a step failed in the core."""

@@ -33,6 +33,7 @@ from smartmesh_ros.node.services.body_services import BodyServices
 from smartmesh_ros.node.services.ground_services import GroundServices
 from smartmesh_ros.node.services.initial_bodies import InitialBodies, RobotDescription
 from smartmesh_ros.node.services.simulation_services import serve_simulation_interfaces
+from smartmesh_ros.node.services.state_services import StateServices
 from smartmesh_ros.node.session import SERVICES, Session
 from smartmesh_ros.node.timing.pacing import NodeClock
 from smartmesh_ros.node.transport import Clock, Transport
@@ -62,6 +63,7 @@ class Collider:
         self._bodies = BodyInputs(session, transforms)
         self._body_services = BodyServices(session)
         GroundServices(session, transforms)
+        StateServices(session, self)
         session.serve(StepPhysics, "step", lambda request, _: self.step(request.steps))
         session.serve(Trigger, "reset", self._on_reset)
         session.serve(Trigger, "reset_terrain_clock", self._on_reset_terrain_clock)
@@ -149,6 +151,21 @@ class Collider:
             self.session.lost.clear()
         if time and bodies and spawned:
             self._initial.restore()
+
+    def start_episode(self, seed: int) -> None:
+        """Begins an episode: everything is as at the start, and whatever is random by the ``seed``."""
+        self.session.world.reset(seed)
+        self._forget_stamps()
+        self._initial.restore()
+        self.session.lost.clear()
+
+    def take_restored(self) -> None:
+        """Goes on after the world was replaced by that of a saved state."""
+        session = self.session
+        session.tracking.take(session.clock.pace())
+        session.lost.clear()
+        self._stand_on_soil()
+        self._forget_stamps()
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> None:
         self.reset()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -85,12 +86,39 @@ class Soil:
             last = len(self.soils) - 1
             raise InputError("soil", f"kinds are up to {places.max()}; they must be places in the list, 0 to {last}")
         self.map.soil = places
+        self.spacing = spacing
         self.core: Any = CORE.Soil(self.map.core_reader, self.map.soil, soil_table(self.soils), spacing)
         self.slip_sinkage = slip_sinkage
         self._changed = NOTHING  # corners (2, 2) of what `show` wrote since the last `changes`
 
     def __getstate__(self) -> None:
         raise InputError("soil", "soil cannot be copied; make a Soil anew on the copied map, with its ruts as ground")
+
+    def state(self) -> dict[str, Any]:
+        """Return all that the soil goes on from beside its map, as a tree for `state_file.to_bytes`."""
+        return {
+            "soils": [asdict(soil) for soil in self.soils], "spacing": self.spacing, "slip_sinkage": self.slip_sinkage,
+            "memory": self.core.memory(), "changed": self._changed,
+        }  # fmt: skip
+
+    def become(self, terrain: MainMesh | Terrain, state: dict[str, Any], tile: str = "") -> None:
+        """Be the soil of such a state, on a map that was restored with it. Raises `InputError` if it is none."""
+        soils = [SoilType(**soil) for soil in state["soils"]]
+        made = Soil(terrain, soils, tile=tile, spacing=state["spacing"], slip_sinkage=bool(state["slip_sinkage"]))
+        if state["memory"] is not None:  # else nobody has touched it
+            try:
+                made.core.recall(*state["memory"])
+            except (TypeError, ValueError) as error:
+                raise InputError("state", f"a saved soil is none of this map: {error}") from None
+            made._changed = state["changed"]
+        vars(self).update(vars(made))
+
+    @classmethod
+    def from_state(cls, terrain: MainMesh | Terrain, state: dict[str, Any], tile: str = "") -> Soil:
+        """Return the soil of such a state; see `become`."""
+        made = cls.__new__(cls)
+        made.become(terrain, state, tile)
+        return made
 
     def take_kinds(self) -> None:
         """Take which soil each sample of the map is now. Soil of another kind keeps its sinkage, and is pressed anew.

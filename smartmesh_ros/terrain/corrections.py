@@ -21,6 +21,7 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.checked_heights import dense
 from smartmesh_ros.terrain.grid import overlap
 from smartmesh_ros.terrain.motion import BLOCK
+from smartmesh_ros.terrain.state_file import filled
 
 FloatGrid = NDArray[np.float32]
 
@@ -102,7 +103,7 @@ class Corrections:
         if self._core.fused is None:
             self._core.begin_fusion()
         for array, new in zip(self._core.fused, known, strict=True):
-            array[...] = new
+            filled(array, new)
 
     @property
     def blending(self) -> bool:

@@ -16,13 +16,14 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.core import CORE, dtype_of
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.state_file import filled
 
 MotionMode = Literal["hold", "extrapolate", "interpolate"]
 # Meaning of a change of height: the ground moved, or a better estimate of static ground arrived.
@@ -167,6 +168,16 @@ class MovingGround(ABC):
             self._clocks["until"] = self._clocks["since"]  # what was shown by other settings is no part of the motion
         self._motion = motion
         self._set_motion()
+
+    def _take_clocks(self, clocks: Any) -> None:
+        """Take the clocks of a saved state; raises `InputError` if they are none of this ground."""
+        filled(self._clocks, clocks)
+        known = self._clocks
+        if (
+            not ((known["newest"] >= 0) & (known["newest"] < KEPT) & (known["known"] >= 0)).all()
+            or not ((known["count"] >= 0) & (known["count"] <= INTERVALS_KEPT)).all()
+        ):
+            raise InputError("state", "a clock of a saved map names a velocity or an interval that is not there")
 
     @property
     def time(self) -> float:

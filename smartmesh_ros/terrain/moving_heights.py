@@ -27,6 +27,7 @@ from smartmesh_ros.terrain.laid_ground import LaidGround
 from smartmesh_ros.terrain.material import NOTHING, Material, together
 from smartmesh_ros.terrain.motion import CLOCK, MotionConfig, MovingGround
 from smartmesh_ros.terrain.prints import Prints
+from smartmesh_ros.terrain.state_file import filled
 
 
 class MovingHeights(LaidGround, MovingGround):
@@ -100,17 +101,18 @@ class MovingHeights(LaidGround, MovingGround):
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make the map of such a state."""
         MovingHeights.__init__(self, state["heights"], **state["map"])
-        self._clocks[...] = state["clocks"]
+        self._take_clocks(state["clocks"])
         for array, kept in zip(self._others, state["others"], strict=True):
             if kept is not None:
-                array[...] = kept
+                filled(array, kept)
         self.track, self.version, self._deviation = state["track"], state["version"], state["deviation"]
         self.corrections.settled = state["settled"]
         if state["fused"] is not None:
             self.corrections.put(state["fused"])
         if state["prints"] is not None:
             self.prints = Prints(self._heights)
-            self.prints.given[...], self.prints.corners = state["prints"]
+            given, self.prints.corners = state["prints"]
+            filled(self.prints.given, given)
         self._set_motion()
         self.core_reader.show(state["shown"])
 

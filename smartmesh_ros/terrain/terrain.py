@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.grid_track import cells_moved
+from smartmesh_ros.terrain.corrections import FusedMap
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.grid_track import GridTrack, RigidMotion, cells_moved
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples, ground_heights
-from smartmesh_ros.terrain.motion import next_revision
+from smartmesh_ros.terrain.material import Material
+from smartmesh_ros.terrain.motion import MotionConfig, next_revision
 from smartmesh_ros.terrain.scrolling import carry_material, follow_across
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 MainMesh = HeightMap | TriangleMesh
+# What the saved state of a terrain is made of, by name.
+_KINDS: dict[str, type[HeightMap] | type[TriangleMesh]] = {kind.__name__: kind for kind in (HeightMap, TriangleMesh)}
+STATE_TYPES: dict[str, type] = {
+    each.__name__: each for each in (GridGeometry, MotionConfig, GridTrack, RigidMotion, FusedMap, Material)
+}
 
 
 class Terrain:
@@ -32,6 +40,41 @@ class Terrain:
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
         self.layout_revision = next_revision()  # a copy is other ground
+
+    def state(self) -> dict[str, Any]:
+        """Return all that the terrain goes on from, as a tree for `state_file.to_bytes`; arrays are not copied."""
+        tiles = {name: [type(mesh).__name__, mesh.__getstate__()] for name, mesh in self.tiles.items()}
+        return {"tiles": tiles, "numbers": self.numbers, "next_number": self._next_number}
+
+    @classmethod
+    def from_state(cls, state: dict[str, Any]) -> Terrain:
+        """Return the terrain of such a state; raises `InputError` if it is none."""
+        made = cls()
+        for name, (kind, kept) in state["tiles"].items():
+            mesh = made.tiles[name] = _KINDS[kind].__new__(_KINDS[kind])
+            mesh.__setstate__(kept)
+        made.numbers, made._next_number = dict(state["numbers"]), int(state["next_number"])
+        if made.numbers.keys() != made.tiles.keys():
+            raise InputError("state", "the tiles of a saved terrain are not those that have numbers")
+        return made
+
+    def become(self, other: Terrain) -> Callable[[], None]:
+        """Take the tiles of another terrain, which must not be used any more; return what undoes it. Whoever holds a
+        tile of this one holds the restored one of the same name and kind."""
+        known = dict(vars(self)), [(mesh, dict(vars(mesh))) for mesh in self.tiles.values()]
+
+        def undo() -> None:
+            vars(self).update(known[0], layout_revision=next_revision())
+            for mesh, kept in known[1]:
+                _replace_contents(mesh, kept)
+
+        tiles = dict(other.tiles)
+        for name, mesh in other.tiles.items():
+            if type(own := self.tiles.get(name)) is type(mesh):
+                _replace_contents(own, vars(mesh))
+                tiles[name] = own
+        vars(self).update(vars(other), tiles=tiles, layout_revision=next_revision())
+        return undo
 
     @classmethod
     def of(cls, ground: MainMesh | Terrain) -> Terrain:
@@ -122,3 +165,9 @@ class Terrain:
             found[here] = friction if isinstance(friction, float) else friction[rows[ground], columns[ground]]
         found[np.isnan(found)] = 1.0
         return found
+
+
+def _replace_contents(mesh: Any, contents: dict[str, Any]) -> None:
+    """Let a mesh be another one of its kind."""
+    vars(mesh).clear()
+    vars(mesh).update(contents)

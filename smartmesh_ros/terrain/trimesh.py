@@ -15,6 +15,7 @@ from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
 from smartmesh_ros.terrain.mesh_shape import MeshShape, TriangleGraph, count_parts, shape_of
 from smartmesh_ros.terrain.motion import CLOCK, INSTANT, KEPT, MotionConfig, MovingGround, next_revision
+from smartmesh_ros.terrain.state_file import filled
 
 
 class MeshSamples(NamedTuple):
@@ -71,15 +72,21 @@ class TriangleMesh(MovingGround):
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy of the mesh, or one in another process, is made of: arrays, and what they mean."""
         mesh = {"vertices": self.vertices, "triangles": self.triangles, "motion": self.motion}
-        return {"mesh": mesh, "moving": self._moving, "version": self.version}
+        *arrays, clocks = self._moving
+        return {
+            "mesh": mesh, "moving": tuple(arrays), "clocks": clocks, "version": self.version,
+            "shown": self.core_reader.shown,
+        }  # fmt: skip
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make the mesh of such a state."""
         TriangleMesh.__init__(self, **state["mesh"])
         self.version = state["version"]
-        for array, kept in zip(self._moving, state["moving"], strict=True):
-            array[...] = kept
+        self._take_clocks(state["clocks"])
+        for array, kept in zip(self._moving[:-1], state["moving"], strict=True):
+            filled(array, kept)
         self._set_motion()
+        self.core_reader.shown = state["shown"]
 
     @property
     def _moving(self) -> tuple[NDArray[Any], ...]:

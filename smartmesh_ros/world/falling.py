@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.ground.limits import FARTHEST_BODY
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.patches.tables import with_rows
+from smartmesh_ros.terrain.state_file import filled
 from smartmesh_ros.terrain.terrain import Terrain
 
 NOWHERE = f"was at no place or farther away than {FARTHEST_BODY:g} m"
@@ -50,6 +52,17 @@ class Falls:
     def clear(self, slot: int) -> None:
         """Forget a follower that is removed."""
         self._last_w[slot], self._falling[slot] = np.nan, False
+
+    def memory(self, slots: list[int]) -> dict[str, Any]:
+        """Return what is known of the past of followers."""
+        return {"checked": self._checked, "last": self._last_w[slots], "falling": self._falling[slots]}
+
+    def recall(self, slots: list[int], memory: dict[str, Any]) -> None:
+        """Take over what `memory` returned, in the same order. Raises `InputError` if it is none of these followers."""
+        last, falling = self._last_w[slots], self._falling[slots]
+        filled(last, memory["last"])
+        filled(falling, memory["falling"])
+        self._last_w[slots], self._falling[slots], self._checked = last, falling, float(memory["checked"])
 
     @property
     def falling(self) -> dict[str, Vector]:

@@ -1,26 +1,30 @@
-"""A world's bodies as data: to save, restore and compare.
+"""A world's bodies as data, to compare; and its whole state, to save and restore.
 
-PyBullet caches contacts from step to step, and this cache cannot be read or set. A world built from the positions and
-velocities of another therefore evolves slightly differently. `World.save` rebuilds the running world from the snapshot
-it returns, and `World.restore` builds another in the same way. Given the same maps at the same steps, the two worlds
-stay equal to the last bit.
+PyBullet caches contacts from step to step, and gives this cache to nobody. A world that is built from the positions and
+velocities of another therefore evolves slightly differently. `World.save` rebuilds the running world from the state
+that it returns, and `World.restore` builds another in the same way: the two worlds stay equal to the last bit.
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, fields
+from typing import Any, NamedTuple
 
-from smartmesh_ros.errors import InputError
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig
 from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.shapes import SHAPES, Hull, Solid
 from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.terrain import state_file
+from smartmesh_ros.terrain.terrain import STATE_TYPES, Terrain
 from smartmesh_ros.world.bodies import Body
+from smartmesh_ros.world.falling import FallConfig
+from smartmesh_ros.world.guest_config import GuestConfig
 from smartmesh_ros.world.joints import JointCommand
-
-_SHAPES: dict[str, type[Solid]] = {made.__name__: made for made in (*SHAPES.values(), Hull)}
+from smartmesh_ros.world.settings import WorldConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,34 +73,51 @@ class Snapshot:
     @property
     def hash(self) -> str:
         """Digest of all numbers: equal if and only if two worlds are in the same state."""
-        return hashlib.sha256(self.to_json().encode()).hexdigest()
+        return hashlib.sha256(state_file.to_bytes("Snapshot", self)).hexdigest()
 
-    def to_json(self) -> str:
-        """Return the snapshot as text, without loss of precision."""
-        bodies = []
-        for body in self.bodies:
-            fields = asdict(body)
-            fields["shape"] = None if body.shape is None else [type(body.shape).__name__, asdict(body.shape)]
-            bodies.append(fields)
-        return json.dumps({"time": self.time, "bodies": bodies})
+
+class FirstTerrain(NamedTuple):
+    """The terrain at a world's first step on it, as the bytes of a saved state, and the ``time`` [s]."""
+
+    state: NDArray[np.uint8]
+    time: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorldState:
+    """All that a world goes on from, to be used once: its bodies, its ``terrain`` and ``soil`` (``tile``: which one
+    gives way), its settings and ``seed``, the ``first`` terrain, and what the ground knows of bodies at rest
+    (``memory``) and of ``falls``. ``extra``: of whoever saved it."""
+
+    snapshot: Snapshot
+    terrain: Terrain
+    soil: dict[str, Any] | None
+    tile: str
+    config: WorldConfig
+    seed: int
+    first: FirstTerrain | None
+    memory: dict[str, Any] | None
+    falls: dict[str, Any]
+    extra: dict[str, Any]
+
+    def to_bytes(self) -> bytes:
+        """Return the state as a file."""
+        tree = {each.name: getattr(self, each.name) for each in fields(self)}
+        return state_file.to_bytes(KIND, {**tree, "terrain": self.terrain.state()})
 
     @classmethod
-    def from_json(cls, text: str) -> Snapshot:
-        """Parse the text of `to_json`; raises `InputError` if the text is no snapshot."""
-        try:
-            data = json.loads(text)
-            return cls(time=float(data["time"]), bodies=tuple(_body(fields) for fields in data["bodies"]))
-        except (ValueError, KeyError, TypeError) as error:
-            if isinstance(error, InputError):
-                raise
-            raise InputError("snapshot", f"this is no saved world ({error}); save one with World.save()") from None
+    def from_bytes(cls, data: bytes) -> WorldState:
+        """Return the state of a file; raises `InputError` if it is none, was damaged, or is of another version."""
+
+        def make(tree: dict[str, Any]) -> WorldState:
+            return cls(**{**tree, "terrain": Terrain.from_state(tree["terrain"])})
+
+        return state_file.from_bytes(data, KIND, _TYPES, make)
 
 
-def _body(fields: dict[str, Any]) -> BodySnapshot:
-    shape = fields["shape"] and _SHAPES[fields["shape"][0]](**fields["shape"][1])
-    states = {key: BodyState(**{k: tuple(v) for k, v in fields[key].items()}) for key in ("state", "initial")}
-    joints = {name: tuple(pair) for name, pair in fields["joints"].items()}
-    commands = {name: JointCommand(**command) for name, command in fields["commands"].items()}
-    belts = {link: Belt(tuple(belt["axis"]), belt["speed"]) for link, belt in fields.get("belts", {}).items()}
-    made = {"shape": shape, "joints": joints, "commands": commands, "belts": belts}
-    return BodySnapshot(**{**fields, **states, **made})
+KIND = "World"
+_MADE: tuple[type, ...] = (
+    *(Belt, BodySnapshot, BodyState, FallConfig, FirstTerrain, GuestConfig, JointCommand, PhysicsConfig),
+    *(SleepConfig, Snapshot, WorldConfig, Hull, *SHAPES.values()),
+)
+_TYPES = {**STATE_TYPES, **{made.__name__: made for made in _MADE}}

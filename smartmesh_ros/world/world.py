@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
@@ -13,31 +14,29 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls, undone
 from smartmesh_ros.ground.config import set_up
 from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.height_scan import HeightScan, yaws_of
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
-from smartmesh_ros.world.bodies import Surface
 from smartmesh_ros.world.contacts import GroundContact, GroundWrench, ground_contacts, wrenches_of_step
 from smartmesh_ros.world.falling import Falls
 from smartmesh_ros.world.guests import Guests
 from smartmesh_ros.world.link_frames import frame_pose
-from smartmesh_ros.world.population import Population
-from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
+from smartmesh_ros.world.saved_world import SavedWorld
 from smartmesh_ros.world.settings import WorldConfig
-from smartmesh_ros.world.snapshot import Snapshot, body_snapshot
+from smartmesh_ros.world.snapshot import FirstTerrain
 from smartmesh_ros.world.watching import StepWatcher
 
 __all__ = ["World", "WorldConfig"]
 
 
-class World(Population):
+class World(SavedWorld):
     """Bodies on a terrain, stepped at a fixed rate. Close it, or use it as a context manager.
 
     ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``guests``: remote bodies,
-    simulated by other nodes. ``watchers``: take part in each step.
+    simulated by other nodes. ``watchers``: take part in each step. ``seed``: of the noise of height scans, beside
+    their own.
     """
 
     def __init__(
@@ -52,6 +51,8 @@ class World(Population):
         self.watchers: list[StepWatcher] = []
         self._rescues = 0  # of the grounds before `restore`
         self.lost: dict[str, str] = {}  # why bodies were removed, by name; readers may clear it
+        self.seed = 0
+        self._first: FirstTerrain | None = None
         self._start()
 
     def _start(self) -> None:
@@ -69,17 +70,14 @@ class World(Population):
         return Ground(client, self.terrain, self.stopwatch)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy of the world, or one in another process, is made of: its terrain, its settings and a
-        snapshot. Raises `InputError` if there is soil."""
-        if self.ground.soil is not None:
-            raise InputError("soil", "a world with soil cannot be copied; take it off by ground.set_soil(None) before")
-        return {"terrain": self.terrain, "config": self.config, "snapshot": self.snapshot()}
+        """Return what a copy of the world, or one in another process, is made of: its whole state."""
+        return {"state": self.state_bytes()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make a world that evolves as one restored from the snapshot."""
-        World.__init__(self, state["terrain"], state["config"])
+        """Make a world that evolves as one restored from the state."""
+        World.__init__(self)
         with undone(self.close):
-            self.restore(state["snapshot"])
+            self.restore(state["state"])
 
     def __enter__(self) -> Self:
         return self
@@ -112,11 +110,6 @@ class World(Population):
         if self.client.isConnected():
             self.client.disconnect()
 
-    @property
-    def rescues(self) -> int:
-        """Number of bodies put back onto the ground so far."""
-        return self._rescues + self.ground.rescues
-
     def update(self) -> None:
         """Do what the next step needs beside contacts, see `Ground.update`, and remove bodies that are lost. `step`
         does it; call it while no steps are taken."""
@@ -127,6 +120,7 @@ class World(Population):
         """Run physics steps. ``prepared`` is called before each, after `update`."""
         for _ in range(count):
             with self.stopwatch.stage("total"):
+                self._note_first_terrain()
                 self.guests.advance()
                 self.update()
             prepared()
@@ -146,86 +140,6 @@ class World(Population):
         if steps > 0:
             duration = steps * self.config.physics.dt
             self.time += duration
-
-    def reset(self) -> None:
-        """Put every simulated body back to its initial state and the time to zero; the terrain stays."""
-        self.reset_time()
-        self.reset_bodies()
-
-    def reset_time(self) -> None:
-        """Set the time to zero. Bodies and terrain stay; remote bodies are removed until their next states arrive."""
-        self.guests.clear()
-        self.terrain.shift_time(-self.time)
-        self._set_ends({key: end - self.time for key, end in self._ends.items()})
-        self.time = 0.0
-
-    def reset_bodies(self) -> None:
-        """Put every simulated body back to its initial state. Commands of joints stay in force. Raises PyBullet's
-        error, with the names of the bodies for which it failed; the others are back."""
-        failed = []
-        for body in (body for body in self.bodies.values() if body.simulated):
-            try:
-                self._factory.place(body, body.initial)
-            except pb.error as error:
-                failed.append(f"{body.name!r}: {error}")
-        self.ground.wake()
-        if failed:
-            raise pb.error(f"{len(failed)} bodies are not back, but the others are; reset again: {'; '.join(failed)}")
-
-    def snapshot(self) -> Snapshot:
-        """Return the current bodies as data."""
-        return Snapshot(
-            time=self.time,
-            bodies=tuple(
-                body_snapshot(self.client, body, self.state(name), self._belts(body), self._ends_of(name))
-                for name, body in self.bodies.items()
-                if not body.owner
-            ),
-        )
-
-    def save(self) -> Snapshot:
-        """Return a snapshot, and rebuild this world from it, so that it evolves exactly as any world restored from the
-        snapshot."""
-        snapshot = self.snapshot()
-        self.restore(snapshot)
-        return snapshot
-
-    def restore(self, snapshot: Snapshot) -> None:
-        """Replace the bodies by those of a snapshot, in a new PyBullet client; the terrain and its soil stay. Raises
-        `InputError` and changes nothing if a robot of it is refused or lacks a joint or link."""
-        robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
-        self.ground.check_soil()
-        before = dict(vars(self))
-        with undone(lambda: vars(self).update(before)):
-            self._rescues = self.rescues
-            soil, drawn = self.ground.soil, self.ground.drawn
-            self._start()
-            self.ground.set_soil(soil)
-            self._fill(snapshot, robots)
-            if drawn:
-                self.ground.show(drawn)
-        if before["client"].isConnected():
-            before["client"].disconnect()
-
-    def _fill(self, snapshot: Snapshot, robots: dict[str, PreparedRobot]) -> None:
-        """Add the bodies of a snapshot to a world without bodies, with its prepared robots."""
-        self.time = snapshot.time
-        for body in snapshot.bodies:
-            surface = Surface(body.friction, body.restitution)
-            if body.name in robots:
-                self._add(self._factory.robot(body.name, robots[body.name], body.state, surface))
-            elif body.tracked:
-                self.track(body.name, body.shape or body.radius, body.state)
-            elif body.shape is not None and not isinstance(body.shape, Hull):
-                self._add(self._factory.simulated(body.name, body.shape, body.mass, body.state, surface))
-            new = self.bodies[body.name]
-            new.initial = body.initial
-            for joint, (position, velocity) in body.joints.items():
-                self.client.resetJointState(new.uid, self._joint(new, joint), position, velocity)
-            for joint, command in body.commands.items():
-                self.command(body.name, joint, command)
-            self._move_belts(new, body.belts)
-        self._set_ends({(body.name, joint): end for body in snapshot.bodies for joint, end in body.ends.items()})
 
     def patches(self) -> ShownPatches:
         """Return the patches of ground in reach of the bodies now, without those of remote bodies, which their owners
@@ -254,6 +168,7 @@ class World(Population):
         for row, body in enumerate(bodies):
             if body.is_robot:
                 poses_w[row] = frame_pose(poses_w[row], body.inertial)
+        scan = replace(scan, seed=scan.seed + (self.seed << 64)) if self.seed else scan
         return scan.read(self.terrain, np.column_stack([poses_w[:, :3], yaws_of(poses_w[:, 3:])]), self.time)
 
     def below_ground(self) -> list[str]:

@@ -60,7 +60,17 @@ def set_layer(samples: Any) -> None:
     new_grid().set_layer(0, samples, 1.0)
 
 
+def recall(**memory: Any) -> None:
+    """Give a soil what it knew."""
+    kinds, soils = np.zeros((ROWS, COLUMNS), np.uint8), np.ones((1, 8))
+    CORE.Soil(new_grid(), kinds, soils, 1.0).recall(**memory)
+
+
 ENTRIES = {
+    "recall": Entry(recall, lambda: {
+        "places": np.array([3, 700]), "samples": np.ones((2, 5)), "nodes": np.array([1, 2]), "heights": floats(2),
+        "pressed": np.array([7, 2, 1]), "step": 3,
+    }, rows=("pressed",), within=tuple((name, ROWS * COLUMNS) for name in ("places", "nodes", "pressed"))),
     "Mesh": Entry(CORE.Mesh, mesh_arrays, rows=("triangles",), within=(("triangles", 4),), finite=("vertices",)),
     "set_layer": Entry(set_layer, lambda: {"samples": floats(ROWS, COLUMNS) + 1.0}, optional=("samples",)),
     "hull": Entry(

@@ -157,9 +157,15 @@ def test_a_copied_world_goes_on_as_its_original() -> None:
 def test_soil_is_not_lost_in_a_copy() -> None:
     with World(level(resolution=0.05)) as world:
         world.ground.set_soil(soil := Soil(world.terrain, "clay"))
-        for whole in (world, world.ground, soil):
+        for part in (world.ground, soil):
             with pytest.raises(InputError, match="soil cannot be copied"):
-                copy.deepcopy(whole)
+                copy.deepcopy(part)
+        world.spawn("ball", Sphere(0.2), 30.0, BodyState((0.0, 0.0, 0.2)))
+        world.step(120)
+        with copy.deepcopy(world) as other:
+            assert other.ground.soil is not soil
+            np.testing.assert_array_equal(other.ground.soil.sinkage(), soil.sinkage())
+            assert soil.sinkage().max() > 0.0
 
 
 def test_the_package_tells_what_it_has() -> None:

@@ -93,13 +93,15 @@ def test_a_copied_terrain_is_the_same_and_goes_on_as_its_original(
 
 
 @pytest.mark.parametrize("how", COPIES)
-def test_a_copied_mesh_is_the_same_and_goes_on_as_its_original(how: str) -> None:
+@pytest.mark.parametrize("motion", [MotionConfig(), MotionConfig(smoothing=1.0)], ids=["jumps", "smooth"])
+def test_a_copied_mesh_is_the_same_and_goes_on_as_its_original(how: str, motion: MotionConfig) -> None:
     vertices = np.random.default_rng(1).normal(0.0, 0.05, (ROWS * COLUMNS, 3))
     vertices[:, :2] += np.stack(np.mgrid[:ROWS, :COLUMNS][::-1], axis=-1).reshape(-1, 2)
-    mesh = TriangleMesh(vertices, grid_triangles(ROWS, COLUMNS))
+    mesh = TriangleMesh(vertices, grid_triangles(ROWS, COLUMNS), motion=motion)
     points = np.random.default_rng(2).uniform(0.0, 8.0, (50, 2))
     for time in (0.1, 0.2):
         mesh.move(vertices + (0.02, 0.0, time), time=time)
+    mesh.core_reader.shown = 0.24  # as steps do
     other = COPIES[how](mesh)
     for ground in (mesh, other):
         ground.move(vertices, time=0.3)

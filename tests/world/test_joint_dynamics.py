@@ -241,7 +241,7 @@ def test_a_velocity_lasts_its_time_unless_it_is_renewed_and_positions_and_effort
             world.step(4)
             assert (world.joints("r")[0].velocity, world.surfaces("r")[0].speed) == pytest.approx((0.0, 0.0), abs=1e-9)
             assert said.pop() == "no command came for j, track of 'r' in time: stopped"
-            world.restore(copy.from_json(copy.to_json()))
+            world.restore(copy)
         for command in (JointCommand(position=3.0), JointCommand(effort=0.5), JointCommand()):
             world.command("r", "j", JointCommand(velocity=1.0), 0.5)
             world.command("r", "j", command, 0.5)

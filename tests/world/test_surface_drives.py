@@ -17,7 +17,6 @@ from smartmesh_ros import (
     HeightMap,
     InputError,
     PhysicsConfig,
-    Snapshot,
     Sphere,
     World,
     WorldConfig,
@@ -124,10 +123,10 @@ def test_a_restored_world_goes_on_as_the_saved_one_to_the_bit(driven: World) -> 
     saved = driven.save()
     driven.step(120)
     with World(slope()) as other:
-        other.restore(Snapshot.from_json(saved.to_json()))
+        other.restore(saved)
         assert [s.speed for s in other.surfaces(NAME)] == [0.3, 0.5]
         other.step(120)
-        assert other.snapshot().to_json() == driven.snapshot().to_json()
+        assert other.snapshot() == driven.snapshot()
 
 
 def test_a_change_of_settings_keeps_the_tracks_running(driven: World) -> None:

@@ -7,6 +7,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "shape_parts.h"
+#include "soil_binding.h"
 #include "step_lock.h"
 #include "tables.h"
 #include "world.h"
@@ -15,57 +16,6 @@ namespace smartmesh {
 namespace {
 
 constexpr int MOST_SLOTS = 1 << 24;
-
-// Soil of a map for the steps of a world; the arrays stay alive with it.
-struct Soil {
-  nb::object grid;
-  Doubles2 soils;
-  SoilInStep soil;
-
-  Soil(nb::object of, Bytes2 kinds, Doubles2 soils_s, double spacing)
-      : grid(of), soils(soils_s),
-        soil(checked(of, soils_s, spacing), {reinterpret_cast<const SoilType*>(soils_s.data()), static_cast<int>(soils_s.shape(0))},
-             spacing) {
-    set_kinds(kinds);
-  }
-
-  Soil(const Soil&) = delete;
-
-  static const HeightGrid& checked(nb::handle of, const Doubles2& soils, double spacing) {
-    const HeightGrid& map = nb::cast<Grid&>(of).grid;
-    if (soils.shape(0) < 1 || soils.shape(0) > 255 || soils.shape(1) * sizeof(double) != sizeof(SoilType))
-      throw std::invalid_argument("soils must have the shape (S, 8), with 1 to 255 soils");
-    check_alignment(soils.data(), sizeof(double));
-    if (!(spacing > 0.0 && map.resolution / spacing < 1000.0)) throw std::invalid_argument("the spacing is out of its range");
-    return map;
-  }
-  // Takes which soil each sample of the map is (rows, columns).
-  void set_kinds(Bytes2 kinds) {
-    const HeightGrid& map = soil.lattice.map();
-    check_table(kinds, static_cast<std::size_t>(map.rows), static_cast<std::size_t>(map.columns), "kinds");
-    const StepLock lock;
-    soil.lattice.set_kinds(kinds.data());
-  }
-  // Returns the rows and columns (n, 2), and the heights (n,) of the samples of the map that were pressed.
-  auto take_pressed() {
-    std::vector<std::int64_t> places;
-    std::vector<float> heights;
-    {
-      const StepLock lock;
-      for (const PressedNode& node : soil.lattice.take_pressed())
-        places.insert(places.end(), {node.row, node.column}), heights.push_back(node.height);
-    }
-    const std::size_t count = heights.size();
-    return std::make_tuple(array_of<std::int64_t, 2>(places, {count, 2}), array_of<float, 1>(heights, {count}));
-  }
-  // Writes how far the ground of each sample of the map was pressed (rows, columns) [m].
-  void sinkage(States found) {
-    const HeightGrid& map = soil.lattice.map();
-    check_table(found, static_cast<std::size_t>(map.rows), static_cast<std::size_t>(map.columns), "sinkage");
-    const StepLock lock;
-    soil.lattice.read_sinkage(found.data());
-  }
-};
 
 // A world that takes no step meanwhile.
 struct HeldWorld {
@@ -155,7 +105,7 @@ struct Ground {
   auto on_soil(int slot) {
     std::vector<double> sums;
     if (const HeldWorld found = world(); found->has(slot) && found->soil != nullptr) {
-      for (const auto& [shape, part] : found->parts_on_soil(slot))
+      for (const auto& [number, part] : found->parts_on_soil(slot))
         if (part.sums.area > 0.0) sums.insert(sums.end(), {part.sums.sinkage, part.sums.area, part.sums.carried});
     }
     return array_of<double, 2>(sums, {sums.size() / 3, 3});
@@ -222,6 +172,45 @@ struct Ground {
     if (!(size > 0.0 && std::isfinite(size))) throw std::invalid_argument("the axis must have a length");
     found->drive(slot, {{x, y, z}, speed});
   }
+  // Returns what the `slots` (n,) know of the past, (n, 19) as SlotMemory.
+  auto memory_of(Slots slots) const {
+    std::vector<SlotMemory> rows;
+    {
+      const HeldWorld held = world();
+      for (std::size_t k = 0; k < slots.shape(0); ++k)
+        rows.push_back(held->memory_of(checked_slot(*held.world, slots.data()[k])));
+    }
+    auto found = new_array<double, 2>({slots.shape(0), sizeof(SlotMemory) / sizeof(double)});
+    std::copy(rows.begin(), rows.end(), reinterpret_cast<SlotMemory*>(found.data()));
+    return found;
+  }
+  void recall(Slots slots, Doubles2 memory) {
+    const HeldWorld held = world();
+    const auto* rows = records_of<const SlotMemory>(memory, "the memory");
+    check_table(memory, slots.shape(0), sizeof(SlotMemory) / sizeof(double), "the memory");
+    for (std::size_t k = 0; k < slots.shape(0); ++k) held->recall(checked_slot(*held.world, slots.data()[k]), rows[k]);
+  }
+  // Returns what a slot knows of its parts on the soil (n,), and takes it over.
+  auto parts_memory(int slot) const {
+    std::vector<double> found;
+    {
+      const HeldWorld held = world();
+      found = held->parts_memory(checked_slot(*held.world, slot));
+    }
+    return array_of<double, 1>(found, {found.size()});
+  }
+  void recall_parts(int slot, Doubles1 numbers) {
+    const HeldWorld held = world();
+    check_alignment(numbers.data(), sizeof(double));
+    held->find_objects();
+    if (!held->recall_parts(checked_slot(*held.world, slot), numbers.data(), numbers.shape(0)))
+      throw std::invalid_argument("the parts on the soil are those of another body");
+  }
+  static int checked_slot(const BulletWorld& held, std::int64_t slot) {
+    if (slot < 0 || slot > MOST_SLOTS || !held.has(static_cast<int>(slot)))
+      throw std::invalid_argument("no attached body has this slot");
+    return static_cast<int>(slot);
+  }
   // Writes the states of the bodies in `slots` (n,) to `states` (S, 13); NaN for bodies that are gone.
   void read(Slots slots, States states) {
     check_table(states, states.shape(0), BODY_COLUMNS, "states");
@@ -271,6 +260,9 @@ void add_ground(nb::module_& m) {
            "spacing"_a)
       .def("set_kinds", &Soil::set_kinds, "kinds"_a.noconvert())
       .def("take_pressed", &Soil::take_pressed)
+      .def("memory", &Soil::memory)
+      .def("recall", &Soil::recall, "places"_a.noconvert(), "samples"_a.noconvert(), "nodes"_a.noconvert(),
+           "heights"_a.noconvert(), "pressed"_a.noconvert(), "step"_a)
       .def("sinkage", &Soil::sinkage, "found"_a.noconvert())
       .def_prop_rw(
           "sinks_by_slip", [](const Soil& s) { return s.soil.lattice.sinks_by_slip; },
@@ -304,6 +296,12 @@ void add_ground(nb::module_& m) {
       .def("read_touching", &Ground::read_touching, "touching"_a.noconvert())
       .def_prop_ro("sleep_changes", [](const Ground& g) { return g.world()->sleep_changes(); })
       .def("drive", &Ground::drive, "slot"_a, "axis"_a, "speed"_a)
+      .def("memory_of", &Ground::memory_of, "slots"_a.noconvert())
+      .def("recall", &Ground::recall, "slots"_a.noconvert(), "memory"_a.noconvert())
+      .def("parts_memory", &Ground::parts_memory, "slot"_a)
+      .def("recall_parts", &Ground::recall_parts, "slot"_a, "numbers"_a.noconvert())
+      .def("take_restored", [](const Ground& g) { g.world()->take_restored(); })
+      .def("forget", [](const Ground& g) { g.world()->forget(); })
       .def("keep_apart", &Ground::keep_apart, "body"_a)
       .def("settings", &Ground::settings)
       .def("contacts_of", &Ground::contacts_of, "slot"_a)

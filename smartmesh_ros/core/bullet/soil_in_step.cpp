@@ -122,7 +122,7 @@ void SoilInStep::touch(const Convex& convex, const Pose& pose, const OnSoil& on,
 }
 
 void SoilInStep::press(const OnSoil& on, SoilParts& parts) {
-  for (auto& [shape, part] : parts) {
+  for (auto& [number, part] : parts) {
     if (part.step != step_) {  // it left the ground
       part.rim.reset(), part.sums = {};
       continue;

@@ -1,10 +1,8 @@
 // Soil in each step of Bullet's world: its law is that of the contacts.
 #pragma once
 
-#include <unordered_map>
+#include <map>
 #include <vector>
-
-#include <BulletCollision/CollisionShapes/btCollisionShape.h>
 
 #include "contact_row.h"
 #include "soil_contact.h"
@@ -31,7 +29,8 @@ struct SoilPart {
   bool is_set_down = false;  // put onto the soil without a fall, and not at rest there yet
   std::vector<double> up;  // vertical parts of the normals of its contacts
 };
-using SoilParts = std::unordered_map<const btCollisionShape*, SoilPart>;
+// By their number among the convex parts of the body's shape.
+using SoilParts = std::map<int, SoilPart>;
 
 // How the soil at a place moves with its map: `rise` [m] since the last map, and velocity [m/s].
 struct SoilMotion {
@@ -67,6 +66,8 @@ class SoilInStep {
 
   // Counts the steps, from 2 on: the first has none before it.
   void next() { ++step_; }
+  std::int32_t step() const { return step_; }
+  void go_on_from(std::int32_t step) { step_ = step; }
   // Returns true if a part is near the soil in the last step.
   bool was_near(const SoilPart& part) const { return part.step == step_ - 1; }
 

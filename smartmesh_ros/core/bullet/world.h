@@ -61,7 +61,8 @@ struct Slot {
   Belt belt;
   Rest rest;
   std::unordered_map<const btCollisionShape*, KnownPart> parts;
-  SoilParts on_soil;  // by their shapes
+  std::vector<const btCollisionShape*> leaves;  // convex parts of its shape, found when one first touches soil
+  SoilParts on_soil;
 };
 
 // What the ground reads of a world's solver: `duration` [s] of the last step, shares of a penetration and of a friction
@@ -70,6 +71,14 @@ struct SolverSettings {
   Vec3 gravity;
   double duration, erp, friction_erp, slop;
 };
+
+// What a slot knows of the past beside contacts, as numbers of Python; see Rest and Slot.
+struct SlotMemory {
+  double still = 0.0;
+  Pose anchor;
+  Vec3 pull, turning;
+};
+static_assert(sizeof(SlotMemory) == 19 * sizeof(double));
 
 class BulletWorld {
  public:
@@ -162,6 +171,16 @@ class BulletWorld {
   void touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground, btPersistentManifold& manifold,
              double duration);
 
+  // What is known of the past of the body in a slot, for a saved state: of its rest and pull, and as numbers of its parts on
+  // the soil. `recall_parts` returns false if they are none of this body.
+  SlotMemory memory_of(int slot) const;
+  std::vector<double> parts_memory(int slot) const;
+  void recall(int slot, const SlotMemory& memory);
+  bool recall_parts(int slot, const double* numbers, std::size_t count);
+  // Forgets the past: contacts and their impulses, rest, the order in which objects came near each other.
+  void forget();
+  // Does what `restoreState` leaves out: inertias of rigid bodies as they are turned now.
+  void take_restored();
   // For a check of the memory's layout: what is read of the solver, and of the contacts of a slot in the last step.
   SolverSettings settings() const;
   std::vector<OldContact> contacts_of(int slot);
@@ -218,6 +237,8 @@ class BulletWorld {
   double margin_in(double step) const;
   Approach approach_of(const Slot& slot, double step) const;
   const Convex* convex_of_part(Slot& slot, const btCollisionShape& shape);
+  static void find_parts(Slot& slot);
+  static int part_number(Slot& slot, const btCollisionShape& shape);
   // Returns the body in a slot as the soil sees it now, in a step of some duration [s].
   OnSoil on_soil(const Slot& slot, double step) const;
 

@@ -81,7 +81,7 @@ OnSoil BulletWorld::on_soil(const Slot& slot, double step) const {
   int count = 0;
   for (const Role& role : bodies_[slot.body].roles) {
     if (role.is_proxy) continue;
-    for (const auto& [shape, part] : slots_[role.slot].on_soil) count += soil->was_near(part) && !part.up.empty();
+    for (const auto& [number, part] : slots_[role.slot].on_soil) count += soil->was_near(part) && !part.up.empty();
   }
   OnSoil found;
   found.pose = from_bullet(slot.object->getWorldTransform());
@@ -141,7 +141,7 @@ const Convex* BulletWorld::convex_of_part(Slot& slot, const btCollisionShape& sh
   KnownPart& part = known->second;
   if (is_new || part.margin != shape.getMargin()) {
     part = {shape.getMargin(), convex_of(static_cast<const btConvexShape&>(shape))};
-    slot.on_soil.erase(&shape);
+    slot.on_soil.erase(part_number(slot, shape));
   }
   return part.convex ? &*part.convex : nullptr;
 }
@@ -169,7 +169,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   const Vec3 pull = rigid != nullptr ? from_bullet(rigid->getTotalForce() * (rigid->getInvMass() * step))
                                      : from_bullet(world_->getGravity() * step);
   if (soil != nullptr && soil->is_under(pose.at, time)) {
-    soil->touch(*shape, pose, on_soil(slot, step), before_, slot.on_soil[body.getCollisionShape()], contacts_, rows_);
+    soil->touch(*shape, pose, on_soil(slot, step), before_, slot.on_soil[part_number(slot, *body.getCollisionShape())], contacts_, rows_);
   } else {
     search_.run(*shape, pose, surface, time, approach, contacts_);
     choose_contacts(*shape, pose, approach, before_, contacts_);

@@ -15,8 +15,8 @@ def find_message(package: str, name: str) -> Any | None:
     return None if module is None else getattr(module, name)
 
 
-def find_interfaces(package: str, kind: Literal["msg", "srv"]) -> ModuleType | None:
-    """Return the module of a package's messages or services; None if the package is not installed."""
+def find_interfaces(package: str, kind: Literal["msg", "srv", "action"]) -> ModuleType | None:
+    """Return the module of a package's messages, services or actions; None if the package is not installed."""
     try:
         return importlib.import_module(f"{package}.{kind}")
     except ModuleNotFoundError:

@@ -94,6 +94,11 @@ class Tracking:
         for seen in self._last_poses.values():
             seen.time, seen.heard, seen.change = -math.inf, time, None
 
+    def take(self, time: float) -> None:
+        """Take the tracked bodies that the world has now, as of a saved state, for heard at ``time`` [s]."""
+        tracked = [body.name for body in self._world.bodies.values() if body.tracked]
+        self._last_poses = {name: _LastPose(self._world.state(name), -math.inf, time, False, None) for name in tracked}
+
     def forget(self, name: str) -> None:
         """Removes a tracked body."""
         if name in self._last_poses and name in self._world.bodies:

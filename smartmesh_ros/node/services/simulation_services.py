@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Any
 
 from geometry_msgs.msg import Vector3
+from rclpy.node import Node
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs import conversions
@@ -21,6 +22,7 @@ from smartmesh_ros.node.outputs.body_outputs import pose_message, twist_message
 from smartmesh_ros.node.refusals import reason_of
 from smartmesh_ros.node.services.entities import own_bounds, select
 from smartmesh_ros.node.services.robot_files import robot_name, urdf_text, with_package_paths
+from smartmesh_ros.node.services.step_action import StepAction
 from smartmesh_ros.node.session import REFUSED, Session, require_name
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.link_frames import centre_state
@@ -91,6 +93,12 @@ class SimulationServices:
         serve("GetEntitiesStates", "get_entities_states", self._get_entities_states)
         serve("GetEntityBounds", "get_entity_bounds", self._get_bounds)
         serve("GetEntityInfo", "get_entity_info", self._get_info)
+        self._action = None
+        if (
+            isinstance(session.node, Node)
+            and (kind := getattr(find_interfaces(PACKAGE, "action"), "SimulateSteps", None)) is not None
+        ):
+            self._action = StepAction(session, node.step, kind, self._results)
         serve("GetEntityState", "get_entity_state", lambda asked, found: self._write_state(asked.entity, found.state))
         serve("SetEntityState", "set_entity_state", self._set_entity_state, _STATE_REASONS)
 
@@ -118,6 +126,8 @@ class SimulationServices:
 
     def _get_features(self, _: Any, response: Any) -> None:
         later = [name for service, name in LATER_FEATURES.items() if hasattr(self._services, service)]
+        if self._action is not None:
+            later.append("STEP_SIMULATION_ACTION")
         response.features.features = [getattr(self._features, name) for name in (*FEATURES, *later)]
         response.features.spawn_formats = ["urdf"]
         response.features.custom_info = (

@@ -1,0 +1,191 @@
+"""The state of a PyBullet world and of the ground in it, saved and restored in place."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.attached_bodies import AttachedBodies
+from smartmesh_ros.ground.bullet import undone
+from smartmesh_ros.ground.followers import Belt
+from smartmesh_ros.ground.map_contacts import MapContacts
+from smartmesh_ros.terrain import state_file
+from smartmesh_ros.terrain.terrain import STATE_TYPES, Terrain
+
+KIND = "Ground"
+TYPES = {**STATE_TYPES, Belt.__name__: Belt}
+
+
+class SavedBodies(AttachedBodies):
+    """Bodies on a terrain whose state can be saved and restored; see `Ground`."""
+
+    def save_state(self, file: str | os.PathLike[str] | None = None) -> bytes:
+        """Return the state of PyBullet's world and of the ground, and write it to a ``file`` unless it is None.
+
+        It has what PyBullet's ``saveBullet`` has, poses, velocities, contacts and their impulses, and the terrain with
+        its motion and its soil, moving surfaces, the time, and for how long bodies were still. The world is put into
+        this state, so that it goes on to the bit as one that is restored from it; what slept wakes, and sleeps again
+        after a few steps. Not in it are what PyBullet saves nowhere: targets of joint motors, constraints,
+        `changeDynamics`, and settings. Raises `InputError` if contacts do not come from the map, or the file cannot be
+        written.
+        """
+        with self._hidden():
+            data = self._state()
+        if file is not None:
+            state_file.write(data, file)
+        self.restore_state(data)
+        return data
+
+    def restore_state(self, state: bytes | str | os.PathLike[str]) -> float:
+        """Put PyBullet's world and the ground into a ``state``, bytes or a file, and return its time [s].
+
+        The same bodies must be there, attached in the same order, as after the same script. Tiles that are there take
+        the restored ground in place. Raises `InputError` and changes nothing if the state is none, was damaged, was
+        saved by another version, or has other bodies.
+        """
+        contacts, data = self._exact_contacts(), state_file.read(state)
+        tree, terrain = state_file.from_bytes(
+            data, KIND, TYPES, lambda tree: (tree, Terrain.from_state(tree["terrain"]))
+        )
+        self._drop_gone()
+        self._require_same(tree)
+        with self._hidden():
+            self._replace(contacts, tree, terrain)
+        return float(tree["time"])
+
+    def _replace(self, contacts: MapContacts, tree: dict[str, Any], terrain: Terrain) -> None:
+        """Take a state that was read; on an error everything is as before."""
+        before = self._memory(contacts)
+        with state_file.foreign_refused(), undone(lambda: self._recall(contacts, before)):
+            undo = self.terrain.become(terrain)
+            with undone(self._soil_undone()), undone(undo):
+                if self.soil is not None:
+                    self.soil.become(self.terrain, tree["soil"], tree["tile"])
+                self._recall(contacts, tree)
+
+    def forget(self) -> None:
+        """Forget the past of all bodies but poses and velocities: contacts, their impulses and order, rest, and how the
+        soil was sheared; what sleeps wakes. Equal worlds then go on equally, whatever was before."""
+        if isinstance(self.contacts, MapContacts):
+            self.contacts.forget()
+        self._start_anew()
+
+    def _start_anew(self) -> None:
+        """Write prints of the soil with the next update, as if there had been none."""
+        self._printed = math.nan
+
+    def _state(self) -> bytes:
+        self._drop_gone()
+        self.check_soil()
+        tree = {
+            **self._memory(self._exact_contacts()),
+            "links": self._links,
+            "terrain": self.terrain.state(),
+            "soil": None if self.soil is None else self.soil.state(),
+            "tile": self.tile_of_soil,
+        }
+        return state_file.to_bytes(KIND, tree)
+
+    @property
+    def tile_of_soil(self) -> str:
+        """Name of the tile that gives way, empty if none does."""
+        tiles = self.terrain.tiles.items()
+        return next((name for name, mesh in tiles if self.soil is not None and self.soil.map is mesh), "")
+
+    @property
+    def _links(self) -> list[tuple[int, int]]:
+        return [(follower.body, follower.link) for follower in self.followers]
+
+    def _memory(self, contacts: MapContacts) -> dict[str, Any]:
+        """Return what PyBullet and the core know of the bodies."""
+        return {
+            "time": contacts.time,
+            "bullet": np.frombuffer(_saved_bullet(self._client), np.uint8),
+            "belts": [follower.belt for follower in self.followers],
+            "memory": contacts.memory([follower.slot for follower in self.followers]),
+        }
+
+    def _recall(self, contacts: MapContacts, known: dict[str, Any]) -> None:
+        """Let PyBullet and the core know what `_memory` returned, and nothing else of the past."""
+        contacts.set_time(known["time"], contacts.duration)
+        contacts.take_tiles()
+        contacts.set_soil(None)  # PyBullet finds contacts, which must not press it
+        # It finds them by where bodies were before, too, which the first round brings up to date.
+        _restore_bullet(self._client, known["bullet"])
+        contacts.forget()
+        _restore_bullet(self._client, known["bullet"])
+        self._soil_revision = 0 if self.soil is None else self.soil.map.soil_revision
+        contacts.set_soil(None if self.soil is None else self.soil.core)
+        for follower, belt in zip(self.followers, known["belts"], strict=True):
+            follower.belt = belt
+            if follower.solid:
+                contacts.drive(follower)
+        contacts.recall([follower.slot for follower in self.followers], known["memory"])
+        self.time = known["time"]
+        self._start_anew()
+
+    def _soil_undone(self) -> Callable[[], None]:
+        """Return what makes the soil be as it is now."""
+        known = None if self.soil is None else dict(vars(self.soil))
+        return lambda: None if known is None else vars(self.soil).update(known)
+
+    def _exact_contacts(self) -> MapContacts:
+        if not isinstance(self.contacts, MapContacts):
+            raise InputError("state", "a state is saved and restored only where contacts come from the map itself")
+        self.contacts.require_client()
+        return self.contacts
+
+    @contextmanager
+    def _hidden(self) -> Iterator[None]:
+        """Draw no ground in the block, whose bodies are no part of a state."""
+        rate = self.drawn
+        self.hide()
+        try:
+            yield
+        finally:
+            if rate:
+                self.show(rate)
+
+    def _require_same(self, tree: dict[str, Any]) -> None:
+        """Raise `InputError` if a state is that of other bodies."""
+        if tree["links"] != self._links:
+            count, own = len(tree["links"]), len(self._links)
+            raise InputError(
+                "state",
+                f"the state has {count} attached bodies and links, and this ground has {own} or others; make "
+                "and attach the same, in the same order",
+            )
+        if (tree["soil"] is None) != (self.soil is None):
+            wants = "soil, so call set_soil before" if self.soil is None else "no soil, so call set_soil(None) before"
+            raise InputError("state", f"the state has {wants}")
+
+
+def _saved_bullet(client: Any) -> bytes:
+    """Return PyBullet's world as ``saveBullet`` writes it."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "world.bullet")
+        client.saveBullet(str(file))
+        return file.read_bytes()
+
+
+def _restore_bullet(client: Any, world: np.ndarray) -> None:
+    """Restore what `_saved_bullet` returned; raises `InputError` if PyBullet has other bodies."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "world.bullet")
+        file.write_bytes(world.tobytes())
+        try:
+            client.restoreState(fileName=str(file))
+        except pb.error as error:
+            raise InputError(
+                "state",
+                f"PyBullet cannot restore its part of the state ({error}): it has other bodies than when it was saved",
+            ) from None

@@ -1,0 +1,88 @@
+"""The services that save and restore the whole simulation, and begin episodes."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from smartmesh_msgs.srv import RestoreState, SaveState, StartEpisode
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.parameters.settings import Settings
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.soil.config import SoilType
+from smartmesh_ros.soil.soils import soils_from
+from smartmesh_ros.terrain import state_file
+from smartmesh_ros.world.snapshot import WorldState
+
+# What the name of a file ends with, so that a call cannot overwrite others.
+SUFFIX = ".npz"
+# Differences of settings that a refusal names.
+MOST_NAMED = 5
+
+
+class StateServices:
+    """Serves ``~/save_state``, ``~/restore_state`` and ``~/start_episode``. ``node``: the collider, whose methods
+    ``start_episode`` and ``take_restored`` they call."""
+
+    def __init__(self, session: Session, node: Any) -> None:
+        self._session, self._node = session, node
+        session.serve(SaveState, "save_state", self._on_save)
+        session.serve(RestoreState, "restore_state", self._on_restore)
+        session.serve(StartEpisode, "start_episode", lambda request, _: node.start_episode(request.seed))
+
+    def _on_save(self, request: Any, response: Any) -> None:
+        file = _file_of(request.file) if request.file else None
+        if file is not None and file.exists() and not state_file.is_state(state_file.read(file)):
+            raise InputError("state", f"{file} is there, and is no saved state; choose another name")
+        data = self._session.world.save(file, extra={"frame_id": self._session.frame_id})
+        self._node.take_restored()
+        if file is None:
+            response.state = array("B", data)
+
+    def _on_restore(self, request: Any, _: Any) -> None:
+        session = self._session
+        if bool(request.file) == bool(request.state):
+            raise InputError("state", "give the path of a file, or the bytes of a state")
+        data = state_file.read(_file_of(request.file)) if request.file else request.state.tobytes()
+        state = WorldState.from_bytes(data)
+        _require_same_settings(state, session.settings)
+        session.require_room([body.name for body in state.snapshot.bodies])
+        session.world.restore(state)
+        session.frame_id = str(state.extra.get("frame_id", ""))
+        self._node.take_restored()
+
+
+def _file_of(name: str) -> Path:
+    if not name.endswith(SUFFIX):
+        raise InputError("state", f"{name!r} does not end in {SUFFIX}, as the file of a state must")
+    return Path(name)
+
+
+def _require_same_settings(state: WorldState, settings: Settings) -> None:
+    """Raise `InputError` if a state was saved with other parameters, with which the run would not go on."""
+    found = [*_differences("", state.config, settings.world)]
+    for mesh in state.terrain.tiles.values():
+        found += _differences("terrain.", mesh.motion, settings.motion)
+    soils = [] if state.soil is None else [SoilType(**soil) for soil in state.soil["soils"]]
+    if soils and soils != (soils_from(settings.soil) if settings.soil else []):
+        found.append("soil.type")
+    frame = state.extra.get("frame_id", "")
+    if settings.frame_id and frame and settings.frame_id != frame:
+        found.append(f"frame_id ({frame!r} there, {settings.frame_id!r} here)")
+    if found:
+        named = ", ".join(dict.fromkeys(found[:MOST_NAMED]))
+        raise InputError("parameter", f"the state was saved with other parameters: {named}; set them as there before")
+
+
+def _differences(name: str, there: Any, here: Any) -> Iterator[str]:
+    """Yield the settings that are different in two configurations of the same kind."""
+    for field in fields(there):
+        one, other = getattr(there, field.name), getattr(here, field.name)
+        if is_dataclass(one) and type(one) is type(other):
+            yield from _differences(f"{name}{field.name}.", one, other)
+        elif one != other:
+            yield f"{name}{field.name} ({one!r} there, {other!r} here)"

@@ -1,0 +1,252 @@
+"""The whole state of a world, saved and restored; and the start of its episodes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.bullet import undone
+from smartmesh_ros.ground.map_contacts import MapContacts
+from smartmesh_ros.ground.shapes import Hull
+from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros.terrain import state_file
+from smartmesh_ros.terrain.terrain import STATE_TYPES, Terrain
+from smartmesh_ros.world.bodies import Body, Surface
+from smartmesh_ros.world.driving import links_of
+from smartmesh_ros.world.falling import Falls
+from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros.world.population import Population
+from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
+from smartmesh_ros.world.settings import WorldConfig
+from smartmesh_ros.world.snapshot import FirstTerrain, Snapshot, WorldState, body_snapshot
+
+TERRAIN = "Terrain"
+Source = bytes | str | os.PathLike[str]
+
+
+class SavedWorld(Population):
+    """The state of a world; see `World`."""
+
+    config: WorldConfig
+    falls: Falls
+    seed: int
+    _rescues: int
+    _first: FirstTerrain | None
+    _start: Callable[[], None]
+    close: Callable[[], None]
+
+    @property
+    def rescues(self) -> int:
+        """Number of bodies put back onto the ground so far."""
+        return self._rescues + self.ground.rescues
+
+    def snapshot(self) -> Snapshot:
+        """Return the current bodies as data."""
+        return Snapshot(
+            time=self.time,
+            bodies=tuple(
+                body_snapshot(self.client, body, self.state(body.name), self._belts(body), self._ends_of(body.name))
+                for body in self._own_bodies()
+            ),
+        )
+
+    def state_bytes(self, extra: dict[str, Any] | None = None) -> bytes:
+        """Return the whole state, as `save` does, and go on as before. ``extra``: what is saved with it."""
+        self.ground.check_soil()
+        soil, contacts, slots = self.ground.soil, self.ground.contacts, self._own_slots()
+        return WorldState(
+            snapshot=self.snapshot(),
+            terrain=self.terrain,
+            soil=None if soil is None else soil.state(),
+            tile=self.ground.tile_of_soil,
+            config=self.config,
+            seed=self.seed,
+            first=self._first,
+            memory=contacts.memory(slots) if isinstance(contacts, MapContacts) else None,
+            falls=self.falls.memory(slots),
+            extra=extra or {},
+        ).to_bytes()
+
+    def save(self, file: str | os.PathLike[str] | None = None, *, extra: dict[str, Any] | None = None) -> bytes:
+        """Return the whole state, and write it to a ``file`` unless it is None.
+
+        It has bodies, robots by their description as it was given, joints, commands, moving surfaces, the terrain with
+        its motion, corrections and materials, the soil, the settings and the time. Not in it are remote bodies, which
+        their owners send again, and what was set through ``client``. This world is rebuilt from the state, so that it
+        goes on to the last bit as any that is restored from it: both start without the impulses of the contacts before,
+        and what slept wakes, and sleeps again after a few steps. Raises `InputError` if the file cannot be written.
+        """
+        data = self.state_bytes(extra)
+        if file is not None:
+            state_file.write(data, file)
+        self.restore(data)
+        return data
+
+    def restore(self, state: WorldState | Snapshot | Source) -> None:
+        """Put this world into a ``state`` that was saved by any world, bytes or a file; or, of a `Snapshot`, its bodies
+        alone, while terrain, soil and settings stay.
+
+        PyBullet's client is a new one. Tiles and soil that are there take the restored ground in place. Raises
+        `InputError` and changes nothing if the state is none, was damaged or saved by another version, if a robot of it
+        is refused or lacks a joint or link.
+        """
+        if not isinstance(state, WorldState | Snapshot):
+            state = WorldState.from_bytes(state_file.read(state))
+        snapshot = state if isinstance(state, Snapshot) else state.snapshot
+        robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
+        before, drawn = dict(vars(self)), self.ground.drawn
+        with state_file.foreign_refused(), self._other_ground(state) as soil, undone(lambda: self._back_to(before)):
+            self._rescues = self.rescues
+            if isinstance(state, WorldState):
+                self.config, self.seed, self._first = state.config, int(state.seed), state.first
+            self._start()
+            self.ground.set_soil(soil)
+            self._fill(snapshot, robots)
+            if isinstance(state, WorldState):
+                self._recall(state)
+            if drawn:
+                self.ground.show(drawn)
+        if before["client"].isConnected():
+            before["client"].disconnect()
+
+    def reset(self, seed: int | None = None) -> None:
+        """Put every simulated body back to its initial state and the time to zero. The terrain stays, and so do
+        commands of joints.
+
+        With a ``seed``, zero or more, an episode begins: the terrain is that of the world's first step on it, soil is
+        untouched there, joints and surfaces have no commands, and height scans have their noise by the seed. Episodes
+        with the same bodies, seed and commands are then equal to the last bit; of the first one only if it began with
+        such a reset, too.
+        """
+        if seed is not None and not (isinstance(seed, int) and seed >= 0):
+            raise InputError("seed", f"the seed is {seed!r}; it must be a whole number from 0 on")
+        self.reset_time()
+        if seed is not None:
+            self._begin_episode(seed)
+        self.reset_bodies()
+        if seed is not None:
+            for body in self._stiff.values():
+                self._factory.damp(body)
+            self.ground.forget()
+
+    def reset_time(self) -> None:
+        """Set the time to zero. Bodies and terrain stay; remote bodies are removed until their next states arrive."""
+        self.guests.clear()
+        self.terrain.shift_time(-self.time)
+        self._set_ends({key: end - self.time for key, end in self._ends.items()})
+        self.time = 0.0
+
+    def reset_bodies(self) -> None:
+        """Put every simulated body back to its initial state. Commands of joints stay in force. Raises PyBullet's
+        error, with the names of the bodies for which it failed; the others are back."""
+        failed = []
+        for body in (body for body in self.bodies.values() if body.simulated):
+            try:
+                self._factory.place(body, body.initial)
+            except pb.error as error:
+                failed.append(f"{body.name!r}: {error}")
+        self.ground.wake()
+        if failed:
+            raise pb.error(f"{len(failed)} bodies are not back, but the others are; reset again: {'; '.join(failed)}")
+
+    def _note_first_terrain(self) -> None:
+        """Keep the terrain of the first step on it, for episodes."""
+        if self._first is None and self.terrain.tiles:
+            data = state_file.to_bytes(TERRAIN, self.terrain.state())
+            self._first = FirstTerrain(np.frombuffer(data, np.uint8), self.time)
+
+    def _begin_episode(self, seed: int) -> None:
+        """Let terrain, commands and chance be as at the start."""
+        self.seed, self._undamped = seed, 0
+        for body in self.bodies.values():
+            for joint in body.commands:
+                self._motors.command(body.uid, body.joints[joint], JointCommand())
+            body.commands.clear()
+            for link in self._belts(body):
+                self.drive_surface(body.name, link, 0.0)
+        self._set_ends({})
+        self._note_first_terrain()
+        if self._first is None:
+            return
+        data = self._first.state.tobytes()
+        terrain = state_file.from_bytes(data, TERRAIN, STATE_TYPES, Terrain.from_state)
+        terrain.shift_time(-self._first.time)
+        tile = self.ground.tile_of_soil
+        self.terrain.become(terrain)
+        if (soil := self.ground.soil) is not None and self.terrain.tiles.get(tile) is soil.map:
+            soil.become(self.terrain, {**soil.state(), "memory": None}, tile)
+        self.ground.set_soil(soil)
+
+    def _own_bodies(self) -> list[Body]:
+        """The bodies of this world, without remote ones."""
+        return [body for body in self.bodies.values() if not body.owner]
+
+    def _own_slots(self) -> list[int]:
+        """The slots of these bodies and their links, in order."""
+        links = ((body, link) for body in self._own_bodies() for link in links_of(body))
+        found = (self.followers.at(body.uid, link) for body, link in links)
+        return [follower.slot for follower in found if follower is not None]
+
+    @contextmanager
+    def _other_ground(self, state: WorldState | Snapshot) -> Iterator[Any]:
+        """Take the terrain and the soil of a state for the block, which gets the soil; they are as before if it
+        raises."""
+        self.ground.check_soil()
+        soil = self.ground.soil
+        if isinstance(state, Snapshot):
+            yield soil
+            return
+        known, undo = None if soil is None else dict(vars(soil)), self.terrain.become(state.terrain)
+        try:
+            if state.soil is None:
+                yield None
+            elif soil is None:
+                yield Soil.from_state(self.terrain, state.soil, state.tile)
+            else:
+                soil.become(self.terrain, state.soil, state.tile)
+                yield soil
+        except BaseException:
+            undo()
+            if soil is not None and known is not None:
+                vars(soil).update(known)
+            raise
+
+    def _back_to(self, before: dict[str, Any]) -> None:
+        """Be again what the world was ``before``."""
+        if self.client is not before["client"]:
+            self.close()
+        vars(self).update(before)
+
+    def _fill(self, snapshot: Snapshot, robots: dict[str, PreparedRobot]) -> None:
+        """Add the bodies of a snapshot to a world without bodies, with its prepared robots."""
+        self.time = float(snapshot.time)
+        for body in snapshot.bodies:
+            surface = Surface(body.friction, body.restitution)
+            if body.name in robots:
+                self._add(self._factory.robot(body.name, robots[body.name], body.state, surface))
+            elif body.tracked:
+                self.track(body.name, body.shape or body.radius, body.state)
+            elif body.shape is not None and not isinstance(body.shape, Hull):
+                self._add(self._factory.simulated(body.name, body.shape, body.mass, body.state, surface))
+            new = self.bodies[body.name]
+            new.initial = body.initial
+            for joint, (position, velocity) in body.joints.items():
+                self.client.resetJointState(new.uid, self._joint(new, joint), position, velocity)
+            for joint, command in body.commands.items():
+                self.command(body.name, joint, command)
+            self._move_belts(new, body.belts)
+        self._set_ends({(body.name, joint): end for body in snapshot.bodies for joint, end in body.ends.items()})
+
+    def _recall(self, state: WorldState) -> None:
+        """Take over what the state knows of the past of the bodies."""
+        slots = self._own_slots()
+        if state.memory is not None and isinstance(self.ground.contacts, MapContacts):
+            self.ground.contacts.take_tiles()
+            self.ground.contacts.recall(slots, state.memory)
+        self.falls.recall(slots, state.falls)

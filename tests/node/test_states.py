@@ -1,0 +1,204 @@
+"""Saved states, episodes and lockstep, over real DDS."""
+
+from array import array
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from simulation_interfaces.action import SimulateSteps
+from simulation_interfaces.msg import Result
+from smartmesh_msgs.srv import RestoreState, SaveState, StartEpisode, StepPhysics
+from std_srvs.srv import SetBool
+
+from smartmesh_ros import BodyState
+from smartmesh_ros.tools.testing import Probe
+from tests.node.shared import body_names, changed, fed, seconds, show_level_ground, spawn
+from tests.spoilt_states import HOWS, spoilt
+from tests.urdfs import ROVER
+
+RATE = 240.0
+SHARED = {
+    "publish.clock": 50.0,
+    "physics.rate": RATE,
+    "simulation_interfaces": True,
+    "soil.type": ["clay"],
+    "bodies.urdf_folders": [str(Path(ROVER).parent)],
+}
+
+
+@pytest.fixture
+def paused(shared: Probe) -> Iterator[Probe]:
+    """A paused node with a ball and a robot above soil."""
+    show_level_ground(shared)
+    assert shared.call("pause", SetBool, data=True).success
+    spawn(shared, "ball", (3.0, 3.0, 0.3))
+    spawn(shared, "rover", (2.0, 2.0, 0.6), urdf=ROVER)
+    yield shared
+
+
+def step(probe: Probe, count: int = 1) -> Any:
+    """Steps, and returns the states of the last step, by their stamp."""
+    before = seconds(probe.latest("body_states").header.stamp)
+    answer = probe.call("step", StepPhysics, steps=count)
+    assert answer.success, answer.message
+    states, wanted = probe.received[probe.topic("body_states")], before + count / RATE
+    return probe.wait_for(
+        lambda: next((it for it in states if seconds(it.header.stamp) == pytest.approx(wanted, abs=1e-4)), None)
+    )
+
+
+def poses(states: Any) -> list[tuple[str, str]]:
+    return [(body.id, f"{body.pose} {body.twist}") for body in states.bodies]
+
+
+def test_a_restored_node_goes_on_to_the_bit(paused: Probe, tmp_path: Path) -> None:
+    """From bytes in the message, and from a file; with its robot and what it pressed into the soil."""
+    step(paused, 60)
+    saved = paused.call("save_state", SaveState)
+    assert saved.success, saved.message
+    first = poses(step(paused, 120))
+    restored = paused.call("restore_state", RestoreState, state=saved.state)
+    assert restored.success, restored.message
+    assert poses(step(paused, 120)) == first
+    file = str(tmp_path / "state.npz")
+    assert paused.call("restore_state", RestoreState, state=saved.state).success
+    answer = paused.call("save_state", SaveState, file=file)
+    assert answer.success, answer.message
+    assert not answer.state
+    spawn(paused, "later", (3.0, 3.0, 2.0))
+    assert paused.call("restore_state", RestoreState, file=file).success
+    assert poses(step(paused, 120)) == first
+
+
+def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(paused: Probe, tmp_path: Path) -> None:
+    state = paused.call("save_state", SaveState).state
+    before = poses(step(paused))
+    other = tmp_path / "mine.npz"
+    other.write_bytes(b"mine")
+    asked: list[tuple[str, Any, dict[str, Any], str]] = [
+        ("restore_state", RestoreState, {}, "the path of a file, or the bytes"),
+        ("restore_state", RestoreState, {"state": state, "file": str(other)}, "the path of a file, or the bytes"),
+        ("restore_state", RestoreState, {"file": str(other)}, "no saved state"),
+        ("restore_state", RestoreState, {"file": str(tmp_path / "none.npz")}, "cannot be read"),
+        ("restore_state", RestoreState, {"file": "/etc/passwd"}, "does not end in .npz"),
+        ("save_state", SaveState, {"file": str(tmp_path / "state.txt")}, "does not end in .npz"),
+        ("save_state", SaveState, {"file": str(other)}, "is no saved state; choose another name"),
+        ("save_state", SaveState, {"file": str(tmp_path / "no folder" / "s.npz")}, "cannot be saved"),
+    ]
+    for how in HOWS:
+        given = array("B", spoilt(bytes(state), how, 0.6))
+        asked.append(
+            ("restore_state", RestoreState, {"state": given}, "no saved state" if how != "changed" else "damaged")
+        )
+    for service, kind, fields, words in asked:
+        answer = paused.call(service, kind, **fields)
+        assert not answer.success
+        assert words in answer.message
+    assert other.read_bytes() == b"mine"
+    with changed(paused, {"physics.gravity": [0.0, 0.0, -1.6], "terrain.smoothing": 1.0}):
+        answer = paused.call("restore_state", RestoreState, state=state)
+    assert not answer.success
+    for words in ("physics.gravity ((0.0, 0.0, -9.81) there, (0.0, 0.0, -1.6) here)", "terrain.smoothing (0.0 there"):
+        assert words in answer.message
+    assert [name for name, _ in before] == body_names(paused) == ["ball", "rover"]
+
+
+def test_episodes_are_equal_to_the_bit(paused: Probe) -> None:
+    step(paused, 30)
+    found = []
+    for _ in range(3):
+        assert paused.call("start_episode", StartEpisode, seed=4).success
+        paused.wait_for(lambda: seconds(paused.latest("body_states").header.stamp) == 0.0)
+        for messages in paused.received.values():
+            messages.clear()
+        found.append(poses(step(paused, 90)))
+    assert found[0] == found[1] == found[2]
+
+
+def lockstep(probe: Probe, count: int) -> None:
+    """Steps one at a time: after each answer the states of that step come, without another call."""
+    probe.listen("body_states", type(probe.latest("body_states")))
+    states = probe.received[probe.topic("body_states")]
+    first = round(seconds(probe.latest("body_states").header.stamp) * RATE)
+    for number in range(first + 1, first + count + 1):
+        states.clear()
+        answer = probe.call("step", StepPhysics, steps=1)
+        assert answer.success, answer.message
+        probe.wait_for(lambda: any(round(seconds(it.header.stamp) * RATE) == number for it in states))  # noqa: B023
+        assert {round(seconds(it.header.stamp) * RATE) for it in states} <= {number - 1, number}
+
+
+def test_each_step_is_answered_after_its_outputs(paused: Probe) -> None:
+    lockstep(paused, 100)
+
+
+@pytest.fixture(scope="module")
+def steps_client(shared_node: tuple[Probe, Any]) -> Iterator[ActionClient]:
+    made, _ = shared_node
+    client = ActionClient(made.node, SimulateSteps, made.topic("simulate_steps"))
+    made.wait_for(client.server_is_ready)
+    yield client
+    client.destroy()
+
+
+def simulate(probe: Probe, client: ActionClient, steps: int, cancel_after: int | None = None) -> tuple[Any, list[int]]:
+    """Asks for steps by the action; returns the wrapped result, and the completed steps that the feedback told."""
+    told: list[int] = []
+
+    def note(message: Any) -> None:
+        done = message.feedback.completed_steps
+        assert done + message.feedback.remaining_steps == steps
+        told.append(done)
+
+    sent = client.send_goal_async(SimulateSteps.Goal(steps=steps), feedback_callback=note)
+    goal = probe.wait_for(sent.done) and sent.result()
+    assert goal.accepted
+    if cancel_after is not None:
+        probe.wait_for(lambda: told and told[-1] >= cancel_after)
+        goal.cancel_goal_async()
+    result = goal.get_result_async()
+    probe.wait_for(result.done)
+    return result.result(), told
+
+
+def test_the_action_steps_with_feedback_and_can_be_cancelled(paused: Probe, steps_client: ActionClient) -> None:
+    start = seconds(paused.latest("body_states").header.stamp)
+    wrapped, told = simulate(paused, steps_client, 40)
+    assert wrapped.status == GoalStatus.STATUS_SUCCEEDED
+    assert wrapped.result.result.result == Result.RESULT_OK
+    paused.wait_for(lambda: told[-1:] == [40])
+    assert told == sorted(set(told))
+    paused.wait_for(
+        lambda: seconds(paused.latest("body_states").header.stamp) == pytest.approx(start + 40 / RATE, abs=1e-4)
+    )
+    wrapped, told = simulate(paused, steps_client, 10_000_000, cancel_after=5)
+    assert wrapped.status == GoalStatus.STATUS_CANCELED
+    assert 5 <= max(told) < 10_000_000
+    assert "cancelled after" in wrapped.result.result.error_message
+    end = paused.latest("body_states").header.stamp
+    assert paused.call("pause", SetBool, data=True).success
+    assert paused.latest("body_states").header.stamp == end, "no step after the end"
+    for count, words in ((0, "ask for 1"), (5, "call ~/pause")):
+        paused.call("pause", SetBool, data=count == 0)
+        wrapped, told = simulate(paused, steps_client, count)
+        assert wrapped.status == GoalStatus.STATUS_ABORTED
+        assert wrapped.result.result.result == Result.RESULT_OPERATION_FAILED
+        assert words in wrapped.result.result.error_message
+        assert not told
+
+
+def test_tracked_bodies_of_a_state_leave_when_nobody_tracks_them() -> None:
+    with fed({"bodies.timeout": 0.2}) as node:
+        node.world.track("hand", 0.3, BodyState((0.0, 0.0, 1.0)))
+        state = node.world.state_bytes()
+        node.world.remove("hand")
+        node.world.restore(state)
+        node.node.take_restored()
+        assert "hand" in node.node.session.tracking.names
+        while "hand" in node.world.bodies:
+            node.run(1)
+        assert np.isfinite(node.world.time)

@@ -1,0 +1,122 @@
+"""An episode begins as the first one did: `World.reset` with a seed."""
+
+import gc
+import resource
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import BodyState, Box, HeightMap, HeightScan, InputError, Soil, Sphere, World
+from smartmesh_ros.world.joints import JointCommand
+from tests.urdfs import HUSKY, ROVER
+
+SIDE = 41
+SCAN = HeightScan(size=(0.4, 0.4), spacing=0.2, noise=0.02)
+
+
+def heights(time: float) -> np.ndarray:
+    y, x = 0.1 * np.mgrid[:SIDE, :SIDE] - 2.0
+    return np.asarray(0.1 * (x * x + y * y) + 0.04 * np.sin(3.0 * x - 4.0 * time))
+
+
+def environment(*, soil: bool = False) -> World:
+    """Two robots, boxes and balls in a bowl."""
+    world = World(HeightMap(heights(0.0), resolution=0.1, origin=(-2.0, -2.0)))
+    if soil:
+        world.ground.set_soil(Soil(world.terrain, "dry_sand", spacing=0.02))
+    for name, urdf, x in (("husky", HUSKY, -0.6), ("rover", ROVER, 0.6)):
+        world.spawn_robot(name, urdf, BodyState((x, 0.0, 0.6)))
+    for index in range(6):
+        shape = Box(0.2, 0.15, 0.2) if index % 2 else Sphere(0.1)
+        world.spawn(f"body_{index}", shape, 2.0, BodyState((0.4 * index - 1.0, 0.7, 0.5)))
+    return world
+
+
+def act(world: World, step: int) -> None:
+    """What the policy does."""
+    if step % 20 == 5:
+        for name in ("husky", "rover"):
+            for joint in world.bodies[name].joints:
+                world.command(name, joint, JointCommand(velocity=2.0))
+    if step % 8 == 0 and world.ground.soil is None:
+        world.terrain.tiles[""].replace(heights(world.time), time=world.time)  # type: ignore[union-attr]
+
+
+def episode(world: World, seed: int, steps: int) -> list[object]:
+    """Return what an episode is like."""
+    world.reset(seed)
+    for step in range(steps):
+        act(world, step)
+        world.step()
+    return [world.snapshot(), world.contacts(), world.height_scan("husky", SCAN).tolist(), world.is_asleep("body_0")]
+
+
+@pytest.fixture(params=[False, True], ids=["moving", "soil"])
+def world(request: pytest.FixtureRequest) -> Iterator[World]:
+    with environment(soil=request.param) as made:
+        yield made
+
+
+def test_episodes_are_equal_to_the_bit_whatever_was_before(world: World) -> None:
+    first = episode(world, 1, 200)
+    for more in (3, 61):
+        world.step(more)
+        world.wake()
+        assert episode(world, 1, 200) == first
+    with environment(soil=world.ground.soil is not None) as other:
+        assert episode(other, 1, 200) == first, "in another world"
+
+
+def test_the_seed_is_that_of_chance(world: World) -> None:
+    *_, scan, _ = episode(world, 1, 10)
+    *bodies, other, _ = episode(world, 2, 10)
+    assert bodies == episode(world, 1, 10)[:2]
+    assert scan != other
+    for seed in (-1, 1.5, "a"):
+        before = world.snapshot()
+        with pytest.raises(InputError, match="seed"):
+            world.reset(seed)  # type: ignore[arg-type]
+        assert world.snapshot() == before
+
+
+def test_without_a_seed_the_terrain_and_commands_stay(world: World) -> None:
+    episode(world, 1, 100)
+    ground, command = world.terrain.tiles[""].heights.copy(), dict(world.bodies["husky"].commands)  # type: ignore[union-attr]
+    world.reset()
+    np.testing.assert_array_equal(world.terrain.tiles[""].heights, ground)  # type: ignore[union-attr]
+    assert world.bodies["husky"].commands == command != {}
+    world.reset(1)
+    assert not np.array_equal(world.terrain.tiles[""].heights, ground)  # type: ignore[union-attr]
+    assert world.bodies["husky"].commands == {}
+
+
+def memory() -> int:
+    """Memory of this process now [KiB]."""
+    gc.collect()
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() // 1024
+
+
+def main(count: int) -> None:
+    """Print whether ``count`` episodes are equal, and how much memory they take."""
+    with environment(soil=True) as world:
+        first = episode(world, 1, 60)
+        for _ in range(20):
+            episode(world, 1, 60)
+        before = memory()
+        equal = sum(episode(world, 1, 60) == first for _ in range(count))
+        print(
+            f"{equal} of {count} episodes equal to the bit; memory {before} KiB before, {memory()} KiB after",
+            flush=True,
+        )
+
+
+def test_many_episodes_take_no_more_memory_than_few() -> None:
+    with environment() as world:
+        for _ in range(10):
+            episode(world, 1, 10)
+        before = memory()
+        for _ in range(60):
+            episode(world, 1, 10)
+        assert memory() - before < 1024, "KiB"

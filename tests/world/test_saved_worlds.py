@@ -1,0 +1,212 @@
+"""A saved world is all that it goes on from, and what is no saved world changes nothing."""
+
+import io
+import json
+import re
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, InputError, Soil, Sphere, Terrain, World
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.terrain import state_file
+from smartmesh_ros.world.settings import WorldConfig
+from tests.examples import examples
+from tests.grounds import level, terrain_of
+from tests.spoilt_states import HOWS, spoilt
+from tests.urdfs import ROVER
+from tests.world.random_worlds import saved_run
+
+LYING = (0.5**0.5, 0.0, 0.0, 0.5**0.5)
+# Of `random_worlds`: soil and robots, tiles and a mesh, fused corrections, regions, a scrolling map.
+SEEDS, STEPS = (11, 6, 67, 9), 1000
+
+
+def test_worlds_saved_at_random_steps_go_on_to_the_bit_in_a_new_process(tmp_path: Path) -> None:
+    runs = {seed: saved_run(seed, tmp_path / f"{seed}.npz", 500, STEPS) for seed in SEEDS}
+    code = (
+        "from pathlib import Path\nfrom tests.world.random_worlds import restored_run\n"
+        f"for seed, at in {[(seed, at) for seed, (at, _) in runs.items()]}:\n"
+        f"    print('digest', seed, restored_run(seed, Path({str(tmp_path)!r}, str(seed) + '.npz'), at, {STEPS}))"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
+    found = {int(seed): digest for seed, digest in re.findall(r"digest (\d+) (\w+)", told.stdout)}
+    assert found == {seed: digest for seed, (_, digest) in runs.items()}
+
+
+@pytest.fixture(scope="module")
+def world() -> Iterator[World]:
+    """Bodies, a robot and soil on two tiles, one of which moves, after half a second."""
+    with World(terrain_of(a=level(41, 0.05), b=level(11, 0.4))) as made:
+        made.ground.set_soil(Soil(made.terrain, "clay", tile="a"))
+        made.spawn("ball", Sphere(0.1), 10.0, BodyState((0.0, 0.0, 0.2)))
+        made.spawn_robot("rover", ROVER, BodyState((0.3, 0.3, 0.5)))
+        for index in range(30):
+            made.terrain.tiles["b"].replace(np.full((11, 11), 1e-3 * index), time=made.time)
+            made.step(4)
+        yield made
+
+
+@examples(100)
+@given(how=st.sampled_from(HOWS), at=st.floats(0.0, 1.0, exclude_max=True))
+def test_spoilt_files_are_refused_and_change_nothing(world: World, how: str, at: float) -> None:
+    before = world.state_bytes()
+    with pytest.raises(InputError, match=r"no saved state|was damaged"):
+        world.restore(spoilt(before, how, at))
+    assert world.state_bytes() == before
+
+
+def remade(data: bytes, change: Callable[[dict[str, Any], dict[str, np.ndarray]], object]) -> bytes:
+    """Return a state whose text and arrays were changed by somebody who knows its digest."""
+    with np.load(io.BytesIO(data), allow_pickle=False) as file:
+        arrays = {name: file[name] for name in file.files}
+    head = json.loads(arrays.pop("state").tobytes())
+    change(head, arrays)
+    file, comment = io.BytesIO(), state_file.MARK + b"0" * state_file.DIGITS
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.comment = comment
+        for name, array in {"state": np.frombuffer(json.dumps(head).encode(), np.uint8), **arrays}.items():
+            with archive.open(f"{name}.npy", "w") as member:
+                np.lib.format.write_array(member, array, allow_pickle=True)
+    return state_file.signed(file.getvalue()[: -len(comment)])
+
+
+def replace_arrays(new: Callable[[np.ndarray], np.ndarray]) -> Callable[[dict[str, Any], dict[str, np.ndarray]], None]:
+    return lambda _, arrays: arrays.update({name: new(array) for name, array in arrays.items()})
+
+
+WRONG: dict[str, tuple[Callable[[dict[str, Any], dict[str, np.ndarray]], object], str]] = {
+    "newer": (lambda head, _: head.update(version=head["version"] + 1), "saved by a newer smartmesh_ros, in version 2"),
+    "older": (lambda head, _: head.update(version=0), "saved by an older smartmesh_ros"),
+    "of a ground": (lambda head, _: head.update(kind="Ground"), "saved state of a Ground, and a World cannot"),
+    "another program's": (lambda head, _: head.update(format="elsewhere"), "no saved state"),
+    "of an unknown type": (lambda head, _: head["tree"]["dict"][0][1].update({"is": "Popen"}), "no saved state.*Popen"),
+    "with less fields": (lambda head, _: head["tree"]["dict"].pop(), "no saved state.*argument"),
+    "with texts for numbers": (lambda head, _: head["tree"]["dict"][0][1]["of"].update(time="now"), "no saved state"),
+    "without arrays": (lambda _, arrays: arrays.clear(), "no saved state"),
+    "with pickles": (replace_arrays(lambda array: np.array([{}], object)), "no saved state.*allow_pickle"),
+    "with short arrays": (replace_arrays(lambda array: array[:-1]), "must be"),
+    "with flat arrays": (replace_arrays(np.ravel), "must be"),
+    "with other numbers": (replace_arrays(lambda a: np.full_like(a, 200)), "must be|is not there"),
+    "with other types": (replace_arrays(lambda a: a.astype(np.int16 if a.dtype.kind == "f" else a.dtype)), "must be"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("how", WRONG)
+def test_files_of_others_are_refused_and_change_nothing(world: World, how: str) -> None:
+    before, (change, words) = world.state_bytes(), WRONG[how]
+    world.restore(remade(before, lambda *_: None))  # it is the change that is refused
+    before = world.state_bytes()
+    with pytest.raises(InputError, match=words):
+        world.restore(remade(before, change))
+    assert world.state_bytes() == before
+
+
+def test_a_file_that_cannot_be_read_or_written_changes_nothing(world: World, tmp_path: Path) -> None:
+    before = world.state_bytes()
+    with pytest.raises(InputError, match=r"cannot be read.*No such file"):
+        world.restore(tmp_path / "none.npz")
+    with pytest.raises(InputError, match="cannot be saved"):
+        world.save(tmp_path / "no folder" / "state.npz")
+    (tmp_path / "state.npz").mkdir()
+    with pytest.raises(InputError, match="cannot be saved"):
+        world.save(tmp_path / "state.npz")
+    assert [path.name for path in tmp_path.iterdir()] == ["state.npz"]
+    assert world.state_bytes() == before
+
+
+def test_a_state_is_the_whole_and_lies_in_place(tmp_path: Path) -> None:
+    """Settings, time, tiles and soil come from it; whoever holds a tile or the soil holds what was restored."""
+    config = WorldConfig(physics=PhysicsConfig(rate=100.0, gravity=(0.0, 0.0, -1.6)))
+    with World(level(41, 0.05), config) as world:
+        world.ground.set_soil(Soil(world.terrain, "dry_sand"))
+        world.spawn("box", Box(0.2, 0.2, 0.2), 20.0, BodyState((0.0, 0.0, 0.1)))
+        world.step(50)
+        world.reset(seed=7)
+        world.step(100)
+        world.save(tmp_path / "state.npz")
+        mine, other_tile = level(41, 0.05), level(11)
+        terrain = terrain_of(other=other_tile)
+        terrain.put("", mine)
+        with World(terrain) as other:
+            soil = Soil(mine, "clay")
+            other.ground.set_soil(soil)
+            other.restore(tmp_path / "state.npz")
+            assert (other.config, other.seed, other.time) == (config, 7, world.time)
+            assert other.terrain is terrain
+            assert other.terrain.tiles == {"": mine}
+            assert other.ground.soil is soil
+            assert soil.map is mine
+            for each in (world, other):
+                each.step(100)
+            assert other.snapshot() == world.snapshot()
+            np.testing.assert_array_equal(soil.sinkage(), world.ground.soil.sinkage())  # type: ignore[union-attr]
+            assert soil.sinkage().max() > 1e-3
+            for each in (world, other):
+                each.reset(seed=3)
+                each.step(100)
+            assert other.snapshot() == world.snapshot(), "the first terrain is part of the state"
+
+
+def test_what_slept_sleeps_again_where_it_lay() -> None:
+    with World(level()) as world:
+        for index in range(4):
+            world.spawn(f"box_{index}", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.0, 0.0, 0.1 + 0.2 * index)))
+        world.step(480)
+        assert all(world.is_asleep(name) for name in world.bodies)
+        before = {name: world.state(name).position for name in world.bodies}
+        world.save()
+        world.step(24)
+        assert all(world.is_asleep(name) for name in world.bodies), "a tenth of the time that they must be still"
+        for name, position in before.items():
+            assert world.state(name).position == pytest.approx(position, abs=1e-4)
+
+
+def test_saving_hardly_disturbs_a_run() -> None:
+    """Four times, a track that pulls itself through soil and a wheel that rolls there: they keep how far they sheared
+    it. Without, they would be 1.5 mm away."""
+
+    def ends(*, saves: bool) -> list[float]:
+        with World(HeightMap(np.zeros((101, 101)), resolution=0.04)) as world:
+            world.spawn("track", Box(0.5, 0.1, 0.1), 20.0, BodyState((1.0, 2.0, 0.051)))
+            world.spawn("wheel", Cylinder(radius=0.1, height=0.1), 20.0, BodyState((1.0, 3.0, 0.11), LYING))
+            world.ground.set_soil(Soil(world.terrain, "dry_sand"))
+            world.step(60)
+            world.drive_surface("track", "", 0.3)
+            world.move("wheel", replace(world.state("wheel"), linear=(0.5, 0.0, 0.0), angular=(0.0, 5.0, 0.0)))
+            for _ in range(4):
+                world.step(30)
+                if saves:
+                    world.save()
+            world.step(60)
+            return [*world.state("track").position, *world.state("wheel").position]
+
+    assert ends(saves=True) == pytest.approx(ends(saves=False), abs=5e-4)
+
+
+def test_a_state_is_read_by_numpy_and_has_the_same_bytes_each_time(world: World) -> None:
+    data = world.state_bytes()
+    assert world.state_bytes() == data
+    with np.load(io.BytesIO(data), allow_pickle=False) as file:
+        assert {file[name].dtype.kind for name in file.files} <= set("fiubV")
+
+
+def test_untouched_ground_takes_its_heights_alone() -> None:
+    heights = np.zeros((300, 400), np.float32)
+    assert (
+        len(state_file.to_bytes("Terrain", Terrain(HeightMap(heights, resolution=0.1)).state())) < 1.2 * heights.nbytes
+    )
+
+
+def test_a_state_of_a_world_is_none_of_a_ground(world: World, client: Any) -> None:
+    with pytest.raises(InputError, match="saved state of a World, and a Ground cannot"):
+        Ground(client, level()).restore_state(world.state_bytes())
