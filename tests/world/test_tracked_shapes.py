@@ -21,7 +21,6 @@ from smartmesh_ros import (
 )
 from smartmesh_ros.ground.quaternions import conjugate, product, rotation_vector
 from smartmesh_ros.ground.shapes import Hull, Solid
-from smartmesh_ros.world.snapshot import Snapshot
 from smartmesh_ros.world.tracked_robot import TrackedRobot
 from tests import urdfs
 
@@ -122,12 +121,10 @@ def test_its_contact_with_the_ground_is_that_of_its_lowest_point(shape: Solid) -
     with world_of(level()) as world:
         lowest = {"Sphere": 0.3, "Box": 0.2, "Cylinder": 0.2, "Capsule": 0.4, "Hull": 0.2}[type(shape).__name__]
         world.track("it", shape, BodyState((0.5, 0.5, lowest - 0.02)))
-        world.refresh()
         [contact] = world.contacts()
         assert contact.depth == pytest.approx(0.02, abs=2e-3)
         assert contact.normal == pytest.approx((0.0, 0.0, 1.0), abs=1e-6)
         world.track("it", shape, BodyState((0.5, 0.5, lowest + 0.05)))
-        world.refresh()
         assert not world.contacts()
 
 
@@ -137,7 +134,7 @@ def test_another_shape_replaces_it_and_a_snapshot_keeps_it() -> None:
             world.track("it", shape, BodyState((0.0, 0.0, 1.0), linear=(0.1, 0.0, 0.0)))
             assert world.bodies["it"].shape == shape
             world.step()
-            other.restore(Snapshot.from_json(world.snapshot().to_json()))
+            other.restore(world.save())
             assert other.bodies["it"].shape == shape
             assert other.bodies["it"].tracked
             assert other.snapshot().hash == world.snapshot().hash
