@@ -35,4 +35,5 @@ NB_MODULE(_core, m) {
   add_bodies(m);
   add_rows(m);
   add_scans(m);
+  add_decks(m);
 }

@@ -12,13 +12,16 @@ namespace smartmesh {
 
 // Contact point. `point`: on the ground [m]. `normal`: unit, from the ground into the body. `distance` [m]: negative
 // inside the ground. `body_feature`, `ground_feature`: names of the two features, equal from step to step. `friction`:
-// coefficient of the ground there. `ground`: motion of the ground there, mean over the step.
+// coefficient of the ground there. `ground`: motion of the ground there, mean over the step. `deck`: number of the deck that
+// it is on, -1 = none. `yields` [1/kg]: change of the ground's velocity by an impulse along the normal.
 struct Contact {
   Vec3 point, normal;
   double distance;
   int body_feature, ground_feature;
   double friction = 1.0;
   GroundMotion ground{};
+  int deck = -1;
+  double yields = 0.0;
 };
 
 // Motion of a body relative to ground that moves as one, and how far contacts are looked for. Contacts have velocities of
