@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.ground.attached_bodies import AttachedBodies
+from smartmesh_ros.ground.body_shapes import require_body
 from smartmesh_ros.ground.bullet import BulletCalls, is_fixed
 from smartmesh_ros.ground.config import gravity_of
 from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.terrain.checked_heights import checked_time
+from smartmesh_ros.terrain.deck import LEVEL
 from smartmesh_ros.terrain.grid import IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.surface_query import (
@@ -131,6 +133,8 @@ class Ground(AttachedBodies):
         with corrections of the ground, wake and put to sleep, take the terrain's tiles, replace colliders."""
         time = checked_time(time)
         self.check_soil()
+        if self.terrain.decks:
+            self._require_map("deck", "there are decks")
         duration, contacts = dt * steps, self.contacts
         self._stale = True  # until the end: an update that failed is made again before the next step
         contacts.set_time(time, dt)
@@ -196,12 +200,41 @@ class Ground(AttachedBodies):
     def below(self, slots: IntArray, time: float) -> list[tuple[int, float, float]]:
         """Return those followers in ``slots`` (n,) whose middle is below the ground: the slot, the depth of its lowest
         point [m], and the ground's vertical velocity [m/s]. Ground of meshes above a middle counts only where there is
-        none below it."""
-        followers, tiles = self.followers, self.terrain.readers
-        found: list[tuple[int, float, float]] = CORE.find_below(
-            followers.shape_table.core, followers.states, slots, tiles, time
-        )
+        none below it, that of decks as far as they are thick. Nobody is below a deck that he carries."""
+        followers, terrain = self.followers, self.terrain
+        found: list[tuple[int, float, float]] = []
+        bodies = np.array([followers[slot].body for slot in slots.tolist()], np.int64) if terrain.decks else None
+        carriers = [-1, *{deck.body for deck in terrain.decks.values() if deck.body >= 0}]
+        for carrier in carriers:
+            chosen = slots
+            if bodies is not None:
+                chosen = slots[bodies == carrier] if carrier >= 0 else slots[~np.isin(bodies, carriers)]
+            tiles = terrain.readers_for(carrier) if carrier >= 0 else terrain.readers
+            found += CORE.find_below(followers.shape_table.core, followers.states, chosen, tiles, time)
         return found
+
+    def carry(
+        self,
+        deck: str,
+        body: int | None,
+        link: int = -1,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        orientation: ArrayLike = LEVEL,
+    ) -> None:
+        """Let a PyBullet ``body``, or its ``link``, carry a deck of the terrain from now on; None = nobody, and the
+        deck stays where it is.
+
+        ``position`` [m], ``orientation`` (x, y, z, w): of the deck's frame in that of the centre of mass. The body does
+        not touch the deck itself. A body that physics moves takes the reaction of what is on the deck, at the end of
+        each step, and stays awake with it. Raises `InputError` if there is no such deck, body or link, or contacts do
+        not come from the map.
+        """
+        it = self.terrain.deck(deck)
+        self._require_map("deck", "a body carries a deck")
+        if body is not None:
+            require_body(self._client, body, None if link < 0 else link)
+        it.ride(-1 if body is None else body, link, position, orientation)
+        self._stale = True
 
     def at(self, points_w: ArrayLike, time: float) -> GroundSamples:
         """Return the ground under points (N, 2) [m] at ``time`` [s], as bodies stand on it; see `ground_samples`. With
