@@ -19,6 +19,7 @@ from std_srvs.srv import SetBool, Trigger
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.inputs.body_inputs import BodyInputs
+from smartmesh_ros.node.inputs.deck_inputs import DeckInputs
 from smartmesh_ros.node.inputs.terrain_inputs import TerrainInputs
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.publishing import Publishing
@@ -53,13 +54,14 @@ class Collider:
         self.settings = settings
         self.session = session = Session(node, settings, clock)
         self.pacer, self.refusals = session.pacer, session.refusals
-        require_soil(session.world, self.settings)
+        require_exact(session.world, self.settings)
         self._initial = InitialBodies(session)
         self._robot = RobotDescription(session, self._initial)
         self._peers = PeerBodies(session)
         transforms = TransformInput(session)
         self._outputs = Publishing(session, self._peers, transforms)
-        self._terrain = TerrainInputs(session, self._on_terrain)
+        self._decks = DeckInputs(session, transforms)
+        self._terrain = TerrainInputs(session, self._decks, self._on_terrain)
         self._bodies = BodyInputs(session, transforms)
         self._body_services = BodyServices(session)
         GroundServices(session, transforms)
@@ -85,6 +87,7 @@ class Collider:
         with session.lock:
             with session.enduring("inputs"):
                 self._bodies.refresh()
+                self._decks.refresh()
                 self._peers.refresh()
                 session.tracking.expire(session.clock.pace())
             with session.enduring("physics"):
@@ -170,6 +173,7 @@ class Collider:
         with session.lock:
             self._terrain.forget_stamps()
             self._bodies.forget_stamps()
+            self._decks.forget_stamps()
             self._peers.forget_stamps()
             session.tracking.restart(session.clock.pace())
             session.stamp_ages.clear()
@@ -193,8 +197,8 @@ class Collider:
     def require_possible(self, settings: Settings) -> None:
         """Raises `InputError` if the settings do not fit the current terrain, or need a package that is missing."""
         require_transforms(settings.publish.tf)
-        require_soil(self.session.world, settings)
-        for mesh in self.session.world.terrain.tiles.values():
+        require_exact(self.session.world, settings)
+        for mesh in self.session.world.terrain.meshes:
             self.session.world.ground.require_usable(mesh, settings.world.patch)
 
     def configure(self, settings: Settings, names: set[str]) -> None:
@@ -205,7 +209,7 @@ class Collider:
             if not self.settings.soil:
                 self._stand_on_soil()  # before its bodies get colliders that know no soil
             session.world.configure(self.settings.world)
-            for mesh in session.world.terrain.tiles.values():
+            for mesh in session.world.terrain.meshes:
                 mesh.motion = self.settings.motion
             self._stand_on_soil()
             session.tracking.timeout = self.settings.body_timeout
@@ -252,10 +256,11 @@ class TerrainCollider(ParameterNode, Collider):
         parameters.announce_changes(self, before, self.values)
 
 
-def require_soil(world: World, settings: Settings) -> None:
-    """Raise `InputError` if the settings ask for soil, and contacts cannot come from the map."""
-    if settings.soil and world.ground.no_proxies:
-        raise InputError("parameter", f"soil.type needs contacts from the map: {world.ground.no_proxies}")
+def require_exact(world: World, settings: Settings) -> None:
+    """Raise `InputError` if the settings ask for soil or decks, and contacts cannot come from the map."""
+    for name, asked in (("soil.type", settings.soil), ("decks", settings.decks)):
+        if asked and world.ground.no_proxies:
+            raise InputError("parameter", f"{name} needs contacts from the map: {world.ground.no_proxies}")
 
 
 def stand_on_soil(world: World, settings: Settings) -> None:

@@ -126,6 +126,10 @@ class Deck(Tiles):
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to the times of all maps and of the frame."""
         super().shift_time(by)
+        self.shift_frame(by)
+
+    def shift_frame(self, by: float) -> None:
+        """Add ``by`` [s] to the times of the frame alone."""
         self._samples = deque(((time + by, pose, given) for time, pose, given in self._samples), maxlen=KEPT)
         self._core.shift_time(by)
 

@@ -71,7 +71,12 @@ class Terrain(Tiles):
     @property
     def empty(self) -> bool:
         """True if there is no ground at all."""
-        return not self.tiles and not any(deck.tiles for deck in self.decks.values())
+        return not self.meshes
+
+    @property
+    def meshes(self) -> list[MainMesh]:
+        """All tiles, also those of decks."""
+        return [mesh for of in (self, *self.decks.values()) for mesh in of.tiles.values()]
 
     @property
     def revision(self) -> int:

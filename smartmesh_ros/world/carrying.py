@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,8 +11,10 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.quaternions import conjugate, product, rotate
 from smartmesh_ros.ground.state import Quaternion, Vector
+from smartmesh_ros.terrain.deck import Deck
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.bodies import Body
+from smartmesh_ros.world.link_frames import InertialFrame
 
 LEVEL: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
@@ -34,6 +37,7 @@ class Carrying:
     carried: dict[str, Carrier]
     client: Any
     ground: Ground
+    say: Callable[[str], object]
     terrain: Terrain
 
     def carry(self, deck: str, carrier: Carrier | None) -> None:
@@ -50,19 +54,27 @@ class Carrying:
         self.bind_decks()
 
     def bind_decks(self) -> None:
-        """Bind the decks to the bodies of these names that are there now."""
-        for name, carrier in self.carried.items():
+        """Bind the decks to the bodies of these names that are there now. A body that has no such link carries nothing,
+        and the user is told."""
+        for name, carrier in list(self.carried.items()):
             deck, body = self.terrain.decks.get(name), self.bodies.get(carrier.body)
             if deck is None or (body is None and deck.body < 0):
                 continue
-            if body is None:
-                self.ground.carry(name, None)
-            elif body.uid != deck.body:
-                link = _link_of(body, carrier.link)
-                info = self.client.getDynamicsInfo(body.uid, link)
-                back = conjugate(info[4])
-                arm = rotate(back, tuple(np.subtract(carrier.position, info[3]).tolist()))
-                self.ground.carry(name, body.uid, link, arm, product(back, carrier.orientation))
+            try:
+                self._bind(name, deck, body, carrier)
+            except InputError as error:
+                self.say(f"nothing carries deck {name!r} any more: {error}")
+                del self.carried[name]
+
+    def _bind(self, name: str, deck: Deck, body: Body | None, carrier: Carrier) -> None:
+        if body is None:
+            self.ground.carry(name, None)
+        elif body.uid != deck.body:
+            link = _link_of(body, carrier.link)
+            centre = body.inertial if link < 0 else InertialFrame(*self.client.getLinkState(body.uid, link)[2:4])
+            back = conjugate(centre.orientation)
+            arm = rotate(back, tuple(np.subtract(carrier.position, centre.position).tolist()))
+            self.ground.carry(name, body.uid, link, arm, product(back, carrier.orientation))
 
 
 def _link_of(body: Body, name: str) -> int:

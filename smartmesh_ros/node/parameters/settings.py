@@ -1,37 +1,30 @@
 """The settings of ``terrain_collider``, as its parameters give them. The core's configs hold the core's defaults.
 
-Some parameters are lists of entries that name something: tracked bodies with their topics or frames, peer nodes, height
-scans.
+Some parameters are lists of entries that name something: tracked bodies with their topics or frames, peer nodes. Lists
+of YAML mappings are in `entries`.
 """
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any, ClassVar, Literal
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal
 
-import yaml
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from rclpy.validate_topic_name import validate_topic_name
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
+from smartmesh_ros.node.parameters.entries import DeckEntry, ScanEntry
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
 from smartmesh_ros.soil.soils import soils_from
-from smartmesh_ros.terrain.height_scan import HeightScan
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.world import WorldConfig
 
 # Entry of ``bodies.peers`` that stands for all nodes that are discovered.
 AUTO = "auto"
-_SCAN_SETTINGS = [one.name for one in fields(HeightScan)]
-_KEYS = ["body", "layout", "rate", *_SCAN_SETTINGS]
-# Bounds of a rate [Hz].
-RATES = (0.01, 1000.0)
 
 
 # A tracked body, and the topic or TF frame of its pose.
@@ -95,62 +88,6 @@ def full_names(parameter: str, entries: Sequence[str]) -> tuple[str, ...]:
         except InvalidTopicNameException as error:
             raise InputError("parameter", f"{parameter} has entry {name!r}: {error}") from None
     return names
-
-
-@dataclass(frozen=True)
-class ScanEntry:
-    """A height scan around a ``body``, published ``rate`` times a second of simulated time [Hz]."""
-
-    body: str
-    scan: HeightScan
-    rate: float = 50.0
-
-    @property
-    def topic(self) -> str:
-        """The private topic. Characters of the body's name that a topic cannot have become underscores, and one stands
-        before a digit at the start."""
-        name = re.sub("[^A-Za-z0-9_]", "_", self.body)
-        return f"~/height_scan/{'_' if name[0].isdigit() else ''}{name}"
-
-
-def scan_entries(texts: Sequence[str]) -> tuple[ScanEntry, ...]:
-    """Return the entries of YAML mappings of the parameter ``height_scans``.
-
-    ``{body: robot, layout: isaac_lab, rate: 50, noise: 0.01}``: ``body``, the name of a body that is or will be there;
-    ``layout``, one of `LAYOUTS`; ``rate`` [Hz] in simulated time; and any setting of `HeightScan`, which replaces the
-    layout's. Without a ``seed`` each entry has its place in the list. Raises `InputError` if a text is no valid entry,
-    or two have one topic.
-    """
-    entries: dict[str, ScanEntry] = {}
-    for place, text in enumerate(texts):
-        entry = _entry(text, place)
-        if entries.setdefault(entry.topic, entry) is not entry:
-            raise InputError(
-                "parameter",
-                f"height_scans has two entries for {entry.topic}, one of body {entry.body!r}; keep one of them",
-            )
-    return tuple(entries.values())
-
-
-def _entry(text: str, place: int) -> ScanEntry:
-    try:
-        return _scan_entry(yaml.safe_load(text), place)
-    except InputError as error:
-        raise InputError("parameter", f"height_scans has entry {text!r}: {error}") from None
-    except (yaml.YAMLError, ValueError) as error:  # ValueError: of a date that is none
-        raise InputError("parameter", f"height_scans has entry {text!r}, which is no YAML: {error}") from None
-
-
-def _scan_entry(found: Any, place: int) -> ScanEntry:
-    if not isinstance(found, dict) or not {"body"} <= found.keys() <= set(_KEYS):
-        raise InputError("parameter", f"it must be a mapping with body and any of {_KEYS}")
-    body, rate = str(found["body"]), found.get("rate", ScanEntry.rate)
-    if type(found["body"]) not in (str, int) or not body or "/" in body:
-        raise InputError("parameter", "the name of a body is a text, not empty, without '/'")
-    if type(rate) not in (int, float) or not (math.isfinite(rate) and RATES[0] <= rate <= RATES[1]):
-        raise InputError("parameter", f"rate must be {RATES[0]:g} to {RATES[1]:g} Hz")
-    changes: dict[str, Any] = {"seed": place} | {name: found[name] for name in _SCAN_SETTINGS if name in found}
-    return ScanEntry(body, HeightScan.of(str(found.get("layout", "isaac_lab")), **changes), float(rate))
 
 
 # Longest name of a body, tile or frame [characters].
@@ -233,6 +170,7 @@ class Settings:
     frames: tuple[BodySource, ...] = ()
     peers: tuple[str, ...] = ()
     height_scans: tuple[ScanEntry, ...] = ()
+    decks: tuple[DeckEntry, ...] = ()
     incremental: bool = False
     marker_namespace: str = "patches"
     robot_prefix: bool = False
@@ -244,6 +182,8 @@ class Settings:
     executor: ExecutorKind = "events"
 
     def __post_init__(self) -> None:
+        if self.decks and self.world.patch.kind != "auto":
+            raise InputError("parameter", "decks need contacts from the map: set patch.kind to auto")
         if not self.soil:
             return
         soils_from(self.soil)

@@ -19,6 +19,7 @@ from smartmesh_ros.io.urdf import UrdfRules
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import Spec
+from smartmesh_ros.node.parameters.entries import deck_entries, scan_entries
 from smartmesh_ros.node.parameters.helping import files_of, mismatch
 from smartmesh_ros.node.parameters.settings import (
     LONGEST_NAME,
@@ -26,7 +27,6 @@ from smartmesh_ros.node.parameters.settings import (
     TerrainChanges,
     body_sources,
     peer_names,
-    scan_entries,
 )
 from smartmesh_ros.node.timing.pacing import require_one_clock
 from smartmesh_ros.terrain.motion import MOST_SMOOTHING
@@ -179,6 +179,8 @@ SPECS = (
         "<service>/_service_event; with contents a bag holds the calls, and a replay repeats them."),
     _fixed("height_scans", "Height scans on ~/height_scan/<body>, each a YAML mapping such as {body: robot, layout: "
         "isaac_lab, rate: 50, noise: 0.01}; see docs/height_scan.md."),
+    _fixed("decks", "Ground that rides on a TF frame, an odometry topic or a body, each a YAML mapping such as {deck: "
+        "ferry, frame: ferry/deck, thickness: 0.5}; its maps come with its name as tile; see docs/decks.md."),
     _fixed("frame_id", "Frame of the terrain; empty = the frame of the first map."),
     _fixed("executor", "The rclpy executor that waits for messages."),
 )  # fmt: skip
@@ -218,7 +220,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         v["terrain.changes"] = "motion" if v["terrain.input"] == "heightmap" else "correction"
     v |= body_sources({name: v[name] for name in ("bodies.poses", "bodies.odometry", "bodies.frames")})
     v["bodies.peers"] = peer_names(v["bodies.peers"])
-    v["height_scans"] = scan_entries(v["height_scans"])
+    v["height_scans"], v["decks"] = scan_entries(v["height_scans"]), deck_entries(v["decks"])
     tree: dict[str, Any] = {}
     for spec in SPECS:
         *owners, field = spec.place.split(".")
