@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pybullet as pb
-import pybullet_data
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
@@ -35,7 +34,7 @@ from smartmesh_ros.world.joints import JointCommand
 from tests.bodies import put, rotation
 from tests.core import mesh_parts
 from tests.grounds import level, terrain_of
-from tests.urdfs import box, joint, link, robot
+from tests.urdfs import HUSKY, box, joint, link, robot
 
 DT, G, PERIOD, TILT = 1.0 / 240.0, 9.81, 8.0, math.radians(10.0)
 OMEGA = math.tau / PERIOD
@@ -218,6 +217,49 @@ def test_physics_on_a_deck_at_constant_velocity_is_that_on_ground_at_rest(shape:
     assert turned.T @ (moved - drift * 1.0) == pytest.approx(at_rest, abs=2e-3)
 
 
+def test_waves_inside_a_deck_add_to_its_own_motion() -> None:
+    """A ball on waves of a map that heaves as a whole, and on the same waves in a deck that heaves instead."""
+    x, y = np.meshgrid(np.arange(-5.0, 5.01, 0.25), np.arange(-5.0, 5.01, 0.25))
+
+    def ridden(*, as_deck: bool) -> FloatArray:
+        place = {"resolution": 0.25, "origin": (-5.0, -5.0)}
+        ground, terrain = HeightMap(np.zeros(x.shape), **place), Terrain()
+        deck = Deck(ground)
+        terrain.put("ground", deck if as_deck else ground)
+        with World(terrain, config(restitution=0.2)) as world:
+            world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.3, 0.1, 1.0)))
+            for step in range(480):
+                wave, heave = 0.1 * np.sin(1.5 * x + 3.0 * world.time), 0.5 * math.sin(2.0 * world.time)
+                if step % 4 == 0:
+                    ground.replace(wave + (0.0 if as_deck else heave), time=world.time)
+                    deck.move((0.0, 0.0, heave), time=world.time)
+                world.step()
+            return np.array(world.state("ball").position)
+
+    assert ridden(as_deck=True) == pytest.approx(ridden(as_deck=False), abs=5e-3)
+
+
+def test_cargo_rides_on_a_robot_that_drives_and_turns() -> None:
+    terrain = Terrain(level(81, 0.5))
+    terrain.put("bed", Deck(level(9, 0.1), thickness=0.2))
+    with World(terrain, config(friction=0.9)) as world:
+        world.spawn_robot("husky", HUSKY, BodyState((0.0, 0.0, 0.15)))
+        world.carry("bed", Carrier("husky", position=(0.0, 0.0, 0.45)))
+        world.spawn("cargo", Box(0.3, 0.3, 0.2), 20.0, BodyState((0.0, 0.0, 0.72)))
+        world.step(240)
+        for joint_name in (it.name for it in world.joints("husky") if "wheel" in it.name):
+            world.command("husky", joint_name, JointCommand(velocity=4.0 if "left" in joint_name else 8.0))
+        places = []
+        for _ in range(480):
+            world.step()
+            frame = terrain.deck("bed").frame(world.time)
+            places.append(frame.rotation.T @ (np.array(world.state("cargo").position) - frame.position))
+        found = np.array(places)
+        assert np.abs(found[:, 2] - 0.1).max() < 2e-3
+        assert np.linalg.norm(found[:, :2] - found[0, :2], axis=1).max() < 0.03
+        assert math.hypot(*world.state("husky").position[:2]) > 1.0
+
+
 def test_a_rover_drives_from_a_rolling_deck_over_a_ramp_onto_ground_at_rest() -> None:
     """A ramp of the deck leads down to its end, which lies on the quay, on the axis about which the deck pitches."""
     x = np.arange(0.0, 6.01, 0.1)
@@ -236,8 +278,7 @@ def test_a_rover_drives_from_a_rolling_deck_over_a_ramp_onto_ground_at_rest() ->
             deck.move(np.array([6.0, 0.0, 0.0]) - rotation(turn) @ [6.0, 0.0, 0.0], turn, time=time)
 
         move(0.0)
-        husky = f"{pybullet_data.getDataPath()}/husky/husky.urdf"
-        world.spawn_robot("husky", husky, BodyState((3.0, 0.0, 0.6)))
+        world.spawn_robot("husky", HUSKY, BodyState((3.0, 0.0, 0.6)))
         wheels = [it.name for it in world.joints("husky") if "wheel" in it.name]
         climbs = []
         for step in range(1500):
