@@ -1,6 +1,9 @@
 #include "frame_motion.h"
 
+#include <algorithm>
 #include <cmath>
+
+#include "motion.h"
 
 namespace smartmesh {
 
@@ -39,42 +42,57 @@ FrameVelocity difference(const FrameVelocity& a, const FrameVelocity& b, double 
   return {(a.linear - b.linear) * rate, (a.angular - b.angular) * rate};
 }
 
+Vec3 agreed_by_axis(const Vec3& change, const Vec3& before) {
+  return {agreed(change.x, before.x), agreed(change.y, before.y), agreed(change.z, before.z)};
+}
+
 }  // namespace
 
+FrameVelocity agreed(const FrameVelocity& change, const FrameVelocity& before) {
+  return {agreed_by_axis(change.linear, before.linear), agreed_by_axis(change.angular, before.angular)};
+}
+
 void FrameMotion::put(const FrameSample& sample) {
-  now_ = sample, now_.turn = normalised(sample.turn), known_ = 1;
+  samples_[0] = sample, samples_[0].turn = normalised(sample.turn), known_ = 1;
   velocity_ = sample.velocity.value_or(FrameVelocity{}), change_ = {};
   lasts_ = std::numeric_limits<double>::infinity();
   ++revision_;
 }
 
 void FrameMotion::note(const FrameSample& sample) {
-  if (known_ == 0 || sample.time < now_.time) return put(sample);
+  if (known_ == 0 || sample.time < time()) return put(sample);
   if (rests_at(sample)) return;
-  if (sample.time != now_.time) {
-    first_ = before_, before_ = now_;
-    known_ = std::min(known_ + 1, 3);
+  if (sample.time != time()) {
+    std::copy_backward(samples_.begin(), samples_.end() - 1, samples_.end());
+    known_ = std::min(known_ + 1, 4);
   }
-  now_ = sample, now_.turn = normalised(sample.turn);
+  samples_[0] = sample, samples_[0].turn = normalised(sample.turn);
   if (known_ > 1) estimate();
   else put(sample);
   ++revision_;
 }
 
+// Differences of velocities that are told hold between two samples; those of mean velocities, which hold in the middle of
+// their intervals, between three.
+FrameVelocity FrameMotion::change_before(int age) const {
+  const FrameSample &now = samples_[age], &before = samples_[age + 1];
+  if (now.velocity) return difference(*now.velocity, *before.velocity, 1.0 / (now.time - before.time));
+  const FrameSample& first = samples_[age + 2];
+  return difference(between(before, now), between(first, before), 2.0 / (now.time - first.time));
+}
+
 void FrameMotion::estimate() {
-  const double interval = now_.time - before_.time;
-  const FrameVelocity last = between(before_, now_);
+  const FrameSample &now = samples_[0], &before = samples_[1];
+  const double interval = now.time - before.time;
+  const FrameVelocity last = between(before, now);
   lasts_ = LATE_AFTER * interval, change_ = {};
-  if (now_.velocity) {
-    velocity_ = *now_.velocity;
-    if (before_.velocity) change_ = difference(velocity_, *before_.velocity, 1.0 / interval);
-    return;
-  }
-  if (!(norm(last.linear) <= fastest)) return put(now_);
-  velocity_ = last;
-  if (known_ < 3) return;
-  // Both velocities hold in the middle of their intervals.
-  change_ = difference(last, between(first_, before_), 2.0 / (now_.time - first_.time));
+  const bool is_told = now.velocity.has_value();
+  if (!is_told && !(norm(last.linear) <= fastest)) return put(FrameSample(now));
+  int alike = 1;  // samples that tell their velocities, or do not
+  while (alike < known_ && samples_[alike].velocity.has_value() == is_told) ++alike;
+  if (alike >= (is_told ? 3 : 4)) change_ = agreed(change_before(0), change_before(1));
+  velocity_ = is_told ? *now.velocity : last;
+  if (is_told) return;
   velocity_.linear = last.linear + change_.linear * (0.5 * interval);
   velocity_.angular = last.angular + change_.angular * (0.5 * interval);
 }
@@ -86,29 +104,26 @@ void FrameMotion::set(const FrameSample& sample, const FrameVelocity& change) {
 }
 
 void FrameMotion::stop(double time) {
-  if (!moves(time)) return;
-  now_.at = at(time).pose.at, now_.turn = turn_at(time), now_.time = time;
-  now_.velocity.reset();
-  put(FrameSample(now_));
+  if (moves(time)) put({time, at(time).pose.at, turn_at(time), {}});
 }
 
 bool FrameMotion::rests_at(const FrameSample& sample) {
   const FrameVelocity told = sample.velocity.value_or(FrameVelocity{});
   const Turn turn = normalised(sample.turn);
-  const bool is_there = norm2(sample.at - now_.at) == 0.0 && turn.x == now_.turn.x && turn.y == now_.turn.y &&
-                        turn.z == now_.turn.z && turn.w == now_.turn.w;
-  if (known_ == 0 || !is_there || moves(now_.time) || norm2(told.linear) + norm2(told.angular) > 0.0) return false;
-  now_.time = sample.time;
+  const bool is_there = norm2(sample.at - samples_[0].at) == 0.0 && turn.x == samples_[0].turn.x && turn.y == samples_[0].turn.y &&
+                        turn.z == samples_[0].turn.z && turn.w == samples_[0].turn.w;
+  if (known_ == 0 || !is_there || moves(samples_[0].time) || norm2(told.linear) + norm2(told.angular) > 0.0) return false;
+  samples_[0].time = sample.time;
   return true;
 }
 
 void FrameMotion::shift_time(double by) {
-  now_.time += by, before_.time += by, first_.time += by;
+  for (FrameSample& sample : samples_) sample.time += by;
   ++revision_;
 }
 
 double FrameMotion::time_moved(double time, double& rate) const {
-  const double since = time - now_.time, late = since - lasts_, stops = STOPS_IN / LATE_AFTER * lasts_;
+  const double since = time - samples_[0].time, late = since - lasts_, stops = STOPS_IN / LATE_AFTER * lasts_;
   rate = 1.0;
   if (!(late > 0.0)) return since;
   if (late >= stops) {
@@ -122,14 +137,14 @@ double FrameMotion::time_moved(double time, double& rate) const {
 Turn FrameMotion::turn_at(double time) const {
   double rate;
   const double t = time_moved(time, rate);
-  return turn_by(velocity_.angular * t + change_.angular * (0.5 * t * t)) * now_.turn;
+  return turn_by(velocity_.angular * t + change_.angular * (0.5 * t * t)) * samples_[0].turn;
 }
 
 FrameState FrameMotion::at(double time) const {
   double rate;
   const double t = time_moved(time, rate), half = 0.5 * t * t;
   FrameState found;
-  found.pose.at = now_.at + velocity_.linear * t + change_.linear * half;
+  found.pose.at = samples_[0].at + velocity_.linear * t + change_.linear * half;
   found.pose.turn = transpose(axes_of(turn_at(time)));
   found.velocity.linear = (velocity_.linear + change_.linear * t) * rate;
   found.velocity.angular = (velocity_.angular + change_.angular * t) * rate;

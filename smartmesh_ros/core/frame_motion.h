@@ -1,6 +1,7 @@
 // Motion of a frame with all six degrees of freedom, second order in time.
 #pragma once
 
+#include <array>
 #include <limits>
 #include <optional>
 
@@ -13,6 +14,9 @@ namespace smartmesh {
 struct FrameVelocity {
   Vec3 linear, angular;
 };
+
+// Returns a change of a velocity as far as the change before agrees; see `agreed` in motion.h.
+FrameVelocity agreed(const FrameVelocity& change, const FrameVelocity& before);
 
 // A frame at one instant.
 struct FrameState {
@@ -32,7 +36,7 @@ struct FrameSample {
 };
 
 // From the last sample on a frame moves with a constant acceleration and angular acceleration, which come from the last
-// three poses, or from the last two velocities where they are told.
+// three poses, or from the last two velocities where they are told, as far as the change before agrees.
 class FrameMotion {
  public:
   // Speed above which a frame without told velocities has jumped [m/s].
@@ -50,7 +54,7 @@ class FrameMotion {
 
   FrameState at(double time) const;
   bool moves(double time) const;
-  double time() const { return now_.time; }
+  double time() const { return samples_[0].time; }
   // Returns a number that grows with each change.
   long revision() const { return revision_; }
 
@@ -63,7 +67,10 @@ class FrameMotion {
   double time_moved(double time, double& rate) const;
   Turn turn_at(double time) const;
 
-  FrameSample now_{}, before_{}, first_{};  // the last three
+  // Returns the change of the velocity between samples, which `age` more came after [m/s^2], [rad/s^2].
+  FrameVelocity change_before(int age) const;
+
+  std::array<FrameSample, 4> samples_{};  // newest first
   int known_ = 0;
   FrameVelocity velocity_, change_;
   double lasts_ = 0.0;  // [s]

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smartmesh_ros.core import CORE, as_bytes
+from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.attached_bodies import AttachedBodies
 from smartmesh_ros.ground.body_shapes import require_body
-from smartmesh_ros.ground.bullet import BulletCalls, is_fixed
 from smartmesh_ros.ground.config import gravity_of
-from smartmesh_ros.ground.followers import Followers
+from smartmesh_ros.ground.moved_bodies import correcting, move_with_corrections, put_back, show_corrections
 from smartmesh_ros.terrain.checked_heights import checked_time
 from smartmesh_ros.terrain.deck import LEVEL
 from smartmesh_ros.terrain.grid import IntArray
-from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.surface_query import (
     GroundHits,
     GroundSamples,
@@ -27,7 +24,7 @@ from smartmesh_ros.terrain.surface_query import (
     checked_rays,
     ground_samples,
 )
-from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+from smartmesh_ros.terrain.terrain import Terrain
 
 # Wait up to MAP_WAIT map intervals for the next map, if the refresh then comes within LONGEST_LIFE refresh intervals.
 # Refreshing just before a map arrives would do the work twice.
@@ -75,10 +72,6 @@ class UpdateSchedule:
                 steps = wait if wait <= LONGEST_LIFE * steps else steps
         self._age, self._lifetime = 0, steps
         return steps
-
-
-# Largest horizontal speed that a rescued body keeps [m/s].
-FASTEST_RESCUED = 5.0
 
 
 class Ground(AttachedBodies):
@@ -190,7 +183,7 @@ class Ground(AttachedBodies):
     def rescue(self, time: float, dt: float) -> None:
         """Put bodies that are below the ground at ``time`` [s] back onto it: that were spawned or teleported there,
         covered by a map, or pushed there by another body. This is the last resort, and its ``rescues`` are counted."""
-        lifted = _put_back(self._client, self.followers, self.below(self.followers.guarded, time))
+        lifted = put_back(self._client, self.followers, self.below(self.followers.guarded, time))
         self.rescues += len(lifted)
         for body in lifted:
             self.wake(body)
@@ -254,76 +247,3 @@ class Ground(AttachedBodies):
     def rays(self) -> RayCaster:
         """Casts rays onto this ground."""
         return RayCaster(self.terrain)
-
-
-def _put_back(client: Any, followers: Followers, below: list[tuple[int, float, float]]) -> list[int]:
-    """Lift the bodies ``below`` the ground (see `Ground.below`) onto it, robots as a whole; returns their PyBullet
-    bodies."""
-    lifts: dict[int, tuple[float, float]] = {}
-    for slot, lift, rate in below:
-        body = followers[slot].body
-        if body not in lifts or lift > lifts[body][0]:  # a robot by the largest lift of its links
-            lifts[body] = (lift, rate)
-    for body, (lift, rate) in lifts.items():
-        _lift(client, body, lift, rate)
-    return list(lifts)
-
-
-def _lift(client: Any, body: int, lift: float, rate: float) -> None:
-    """Lift a body by ``lift`` [m] and give it the ground's vertical velocity ``rate`` [m/s]."""
-    position, orientation = client.getBasePositionAndOrientation(body)
-    linear, angular = client.getBaseVelocity(body)
-    along = np.array(linear[:2])
-    speed = float(np.hypot(*along))
-    along *= min(1.0, FASTEST_RESCUED / speed) if speed > 0.0 else 1.0
-    client.resetBasePositionAndOrientation(body, (position[0], position[1], position[2] + lift), orientation)
-    client.resetBaseVelocity(body, (along[0], along[1], rate), angular)
-
-
-# A tile that is being corrected: its number, its core's reader, and the instant up to which its corrections were shown
-# before [s].
-Correction = tuple[int, Any, float]
-
-
-def correcting(mesh: MainMesh) -> bool:
-    """Return True while corrections of a tile are being blended in."""
-    return isinstance(mesh, HeightMap) and mesh.corrections.blending
-
-
-def show_corrections(terrain: Terrain, time: float) -> list[Correction]:
-    """Blend corrections of the terrain in up to ``time`` [s]; returns the corrected tiles."""
-    moves = []
-    for name, mesh in terrain.tiles.items():
-        if isinstance(mesh, HeightMap) and mesh.motion.corrects:
-            if mesh.corrections.blending:
-                moves.append((terrain.numbers[name], mesh.core_reader, mesh.corrections.shown))
-            mesh.show(time)
-    return moves
-
-
-def move_with_corrections(
-    client: Any, corrections: list[Correction], followers: Followers, supports: Any, time: float
-) -> None:
-    """Move the bodies of a PyBullet client that stand on tiles that are corrected at ``time`` [s].
-
-    A body that lay on the ground lies on it again, at the same velocity. A robot moves as a whole, by the ground under
-    the links that stand on it.
-    """
-    solid = followers.solid
-    bodies = [followers[slot].body for slot in solid.tolist()]
-    uids = list(dict.fromkeys(bodies))
-    places = {uid: place for place, uid in enumerate(uids)}
-    owners = np.array([places[body] for body in bodies], np.int64)
-    poses = BulletCalls(client).poses(uids)
-    for place in CORE.move_with_corrections(
-        corrections, followers.shape_table.core, followers.states, solid, owners, as_bytes(supports), time, poses
-    ):
-        _put(client, uids[place], poses[place].tolist())
-
-
-def _put(client: Any, uid: int, pose: list[float]) -> None:
-    if is_fixed(client, uid):
-        return
-    linear, angular = client.getBaseVelocity(uid)
-    client.resetBasePositionAndOrientation(uid, pose[:3], pose[3:])
-    client.resetBaseVelocity(uid, linear, angular)

@@ -20,7 +20,7 @@ from smartmesh_ros.terrain.tiles import MainMesh, Tiles
 QUATERNION_SLACK = 1e-3
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 # Samples of a frame's motion that tell its velocity and acceleration.
-KEPT = 3
+KEPT = 4
 # Time for which a frame that was never moved has been at its place [s].
 LONG_AGO = -1e9
 
@@ -87,9 +87,10 @@ class Deck(Tiles):
 
         From then on the frame moves with a constant acceleration and angular acceleration until the next call. Its
         motion is estimated from the last three poses; or from the last two velocities, if ``velocity`` [m/s] of the
-        origin and ``spin`` [rad/s], both in the terrain's frame, are given. Without another call the frame slows down
-        after 1.5 intervals between calls, and rests after three more. Raises `InputError`, and changes nothing, if a
-        number is impossible, or the time is before that of the last call.
+        origin and ``spin`` [rad/s], both in the terrain's frame, are given. Accelerations that the change of velocity
+        before does not confirm do not count, as of a frame that starts, stops or jolts. Without another call the frame
+        slows down after 1.5 intervals between calls, and rests after three more. Raises `InputError`, and changes
+        nothing, if a number is impossible, or the time is before that of the last call.
         """
         time = checked_time(time)
         last = self._samples[-1][0]

@@ -14,7 +14,7 @@ from rclpy.context import Context
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 
-from smartmesh_ros.ground.ground import correcting
+from smartmesh_ros.ground.moved_bodies import correcting
 from smartmesh_ros.node import terrain_collider
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.services.turns import Turns, Work

@@ -112,7 +112,7 @@ def test_a_box_at_rest_rides_on_a_deck_that_rolls_pitches_and_heaves(mesh: Calla
         found = np.array(
             [motion.to_deck(world.state("box").position, now) for now in ride(world, motion, 960, every=4)]
         )
-    heights = found[60:, 2] - 0.15  # once three poses tell how the deck moves
+    heights = found[60:, 2] - 0.15  # once four poses tell how the deck moves
     assert np.abs(heights).max() < 1e-4
     assert np.linalg.norm(found[60:, :2] - found[60, :2], axis=1).max() < 1e-3  # of a way of 1 m
 
@@ -428,7 +428,7 @@ def test_queries_rays_and_scans_see_a_deck_where_it_is_at_an_instant() -> None:
     motion, rng, time = Motion(), np.random.default_rng(2), 1.3
     deck, terrain = Deck(a_map()), Terrain(level(11, 2.0))
     terrain.put("deck", deck)
-    for at in time - DT * np.arange(3.0)[::-1]:
+    for at in time - DT * np.arange(4.0)[::-1]:
         motion.move(deck, at)
     client = BulletClient(pb.DIRECT)
     ground = Ground(client, terrain)

@@ -8,14 +8,6 @@
 
 namespace smartmesh {
 
-namespace {
-
-Vec3 agreed(const Vec3& change, const Vec3& before) {
-  return {smartmesh::agreed(change.x, before.x), smartmesh::agreed(change.y, before.y), smartmesh::agreed(change.z, before.z)};
-}
-
-}  // namespace
-
 void BulletWorld::find_carriers() {
   if (carried_layout_ == surface.layout()) return;
   carried_layout_ = surface.layout();
@@ -91,8 +83,7 @@ void BulletWorld::react() {
     const FrameVelocity end = velocity_of(*carried.object);
     const double rate = 1.0 / duration;
     const FrameVelocity change{(end.linear - carried.start.linear) * rate, (end.angular - carried.start.angular) * rate};
-    carried.change.linear = agreed(change.linear, carried.last.linear);
-    carried.change.angular = agreed(change.angular, carried.last.angular);
+    carried.change = agreed(change, carried.last);
     carried.last = change;
   }
   for (const TruePoint& told : told_) {

@@ -14,7 +14,7 @@ TEST(Frame, FollowsConstantAccelerationsExactly) {
   const auto at = [](double t) { return Vec3{1.0 + 2.0 * t + 1.5 * t * t, -t, 0.5 * t * t}; };
   const auto turned = [](double t) { return 0.3 + 0.4 * t + 0.2 * t * t; };
   FrameMotion motion;
-  for (double t : {0.0, 0.1, 0.25}) motion.note({t, at(t), about_x(turned(t)), {}});
+  for (double t : {0.0, 0.05, 0.1, 0.25}) motion.note({t, at(t), about_x(turned(t)), {}});
   const double t = 0.35;
   const FrameState found = motion.at(t);
   EXPECT_NEAR(norm(found.pose.at - at(t)), 0.0, 1e-12);
@@ -22,6 +22,12 @@ TEST(Frame, FollowsConstantAccelerationsExactly) {
   EXPECT_NEAR(norm(found.velocity.angular - Vec3{0.4 + 0.4 * t, 0.0, 0.0}), 0.0, 1e-12);
   const Vec3 y = found.pose.turn * Vec3{0.0, 1.0, 0.0};
   EXPECT_NEAR(std::atan2(y.z, y.y), turned(t), 1e-12);
+}
+
+TEST(Frame, ThatStopsDoesNotGoBack) {
+  FrameMotion motion;
+  for (double t : {0.0, 0.1, 0.2, 0.3, 0.4}) motion.note({t, {std::min(t, 0.3), 0.0, 0.0}, {}, {}});
+  EXPECT_NEAR(motion.at(0.45).pose.at.x, 0.3, 1e-12);
 }
 
 TEST(Frame, StopsWithoutAJumpOfItsVelocity) {
