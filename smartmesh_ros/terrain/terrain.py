@@ -68,6 +68,10 @@ class Terrain(Tiles):
         for deck in self.decks.values():
             deck.shift_time(by)
 
+    def moving(self, time: float) -> bool:
+        """Return True if a tile or the frame of a deck may move at ``time`` [s]."""
+        return any(it.moving(time) for it in (*self.meshes, *self.decks.values()))
+
     @property
     def empty(self) -> bool:
         """True if there is no ground at all."""

@@ -42,16 +42,18 @@ class Carrying:
 
     def carry(self, deck: str, carrier: Carrier | None) -> None:
         """Let a body carry a deck, whenever both are there; None = nobody, and the deck stays where it is. The body may
-        be simulated or tracked; see `Ground.carry`. Raises `InputError` if the body has no such link."""
-        if carrier is None:
-            self.carried.pop(deck, None)
-        elif carrier.body in self.bodies:
+        be simulated or tracked; see `Ground.carry`. Raises `InputError` if the body has no such link, or if contacts do
+        not come from the map."""
+        if not self.ground.exact:
+            raise InputError("deck", "a body carries a deck only where contacts come from the map itself")
+        if carrier is not None and carrier.body in self.bodies:
             _link_of(self.bodies[carrier.body], carrier.link)
+        if deck in self.terrain.decks:
+            self.ground.carry(deck, None)
+        self.carried.pop(deck, None)
         if carrier is not None:
             self.carried[deck] = carrier
-        elif deck in self.terrain.decks:
-            self.ground.carry(deck, None)
-        self.bind_decks()
+            self.bind_decks()
 
     def bind_decks(self) -> None:
         """Bind the decks to the bodies of these names that are there now. A body that has no such link carries nothing,

@@ -363,6 +363,13 @@ def test_a_lift_carries_a_box_up() -> None:
         assert found[6][2] == pytest.approx(0.5, abs=0.02)
         assert world.state("box").linear[2] == pytest.approx(found[6][2], abs=0.01)
         assert world.state("box").position[2] == pytest.approx(found[0][2] + 0.2, abs=2e-3)
+        world.carry("cage", Carrier("lift", "base", (0.0, 0.0, 0.9)))
+        world.step()
+        above = np.add(world.state("lift").position, [0.0, 0.0, 0.9])
+        assert terrain.deck("cage").frame(world.time).position == pytest.approx(above, abs=1e-3)
+        with pytest.raises(InputError):
+            world.carry("cage", Carrier("lift", "roof"))
+        world.carry("cage", Carrier("lift", "cage", (0.0, 0.0, 0.05)))
         world.save()  # in another PyBullet
         world.step(60)
         lift = world.bodies["lift"].uid
