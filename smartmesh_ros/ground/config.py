@@ -73,8 +73,8 @@ class SleepConfig:
     most: float = 5e-3
 
 
-# Motion at which PyBullet drops a cached contact point [body sizes]: its default. Contacts from the map are found anew in
-# each step. Contacts of hulls and cylinders with other bodies come one in a step, so that a box on them rattles and
+# Motion at which PyBullet drops a cached contact point [body sizes]: its default. Contacts from the map are found anew
+# in each step. Contacts of hulls and cylinders with other bodies come one in a step, so that a box on them rattles and
 # turns if the others are dropped. PyBullet shares the value among all worlds of a process.
 CONTACT_BREAKING = 0.02
 # Largest relative difference between two step lengths that counts as rounding.

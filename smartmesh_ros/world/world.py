@@ -20,6 +20,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.height_scan import HeightScan, yaws_of
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.world.bodies import Surface
+from smartmesh_ros.world.carrying import Carrier, Carrying
 from smartmesh_ros.world.contacts import GroundContact, GroundWrench, ground_contacts, wrenches_of_step
 from smartmesh_ros.world.falling import Falls
 from smartmesh_ros.world.guests import Guests
@@ -33,7 +34,7 @@ from smartmesh_ros.world.watching import StepWatcher
 __all__ = ["World", "WorldConfig"]
 
 
-class World(Population):
+class World(Population, Carrying):
     """Bodies on a terrain, stepped at a fixed rate. Close it, or use it as a context manager.
 
     ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``guests``: remote bodies,
@@ -51,6 +52,7 @@ class World(Population):
         self.stopwatch = stopwatch or Stopwatch()
         self.watchers: list[StepWatcher] = []
         self._rescues = 0  # of the grounds before `restore`
+        self.carried: dict[str, Carrier] = {}
         self.lost: dict[str, str] = {}  # why bodies were removed, by name; readers may clear it
         self._start()
 
@@ -73,11 +75,13 @@ class World(Population):
         snapshot. Raises `InputError` if there is soil."""
         if self.ground.soil is not None:
             raise InputError("soil", "a world with soil cannot be copied; take it off by ground.set_soil(None) before")
-        return {"terrain": self.terrain, "config": self.config, "snapshot": self.snapshot()}
+        kept = {name: getattr(self, name) for name in ("terrain", "config", "carried")}
+        return kept | {"snapshot": self.snapshot()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make a world that evolves as one restored from the snapshot."""
         World.__init__(self, state["terrain"], state["config"])
+        self.carried = state["carried"]
         with undone(self.close):
             self.restore(state["snapshot"])
 
@@ -120,6 +124,8 @@ class World(Population):
     def update(self) -> None:
         """Do what the next step needs beside contacts, see `Ground.update`, and remove bodies that are lost. `step`
         does it; call it while no steps are taken."""
+        if self.carried:
+            self.bind_decks()
         self.ground.update(self.time, self.dt)
         self._drop_lost()
 
