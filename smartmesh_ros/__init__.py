@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from smartmesh_ros.ground.state import BodyState
     from smartmesh_ros.soil.config import SoilType
     from smartmesh_ros.soil.soil import Soil
+    from smartmesh_ros.terrain.deck import Deck
     from smartmesh_ros.terrain.grid import GridGeometry
     from smartmesh_ros.terrain.height_scan import HeightScan
     from smartmesh_ros.terrain.heightmap import HeightMap
@@ -42,6 +43,7 @@ _MODULES = {
     "world.world": ("World", "WorldConfig"),
     "soil.config": ("SoilType",),
     "soil.soil": ("Soil",),
+    "terrain.deck": ("Deck",),
     "terrain.grid": ("GridGeometry",),
     "terrain.height_scan": ("HeightScan",),
     "terrain.heightmap": ("HeightMap",),
@@ -59,6 +61,7 @@ __all__ = [
     "Box",
     "Capsule",
     "Cylinder",
+    "Deck",
     "GridGeometry",
     "Ground",
     "HeightMap",

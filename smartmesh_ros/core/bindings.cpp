@@ -90,4 +90,5 @@ NB_MODULE(_core, m) {
   add_patches(m);
   add_rows(m);
   add_scans(m);
+  add_decks(m);
 }

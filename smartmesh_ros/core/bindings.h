@@ -14,6 +14,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/tuple.h>
 
+#include "deck.h"
 #include "map_memory.h"
 #include "mesh_updates.h"
 #include "step_lock.h"
@@ -213,19 +214,27 @@ struct Mesh {
   }
 };
 
-// Sets the tiles of a surface: grids and meshes of Python. Returns what must outlive the surface: a copy of the list, which
-// Python may change.
+// A deck of Python; `tiles` keeps its grids and meshes alive.
+struct DeckOfTiles {
+  Deck deck;
+  nb::list tiles;
+};
+
+// Sets the tiles of a surface: grids, meshes and decks of Python. Returns what must outlive the surface: a copy of the list,
+// which Python may change.
 inline nb::list set_tiles_of(Surface& surface, const nb::list& tiles) {
   std::vector<HeightGrid*> grids;
   std::vector<MeshSurface*> meshes;
+  std::vector<Deck*> decks;
   nb::list kept;
   for (nb::handle tile : tiles) {
     if (nb::isinstance<Mesh>(tile)) meshes.push_back(&nb::cast<Mesh&>(tile).surface);
+    else if (nb::isinstance<DeckOfTiles>(tile)) decks.push_back(&nb::cast<DeckOfTiles&>(tile).deck);
     else grids.push_back(&nb::cast<Grid&>(tile).grid);
     kept.append(tile);
   }
   const StepLock lock;
-  surface.set_tiles(grids, meshes);
+  surface.set_tiles(grids, meshes, decks);
   return kept;
 }
 
@@ -238,6 +247,7 @@ void add_patches(nb::module_& m);
 void add_rows(nb::module_& m);
 void add_contacts(nb::module_& m);
 void add_scans(nb::module_& m);
+void add_decks(nb::module_& m);
 void add_ground(nb::module_& m);
 
 }  // namespace smartmesh

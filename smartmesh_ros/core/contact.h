@@ -13,13 +13,16 @@ namespace smartmesh {
 
 // Contact point. `point`: on the ground [m]. `normal`: unit, from the ground into the body. `distance` [m]: negative
 // inside the ground. `body_feature`, `ground_feature`: names of the two features, equal from step to step. `material`,
-// `ground`: material of the ground there, and its motion, mean over the step.
+// `ground`: material of the ground there, and its motion, mean over the step. `deck`: number of the deck that it is on,
+// -1 = none. `yields` [1/kg]: change of the ground's velocity by an impulse along the normal.
 struct Contact {
   Vec3 point, normal;
   double distance;
   int body_feature, ground_feature;
   Material material{};
   GroundMotion ground{};
+  int deck = -1;
+  double yields = 0.0;
 };
 
 // Largest speed of a point of a shape after an impact elsewhere, in terms of the speeds before. The end of a rod whose other

@@ -13,8 +13,8 @@ namespace {
 // Part of the ground that a shape may touch in the step: around its box, grown by the way it may come.
 class ShapeReach final : public Reach {
  public:
-  ShapeReach(const Convex& shape, const Pose& pose, double grown, double bottom)
-      : shape_(shape), pose_(pose), centre_(pose.to_world(shape.centre)), grown_(grown), bottom_(bottom) {
+  ShapeReach(const Convex& shape, const Pose& pose, double grown, double bottom, double depth)
+      : shape_(shape), pose_(pose), centre_(pose.to_world(shape.centre)), grown_(grown), bottom_(bottom), depth_(depth) {
     is_ball_ = shape.core.vertices.size() == 1;
   }
 
@@ -45,12 +45,13 @@ class ShapeReach final : public Reach {
   }
 
   double bottom() const override { return bottom_; }
+  double depth() const override { return depth_; }
 
  private:
   const Convex& shape_;
   const Pose& pose_;
   Vec3 centre_;
-  double grown_, bottom_;
+  double grown_, bottom_, depth_;
   bool is_ball_;
 };
 
@@ -99,7 +100,7 @@ void find_contacts(const Convex& shape, const Pose& pose, const Patch& patch, co
 }  // namespace
 
 void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface, double time, Approach approach,
-                        std::vector<Contact>& contacts) {
+                        std::vector<Contact>& contacts, double thickness) {
   contacts.clear();
   if (shape.core.vertices.size() != 1)  // no ball
     approach.impact = IMPACT, approach.turning = norm(approach.angular) * approach.duration,
@@ -107,7 +108,7 @@ void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface,
   const double grown = approach.reach(pose.at, shape.reach);
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
   if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;
-  const ShapeReach reach(shape, pose, grown, bounds.low.z);
+  const ShapeReach reach(shape, pose, grown, bounds.low.z, thickness);
   surface.gather(bounds, time, approach.ahead, reach, maps_);
   surface.gather_meshes(bounds, time, approach.ahead, reach, meshes_);
   for (Patch* patch : {&maps_, &meshes_}) {

@@ -61,7 +61,7 @@ void lay_on_foundation(const Convex& shape, const Pose& pose, const Approach& ap
     ContactRow& row = rows[k];
     row.at = contact.point = pose.to_world(pressed.moment * (1.0 / pressed.volume) + normal * (speed * dt));
     row.speed = dot(contact.normal, contact.ground.velocity) + (force + share * spring * dt * speed) / slope;
-    row.softness = std::max(1.0 / (dt * slope), norm2(body.belt) > 0.0 ? 1.0 / body.mass : 0.0);
+    row.softness = std::max(1.0 / (dt * slope), norm2(body.belt) > 0.0 ? 1.0 / body.mass : 0.0) + contact.yields;
   }
 }
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "deck.h"
+
 namespace smartmesh {
 
 namespace {
@@ -41,6 +43,8 @@ RayHit GroundRays::first_hit(SurfaceReader& ground, Ray ray) {
   };
   for (std::size_t k = 0; k < grids_.size(); ++k) take(smartmesh::first_hit(ray, grids_[k], ground.tiles, k));
   for (const MeshReader& mesh : ground.meshes) take(mesh.first_hit(ray.from, ray.way, ray.reach));
+  if (ground.decks == nullptr) return best;
+  for (DeckReader& deck : *ground.decks) take(deck.first_hit(ray));
   return best;
 }
 

@@ -36,9 +36,9 @@ double ScanPattern::radius() const {
 
 void scan_heights(SurfaceReader& ground, const ScanPose& pose, const ScanPattern& pattern, double radius, double* heights) {
   const double cos = std::cos(pose.yaw), sin = std::sin(pose.yaw);
-  // Most points lie in whole cells of one map, without a mesh above: they are read there. All others are asked of the
-  // surface.
-  Tile* map = ground.meshes.empty() ? first_map_near(ground, pose.x, pose.y, radius) : nullptr;
+  // Most points lie in whole cells of one map, without a mesh or a deck above: they are read there. All others are asked
+  // of the surface.
+  Tile* map = ground.meshes.empty() && ground.decks == nullptr ? first_map_near(ground, pose.x, pose.y, radius) : nullptr;
   GridPoint start{0.0, 0.0}, forward{0.0, 0.0};
   if (map != nullptr) {
     const double size = map->grid->resolution;

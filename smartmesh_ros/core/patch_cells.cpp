@@ -43,7 +43,7 @@ class CellAdder {
         index_(patch.index),
         active_(patch.active) {
     const std::size_t count = window.heights.size();
-    bottom_ = reach.bottom();
+    bottom_ = reach.bottom(), depth_ = reach.depth();
     has_walls_ = bottom_ < 1e300 &&
                  std::any_of(window.heights.begin(), window.heights.end(), [](double z) { return std::isnan(z); });
     patch.index.assign(has_walls_ ? 2 * count : count, -1);
@@ -110,7 +110,7 @@ class CellAdder {
       if (!std::isnan(z)) low = std::min(low, z), high = std::max(high, z);
     if (high < low) return false;
     const bool has_walls = has_walls_ && is_at_rim(r, c);
-    if (has_walls) low = std::min(low, bottom_);
+    if (has_walls) low = std::min(low, foot_of(low));
     const double size = window_.resolution, half = 0.5 * (high - low);
     const Vec3 centre = window_.pose.point({r + 0.5, c + 0.5}, size, low + half);
     if (!reach_.touches(centre, std::sqrt(0.5 * size * size + half * half))) return false;
@@ -137,15 +137,18 @@ class CellAdder {
     return false;
   }
 
+  // Returns the height of the foot of the wall under a sample at a height [m].
+  double foot_of(double z) const { return std::max(bottom_, z - depth_); }
+
   // Returns the index of the point at the foot of the wall under a sample, -1 if there is none in reach.
   int foot(int row, int column) {
     const int top = has_walls_ ? point(row, column) : -1;
-    if (top < 0 || !(patch_.points[top].z > bottom_)) return -1;
+    if (top < 0 || !(patch_.points[top].z > foot_of(patch_.points[top].z))) return -1;
     int& known = index_[window_.heights.size() + at(row, column)];
     if (known < 0) {
       known = static_cast<int>(patch_.points.size());
       const Vec3 above = patch_.points[top];
-      patch_.points.push_back({above.x, above.y, bottom_});
+      patch_.points.push_back({above.x, above.y, foot_of(above.z)});
       if (window_.moves()) patch_.velocities.push_back(Vec3{patch_.velocities[top]});
       patch_.names.push_back(-1 - patch_.names[top]);
     }
@@ -267,7 +270,7 @@ class CellAdder {
   std::vector<int>& index_;
   std::vector<char>& active_;
   CellRange active_cells_;
-  double bottom_;  // of walls [m]
+  double bottom_, depth_;  // of walls [m]
   bool has_walls_;
 };
 

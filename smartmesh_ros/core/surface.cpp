@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "deck.h"
+
 namespace smartmesh {
 
 namespace {
@@ -26,12 +28,18 @@ MeshPoint SurfaceReader::meshes_at(double x, double y, double z, const MeshReade
   return found;
 }
 
-GroundPoint SurfaceReader::at(double x, double y, double z) {
+GroundPoint SurfaceReader::at(double x, double y, double z, double of_decks) {
   const GridFacet tile = tiles.at(x, y).facet;
   const MeshReader* highest = nullptr;
   const MeshPoint mesh = meshes_at(x, y, z, highest);
-  return is_higher(mesh, tile.height) ? GroundPoint{mesh.height, mesh.velocity}
-                                        : GroundPoint{tile.height, {0.0, 0.0, tile.velocity}};
+  GroundPoint found = is_higher(mesh, tile.height) ? GroundPoint{mesh.height, mesh.velocity}
+                                                   : GroundPoint{tile.height, {0.0, 0.0, tile.velocity}};
+  if (decks == nullptr) return found;
+  for (DeckReader& deck : *decks) {
+    const GroundSample here = deck.below({x, y, of_decks + deck.deck->thickness});
+    if (here.is_above(found.height)) found = {here.height, here.velocity};
+  }
+  return found;
 }
 
 GroundSample SurfaceReader::below(const Vec3& p) {
@@ -47,6 +55,9 @@ GroundSample SurfaceReader::below(const Vec3& p) {
   const MeshPoint ground = meshes_at(p.x, p.y, p.z, mesh);
   if (mesh != nullptr && !(ground.height <= found.height))
     found = {ground.height, ground.normal, ground.velocity, mesh->age()};
+  if (decks == nullptr) return found;
+  for (DeckReader& deck : *decks)
+    if (const GroundSample here = deck.below(p); here.is_above(found.height)) found = here;
   return found;
 }
 
@@ -55,8 +66,10 @@ void SurfaceReader::prepare(std::size_t count) {
 }
 
 SurfaceReader Surface::reader(double time, double ahead) const {
-  SurfaceReader made{{tiles_, time, ahead}, {}};
+  SurfaceReader made{{tiles_, time, ahead}, {}, {}};
   for (const MeshSurface* mesh : meshes_) made.meshes.emplace_back(*mesh, time, ahead);
+  if (!decks_.empty()) made.decks = std::make_shared<std::vector<DeckReader>>();
+  for (const Deck* deck : decks_) made.decks->emplace_back(*deck, time);
   return made;
 }
 
@@ -64,9 +77,11 @@ Bounds Surface::with_gaps(const Bounds& bounds) const {
   return tiles_.size() > 1 ? bounds.grown(widest_cell_) : bounds;
 }
 
-void Surface::set_tiles(const std::vector<HeightGrid*>& tiles, const std::vector<MeshSurface*>& meshes) {
+void Surface::set_tiles(const std::vector<HeightGrid*>& tiles, const std::vector<MeshSurface*>& meshes,
+                        const std::vector<Deck*>& decks) {
   tiles_ = tiles;
   meshes_ = meshes;
+  decks_ = decks;
   widest_cell_ = 0.0;
   for (const HeightGrid* grid : tiles_) widest_cell_ = std::max(widest_cell_, grid->resolution);
   layout_ += NEW_LAYOUT;
@@ -76,22 +91,27 @@ void Surface::note_shown(double time) {
   for (HeightGrid* grid : tiles_)
     if (grid->mode != Mode::Correct) grid->shown = time;
   for (MeshSurface* mesh : meshes_) mesh->shown = time;
+  for (Deck* deck : decks_) deck->surface.note_shown(time);
 }
 
 long Surface::revision() const {
   long sum = layout_;
   for (const HeightGrid* grid : tiles_) sum += grid->revision;
   for (const MeshSurface* mesh : meshes_) sum += mesh->revision;
+  for (const Deck* deck : decks_) sum += deck->surface.revision() + deck->motion.revision();
   return sum;
 }
 
 bool Surface::has_material() const {
-  return std::any_of(tiles_.begin(), tiles_.end(), [](const HeightGrid* grid) { return grid->materials.is_given(); });
+  return std::any_of(tiles_.begin(), tiles_.end(), [](const HeightGrid* grid) { return grid->materials.is_given(); }) ||
+         std::any_of(decks_.begin(), decks_.end(), [](const Deck* deck) { return deck->surface.has_material(); });
 }
 
 bool Surface::moves(double time) const {
   return std::any_of(tiles_.begin(), tiles_.end(), [&](const HeightGrid* grid) { return grid->moves(time); }) ||
-         std::any_of(meshes_.begin(), meshes_.end(), [&](const MeshSurface* mesh) { return mesh->moves(time); });
+         std::any_of(meshes_.begin(), meshes_.end(), [&](const MeshSurface* mesh) { return mesh->moves(time); }) ||
+         std::any_of(decks_.begin(), decks_.end(),
+                     [&](const Deck* deck) { return deck->motion.moves(time) || deck->surface.moves(time); });
 }
 
 void Surface::ground_under(const Bounds& bounds, double time, GroundUnder& found) {
@@ -101,6 +121,7 @@ void Surface::ground_under(const Bounds& bounds, double time, GroundUnder& found
   Patch near;
   gather_meshes(bounds, time, 0.0, Everything{}, near);
   for (const Vec3& p : near.points) found.vertices.insert(found.vertices.end(), {p.x, p.y, p.z});
+  for (Deck* deck : decks_) deck->add_ground_under(bounds, time, found);
 }
 
 void Surface::blocks_under(const Bounds& bounds, double time, std::vector<BlockUnder>& found) const {
@@ -113,6 +134,10 @@ Updates Surface::updates_of(const std::vector<BlockUnder>& blocks, double time) 
   Updates found;
   for (const BlockUnder& block : blocks) found.add(block, time);
   for (const MeshSurface* mesh : meshes_) found.count += mesh->revision, found.moves |= mesh->moves(time);
+  for (const Deck* deck : decks_) {
+    found.count += deck->surface.revision() + deck->motion.revision();
+    found.moves |= deck->motion.moves(time) || deck->surface.moves(time);
+  }
   return found;
 }
 

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.ground.bullet import BulletCalls, is_fixed
+from smartmesh_ros.ground.body_shapes import require_body
 from smartmesh_ros.ground.config import require_time_step
-from smartmesh_ros.ground.followers import Followers
+from smartmesh_ros.ground.moved_bodies import move_with_corrections, put_back, show_corrections
 from smartmesh_ros.ground.saved_bodies import SavedBodies
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.patches.shapes import BODY_COLUMNS
 from smartmesh_ros.terrain.checked_heights import checked_time
-from smartmesh_ros.terrain.grid import BoolArray, IntArray
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.deck import LEVEL
+from smartmesh_ros.terrain.grid import IntArray
 from smartmesh_ros.terrain.surface_query import (
     GroundHits,
     GroundSamples,
@@ -26,12 +25,9 @@ from smartmesh_ros.terrain.surface_query import (
     checked_rays,
     ground_samples,
 )
-from smartmesh_ros.terrain.terrain import Terrain
 
 # Time between two writes of what bodies pressed into the map of their soil [s].
 PRINT_PERIOD = 1.0 / 60.0
-# Largest horizontal speed that a rescued body keeps [m/s].
-FASTEST_RESCUED = 5.0
 
 
 class Ground(SavedBodies):
@@ -83,7 +79,7 @@ class Ground(SavedBodies):
     def rescue(self, time: float) -> None:
         """Put bodies that are below the ground at ``time`` [s] back onto it: that were spawned or teleported there,
         covered by a map, or pushed there by another body. This is the last resort, and its ``rescues`` are counted."""
-        lifted = _put_back(self._client, self.followers, self.below(self.followers.guarded, time))
+        lifted = put_back(self._client, self.followers, self.below(self.followers.guarded, time))
         self.rescues += len(lifted)
         for body in lifted:
             self.wake(body)
@@ -101,12 +97,38 @@ class Ground(SavedBodies):
     def below(self, slots: IntArray, time: float) -> list[tuple[int, float, float]]:
         """Return those followers in ``slots`` (n,) whose middle is below the ground: the slot, the depth of its lowest
         point [m], and the ground's vertical velocity [m/s]. Ground of meshes above a middle counts only where there is
-        none below it."""
-        followers, tiles = self.followers, self.terrain.readers
-        found: list[tuple[int, float, float]] = CORE.find_below(
-            followers.shape_table.core, followers.states, slots, tiles, time
-        )
+        none below it, that of decks as far as they are thick. Nobody is below a deck that he carries."""
+        followers, terrain = self.followers, self.terrain
+        found: list[tuple[int, float, float]] = []
+        bodies = np.array([followers[slot].body for slot in slots.tolist()], np.int64) if terrain.decks else None
+        carriers = [-1, *{deck.body for deck in terrain.decks.values() if deck.body >= 0}]
+        for carrier in carriers:
+            chosen = slots
+            if bodies is not None:
+                chosen = slots[bodies == carrier] if carrier >= 0 else slots[~np.isin(bodies, carriers)]
+            tiles = terrain.readers_for(carrier) if carrier >= 0 else terrain.readers
+            found += CORE.find_below(followers.shape_table.core, followers.states, chosen, tiles, time)
         return found
+
+    def carry(
+        self,
+        deck: str,
+        body: int | None,
+        link: int = -1,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        orientation: ArrayLike = LEVEL,
+    ) -> None:
+        """Let a PyBullet ``body``, or its ``link``, carry a deck of the terrain from now on; None = nobody, and the
+        deck stays where it is.
+
+        ``position`` [m], ``orientation`` (x, y, z, w): of the deck's frame in that of the centre of mass. The body does
+        not touch the deck itself. A body that physics moves takes the reaction of what is on the deck, at the end of
+        each step, and stays awake with it. Raises `InputError` if there is no such deck, body or link.
+        """
+        it = self.terrain.deck(deck)
+        if body is not None:
+            require_body(self._client, body, None if link < 0 else link)
+        it.ride(-1 if body is None else body, link, position, orientation)
 
     def at(self, points_w: ArrayLike, time: float) -> GroundSamples:
         """Return the ground under points (N, 2) [m] at ``time`` [s], as bodies stand on it; see `ground_samples`. With
@@ -122,70 +144,3 @@ class Ground(SavedBodies):
     def rays(self) -> RayCaster:
         """Casts rays onto this ground."""
         return RayCaster(self.terrain)
-
-
-def _put_back(client: Any, followers: Followers, below: list[tuple[int, float, float]]) -> list[int]:
-    """Lift the bodies ``below`` the ground (see `Ground.below`) onto it, robots as a whole; returns their PyBullet
-    bodies."""
-    lifts: dict[int, tuple[float, float]] = {}
-    for slot, lift, rate in below:
-        body = followers[slot].body
-        if body not in lifts or lift > lifts[body][0]:  # a robot by the largest lift of its links
-            lifts[body] = (lift, rate)
-    for body, (lift, rate) in lifts.items():
-        _lift(client, body, lift, rate)
-    return list(lifts)
-
-
-def _lift(client: Any, body: int, lift: float, rate: float) -> None:
-    """Lift a body by ``lift`` [m] and give it the ground's vertical velocity ``rate`` [m/s]."""
-    position, orientation = client.getBasePositionAndOrientation(body)
-    linear, angular = client.getBaseVelocity(body)
-    along = np.array(linear[:2])
-    speed = float(np.hypot(*along))
-    along *= min(1.0, FASTEST_RESCUED / speed) if speed > 0.0 else 1.0
-    client.resetBasePositionAndOrientation(body, (position[0], position[1], position[2] + lift), orientation)
-    client.resetBaseVelocity(body, (along[0], along[1], rate), angular)
-
-
-# A tile that is being corrected: its core's reader, and the instant up to which its corrections were shown before [s].
-Correction = tuple[Any, float]
-
-
-def show_corrections(terrain: Terrain, time: float) -> list[Correction]:
-    """Blend corrections of the terrain in up to ``time`` [s]; returns the corrected tiles."""
-    moves = []
-    for mesh in terrain.tiles.values():
-        if isinstance(mesh, HeightMap) and mesh.motion.corrects:
-            if mesh.corrections.blending:
-                moves.append((mesh.core_reader, mesh.corrections.shown))
-            mesh.show(time)
-    return moves
-
-
-def move_with_corrections(
-    client: Any, corrections: list[Correction], followers: Followers, standing: BoolArray, time: float
-) -> None:
-    """Move the bodies of a PyBullet client that stand on tiles that are corrected at ``time`` [s].
-
-    A body that lay on the ground lies on it again, at the same velocity. A robot moves as a whole, by the ground under
-    the links that stand on it. ``standing`` (S,): which followers touch the ground.
-    """
-    solid = followers.solid
-    bodies = [followers[slot].body for slot in solid.tolist()]
-    uids = list(dict.fromkeys(bodies))
-    places = {uid: place for place, uid in enumerate(uids)}
-    owners = np.array([places[body] for body in bodies], np.int64)
-    poses = BulletCalls(client).poses(uids)
-    for place in CORE.move_with_corrections(
-        corrections, followers.shape_table.core, followers.states, solid, owners, standing, time, poses
-    ):
-        _put(client, uids[place], poses[place].tolist())
-
-
-def _put(client: Any, uid: int, pose: list[float]) -> None:
-    if is_fixed(client, uid):
-        return
-    linear, angular = client.getBaseVelocity(uid)
-    client.resetBasePositionAndOrientation(uid, pose[:3], pose[3:])
-    client.resetBaseVelocity(uid, linear, angular)

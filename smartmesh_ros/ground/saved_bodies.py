@@ -38,6 +38,7 @@ class SavedBodies(AttachedBodies):
         `changeDynamics`, and settings. Raises `InputError` if contacts do not come from the map, or the file cannot be
         written.
         """
+        self.terrain.require_savable()
         with self._hidden():
             data = self._state()
         if file is not None:
@@ -52,6 +53,7 @@ class SavedBodies(AttachedBodies):
         the restored ground in place. Raises `InputError` and changes nothing if the state is none, was damaged, was
         saved by another version, or has other bodies.
         """
+        self.terrain.require_savable()
         contacts, data = self._exact_contacts(), state_file.read(state)
         tree, terrain = state_file.from_bytes(
             data, KIND, TYPES, lambda tree: (tree, Terrain.from_state(tree["terrain"]))

@@ -60,7 +60,7 @@ class PatchTable:
 
 
 class ShownPatches:
-    """The patches of all followers but remote ones, whose owners show them."""
+    """The patches of all followers but remote ones, whose owners show them. Decks have none."""
 
     def __init__(self, terrain: Terrain, followers: Followers, stopwatch: Stopwatch) -> None:
         self.slots: IntArray = np.empty(0, np.int64)  # of the bodies that have a patch
@@ -73,7 +73,7 @@ class ShownPatches:
         their samples taken from a cache while neither body nor ground changed."""
         if self._layout != self._terrain.layout_revision:
             self._layout = self._terrain.layout_revision
-            self._core.set_tiles(self._terrain.readers)
+            self._core.set_tiles([mesh.core_reader for mesh in self._terrain.tiles.values()])
         followers = self._followers
         chosen = followers.table["alive"] & ~followers.table["remote"] & np.isfinite(states).all(axis=1)
         slots = np.flatnonzero(chosen)

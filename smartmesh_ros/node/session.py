@@ -265,7 +265,7 @@ class Session:
         """Return how a body that was added starts otherwise than asked, and log it; empty if it does not."""
         words, (x, y, z) = "", state.position
         ground = float("nan") if on_ground else float(self.world.ground_at([[x, y]]).z[0])
-        if not on_ground and not self.world.terrain.tiles:
+        if not on_ground and self.world.terrain.empty:
             words = f"{name!r} falls, because there is no ground before the first map"
         elif z < ground:
             words = (

@@ -19,6 +19,7 @@ from std_srvs.srv import SetBool, Trigger
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.inputs.body_inputs import BodyInputs
+from smartmesh_ros.node.inputs.deck_inputs import DeckInputs
 from smartmesh_ros.node.inputs.terrain_inputs import TerrainInputs
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.publishing import Publishing
@@ -59,7 +60,8 @@ class Collider:
         self._peers = PeerBodies(session)
         transforms = TransformInput(session)
         self._outputs = Publishing(session, self._peers, transforms)
-        self._terrain = TerrainInputs(session, self._on_terrain)
+        self._decks = DeckInputs(session, transforms)
+        self._terrain = TerrainInputs(session, self._decks, self._on_terrain)
         self._bodies = BodyInputs(session, transforms)
         self._body_services = BodyServices(session)
         GroundServices(session, transforms)
@@ -86,6 +88,7 @@ class Collider:
         with session.lock:
             with session.enduring("inputs"):
                 self._bodies.refresh()
+                self._decks.refresh()
                 self._peers.refresh()
                 session.tracking.expire(session.clock.pace())
             with session.enduring("physics"):
@@ -185,6 +188,7 @@ class Collider:
         with session.lock:
             self._terrain.forget_stamps()
             self._bodies.forget_stamps()
+            self._decks.forget_stamps()
             self._peers.forget_stamps()
             session.tracking.restart(session.clock.pace())
             session.stamp_ages.clear()
@@ -215,7 +219,7 @@ class Collider:
         with session.lock:
             self.settings = session.settings = settings
             session.world.configure(self.settings.world)
-            for mesh in session.world.terrain.tiles.values():
+            for mesh in session.world.terrain.meshes:
                 mesh.motion = self.settings.motion
             self._stand_on_soil()
             session.tracking.timeout = self.settings.body_timeout

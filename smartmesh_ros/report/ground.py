@@ -5,7 +5,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from smartmesh_ros.ground.ground import Ground, move_with_corrections, show_corrections
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.ground import Ground
+from smartmesh_ros.ground.moved_bodies import move_with_corrections, show_corrections
 from smartmesh_ros.report.chosen_patches import ChosenPatches
 from smartmesh_ros.report.config import ReportConfig, require_usable
 from smartmesh_ros.report.patch_contacts import PatchContacts
@@ -17,7 +19,8 @@ from smartmesh_ros.world.world import World
 
 
 class ReportGround(Ground):
-    """A ground of colliders of PyBullet's own, in any client. No body sleeps, no surface moves, and there is no soil.
+    """A ground of colliders of PyBullet's own, in any client. No body sleeps, no surface moves, and there are neither
+    soil nor decks.
 
     ``chosen``: the patches that the report's search and collecting chose at the last `refresh`; ``colliders``: those
     of the patches.
@@ -77,6 +80,8 @@ class ReportGround(Ground):
         super().detach(body)
 
     def _require_usable(self) -> None:
+        if self.terrain.decks:
+            raise InputError("deck", "the report's colliders know no decks; use Ground")
         for mesh in self.terrain.tiles.values():
             require_usable(self.config, mesh)
 

@@ -1,4 +1,4 @@
-"""The terrain under the bodies: one main mesh or several tiles."""
+"""The terrain under the bodies: the ground at rest of one main mesh or several tiles, and decks that ride on frames."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.corrections import FusedMap
+from smartmesh_ros.terrain.deck import Deck
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
-from smartmesh_ros.terrain.grid_track import GridTrack, RigidMotion, cells_moved
+from smartmesh_ros.terrain.grid_track import GridTrack, RigidMotion
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples, ground_heights
 from smartmesh_ros.terrain.material import Material
 from smartmesh_ros.terrain.motion import MotionConfig, next_revision
-from smartmesh_ros.terrain.scrolling import carry_material, follow_across
+from smartmesh_ros.terrain.tiles import MainMesh, Tiles
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
-MainMesh = HeightMap | TriangleMesh
+__all__ = ["MainMesh", "Terrain"]
+
 # What the saved state of a terrain is made of, by name.
 _KINDS: dict[str, type[HeightMap] | type[TriangleMesh]] = {kind.__name__: kind for kind in (HeightMap, TriangleMesh)}
 STATE_TYPES: dict[str, type] = {
@@ -26,23 +28,22 @@ STATE_TYPES: dict[str, type] = {
 }
 
 
-class Terrain:
-    """Tiles by name, each a height map or a general mesh. A single tile has the name ``""``."""
+class Terrain(Tiles):
+    """Tiles by name, each a height map or a general mesh, and ``decks`` by name, which have tiles of their own and may
+    move. A single tile has the name ``""``."""
 
     def __init__(self, single: MainMesh | None = None) -> None:
-        self.tiles: dict[str, MainMesh] = {}
-        self.numbers: dict[str, int] = {}  # of the tiles; a tile keeps its number, and no other one gets it
-        self._next_number = 0
-        self.layout_revision = next_revision()  # changes when a tile is added, removed or replaced
-        if single is not None:
-            self.put("", single)
+        self.decks: dict[str, Deck] = {}
+        super().__init__(single)
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state)
-        self.layout_revision = next_revision()  # a copy is other ground
+    def require_savable(self) -> None:
+        """Raise `InputError` if there are decks, which no saved state has."""
+        if self.decks:
+            raise InputError("deck", f"states have no decks; remove {', '.join(map(repr, self.decks))} before")
 
     def state(self) -> dict[str, Any]:
-        """Return all that the terrain goes on from, as a tree for `state_file.to_bytes`; arrays are not copied."""
+        """Return all that the terrain beside decks goes on from, as a tree for `state_file.to_bytes`; arrays are not
+        copied."""
         tiles = {name: [type(mesh).__name__, mesh.__getstate__()] for name, mesh in self.tiles.items()}
         return {"tiles": tiles, "numbers": self.numbers, "next_number": self._next_number}
 
@@ -64,7 +65,7 @@ class Terrain:
         known = dict(vars(self)), [(mesh, dict(vars(mesh))) for mesh in self.tiles.values()]
 
         def undo() -> None:
-            vars(self).update(known[0], layout_revision=next_revision())
+            vars(self).update(known[0], _layout=next_revision())
             for mesh, kept in known[1]:
                 _replace_contents(mesh, kept)
 
@@ -73,7 +74,7 @@ class Terrain:
             if type(own := self.tiles.get(name)) is type(mesh):
                 _replace_contents(own, vars(mesh))
                 tiles[name] = own
-        vars(self).update(vars(other), tiles=tiles, layout_revision=next_revision())
+        vars(self).update(vars(other), tiles=tiles, decks=self.decks, _layout=next_revision())
         return undo
 
     @classmethod
@@ -81,76 +82,85 @@ class Terrain:
         """Return ``ground`` if it is a terrain, else a terrain with that single mesh."""
         return ground if isinstance(ground, Terrain) else cls(ground)
 
-    def put(self, name: str, mesh: MainMesh) -> None:
-        """Add a tile or replace the tile of that name.
+    @property
+    def layout_revision(self) -> int:
+        """Number that changes when a tile or a deck is added, removed or replaced."""
+        return max([self._layout, *(deck.layout_revision for deck in self.decks.values())])
 
-        If a height map replaces another one, its motion or correction is estimated from both, as by
-        `HeightMap.replace`; velocities that were given with the map are kept. The ground keeps the layers of its
-        material that the new map was not given: what is new in a map are its heights.
-        """
-        if not isinstance(mesh, MainMesh):
-            raise InputError(
-                "terrain", f"the terrain is of type {type(mesh).__name__}; pass HeightMap(heights, resolution=...), "
-                "a TriangleMesh, or a Terrain of several"
-            )  # fmt: skip
-        old = self.tiles.get(name)
-        if isinstance(old, HeightMap) and isinstance(mesh, HeightMap) and old is not mesh:
-            carry_material(old, mesh)
-            if mesh.motion.corrects:
-                mesh.correct_from(old, cells_moved(old.geometry, mesh.geometry))
-            else:
-                follow_across(old, mesh)
-        self.tiles[name] = mesh
-        if name not in self.numbers:
-            self.numbers[name], self._next_number = self._next_number, self._next_number + 1
-        self.layout_revision = next_revision()
+    def put(self, name: str, mesh: MainMesh | Deck) -> None:
+        """Add a tile or a deck, or replace that of this name; see `Tiles.put`. Raises `InputError` if a tile has the
+        name of a deck."""
+        taken, kind = (self.tiles, "tile") if isinstance(mesh, Deck) else (self.decks, "deck")
+        if name in taken:
+            raise InputError("name", f"{name!r} is the name of a {kind}; remove it, or choose another name")
+        if not isinstance(mesh, Deck):
+            super().put(name, mesh)
+            return
+        self.decks[name] = mesh
+        self._layout = next_revision()
 
     def remove(self, name: str) -> None:
-        """Remove a tile; raises `InputError` if no tile has that name."""
-        self.tile(name)
-        del self.tiles[name], self.numbers[name]
-        self.layout_revision = next_revision()
+        """Remove a tile or a deck; raises `InputError` if none has that name."""
+        if name not in self.decks:
+            super().remove(name)
+            return
+        del self.decks[name]
+        self._layout = next_revision()
 
-    def tile(self, name: str) -> MainMesh:
-        """Return a tile; raises `InputError` if no tile has that name."""
-        try:
-            return self.tiles[name]
-        except KeyError:
-            known = ", ".join(repr(tile) for tile in self.tiles) or "none yet"
-            raise InputError("unknown_tile", f"there is no tile {name!r}; known: {known}") from None
+    def deck(self, name: str) -> Deck:
+        """Return a deck; raises `InputError` if none has that name."""
+        if name not in self.decks:
+            known = ", ".join(repr(deck) for deck in self.decks) or "none yet"
+            raise InputError("unknown_deck", f"there is no deck {name!r}; known: {known}")
+        return self.decks[name]
 
     def shift_time(self, by: float) -> None:
-        """Add ``by`` [s] to the times of all maps, after their clock was reset or lost time."""
-        for mesh in self.tiles.values():
-            mesh.shift_time(by)
+        """Add ``by`` [s] to the times of all maps and decks, after their clock was reset or lost time."""
+        super().shift_time(by)
+        for deck in self.decks.values():
+            deck.shift_time(by)
+
+    def moving(self, time: float) -> bool:
+        """Return True if a tile or the frame of a deck may move at ``time`` [s]."""
+        return any(it.moving(time) for it in (*self.meshes, *self.decks.values()))
+
+    @property
+    def empty(self) -> bool:
+        """True if there is no ground at all."""
+        return not self.meshes
+
+    @property
+    def meshes(self) -> list[MainMesh]:
+        """All tiles, also those of decks."""
+        return [mesh for of in (self, *self.decks.values()) for mesh in of.tiles.values()]
 
     @property
     def revision(self) -> int:
-        """Revision of the latest change."""
-        return max([self.layout_revision, *(mesh.revision for mesh in self.tiles.values())])
-
-    @property
-    def widest_cell(self) -> float:
-        """Coarsest resolution of all height maps [m], the widest gap between tiles that is bridged."""
-        return max((m.geometry.resolution for m in self.tiles.values() if isinstance(m, HeightMap)), default=0.0)
+        """Revision of the latest change of a tile, also of decks; their frames' motion does not count."""
+        return max([self.layout_revision, super().revision, *(deck.revision for deck in self.decks.values())])
 
     @property
     def readers(self) -> list[Any]:
-        """The core's readers of all tiles."""
-        return [mesh.core_reader for mesh in self.tiles.values()]
+        """The core's readers of all tiles and decks."""
+        return [*super().readers, *(deck.core_reader for deck in self.decks.values())]
+
+    def readers_for(self, body: int) -> list[Any]:
+        """The core's readers of the ground that a PyBullet ``body`` may stand on: all but the decks that it carries."""
+        return [*super().readers, *(deck.core_reader for deck in self.decks.values() if deck.body != body)]
 
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Return the highest ground under N points (N, 2) [m] at ``time`` [s], shapes (N,); NaN = no ground.
 
         A point on several height maps belongs to the first one that has ground there. Gaps of up to a cell between
-        height maps are ground, too.
+        height maps are ground, too. Decks are ground where they are highest.
         """
         return ground_heights(self.readers, xy_w, time)
 
     def friction_at(self, xy_w: FloatArray) -> FloatArray:
         """Return the coefficients of friction of the ground at points (N, 2) [m], shape (N,).
 
-        They are those of the nearest sample of the first height map that has ground there, and 1 elsewhere.
+        They are those of the nearest sample of the first height map that has ground there, and 1 elsewhere; decks do
+        not count.
         """
         found = np.full(len(xy_w), np.nan)
         unknown = np.ones(len(xy_w), np.bool_)

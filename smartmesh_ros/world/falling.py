@@ -77,7 +77,7 @@ class Falls:
         if not np.abs(places_w).max(initial=0.0) <= FARTHEST_BODY:  # also True if any value is NaN
             slots = followers.awake[~(np.abs(places_w) <= FARTHEST_BODY).all(axis=1)]
             return [], {self._name(slot): NOWHERE for slot in slots.tolist()}
-        if 0.0 <= time - self._checked < config.period or not (self._terrain.tiles and followers.awake.size):
+        if 0.0 <= time - self._checked < config.period or self._terrain.empty or not followers.awake.size:
             return [], {}
         self._checked = time
         own = np.flatnonzero(followers.table["own"] & followers.table["awake"])

@@ -211,7 +211,7 @@ class Population(Driving):
 
     def _stance(self, client: Any, body: Body, state: BodyState, align: bool) -> Parts[Stance]:
         """Find in parts how a body stands on the ground; raises `InputError` if there is none."""
-        if not self.terrain.tiles:
+        if self.terrain.empty:
             raise InputError("no_map", NO_TERRAIN)
         return stance_of(client, body, state, self.ground_at, align=align)
 

@@ -59,6 +59,7 @@ class SavedWorld(Population):
     def state_bytes(self, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state, as `save` does, and go on as before. ``extra``: what is saved with it."""
         self.ground.check_soil()
+        self.terrain.require_savable()
         soil, contacts, slots = self.ground.soil, self.ground.contacts, self._own_slots()
         return WorldState(
             snapshot=self.snapshot(),
@@ -98,6 +99,8 @@ class SavedWorld(Population):
         """
         if not isinstance(state, WorldState | Snapshot):
             state = WorldState.from_bytes(state_file.read(state))
+        if isinstance(state, WorldState):
+            self.terrain.require_savable()
         snapshot = state if isinstance(state, Snapshot) else state.snapshot
         robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
         before, drawn = dict(vars(self)), self.ground.drawn

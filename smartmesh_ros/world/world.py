@@ -19,6 +19,7 @@ from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.height_scan import HeightScan, yaws_of
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+from smartmesh_ros.world.carrying import Carrier, Carrying
 from smartmesh_ros.world.contacts import GroundContact, GroundWrench, ground_contacts, wrenches_of_step
 from smartmesh_ros.world.falling import Falls
 from smartmesh_ros.world.guests import Guests
@@ -31,7 +32,7 @@ from smartmesh_ros.world.watching import StepWatcher
 __all__ = ["World", "WorldConfig"]
 
 
-class World(SavedWorld):
+class World(SavedWorld, Carrying):
     """Bodies on a terrain, stepped at a fixed rate. Close it, or use it as a context manager.
 
     ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``guests``: remote bodies,
@@ -50,6 +51,7 @@ class World(SavedWorld):
         self.stopwatch = stopwatch or Stopwatch()
         self.watchers: list[StepWatcher] = []
         self._rescues = 0  # of the grounds before `restore`
+        self.carried: dict[str, Carrier] = {}
         self.lost: dict[str, str] = {}  # why bodies were removed, by name; readers may clear it
         self.seed = 0
         self._first: FirstTerrain | None = None
@@ -113,6 +115,8 @@ class World(SavedWorld):
     def update(self) -> None:
         """Do what the next step needs beside contacts, see `Ground.update`, and remove bodies that are lost. `step`
         does it; call it while no steps are taken."""
+        if self.carried:
+            self.bind_decks()
         self.ground.update(self.time, self.dt)
         self._drop_lost()
 

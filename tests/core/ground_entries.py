@@ -20,8 +20,19 @@ def mesh_arrays() -> Arguments:
     }  # fmt: skip
 
 
+def deck() -> Any:
+    made = CORE.Deck()
+    made.set_tiles([new_grid()])
+    made.put(0.0, pose(), None)
+    return made
+
+
+def pose() -> np.ndarray:
+    return np.array([0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8])
+
+
 def tiles() -> list[Any]:
-    return [new_grid(), CORE.Mesh(**mesh_arrays())]
+    return [new_grid(), CORE.Mesh(**mesh_arrays()), deck()]
 
 
 def floats(*shape: int) -> np.ndarray:
@@ -95,6 +106,15 @@ ENTRIES = {
         "tiles": tiles(), "poses": np.ones((COUNT, 3)), "pattern": np.ones((4, 2)), "time": 0.0,
         "heights": np.zeros((COUNT, 4)),
     }, written=("heights",), finite=("pattern", "time")),
+    "Deck.move": Entry(lambda **given: deck().move(**given), lambda: {
+        "time": 1.0, "pose": pose(), "velocity": np.ones(6),
+    }, optional=("velocity",), finite=("time", "pose", "velocity")),
+    "Deck.put": Entry(lambda **given: deck().put(**given), lambda: {
+        "time": 1.0, "pose": pose(), "velocity": np.ones(6),
+    }, optional=("velocity",), finite=("time", "pose", "velocity")),
+    "Deck.carry": Entry(lambda **given: deck().carry(**given), lambda: {
+        "body": 1, "link": -1, "place": pose(),
+    }, finite=("place",)),
     "sample_grid": Entry(CORE.sample_grid, lambda: {
         "grid": new_grid(), "indices": np.arange(COUNT), "time": 0.0, "ahead": 0.1,
         "heights": np.zeros(COUNT), "velocities": np.zeros(COUNT),

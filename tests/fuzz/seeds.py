@@ -11,7 +11,18 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification, HeightmapUpdate, TerrainMeshUpdate, TrackedBody, TrackedBodyArray
-from smartmesh_msgs.srv import CastRays, QueryGround, RemoveBodies, RemoveBody, SpawnBodies, SpawnBody, StepPhysics
+from smartmesh_msgs.srv import (
+    CastRays,
+    QueryGround,
+    RemoveBodies,
+    RemoveBody,
+    RestoreState,
+    SaveState,
+    SpawnBodies,
+    SpawnBody,
+    StartEpisode,
+    StepPhysics,
+)
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -226,6 +237,9 @@ _MAKERS: dict[str, Any] = {
     "cast_rays": _cast,
     "step": lambda rng: StepPhysics.Request(steps=int(rng.integers(1, 4))),
     "reset": lambda rng: Trigger.Request(),
+    "save_state": lambda rng: SaveState.Request(),
+    "restore_state": lambda rng: RestoreState.Request(state=bytes(rng.bytes(64))),
+    "start_episode": lambda rng: StartEpisode.Request(seed=int(rng.integers(9))),
     "reset_terrain_clock": lambda rng: Trigger.Request(),
     "pause": lambda rng: SetBool.Request(data=bool(rng.random() < 0.2)),
     "set_parameters": _settings(parameters.SetParameters),

@@ -121,10 +121,12 @@ def test_its_contact_with_the_ground_is_that_of_its_lowest_point(shape: Solid) -
     with world_of(level()) as world:
         lowest = {"Sphere": 0.3, "Box": 0.2, "Cylinder": 0.2, "Capsule": 0.4, "Hull": 0.2}[type(shape).__name__]
         world.track("it", shape, BodyState((0.5, 0.5, lowest - 0.02)))
+        world.update()
         [contact] = world.contacts()
         assert contact.depth == pytest.approx(0.02, abs=2e-3)
         assert contact.normal == pytest.approx((0.0, 0.0, 1.0), abs=1e-6)
         world.track("it", shape, BodyState((0.5, 0.5, lowest + 0.05)))
+        world.update()
         assert not world.contacts()
 
 

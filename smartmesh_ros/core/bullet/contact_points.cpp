@@ -114,7 +114,8 @@ void write_contacts(const std::vector<Contact>& contacts, const std::vector<Cont
     const Contact& contact = contacts[k];
     const ContactRow& row = rows[k];
     btManifoldPoint& point = manifold.getContactPoint(k) = point_of(contact, touching);
-    told.push_back({&point, point.m_distance1, point.m_positionWorldOnA, point.m_positionWorldOnB});
+    told.push_back({&point, point.m_distance1, point.m_positionWorldOnA, point.m_positionWorldOnB, touching.ground_is_b,
+                    contact.deck});
     point.m_positionWorldOnA += to_bullet(row.at - contact.point);
     point.m_positionWorldOnB += to_bullet(row.at - contact.point);
     point.m_combinedFriction = row.friction.sliding;

@@ -29,11 +29,13 @@ struct Touching {
   double duration, slop, anchor_time;
 };
 
-// What is true of a point, where the solver was told otherwise to do the right thing.
+// What is true of a point, where the solver was told otherwise to do the right thing. `deck`: as in Contact.
 struct TruePoint {
   btManifoldPoint* point;
   double distance;
   btVector3 on_a, on_b;
+  bool ground_is_b;
+  int deck;
 };
 
 // Puts contacts into a manifold in place of those of the last step, whose impulses go on, with what the solver has to bring

@@ -10,17 +10,24 @@ void GroundShape::processAllTriangles(btTriangleCallback* callback, const btVect
   const StepLock lock;  // a window asks at any moment what lies under the mouse
   if (world_->drawn && !world_->is_stepping()) return;
   const Bounds bounds{from_bullet(least + origin), from_bullet(most + origin)};
-  world_->guarded([&] {
+  int number = 0;
+  const auto add = [&](Surface& surface, const Pose& frame, const Bounds& inside) {
     Patch maps, meshes;
-    world_->surface.gather(bounds, world_->time, 0.0, Everything{}, maps);
-    world_->surface.gather_meshes(bounds, world_->time, 0.0, Everything{}, meshes);
-    int number = 0;
+    surface.gather(inside, world_->time, 0.0, Everything{}, maps);
+    surface.gather_meshes(inside, world_->time, 0.0, Everything{}, meshes);
     for (const Patch* patch : {&maps, &meshes}) {
       for (const Facet& facet : patch->facets) {
         btVector3 corners[3];
-        for (int j = 0; j < 3; ++j) corners[j] = to_bullet(patch->points[facet.corner[j]]) - origin;
+        for (int j = 0; j < 3; ++j) corners[j] = to_bullet(frame.to_world(patch->points[facet.corner[j]])) - origin;
         callback->processTriangle(corners, 0, number++);
       }
+    }
+  };
+  world_->guarded([&] {
+    add(world_->surface, {}, bounds);
+    for (Deck* deck : world_->surface.decks()) {
+      const Pose frame = deck->motion.at(world_->time).pose;
+      add(deck->surface, frame, Deck::local_bounds(frame, bounds));
     }
   });
 }

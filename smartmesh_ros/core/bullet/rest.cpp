@@ -8,14 +8,6 @@
 #include <BulletDynamics/Featherstone/btMultiBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyJointMotor.h>
 
-// Bullet's own library, which defines these, exports nothing.
-void btMultiBody::wakeUp() {
-  m_sleepTimer = 0;
-  m_awake = true;
-}
-void btMultiBody::goToSleep() { m_awake = false; }
-bool btMultiBody::isBaseKinematic() const { return getBaseCollider() != nullptr && getBaseCollider()->isKinematicObject(); }
-
 namespace smartmesh {
 
 namespace {

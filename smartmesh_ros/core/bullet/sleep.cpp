@@ -74,7 +74,7 @@ void BulletWorld::note_rest() {
     }
     OfBody& body = bodies_[slot.body];
     if (may_sleep) slot.rest.note(from_bullet(slot.object->getWorldTransform()), rules_.distance, duration);
-    if (body.driven || slot.belt.speed != 0.0) slot.rest.still = 0.0;
+    if (body.driven || slot.belt.speed != 0.0 || is_on_carrier(slot)) slot.rest.still = 0.0;
     body.still = std::min(body.still, slot.rest.still);
   }
 }

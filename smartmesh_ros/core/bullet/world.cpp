@@ -178,6 +178,7 @@ void BulletWorld::find_objects() {
   if (objects_known_ == world_->getNumCollisionObjects()) return;
   objects_known_ = world_->getNumCollisionObjects();
   others_listed_ = false;
+  carried_layout_ = -1;
   for (Slot& slot : slots_) slot.object = nullptr, slot.ground = nullptr;
   auto& objects = world_->getCollisionObjectArray();
   for (int k = 0; k < objects.size(); ++k) {

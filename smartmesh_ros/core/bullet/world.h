@@ -13,6 +13,7 @@
 #include "bounds_hook.h"
 #include "contact_points.h"
 #include "contact_search.h"
+#include "deck_contacts.h"
 #include "ground_algorithm.h"
 #include "ground_shape.h"
 #include "rest.h"
@@ -56,6 +57,7 @@ struct Slot {
   std::unique_ptr<GroundShape> shape;
   Vec3 linear, angular;    // of the body [m/s], [rad/s]
   NearbyGround near;       // in this step
+  std::vector<NearbyDeck> decks;  // likewise
   Vec3 pull;               // what gravity and applied forces added to a rigid body's velocity in the last step [m/s]
   Vec3 turning;            // of the ground at a contact that has friction against turning, in the last step [rad/s]
   Belt belt;
@@ -208,6 +210,14 @@ class BulletWorld {
   void read_velocity(Slot& slot) const;
   void place_proxies();
   void place(Slot& slot);
+  void find_carriers();
+  void move_carried();
+  double find_decks(Slot& slot, const Bounds& swept);
+  void find_deck_contacts(const Slot& slot, const Convex& shape, const Pose& pose, double step);
+  void let_decks_yield();
+  void react();
+  // Returns true if a body is near a deck that a body carries which physics moves.
+  bool is_on_carrier(const Slot& slot) const;
   void press_soil();
   // Returns the axis that the surface of a body runs about, as long as its speed [m/s].
   Vec3 belt_of(const Slot& slot) const;
@@ -251,11 +261,21 @@ class BulletWorld {
   std::vector<Slot> slots_;
   std::vector<OfBody> bodies_;  // by PyBullet's numbers
   std::unordered_map<const btCollisionShape*, int> slot_of_ground_;
-  std::vector<Contact> contacts_;
+  std::vector<Contact> contacts_, on_decks_;
   std::vector<OldContact> before_;
   std::vector<ContactRow> rows_;
   std::vector<TruePoint> told_;  // in this step
   ContactSearch search_;
+  DeckSearch deck_search_;
+
+  // What carries a deck; null = nothing. `start`: of its centre of mass in this step. `last`, `change`: its change in the last
+  // step [m/s^2], and as far as it agrees with the step before.
+  struct Carried {
+    btCollisionObject* object = nullptr;
+    FrameVelocity start, last, change;
+  };
+  std::vector<Carried> carried_;  // by the decks' numbers, as of a layout of the surface
+  long carried_layout_ = -1;
 
   // Something that attached bodies may rest on, and that is not attached or does not move by physics.
   struct Beside {

@@ -47,6 +47,7 @@ void BulletWorld::before_query() {
 
 void BulletWorld::place_proxies() {
   find_objects();
+  if (!surface.decks().empty()) move_carried();
   wake_disturbed();
   list_slots();
   for (int k : awake_)
@@ -60,6 +61,7 @@ void BulletWorld::after_step() {
   time += duration;
   surface.note_shown(time);
   press_soil();
+  if (!surface.decks().empty()) react();
   for (const TruePoint& point : told_) restore(point);
   told_.clear();
   note_rest();
@@ -117,9 +119,11 @@ void BulletWorld::place(Slot& slot) {
   const double grown = margin_in(duration) + turn * size;
   const Bounds swept = Bounds{from_bullet(low), from_bullet(high)}.grown(grown);
   const NearbyGround& near = slot.near = surface.near(swept, time, duration);
-  const double moved = (norm(near.velocity) + near.spread) * duration;
+  double moved = (norm(near.velocity) + near.spread) * duration;
+  const double by_decks = surface.decks().empty() ? -1.0 : find_decks(slot, swept);
+  moved = std::max(moved, by_decks);
   low = to_bullet(swept.grown(moved).low), high = to_bullet(swept.grown(moved).high);
-  if (near.highest < low.z()) high = low -= btVector3(0, 0, APART);  // so that they are no pair
+  if (near.highest < low.z() && by_decks < 0.0) high = low -= btVector3(0, 0, APART);  // so that they are no pair
   // Bullet itself renews the bounds of awake objects only.
   world_->getBroadphase()->setAabb(ground.getBroadphaseHandle(), low, high, world_->getDispatcher());
   if (low == high) return;
@@ -168,15 +172,21 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   const auto* rigid = btRigidBody::upcast(slot.object);
   const Vec3 pull = rigid != nullptr ? from_bullet(rigid->getTotalForce() * (rigid->getInvMass() * step))
                                      : from_bullet(world_->getGravity() * step);
-  if (soil != nullptr && soil->is_under(pose.at, time)) {
-    soil->touch(*shape, pose, on_soil(slot, step), before_, slot.on_soil[part_number(slot, *body.getCollisionShape())], contacts_, rows_);
+  on_decks_.clear();
+  if (!slot.decks.empty()) find_deck_contacts(slot, *shape, pose, step);
+  if (on_decks_.empty() && soil != nullptr && soil->is_under(pose.at, time)) {
+    SoilPart& part = slot.on_soil[part_number(slot, *body.getCollisionShape())];
+    soil->touch(*shape, pose, on_soil(slot, step), before_, part, contacts_, rows_);
   } else {
     search_.run(*shape, pose, surface, time, approach, contacts_);
+    contacts_.insert(contacts_.end(), on_decks_.begin(), on_decks_.end());
     choose_contacts(*shape, pose, approach, before_, contacts_);
+    if (!on_decks_.empty()) let_decks_yield();
     const bool has_material = surface.has_material();
     if (has_material) {
       const SurfaceReader ground_now = surface.reader(time, INSTANT);
-      for (Contact& contact : contacts_) contact.material = ground_now.tiles.material(contact.point.x, contact.point.y);
+      for (Contact& contact : contacts_)
+        if (contact.deck < 0) contact.material = ground_now.tiles.material(contact.point.x, contact.point.y);
     }
     BodySurface own;
     read_surface(*slot.object, *slot.ground, own);

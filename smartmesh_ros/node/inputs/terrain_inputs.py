@@ -23,6 +23,7 @@ from smartmesh_ros.node.inputs.cdr_reader import (
     mesh_update_from,
     region_from,
 )
+from smartmesh_ros.node.inputs.deck_inputs import DeckInputs, Target
 from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.optional_messages import find_message, require_message
 from smartmesh_ros.node.inputs.rivals import RivalMaps
@@ -31,7 +32,7 @@ from smartmesh_ros.node.session import Session, require_name
 from smartmesh_ros.node.timing.stamps import Placed, StampClock, stamp_seconds
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.material import Material
-from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 # Frame of the terrain if the first map names none.
@@ -43,10 +44,10 @@ MOST_TILES = 1000
 
 
 class TerrainInputs:
-    """Applies terrain messages to the world's terrain. Calls ``on_terrain`` after each."""
+    """Applies terrain messages to the world's terrain and its ``decks``. Calls ``on_terrain`` after each."""
 
-    def __init__(self, session: Session, on_terrain: Callable[[], None]) -> None:
-        self._session = session
+    def __init__(self, session: Session, decks: DeckInputs, on_terrain: Callable[[], None]) -> None:
+        self._session, self._decks = session, decks
         self._terrain = session.world.terrain
         self._on_terrain = on_terrain
         self._clocks: dict[str, StampClock] = {}
@@ -76,16 +77,16 @@ class TerrainInputs:
 
     def _on_map(self, data: bytes) -> None:
         new = map_from(data, self._session.settings.max_samples)
-        tile = new.start.tile
+        target = self._target(new.start)
         if self._overtaken("heightmap", new.start):
             return
         with self._ingesting(new.start) as placed:
             raster = new.raster
             if raster is None:
-                self._terrain.remove(tile)
-                self._checks.forget(tile)
+                target.tiles.remove(target.tile)
+                self._checks.forget(target.name)
             else:
-                self._take_map(tile, raster, new.velocities, placed)
+                self._take_map(target, raster, new.velocities, placed)
 
     def _on_raster(self, convert: Callable[..., Any], message: Any) -> None:
         settings, start = self._session.settings, _start_of(message.header)
@@ -93,16 +94,17 @@ class TerrainInputs:
             return
         with self._ingesting(start) as placed:
             raster = convert(message, settings.raster, settings.max_samples)
-            self._take_map("", raster, None, placed)
+            self._take_map(self._target(start), raster, None, placed)
 
-    def _take_map(self, tile: str, raster: Raster, velocities: FloatGrid | None, placed: Placed) -> None:
-        """Checks a whole map and puts it into the terrain."""
+    def _take_map(self, target: Target, raster: Raster, velocities: FloatGrid | None, placed: Placed) -> None:
+        """Checks a whole map and puts it into the terrain, or a deck of it."""
+        tile = target.name
         if any(topic.get_publisher_count() > 1 for topic in self._session.terrain_subscriptions):
             self._rivals.take(tile, raster.geometry, raster.heights)
         elif self._session.rival_maps:
             self._rivals.clear()
-        take_map(self._terrain, self._session.settings, tile, raster, velocities, placed.time)
-        taken = self._terrain.tiles[tile]
+        take_map(self._terrain, self._session.settings, target, raster, velocities, placed.time)
+        taken = target.tiles.tiles[target.tile]
         if isinstance(taken, HeightMap):
             self._checks.note_holes(tile, taken)
             self._checks.take(tile, taken, placed.source_time, given=velocities is not None)
@@ -117,7 +119,8 @@ class TerrainInputs:
 
     def _take_region(self, new: RegionInput) -> None:
         with self._ingesting(new.start, update=True) as placed:
-            tile = self._terrain.tile(new.start.tile)
+            target = self._target(new.start)
+            tile = target.tiles.tile(target.tile)
             if not isinstance(tile, HeightMap):
                 raise InputError(
                     "unknown_tile", f"tile {new.start.tile!r} is a general mesh; use ~/terrain_mesh_update"
@@ -141,35 +144,41 @@ class TerrainInputs:
         """Loads the terrain of a file, at the start."""
         settings = self._session.settings
         raster = files.load(path, settings.raster, settings.max_samples)
-        with self._ingesting(Stamped(0, 0, settings.frame_id, "")) as placed:
-            self._take_map("", raster, None, placed)
+        start = Stamped(0, 0, settings.frame_id, "")
+        with self._ingesting(start) as placed:
+            self._take_map(self._target(start), raster, None, placed)
 
     def _on_mesh(self, data: bytes) -> None:
         settings = self._session.settings
         new = mesh_from(data, settings.max_samples)
         with self._ingesting(new.start) as placed:
+            target = self._target(new.start)
             if not len(new.vertices) and not len(new.triangles):
-                self._terrain.remove(new.start.tile)
+                target.tiles.remove(target.tile)
                 return
-            require_tile_fits(new.start.tile, len(new.vertices), self._terrain, settings)
+            require_tile_fits(target, len(new.vertices), self._terrain, settings)
             mesh = TriangleMesh(
                 new.vertices, new.triangles, time=placed.time, velocities=new.velocities, motion=settings.motion
             )
-            self._terrain.put(new.start.tile, mesh)
+            target.tiles.put(target.tile, mesh)
 
     def _on_mesh_update(self, data: bytes) -> None:
         settings = self._session.settings
         new = mesh_update_from(data, settings.max_samples)
         with self._ingesting(new.start, update=True) as placed:
-            mesh = self._terrain.tile(new.start.tile)
+            target = self._target(new.start)
+            mesh = target.tiles.tile(target.tile)
             if not isinstance(mesh, TriangleMesh):
                 raise InputError("unknown_tile", f"tile {new.start.tile!r} is a height map; use ~/heightmap_update")
             time = max(placed.time, mesh.time)
             mesh.move(new.vertices, time=time, indices=new.indices, velocities=new.velocities)
 
+    def _target(self, start: Stamped) -> Target:
+        return self._decks.target(start.tile, start.frame_id)
+
     def _overtaken(self, topic: str, start: Stamped) -> bool:
         """Return True, and count the map, if a newer map arrived just before it; such a map is skipped."""
-        session, clock = self._session, self._clocks.get(start.tile)
+        session, clock = self._session, self._clocks.get(self._target(start).name)
         stamp, longest = stamp_seconds(start), session.settings.motion.max_interval
         late = clock is not None and clock.is_overtaken(stamp, session.clock_now(), longest)
         session.overtaken[topic] += late
@@ -179,13 +188,18 @@ class TerrainInputs:
     def _ingesting(self, start: Stamped, *, update: bool = False) -> Iterator[Placed]:
         """Checks the fields common to all terrain messages and yields the stamp in simulated time; records the message
         as accepted unless the block raises `InputError`."""
-        session, tile, stamp = self._session, start.tile, stamp_seconds(start)
+        session, target, stamp = self._session, self._target(start), stamp_seconds(start)
+        tile = target.name
         with session.world.stopwatch.stage("ingest"):
-            if update and not self._terrain.tiles:
+            if update and not target.tiles.tiles:
                 raise InputError("no_map", "an update came before any map; publish the whole map first")
             if update:
-                self._terrain.tile(tile)
-            session.require_frame(start.frame_id)
+                target.tiles.tile(target.tile)
+            if not target.frame:
+                session.require_frame(start.frame_id)
+            elif start.frame_id not in ("", target.frame):
+                words = f"frame {start.frame_id!r} is not that of the deck, {target.frame!r}"
+                raise InputError("frame", f"{words}; maps of a deck are in its own frame")
             require_name(tile)
             clock = self._clocks.get(tile) or StampClock()
             longest = session.settings.motion.max_interval
@@ -195,7 +209,7 @@ class TerrainInputs:
             # Else the motion of the source during a stall of the loop would count as fast motion of the ground, and so
             # would a jump of its clock.
             lost = longest if placed.fresh else placed.lost
-            if (known := self._terrain.tiles.get(tile)) is not None and lost:
+            if (known := target.tiles.tiles.get(target.tile)) is not None and lost:
                 # What is blended in must not move into the future; it has no velocity.
                 known.shift_time(-max(lost, 0.0) if known.motion.corrects else -lost)
             yield placed
@@ -203,9 +217,10 @@ class TerrainInputs:
             clock.accept(placed)
             self._clocks[tile] = clock
             session.stamp_ages[f"tile {tile!r}" if tile else "terrain"] = clock.age
-            if tile in self._terrain.tiles:
-                self._terrain.tiles[tile].delay = clock.delay
-            session.frame_id = session.frame_id or start.frame_id or DEFAULT_FRAME
+            if target.tile in target.tiles.tiles:
+                target.tiles.tiles[target.tile].delay = clock.delay
+            if not target.frame:
+                session.frame_id = session.frame_id or start.frame_id or DEFAULT_FRAME
             session.last_map_time = session.clock.steady()
             session.maps += 1
             session.map_warning = self._checks.warning
@@ -217,9 +232,10 @@ def _start_of(header: Any) -> Stamped:
     return Stamped(header.stamp.sec, header.stamp.nanosec, header.frame_id, "")
 
 
-def require_tile_fits(name: str, samples: int, terrain: Terrain, settings: Settings) -> None:
+def require_tile_fits(target: Target, samples: int, terrain: Terrain, settings: Settings) -> None:
     """Raises `InputError` if the terrain with this tile would have too many tiles, or too many samples in all tiles."""
-    others = [mesh for tile, mesh in terrain.tiles.items() if tile != name]
+    replaced: MainMesh | None = target.tiles.tiles.get(target.tile)
+    others = [mesh for mesh in terrain.meshes if mesh is not replaced]
     if len(others) >= MOST_TILES:
         raise InputError("size", f"{len(others) + 1} tiles are more than {MOST_TILES}; remove some, or join them")
     total = samples + sum(mesh.size for mesh in others)
@@ -236,9 +252,9 @@ def require_soils(material: Material, settings: Settings) -> None:
 
 
 def take_map(
-    terrain: Terrain, settings: Settings, tile: str, raster: Raster, velocities: FloatGrid | None, time: float
+    terrain: Terrain, settings: Settings, target: Target, raster: Raster, velocities: FloatGrid | None, time: float
 ) -> None:
-    """Puts a map of ``time`` [s] into the terrain.
+    """Puts a map of ``time`` [s] into the terrain, or a deck of it.
 
     A map on the same grid replaces the heights of the last one, unless it is older, by its source's clock. If the grid
     moved, samples that both grids share keep their velocities. The ground keeps the layers of its material that the
@@ -246,13 +262,13 @@ def take_map(
     """
     geometry, heights, variances, material = raster
     require_soils(material, settings)
-    known = terrain.tiles.get(tile)
+    known = target.tiles.tiles.get(target.tile)
     if isinstance(known, HeightMap) and known.geometry == geometry and time >= known.time:
         known.replace(heights, time=time, velocities=velocities, variance=variances, material=material)
         return
-    require_tile_fits(tile, geometry.size, terrain, settings)
+    require_tile_fits(target, geometry.size, terrain, settings)
     new = HeightMap(
         heights, geometry=geometry, time=time, velocities=velocities, variance=variances, material=material,
         motion=settings.motion,
     )  # fmt: skip
-    terrain.put(tile, new)
+    target.tiles.put(target.tile, new)

@@ -139,7 +139,7 @@ class SceneMarkers:
             return
         self._due = now + view.period
         window = window_around(poses, world.terrain, view)
-        moving = any(tile.moving(world.time) for tile in world.terrain.tiles.values())
+        moving = world.terrain.moving(world.time)
         patches_w = world.patches().table().points_w
         seen = (window, world.terrain.revision, header.frame_id, patches_w.tobytes())
         if window is None or (seen == self._last and not moving and not again):

@@ -21,15 +21,11 @@ RATES = (0.01, 1000.0)
 
 
 class Entry(Protocol):
-    """Something of a body, with a topic."""
-
-    @property
-    def body(self) -> str:
-        """Name of a body that is or will be there."""
+    """An entry of a list in which each has a topic of its own."""
 
     @property
     def topic(self) -> str:
-        """The private topic on which it is published."""
+        """The private topic on which it is published, or the name of what it is about."""
 
 
 EntryT = TypeVar("EntryT", bound=Entry)
@@ -119,7 +115,7 @@ def scan_entries(texts: Sequence[str]) -> tuple[ScanEntry, ...]:
         changes = {"seed": place} | {name: found[name] for name in _names_of(HeightScan) if name in found}
         return ScanEntry(_body(found), HeightScan.of(str(found.get("layout", "isaac_lab")), **changes), _rate(found))
 
-    return _entries("height_scans", texts, ("layout", "rate", *_names_of(HeightScan)), entry)
+    return entries_of("height_scans", texts, ("layout", "rate", *_names_of(HeightScan)), entry)
 
 
 def imu_entries(texts: Sequence[str]) -> tuple[ImuEntry, ...]:
@@ -133,7 +129,7 @@ def imu_entries(texts: Sequence[str]) -> tuple[ImuEntry, ...]:
         changes = {"seed": place} | {name: found[name] for name in _names_of(ImuConfig) if name in found}
         return ImuEntry(_body(found), _text(found, "link", ""), ImuConfig(**changes))
 
-    return _entries("imus", texts, ("link", *_names_of(ImuConfig)), entry)
+    return entries_of("imus", texts, ("link", *_names_of(ImuConfig)), entry)
 
 
 def base_entries(texts: Sequence[str]) -> tuple[BaseEntry, ...]:
@@ -151,7 +147,7 @@ def base_entries(texts: Sequence[str]) -> tuple[BaseEntry, ...]:
             raise InputError("parameter", "publish_tf must be true or false, and odom_frame a text, not empty")
         return BaseEntry(_body(found), config, _rate(found), frame, publish_tf)
 
-    entries = _entries("bases", texts, ("rate", "odom_frame", "publish_tf", *_names_of(BaseConfig)), entry)
+    entries = entries_of("bases", texts, ("rate", "odom_frame", "publish_tf", *_names_of(BaseConfig)), entry)
     frames = [entry.odom_frame for entry in entries if entry.publish_tf]
     if len({*frames}) < len(frames):
         raise InputError("parameter", "bases has two entries with publish_tf in one frame; give each an odom_frame")
@@ -177,29 +173,31 @@ def shape_entries(texts: Sequence[str]) -> tuple[ShapeEntry, ...]:
             raise InputError("parameter", "size must be a list of numbers in metres, such as [0.2]")
         return ShapeEntry(_body(found), shape_from(SHAPES_BY_NAME[name], size))
 
-    return _entries("bodies.shapes", texts, ("shape", "size", "urdf"), entry)
+    return entries_of("bodies.shapes", texts, ("shape", "size", "urdf"), entry)
 
 
-def _entries(
-    parameter: str, texts: Sequence[str], keys: Iterable[str], make: Callable[[dict[str, Any], int], EntryT]
+def entries_of(
+    parameter: str,
+    texts: Sequence[str],
+    keys: Iterable[str],
+    make: Callable[[dict[str, Any], int], EntryT],
+    owner: str = "body",
 ) -> tuple[EntryT, ...]:
-    """Return the entry that ``make`` makes of each text and its place, a mapping with ``body`` and any of ``keys``."""
+    """Return the entry that ``make`` makes of each text and its place, a mapping with ``owner`` and any of ``keys``."""
     entries: dict[str, EntryT] = {}
     for place, text in enumerate(texts):
         try:
             found = yaml.safe_load(text)
-            if not isinstance(found, dict) or not {"body"} <= found.keys() <= {"body", *keys}:
-                raise InputError("parameter", f"it must be a mapping with body and any of {[*keys]}")
+            if not isinstance(found, dict) or not {owner} <= found.keys() <= {owner, *keys}:
+                raise InputError("parameter", f"it must be a mapping with {owner} and any of {[*keys]}")
             entry = make(found, place)
         except InputError as error:
             raise InputError("parameter", f"{parameter} has entry {text!r}: {error}") from None
         except (yaml.YAMLError, ValueError) as error:  # ValueError: of a date that is none
             raise InputError("parameter", f"{parameter} has entry {text!r}, which is no YAML: {error}") from None
         if entries.setdefault(entry.topic, entry) is not entry:
-            raise InputError(
-                "parameter",
-                f"{parameter} has two entries for {entry.topic}, one of body {entry.body!r}; keep one of them",
-            )
+            which = f"{entry.topic}, one of {owner} {str(found[owner])!r}"
+            raise InputError("parameter", f"{parameter} has two entries for {which}; keep one of them")
     return tuple(entries.values())
 
 

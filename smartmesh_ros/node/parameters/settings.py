@@ -1,7 +1,7 @@
 """The settings of ``terrain_collider``, as its parameters give them. The core's configs hold the core's defaults.
 
 Some parameters are lists of entries that name something: tracked bodies with their topics or frames, peer nodes, and
-what `entries` parses.
+what `entries` and `deck_entries` parse.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from rclpy.validate_topic_name import validate_topic_name
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
+from smartmesh_ros.node.parameters.deck_entries import DeckEntry
 from smartmesh_ros.node.parameters.entries import BaseEntry, ImuEntry, ScanEntry, ShapeEntry
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
@@ -172,6 +173,7 @@ class Settings:
     height_scans: tuple[ScanEntry, ...] = ()
     imus: tuple[ImuEntry, ...] = ()
     bases: tuple[BaseEntry, ...] = ()
+    decks: tuple[DeckEntry, ...] = ()
     incremental: bool = False
     marker_namespace: str = "patches"
     robot_prefix: bool = False

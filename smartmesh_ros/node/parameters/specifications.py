@@ -18,6 +18,7 @@ from smartmesh_ros.ground.limits import FARTHEST_BODY
 from smartmesh_ros.io.urdf import UrdfRules
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.parameters import declaring
+from smartmesh_ros.node.parameters.deck_entries import deck_entries
 from smartmesh_ros.node.parameters.declaring import Spec
 from smartmesh_ros.node.parameters.entries import base_entries, imu_entries, scan_entries, shape_entries
 from smartmesh_ros.node.parameters.helping import files_of, mismatch
@@ -171,6 +172,8 @@ SPECS = (
         "imu_link, rate: 100}; see docs/driving.md."),
     _fixed("bases", "Bases that drive by ~/cmd_vel/<body>, each a YAML mapping such as {body: robot, wheels: [left, "
         "right]}; see docs/driving.md."),
+    _fixed("decks", "Ground that rides on a TF frame, an odometry topic or a body, each a YAML mapping such as {deck: "
+        "ferry, frame: ferry/deck, thickness: 0.5}; its maps come with its name as tile; see docs/decks.md."),
     _fixed("frame_id", "Frame of the terrain; empty = the frame of the first map."),
     _fixed("executor", "The rclpy executor that waits for messages."),
 )  # fmt: skip
@@ -223,6 +226,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         ("height_scans", scan_entries),
         ("imus", imu_entries),
         ("bases", base_entries),
+        ("decks", deck_entries),
         ("bodies.shapes", shape_entries),
     ):
         v[name] = parse(v[name])

@@ -87,7 +87,7 @@ def asked_frame(session: Session, transforms: TransformInput, header: Any) -> As
     paused, before the first map, for an unknown frame, and for a stamp far from now."""
     if session.paused:
         raise InputError("paused", "the physics is paused, and its time with it; call ~/pause with data: false first")
-    if not session.world.terrain.tiles:
+    if session.world.terrain.empty:
         raise InputError("no_map", NO_TERRAIN)
     stamp = stamp_seconds(header.stamp)
     if stamp is None:

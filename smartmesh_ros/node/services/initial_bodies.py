@@ -176,7 +176,7 @@ class InitialBodies:
         if entry.urdf and entry.robot is None:
             entry = replace(entry, robot=prepare_robot(with_package_paths(entry.urdf)))
         waiting = not spawn(self._session.world, entry)
-        if not waiting and entry.xyz is not None and self._session.world.terrain.tiles:
+        if not waiting and entry.xyz is not None and not self._session.world.terrain.empty:
             self._session.start_of(entry.name, BodyState(entry.xyz))
         self._entries[entry.name] = entry
         self._waiting = [name for name in self._waiting if name != entry.name]

@@ -1,0 +1,79 @@
+#include "carrier.h"
+
+#include <cmath>
+
+#include <BulletDynamics/Dynamics/btRigidBody.h>
+#include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
+#include <LinearMath/btTransformUtil.h>
+
+#include "link_motion.h"
+
+namespace smartmesh {
+
+namespace {
+
+// How the base and the joints of a robot answer a unit impulse at a point of a link.
+struct Answer {
+  btAlignedObjectArray<btScalar> jacobian, change;
+
+  Answer(btMultiBody& robot, int link, const btVector3& point, const btVector3& along) {
+    btAlignedObjectArray<btScalar> scratch;
+    btAlignedObjectArray<btVector3> vectors;
+    btAlignedObjectArray<btMatrix3x3> matrices;
+    const int size = robot.getNumDofs() + 6;
+    jacobian.resize(size, 0.0), change.resize(size, 0.0);
+    robot.fillConstraintJacobianMultiDof(link, point, btVector3(0, 0, 0), along, &jacobian[0], scratch, vectors, matrices);
+    robot.calcAccelerationDeltasMultiDof(&jacobian[0], &change[0], scratch, vectors);
+  }
+
+  double yield() const {
+    double sum = 0.0;
+    for (int k = 0; k < jacobian.size(); ++k) sum += jacobian[k] * change[k];
+    return sum > 0.0 && std::isfinite(sum) ? sum : 0.0;  // before its first step Bullet does not know a robot's inertia
+  }
+};
+
+}  // namespace
+
+FrameVelocity velocity_of(const btCollisionObject& object) {
+  if (const auto* collider = btMultiBodyLinkCollider::upcast(&object)) {
+    const LinkVelocity velocity = link_velocity(*collider->m_multiBody, collider->m_link);
+    return {velocity.linear, velocity.angular};
+  }
+  const auto* body = btRigidBody::upcast(&object);
+  if (body == nullptr) return {};
+  return {from_bullet(body->getLinearVelocity()), from_bullet(body->getAngularVelocity())};
+}
+
+double yield_of(const btCollisionObject& object, const Vec3& point, const Vec3& along) {
+  if (object.isStaticOrKinematicObject()) return 0.0;
+  if (const auto* collider = btMultiBodyLinkCollider::upcast(&object))
+    return Answer(*collider->m_multiBody, collider->m_link, to_bullet(point), to_bullet(along)).yield();
+  return btRigidBody::upcast(&object)->computeImpulseDenominator(to_bullet(point), to_bullet(along));
+}
+
+void push(btCollisionObject& object, const Vec3& point, const Vec3& impulse, double duration) {
+  const double size = norm(impulse);
+  if (!(size > 0.0)) return;
+  if (auto* collider = btMultiBodyLinkCollider::upcast(&object)) {
+    btMultiBody& robot = *collider->m_multiBody;
+    Answer answer(robot, collider->m_link, to_bullet(point), to_bullet(unit(impulse)));
+    if (!(answer.yield() > 0.0)) return;
+    robot.applyDeltaVeeMultiDof(&answer.change[0], size);
+    robot.stepPositionsMultiDof(duration * size, nullptr, &answer.change[0]);
+    btAlignedObjectArray<btQuaternion> turns;
+    btAlignedObjectArray<btVector3> origins;
+    robot.forwardKinematics(turns, origins);
+    robot.updateCollisionObjectWorldTransforms(turns, origins);
+    return;
+  }
+  btRigidBody& body = *btRigidBody::upcast(&object);
+  const btVector3 linear = body.getLinearVelocity(), angular = body.getAngularVelocity();
+  body.applyImpulse(to_bullet(impulse), to_bullet(point) - body.getWorldTransform().getOrigin());
+  btTransform moved;
+  btTransformUtil::integrateTransform(body.getWorldTransform(), body.getLinearVelocity() - linear,
+                                      body.getAngularVelocity() - angular, duration, moved);
+  body.setCenterOfMassTransform(moved);
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,135 @@
+"""Decks, which ride on TF frames, odometry topics or bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from nav_msgs.msg import Odometry
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.quaternions import rotate
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.node.inputs import conversions
+from smartmesh_ros.node.inputs.body_inputs import BEST_EFFORT, PERIOD
+from smartmesh_ros.node.inputs.frames import Transform
+from smartmesh_ros.node.inputs.transform_input import TransformInput
+from smartmesh_ros.node.parameters.deck_entries import DeckEntry
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.timing.stamps import StampClock, stamp_seconds
+from smartmesh_ros.terrain.deck import Deck
+from smartmesh_ros.terrain.tiles import Tiles
+from smartmesh_ros.world.carrying import Carrier
+
+SOURCE = "decks"
+
+
+class Target(NamedTuple):
+    """Where a terrain message belongs: to a ``tile`` of the terrain, or of a deck, by the ``name`` of all, and the
+    ``frame`` that its header may have, "" = the terrain's."""
+
+    tiles: Tiles
+    tile: str
+    name: str
+    frame: str = ""
+
+
+class DeckInputs:
+    """Moves the decks of the parameter ``decks``. A deck is ground from its first pose on, or once its body is
+    there. ``decks``: by name."""
+
+    def __init__(self, session: Session, transforms: TransformInput) -> None:
+        self._session, self._transforms = session, transforms
+        self._entries = {entry.deck: entry for entry in session.settings.decks}
+        self.decks: Mapping[str, Deck] = {
+            name: Deck(thickness=entry.thickness) for name, entry in self._entries.items()
+        }
+        self._clocks: dict[str, StampClock] = {}
+        self._stamps: dict[str, float] = {}  # of the last transform of each deck that follows a frame
+        self._version, self._due = -1, 0.0  # as of `BodyInputs`
+        for name, entry in self._entries.items():
+            if entry.source == "frame":
+                transforms.listen(SOURCE)
+            elif entry.source == "odometry":
+                session.listen(Odometry, entry.name, partial(self._on_odometry, name), BEST_EFFORT, private=False)
+            else:
+                session.world.carry(name, Carrier(entry.name, entry.link, entry.at, entry.orientation))
+
+    def target(self, tile: str, frame_id: str) -> Target:
+        """Return where a terrain message belongs: to the deck that its tile names, alone or before a slash, or whose
+        frame it is in; else to the terrain."""
+        name, _, inner = tile.partition("/")
+        for deck, entry in self._entries.items():
+            if deck == name:
+                return Target(self.decks[deck], inner, tile, entry.frame)
+            if frame_id and frame_id == entry.frame:
+                return Target(self.decks[deck], tile, f"{deck}/{tile}", entry.frame)
+        return Target(self._session.world.terrain, tile, tile)
+
+    def refresh(self) -> None:
+        """Moves decks to their frames if a transform arrived or `PERIOD` has passed, and puts those into the terrain
+        whose bodies are there."""
+        if not self._entries:
+            return
+        session, buffer = self._session, self._transforms.buffer
+        for name, entry in self._entries.items():
+            if entry.source == "body" and entry.name in session.world.bodies:
+                self._enter(name)
+        now = session.clock.pace()
+        overdue = now >= self._due
+        if not session.frame_id or (buffer.version == self._version and not overdue):
+            return
+        self._version, self._due = buffer.version, now + PERIOD if overdue else self._due
+        for name, entry in self._entries.items():
+            if entry.source != "frame":
+                continue
+            try:
+                self._follow(name, entry)
+            except InputError as error:
+                if overdue:
+                    session.refusals.add(SOURCE, error)
+
+    def forget_stamps(self) -> None:
+        """Accepts any stamps from now on, after a reset."""
+        self._clocks.clear()
+        self._stamps.clear()
+        self._due = 0.0
+
+    def _follow(self, name: str, entry: DeckEntry) -> None:
+        pose, stamp = self._transforms.buffer.lookup(self._session.frame_id, entry.name)
+        if stamp is None or stamp != self._stamps.get(name):
+            self._move(name, BodyState(*pose), stamp, stated=False)
+        if stamp is not None:
+            self._stamps[name] = stamp
+
+    def _on_odometry(self, name: str, message: Odometry) -> None:
+        stamp = stamp_seconds(message.header.stamp)
+        transform = self._transforms.to_terrain(message.header.frame_id, stamp)
+        state = conversions.odometry_from(message)
+        self._move(name, state if transform is None else transform.apply(state), stamp, stated=True)
+
+    def _move(self, name: str, state: BodyState, stamp: float | None, *, stated: bool) -> None:
+        """Move a deck with the frame that is in a ``state`` at a ``stamp`` [s]. Raises `InputError`."""
+        session, entry, deck = self._session, self._entries[name], self.decks[name]
+        clock = self._clocks.setdefault(name, StampClock())
+        placed = clock.place(stamp, session.clock_now(), session.time_at, pace=session.pacer.pace)
+        own = Transform(state.position, state.orientation).then(Transform(entry.at, entry.orientation))
+        arm = rotate(state.orientation, entry.at)
+        velocity = np.add(state.linear, np.cross(state.angular, arm)) if stated else None
+        if placed.fresh:  # times before it were those of another clock
+            deck.place(own.translation, own.rotation, time=placed.time)
+        elif placed.lost:
+            deck.shift_frame(-placed.lost)
+        spin = state.angular if stated else None
+        deck.move(own.translation, own.rotation, time=placed.time, velocity=velocity, spin=spin)
+        session.note_clock(f"deck {name!r}", placed)
+        clock.accept(placed)
+        session.stamp_ages[f"deck {name!r}"] = clock.age
+        self._enter(name)
+
+    def _enter(self, name: str) -> None:
+        terrain = self._session.world.terrain
+        if name not in terrain.decks:
+            terrain.put(name, self.decks[name])

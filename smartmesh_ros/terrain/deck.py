@@ -1,0 +1,174 @@
+"""Decks: tiles that ride on a moving frame, with all six degrees of freedom."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from smartmesh_ros.core import CORE
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.checked_heights import checked_time, unmasked
+from smartmesh_ros.terrain.grid import MAX_COORDINATE, FloatArray
+from smartmesh_ros.terrain.motion import next_revision
+from smartmesh_ros.terrain.tiles import MainMesh, Tiles
+
+# Largest accepted difference between a quaternion's length and one.
+QUATERNION_SLACK = 1e-3
+LEVEL = (0.0, 0.0, 0.0, 1.0)
+# Samples of a frame's motion that tell its velocity and acceleration.
+KEPT = 4
+# Time for which a frame that was never moved has been at its place [s].
+LONG_AGO = -1e9
+
+
+class Frame(NamedTuple):
+    """A frame at an instant: ``position`` (3,) [m], ``rotation`` (3, 3) of its vectors into the world's, ``velocity``
+    (3,) of its origin [m/s], and ``spin`` (3,), its angular velocity [rad/s], in the world."""
+
+    position: FloatArray
+    rotation: FloatArray
+    velocity: FloatArray
+    spin: FloatArray
+
+
+class Deck(Tiles):
+    """Tiles that ride on a frame: the deck of a ship, a lift, the bed of a truck, a bridge.
+
+    The tiles are given in the frame's coordinates, and may move in it as all maps and meshes do. The frame is at rest
+    at ``position`` [m] and ``orientation`` (x, y, z, w) in the terrain's frame until `move` moves it or a body carries
+    it (`Ground.carry`).
+    ``thickness`` [m]: a body whose middle is farther than this below the deck does not touch it. By default nothing
+    passes below: the deck is solid down to any depth, as a height map at rest is.
+    """
+
+    def __init__(
+        self,
+        single: MainMesh | None = None,
+        *,
+        thickness: float = math.inf,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        orientation: ArrayLike = LEVEL,
+    ) -> None:
+        if not thickness >= 0.0:
+            raise InputError("thickness", f"the thickness is {thickness} m; it must be zero or more")
+        self.thickness = float(thickness)
+        self.body, self.link, self._place = -1, -1, _pose((0.0, 0.0, 0.0), LEVEL)
+        self._samples: deque[tuple[float, FloatArray, FloatArray | None]] = deque(maxlen=KEPT)
+        self._given = 0  # layout of the tiles that the core has
+        super().__init__(single)
+        self._make_core()
+        self._put(-math.inf, _pose(position, orientation))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_core"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make a copy that moves on as the original does; nothing carries it."""
+        super().__setstate__(state)
+        self.body = self.link = -1
+        self._make_core()
+        for time, pose, given in self._samples:
+            self._core.move(max(time, LONG_AGO), pose, given)
+
+    def move(
+        self,
+        position: ArrayLike,
+        orientation: ArrayLike = LEVEL,
+        *,
+        time: float,
+        velocity: ArrayLike | None = None,
+        spin: ArrayLike | None = None,
+    ) -> None:
+        """Note where the frame is at ``time`` [s]: its ``position`` [m] and ``orientation`` (x, y, z, w).
+
+        From then on the frame moves with a constant acceleration and angular acceleration until the next call. Its
+        motion is estimated from the last three poses; or from the last two velocities, if ``velocity`` [m/s] of the
+        origin and ``spin`` [rad/s], both in the terrain's frame, are given. Accelerations that the change of velocity
+        before does not confirm do not count, as of a frame that starts, stops or jolts. Without another call the frame
+        slows down after 1.5 intervals between calls, and rests after three more. Raises `InputError`, and changes
+        nothing, if a number is impossible, or the time is before that of the last call.
+        """
+        time = checked_time(time)
+        last = self._samples[-1][0]
+        if time < last:
+            raise InputError("time", f"the deck was moved at {last:g} s; a pose at {time:g} s is too late")
+        if (velocity is None) != (spin is None):
+            raise InputError("deck", "give both the velocity and the spin of a deck, or none of them")
+        given = None
+        if velocity is not None and spin is not None:
+            given = np.concatenate([_vector(velocity, "the velocity"), _vector(spin, "the spin")])
+        pose = _pose(position, orientation)
+        if math.isinf(last):
+            self._put(time, pose, given)
+            return
+        self._core.move(time, pose, given)
+        self._samples.append((time, pose, given))
+
+    def place(self, position: ArrayLike, orientation: ArrayLike = LEVEL, *, time: float) -> None:
+        """Put the frame somewhere else at ``time`` [s], at rest."""
+        self._put(checked_time(time), _pose(position, orientation))
+
+    def ride(self, body: int, link: int, position: ArrayLike, orientation: ArrayLike) -> None:
+        """Let a PyBullet body or link carry the frame from now on, at a place in the frame of its centre of mass;
+        ``body`` -1 = nobody. See `Ground.carry`."""
+        place = _pose(position, orientation)
+        self.body, self.link, self._place, self._layout = body, link, place, next_revision()
+        self._core.carry(body, link, place)
+
+    def frame(self, time: float) -> Frame:
+        """Return the frame at ``time`` [s]."""
+        found = np.asarray(self._core.frame(checked_time(time)))
+        return Frame(found[:3], found[3:12].reshape(3, 3), found[12:15], found[15:])
+
+    def shift_time(self, by: float) -> None:
+        """Add ``by`` [s] to the times of all maps and of the frame."""
+        super().shift_time(by)
+        self.shift_frame(by)
+
+    def shift_frame(self, by: float) -> None:
+        """Add ``by`` [s] to the times of the frame alone."""
+        self._samples = deque(((time + by, pose, given) for time, pose, given in self._samples), maxlen=KEPT)
+        self._core.shift_time(by)
+
+    def moving(self, time: float) -> bool:
+        """Return True if the frame may move at ``time`` [s]."""
+        return bool(self._core.moves(time))
+
+    @property
+    def core_reader(self) -> Any:
+        """The core's deck, with the tiles of now."""
+        if self._given != self.layout_revision:
+            self._core.set_tiles(self.readers)
+            self._given = self.layout_revision
+        return self._core
+
+    def _make_core(self) -> None:
+        self._core: Any = CORE.Deck()
+        self._core.thickness = self.thickness
+        self._given = 0
+
+    def _put(self, time: float, pose: FloatArray, given: FloatArray | None = None) -> None:
+        self._samples.clear()
+        self._samples.append((time, pose, given))
+        self._core.put(max(time, LONG_AGO), pose, given)
+
+
+def _vector(values: ArrayLike, what: str) -> FloatArray:
+    found = np.ascontiguousarray(unmasked(values, what), np.float64)
+    if found.shape != (3,) or not np.isfinite(found).all() or np.abs(found).max() > MAX_COORDINATE:
+        raise InputError("deck", f"{what} of a deck is {values!r}; it must be three finite numbers")
+    return found
+
+
+def _pose(position: ArrayLike, orientation: ArrayLike) -> FloatArray:
+    """Return a checked pose (7,)."""
+    quaternion = np.asarray(unmasked(orientation, "the orientation"), np.float64)
+    if quaternion.shape != (4,) or not abs(float(np.linalg.norm(quaternion)) - 1.0) <= QUATERNION_SLACK:
+        raise InputError(
+            "quaternion", f"the orientation of a deck is {orientation!r}; it must be a unit quaternion (x, y, z, w)"
+        )
+    return np.concatenate([_vector(position, "the position"), quaternion])

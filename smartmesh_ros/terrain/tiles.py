@@ -1,0 +1,93 @@
+"""Height maps and meshes by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.grid_track import cells_moved
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.motion import next_revision
+from smartmesh_ros.terrain.scrolling import carry_material, follow_across
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+
+MainMesh = HeightMap | TriangleMesh
+
+
+class Tiles:
+    """Tiles by name, each a height map or a general mesh. A single tile has the name ``""``."""
+
+    def __init__(self, single: MainMesh | None = None) -> None:
+        self.tiles: dict[str, MainMesh] = {}
+        self.numbers: dict[str, int] = {}  # of the tiles; a tile keeps its number, and no other one gets it
+        self._next_number = 0
+        self._layout = next_revision()
+        if single is not None:
+            self.put("", single)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._layout = next_revision()  # a copy is other ground
+
+    @property
+    def layout_revision(self) -> int:
+        """Number that changes when a tile is added, removed or replaced."""
+        return self._layout
+
+    def put(self, name: str, mesh: MainMesh) -> None:
+        """Add a tile or replace the tile of that name.
+
+        If a height map replaces another one, its motion or correction is estimated from both, as by
+        `HeightMap.replace`; velocities that were given with the map are kept. The ground keeps the layers of its
+        material that the new map was not given: what is new in a map are its heights.
+        """
+        if not isinstance(mesh, MainMesh):
+            raise InputError(
+                "terrain", f"the terrain is of type {type(mesh).__name__}; pass HeightMap(heights, resolution=...), "
+                "a TriangleMesh, or a Terrain of several"
+            )  # fmt: skip
+        old = self.tiles.get(name)
+        if isinstance(old, HeightMap) and isinstance(mesh, HeightMap) and old is not mesh:
+            carry_material(old, mesh)
+            if mesh.motion.corrects:
+                mesh.correct_from(old, cells_moved(old.geometry, mesh.geometry))
+            else:
+                follow_across(old, mesh)
+        self.tiles[name] = mesh
+        if name not in self.numbers:
+            self.numbers[name], self._next_number = self._next_number, self._next_number + 1
+        self._layout = next_revision()
+
+    def remove(self, name: str) -> None:
+        """Remove a tile; raises `InputError` if no tile has that name."""
+        self.tile(name)
+        del self.tiles[name], self.numbers[name]
+        self._layout = next_revision()
+
+    def tile(self, name: str) -> MainMesh:
+        """Return a tile; raises `InputError` if no tile has that name."""
+        try:
+            return self.tiles[name]
+        except KeyError:
+            known = ", ".join(repr(tile) for tile in self.tiles) or "none yet"
+            raise InputError("unknown_tile", f"there is no tile {name!r}; known: {known}") from None
+
+    def shift_time(self, by: float) -> None:
+        """Add ``by`` [s] to the times of all maps, after their clock was reset or lost time."""
+        for mesh in self.tiles.values():
+            mesh.shift_time(by)
+
+    @property
+    def revision(self) -> int:
+        """Revision of the latest change."""
+        return max([self.layout_revision, *(mesh.revision for mesh in self.tiles.values())])
+
+    @property
+    def widest_cell(self) -> float:
+        """Coarsest resolution of all height maps [m], the widest gap between tiles that is bridged."""
+        return max((m.geometry.resolution for m in self.tiles.values() if isinstance(m, HeightMap)), default=0.0)
+
+    @property
+    def readers(self) -> list[Any]:
+        """The core's readers of all tiles."""
+        return [mesh.core_reader for mesh in self.tiles.values()]
