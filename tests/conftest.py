@@ -57,6 +57,8 @@ COSTS = {
     "studies/test_bench.py": 12,
     "core/test_contacts_coal.py": 12,
     "node/test_soil.py": 11,
+    "ground/test_decks.py": 14,
+    "node/test_decks.py": 11,
     "node/test_testing.py": 11,
     "world/test_guests.py": 10,
     "core/test_mesh_ground.py": 10,
