@@ -120,9 +120,10 @@ class Target:
             (self.oracle.take_map if name == "heightmap" else self.oracle.take_region)(message)
         terrain = self.node.session.world.terrain
         if fate == "taken" and name in RASTERS:
-            mesh = terrain.tiles[""]
-            g = mesh.geometry
-            self.oracle.tiles[""] = Tile(mesh.heights.astype(np.float64), g.origin, g.resolution, g.yaw)
+            self.oracle.tiles[""] = _as_it_is(terrain.tiles[""])
+        elif fate == "taken" and name in ("start_episode", "restore_state"):
+            maps = {tile: mesh for tile, mesh in terrain.tiles.items() if hasattr(mesh, "heights")}
+            self.oracle.tiles = {tile: _as_it_is(mesh) for tile, mesh in maps.items()}
         elif fate == "taken" and name == "terrain_mesh":
             # Takes the place of a height map of that name, or takes it away.
             for gone in [n for n in self.oracle.tiles if not hasattr(terrain.tiles.get(n), "heights")]:
@@ -211,6 +212,11 @@ class Target:
         for name in [name for name in world.terrain.tiles if name not in ("", "far", "mesh")]:
             world.terrain.remove(name)
             self.oracle.tiles.pop(name, None)
+
+
+def _as_it_is(mesh: Any) -> Tile:
+    geometry = mesh.geometry
+    return Tile(mesh.heights.astype(np.float64), geometry.origin, geometry.resolution, geometry.yaw)
 
 
 def _correcting(mesh: Any) -> bool:
