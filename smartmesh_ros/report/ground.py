@@ -17,6 +17,10 @@ from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.world.settings import WorldConfig
 from smartmesh_ros.world.world import World
 
+# Motion at which PyBullet drops a cached contact point on its own colliders [body sizes]: at its default a rolling body
+# is held back by old contact points and hops; far smaller values let boxes creep down slopes.
+CONTACT_BREAKING = 2e-4
+
 
 class ReportGround(Ground):
     """A ground of colliders of PyBullet's own, in any client. No body sleeps, no surface moves, and there are neither
@@ -103,6 +107,7 @@ class ReportWorld(World):
     ground: ReportGround
 
     def _new_ground(self, client: Any) -> Ground:
+        client.setPhysicsEngineParameter(contactBreakingThreshold=CONTACT_BREAKING)
         return ReportGround(client, self.terrain, self.report, self.stopwatch)
 
     def refresh(self) -> None:
