@@ -34,7 +34,7 @@ class Range(NamedTuple):
         return least if math.isinf(self.most) else f"{least}, at most {self.most:g}"
 
 
-# In the order of `Layer` in core/material.h. Infinite stiffness is rigid ground.
+# In the order of `Layer` in core/map/material.h. Infinite stiffness is rigid ground.
 RANGES = {
     "friction": Range(1.0),
     "stiffness": Range(math.inf, above_zero=True),

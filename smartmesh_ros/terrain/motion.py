@@ -3,7 +3,7 @@
 Heights are extrapolated by the velocity and acceleration of each sample, both estimated from the maps so far. The
 velocity is the difference quotient of the last two maps, valid at the midpoint between them, or comes with a map. The
 acceleration is the difference quotient of velocities, limited by the acceleration before it. The limit avoids overshoot
-where ground stops, jolts or jumps. ``core/motion.h`` has the law.
+where ground stops, jolts or jumps. ``core/map/motion.h`` has the law.
 
 A correction of static ground has no velocity: the shown heights change linearly from the old estimate to the new one.
 The caller that steps the physics sets the instant, so that the ground and the bodies on it move together.
@@ -83,7 +83,7 @@ class MotionConfig:
     ``settle`` [s]: time in which a correction is blended in. By default a correction of 30 cm moves bodies on it by
     6 mm per step at 240 Hz; raising it makes that less.
     ``noise`` [m]: standard deviation of a map's heights, 0 = exact. In *correction* heights are fused over time; in
-    *motion* velocities are denoised (see ``core/noisy_motion.h``).
+    *motion* velocities are denoised (see ``core/map/noisy_motion.h``).
     ``min_interval`` [s]: maps that follow sooner are parts of one map: they correct the map before and give no velocity
     of their own. The default is a step at 240 Hz.
     """

@@ -62,7 +62,7 @@ INVALID = (
     ("geometry", f"a radius not within {SIZES[0]:g} to {SIZES[1]:g} m"),
     ("geometry", f"a mass not within {MASSES[0]:g} to {MASSES[1]:g} kg"),
 )
-# Limits in the order of `BodyLimits` in core/body_faults.h, after the dimensions of each kind.
+# Limits in the order of `BodyLimits` in core/step/body_faults.h, after the dimensions of each kind.
 LIMITS = (DIMENSIONS, FARTHEST_BODY, FASTEST, FASTEST_SPIN, QUATERNION_SLACK, *SIZES, *MASSES)
 
 

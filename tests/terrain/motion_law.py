@@ -1,6 +1,6 @@
 """The law by which the ground moves between maps, in plain Python: what the core's reader must give to the bit.
 
-The reasons for it are in core/motion.h, core/motion.cpp and core/noisy_motion.h.
+The reasons for it are in core/map/motion.h, core/map/motion.cpp and core/map/noisy_motion.h.
 """
 
 import math

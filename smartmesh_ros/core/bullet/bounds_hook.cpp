@@ -1,4 +1,4 @@
-#include "bounds_hook.h"
+#include "bullet/bounds_hook.h"
 
 #include <BulletCollision/CollisionDispatch/btCollisionObject.h>
 #include <BulletDynamics/Dynamics/btDiscreteDynamicsWorld.h>

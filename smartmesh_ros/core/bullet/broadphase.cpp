@@ -1,4 +1,4 @@
-#include "broadphase.h"
+#include "bullet/broadphase.h"
 
 #include <algorithm>
 #include <vector>
@@ -14,7 +14,8 @@ namespace {
 // Where new proxies wait, apart from each other, for the bounds of their objects [m].
 constexpr double FAR_AWAY = 1e15, APART = 1e6;
 
-btBroadphaseProxy* new_proxy(btDiscreteDynamicsWorld& world, int place, btCollisionObject* object, int group, int mask) {
+btBroadphaseProxy* new_proxy(btDiscreteDynamicsWorld& world, int place, btCollisionObject* object, int group,
+                             int mask) {
   const btVector3 at(FAR_AWAY + place * APART, 0.0, 0.0);
   const int kind = object == nullptr ? EMPTY_SHAPE_PROXYTYPE : object->getCollisionShape()->getShapeType();
   return world.getBroadphase()->createProxy(at, at, kind, object, group, mask, world.getDispatcher());

@@ -1,4 +1,4 @@
-#include "carrier.h"
+#include "bullet/carrier.h"
 
 #include <cmath>
 
@@ -6,7 +6,7 @@
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 #include <LinearMath/btTransformUtil.h>
 
-#include "link_motion.h"
+#include "bullet/link_motion.h"
 
 namespace smartmesh {
 
@@ -22,7 +22,8 @@ struct Answer {
     btAlignedObjectArray<btMatrix3x3> matrices;
     const int size = robot.getNumDofs() + 6;
     jacobian.resize(size, 0.0), change.resize(size, 0.0);
-    robot.fillConstraintJacobianMultiDof(link, point, btVector3(0, 0, 0), along, &jacobian[0], scratch, vectors, matrices);
+    robot.fillConstraintJacobianMultiDof(link, point, btVector3(0, 0, 0), along, &jacobian[0], scratch, vectors,
+                                         matrices);
     robot.calcAccelerationDeltasMultiDof(&jacobian[0], &change[0], scratch, vectors);
   }
 

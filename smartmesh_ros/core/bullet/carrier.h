@@ -3,8 +3,8 @@
 
 #include <BulletCollision/CollisionDispatch/btCollisionObject.h>
 
-#include "convert.h"
-#include "frame_motion.h"
+#include "bullet/convert.h"
+#include "ground/frame_motion.h"
 
 namespace smartmesh {
 
@@ -15,8 +15,8 @@ FrameVelocity velocity_of(const btCollisionObject& object);
 // along that vector [1/kg]; zero if it does not move by physics.
 double yield_of(const btCollisionObject& object, const Vec3& point, const Vec3& along);
 
-// Applies an impulse [N s] at a point of a body or link that moves by physics, after a step of `duration` [s]: as if it had
-// acted in that step.
+// Applies an impulse [N s] at a point of a body or link that moves by physics, after a step of `duration` [s]: as if it
+// had acted in that step.
 void push(btCollisionObject& object, const Vec3& point, const Vec3& impulse, double duration);
 
 }  // namespace smartmesh

@@ -1,4 +1,4 @@
-#include "contact_points.h"
+#include "bullet/contact_points.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 #include <BulletCollision/NarrowPhaseCollision/btPersistentManifold.h>
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
-#include "convert.h"
+#include "bullet/convert.h"
 
 namespace smartmesh {
 
@@ -15,8 +15,8 @@ namespace {
 
 // Largest distance of contacts from what Bullet keeps in a manifold [m]: none is dropped by its distance.
 constexpr double FARTHEST = 1e9;
-// Least depth that the solver is told to push a contact out of, and the most of soft contacts [m]: Bullet corrects deeper
-// ones apart from their forces.
+// Least depth that the solver is told to push a contact out of, and the most of soft contacts [m]: Bullet corrects
+// deeper ones apart from their forces.
 constexpr double LEAST_DEPTH = 1e-3, MOST_DEPTH = 0.03;
 
 // Returns the point of a contact, as it is.
@@ -56,7 +56,8 @@ void tell_speed(double speed, double softness, const Touching& touching, btManif
 
 // Tells the solver the velocity along the ground, relative to the proxy, that friction aims at [m/s], and against which
 // slip it acts.
-void tell_slide(const Vec3& slide, const Slip& slip, const Vec3& normal, const Touching& touching, btManifoldPoint& point) {
+void tell_slide(const Vec3& slide, const Slip& slip, const Vec3& normal, const Touching& touching,
+                btManifoldPoint& point) {
   const btVector3 aim = to_bullet(slide - normal * dot(slide, normal));
   btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
   if (btRigidBody::upcast(&touching.body) == nullptr || touching.body.hasAnisotropicFriction()) {
@@ -122,7 +123,8 @@ void write_contacts(const std::vector<Contact>& contacts, const std::vector<Cont
     point.m_combinedRollingFriction = row.friction.rolling;
     point.m_combinedSpinningFriction = row.friction.spinning;
     point.m_combinedRestitution = 0.0;  // the speed of the row has it
-    const Vec3 carried = from_bullet(touching.ground.getVelocityInLocalPoint(to_bullet(contact.point) - proxy.getOrigin()));
+    const Vec3 carried =
+        from_bullet(touching.ground.getVelocityInLocalPoint(to_bullet(contact.point) - proxy.getOrigin()));
     tell_speed(row.speed - dot(contact.normal, carried), row.softness, touching, point);
     tell_slide(row.slide - carried, row.slip, contact.normal, touching, point);
     const OldContact* old = matching(contact, before);

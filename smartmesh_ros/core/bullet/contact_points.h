@@ -5,7 +5,7 @@
 
 #include <LinearMath/btVector3.h>
 
-#include "contact_row.h"
+#include "contact/contact_row.h"
 
 class btCollisionObject;
 class btManifoldPoint;
@@ -20,8 +20,8 @@ void read_contacts(const btPersistentManifold& manifold, std::vector<OldContact>
 // Reads what Bullet knows of a body's surface on its ground.
 void read_surface(const btCollisionObject& body, const btCollisionObject& ground, BodySurface& surface);
 
-// A body and its ground proxy in a step. `duration` [s]; `slop` [m]: depth that the solver leaves; `anchor_time` [s]: in
-// which the solver's friction closes a distance.
+// A body and its ground proxy in a step. `duration` [s]; `slop` [m]: depth that the solver leaves; `anchor_time` [s]:
+// in which the solver's friction closes a distance.
 struct Touching {
   const btCollisionObject& body;
   const btRigidBody& ground;
@@ -38,9 +38,9 @@ struct TruePoint {
   int deck;
 };
 
-// Puts contacts into a manifold in place of those of the last step, whose impulses go on, with what the solver has to bring
-// about: along the normal by the distance of a point; along the ground by its desired motion, or by an anchor of friction
-// for solvers that read no motion. `told`: takes what is true of the points.
+// Puts contacts into a manifold in place of those of the last step, whose impulses go on, with what the solver has to
+// bring about: along the normal by the distance of a point; along the ground by its desired motion, or by an anchor of
+// friction for solvers that read no motion. `told`: takes what is true of the points.
 void write_contacts(const std::vector<Contact>& contacts, const std::vector<ContactRow>& rows,
                     const std::vector<OldContact>& before, const Touching& touching, btPersistentManifold& manifold,
                     std::vector<TruePoint>& told);

@@ -1,4 +1,4 @@
-#include "convert.h"
+#include "bullet/convert.h"
 
 #include <BulletCollision/CollisionShapes/btBoxShape.h>
 #include <BulletCollision/CollisionShapes/btCapsuleShape.h>

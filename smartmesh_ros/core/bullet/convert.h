@@ -5,7 +5,7 @@
 
 #include <LinearMath/btTransform.h>
 
-#include "convex.h"
+#include "shape/convex.h"
 
 class btConvexShape;
 
@@ -18,8 +18,8 @@ inline Pose from_bullet(const btTransform& t) {
   return {{{from_bullet(m[0]), from_bullet(m[1]), from_bullet(m[2])}}, from_bullet(t.getOrigin())};
 }
 
-// Returns the shape that Bullet collides, with its margin, turned by `turn` in Bullet's frame of it; none if its kind is not
-// known here.
+// Returns the shape that Bullet collides, with its margin, turned by `turn` in Bullet's frame of it; none if its kind
+// is not known here.
 std::optional<Convex> convex_of(const btConvexShape& shape);
 
 }  // namespace smartmesh

@@ -1,10 +1,11 @@
-// Decks in a step: those that bodies carry move with them, bodies find the decks near them, and carriers take the reaction.
+// Decks in a step: those that bodies carry move with them, bodies find the decks near them, and carriers take the
+// reaction.
 #include <algorithm>
 
 #include <BulletCollision/NarrowPhaseCollision/btManifoldPoint.h>
 
-#include "carrier.h"
-#include "world.h"
+#include "bullet/carrier.h"
+#include "bullet/world.h"
 
 namespace smartmesh {
 
@@ -18,8 +19,8 @@ void BulletWorld::find_carriers() {
   }
 }
 
-// Decks that are carried have the pose and the velocity of their carriers now. They are accelerated as the carriers were by
-// the last two steps, as far as these agree.
+// Decks that are carried have the pose and the velocity of their carriers now. They are accelerated as the carriers
+// were by the last two steps, as far as these agree.
 void BulletWorld::move_carried() {
   find_carriers();
   for (std::size_t k = 0; k < carried_.size(); ++k) {
@@ -30,8 +31,8 @@ void BulletWorld::move_carried() {
     const btTransform& pose = carried.object->getWorldTransform();
     const btQuaternion turn = pose.getRotation();
     const Vec3 arm = from_bullet(pose.getBasis() * to_bullet(deck.place.at));
-    FrameSample sample{time, from_bullet(pose.getOrigin()) + arm,
-                       Turn{turn.x(), turn.y(), turn.z(), turn.w()} * deck.place.turn, {}};
+    FrameSample sample{
+        time, from_bullet(pose.getOrigin()) + arm, Turn{turn.x(), turn.y(), turn.z(), turn.w()} * deck.place.turn, {}};
     if (carried.object->isStaticOrKinematicObject()) {
       deck.motion.note(sample);
       continue;
@@ -39,12 +40,13 @@ void BulletWorld::move_carried() {
     const FrameVelocity velocity = carried.start = velocity_of(*carried.object), &change = carried.change;
     const Vec3 swing = cross(velocity.angular, arm);
     sample.velocity = {velocity.linear + swing, velocity.angular};
-    deck.motion.set(sample, {change.linear + cross(change.angular, arm) + cross(velocity.angular, swing), change.angular});
+    deck.motion.set(sample,
+                    {change.linear + cross(change.angular, arm) + cross(velocity.angular, swing), change.angular});
   }
 }
 
-// Notes the decks that a body comes near to within its `swept` bounds; returns by how much they may move in the step [m],
-// negative if there is none.
+// Notes the decks that a body comes near to within its `swept` bounds; returns by how much they may move in the step
+// [m], negative if there is none.
 double BulletWorld::find_decks(Slot& slot, const Bounds& swept) {
   slot.decks.clear();
   double moved = -1.0;
@@ -71,8 +73,10 @@ void BulletWorld::find_deck_contacts(const Slot& slot, const Convex& shape, cons
 void BulletWorld::let_decks_yield() {
   for (Contact& contact : contacts_) {
     if (contact.deck < 0 || carried_[contact.deck].object == nullptr) continue;
-    const auto shares = std::count_if(contacts_.begin(), contacts_.end(), [&](const Contact& c) { return c.deck == contact.deck; });
-    contact.yields = yield_of(*carried_[contact.deck].object, contact.point, contact.normal) * static_cast<double>(shares);
+    const auto shares =
+        std::count_if(contacts_.begin(), contacts_.end(), [&](const Contact& c) { return c.deck == contact.deck; });
+    contact.yields =
+        yield_of(*carried_[contact.deck].object, contact.point, contact.normal) * static_cast<double>(shares);
   }
 }
 
@@ -82,7 +86,8 @@ void BulletWorld::react() {
     if (carried.object == nullptr || carried.object->isStaticOrKinematicObject()) continue;
     const FrameVelocity end = velocity_of(*carried.object);
     const double rate = 1.0 / duration;
-    const FrameVelocity change{(end.linear - carried.start.linear) * rate, (end.angular - carried.start.angular) * rate};
+    const FrameVelocity change{(end.linear - carried.start.linear) * rate,
+                               (end.angular - carried.start.angular) * rate};
     carried.change = agreed(change, carried.last);
     carried.last = change;
   }
@@ -106,7 +111,8 @@ void BulletWorld::react() {
 
 bool BulletWorld::is_on_carrier(const Slot& slot) const {
   return std::any_of(slot.decks.begin(), slot.decks.end(), [&](const NearbyDeck& near) {
-    const btCollisionObject* carrier = near.number < static_cast<int>(carried_.size()) ? carried_[near.number].object : nullptr;
+    const btCollisionObject* carrier =
+        near.number < static_cast<int>(carried_.size()) ? carried_[near.number].object : nullptr;
     return carrier != nullptr && !carrier->isStaticOrKinematicObject();
   });
 }

@@ -3,7 +3,7 @@
 
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
-#include "world.h"
+#include "bullet/world.h"
 
 namespace smartmesh {
 
@@ -17,8 +17,8 @@ void lift_bounds(const btCollisionObject& object, const btVector3& up, btDiscret
 
 }  // namespace
 
-// Moves a sleeping body with the corrections of the ground under it since it fell asleep, on average, if that is more than
-// `least` [m]. A robot moves as a whole.
+// Moves a sleeping body with the corrections of the ground under it since it fell asleep, on average, if that is more
+// than `least` [m]. A robot moves as a whole.
 void BulletWorld::follow_corrections(OfBody& body, double least) {
   double sum = 0.0;
   int count = 0;

@@ -1,4 +1,4 @@
-#include "ground_algorithm.h"
+#include "bullet/ground_algorithm.h"
 
 #include <new>
 
@@ -8,7 +8,7 @@
 #include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
 #include <BulletCollision/CollisionDispatch/btManifoldResult.h>
 
-#include "world.h"
+#include "bullet/world.h"
 
 namespace smartmesh {
 
@@ -27,7 +27,8 @@ class GroundAlgorithm final : public btCollisionAlgorithm {
 
   void processCollision(const btCollisionObjectWrapper* a, const btCollisionObjectWrapper* b,
                         const btDispatcherInfo& info, btManifoldResult* result) override {
-    if (manifold_ == nullptr) manifold_ = m_dispatcher->getNewManifold(a->getCollisionObject(), b->getCollisionObject());
+    if (manifold_ == nullptr)
+      manifold_ = m_dispatcher->getNewManifold(a->getCollisionObject(), b->getCollisionObject());
     result->setPersistentManifold(manifold_);
     bool found = false;
     world_->guarded([&] {

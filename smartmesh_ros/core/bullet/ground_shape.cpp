@@ -1,7 +1,7 @@
-#include "ground_shape.h"
+#include "bullet/ground_shape.h"
 
-#include "step_lock.h"
-#include "world.h"
+#include "bullet/world.h"
+#include "step/step_lock.h"
 
 namespace smartmesh {
 

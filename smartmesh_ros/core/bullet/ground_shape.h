@@ -4,14 +4,14 @@
 #include <BulletCollision/CollisionShapes/btConcaveShape.h>
 #include <BulletCollision/CollisionShapes/btTriangleCallback.h>
 
-#include "convert.h"
+#include "bullet/convert.h"
 
 namespace smartmesh {
 
 class BulletWorld;
 
-// Type of the shape in Bullet's tables: a concave one that Bullet itself does not use. The one for custom shapes is that
-// of signed distance fields, too, and Bullet's own algorithms cast it to one.
+// Type of the shape in Bullet's tables: a concave one that Bullet itself does not use. The one for custom shapes is
+// that of signed distance fields, too, and Bullet's own algorithms cast it to one.
 constexpr int GROUND_SHAPE_TYPE = FAST_CONCAVE_MESH_PROXYTYPE;
 
 // Bounds follow the body; the surface and the time are the world's. Contacts come from `GroundAlgorithm`; the triangles

@@ -1,8 +1,8 @@
-#include "link_motion.h"
+#include "bullet/link_motion.h"
 
 #include <vector>
 
-#include "convert.h"
+#include "bullet/convert.h"
 
 namespace smartmesh {
 

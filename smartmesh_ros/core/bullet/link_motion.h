@@ -3,7 +3,7 @@
 
 #include <BulletDynamics/Featherstone/btMultiBody.h>
 
-#include "vec3.h"
+#include "math/vec3.h"
 
 namespace smartmesh {
 

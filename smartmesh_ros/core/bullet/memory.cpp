@@ -5,8 +5,8 @@
 
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
-#include "broadphase.h"
-#include "world.h"
+#include "bullet/broadphase.h"
+#include "bullet/world.h"
 
 namespace smartmesh {
 
@@ -56,9 +56,14 @@ std::vector<double> BulletWorld::parts_memory(int index) const {
   for (const auto& [number, part] : slots_[index].on_soil) {
     std::vector<double> rim;
     part.rim.write(rim);
-    const PartMemory memory{static_cast<double>(number), static_cast<double>(soil->was_near(part)),
-                            static_cast<double>(part.is_set_down), part.speed, part.at, part.sums,
-                            static_cast<double>(part.up.size()), static_cast<double>(rim.size())};
+    const PartMemory memory{static_cast<double>(number),
+                            static_cast<double>(soil->was_near(part)),
+                            static_cast<double>(part.is_set_down),
+                            part.speed,
+                            part.at,
+                            part.sums,
+                            static_cast<double>(part.up.size()),
+                            static_cast<double>(rim.size())};
     const auto* numbers = reinterpret_cast<const double*>(&memory);
     found.insert(found.end(), numbers, numbers + PART);
     found.insert(found.end(), part.up.begin(), part.up.end());
@@ -86,7 +91,8 @@ bool BulletWorld::recall_parts(int index, const double* numbers, std::size_t cou
     if (convex == nullptr || !part.rim.read(numbers + PART + contacts, rim)) return false;
     part.shape = pressing_shape(*convex);
     part.step = memory.near != 0.0 ? soil->step() - 1 : -1;
-    part.is_set_down = memory.is_set_down != 0.0, part.speed = memory.speed, part.at = memory.at, part.sums = memory.sums;
+    part.is_set_down = memory.is_set_down != 0.0, part.speed = memory.speed, part.at = memory.at,
+    part.sums = memory.sums;
     part.up.assign(numbers + PART, numbers + PART + contacts);
     numbers += PART + contacts + rim, count -= PART + contacts + rim;
   }

@@ -7,8 +7,8 @@
 #include <examples/SharedMemory/SharedMemoryPublic.h>
 #include <examples/SharedMemory/plugins/b3PluginContext.h>
 
-#include "step_lock.h"
-#include "world.h"
+#include "bullet/world.h"
+#include "step/step_lock.h"
 
 namespace smartmesh {
 

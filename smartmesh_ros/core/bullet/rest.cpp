@@ -1,4 +1,4 @@
-#include "rest.h"
+#include "bullet/rest.h"
 
 #include <algorithm>
 #include <cmath>
@@ -25,7 +25,8 @@ struct Motor : btMultiBodyJointMotor {
 
 // Returns the motor that PyBullet gave to the joint above a link; null if it has none.
 const Motor* motor_of(const btMultibodyLink& link) {
-  const bool is_single = link.m_jointType == btMultibodyLink::eRevolute || link.m_jointType == btMultibodyLink::ePrismatic;
+  const bool is_single =
+      link.m_jointType == btMultibodyLink::eRevolute || link.m_jointType == btMultibodyLink::ePrismatic;
   return is_single ? static_cast<const Motor*>(static_cast<const btMultiBodyConstraint*>(link.m_userPtr)) : nullptr;
 }
 
@@ -70,14 +71,16 @@ void move_up(btCollisionObject& object, double by) {
 
 }  // namespace
 
-// A point is moved by at most the way of the middle and by its radius times |R - R'|, whose Frobenius norm is twice the root
-// of two times the sine of half the angle between the two.
+// A point is moved by at most the way of the middle and by its radius times |R - R'|, whose Frobenius norm is twice the
+// root of two times the sine of half the angle between the two.
 void Rest::note(const Pose& pose, double distance, double duration) {
   double turned = 0.0;
   for (int k = 0; k < 3; ++k) turned += norm2(pose.turn.row[k] - anchor.turn.row[k]);
   const double strayed = norm(pose.at - anchor.at) + std::sqrt(0.5 * turned) * radius;
-  if (strayed <= distance) still += duration;
-  else anchor = pose, still = 0.0;
+  if (strayed <= distance)
+    still += duration;
+  else
+    anchor = pose, still = 0.0;
 }
 
 double bounding_radius(const btCollisionObject& object) {

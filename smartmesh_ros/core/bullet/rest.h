@@ -8,14 +8,15 @@
 #include <BulletCollision/BroadphaseCollision/btBroadphaseProxy.h>
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
-#include "convert.h"
-#include "ground_under.h"
+#include "bullet/convert.h"
+#include "ground/ground_under.h"
 
 class btRigidBody;
 
 namespace smartmesh {
 
-// When bodies fall asleep and wake, as SleepConfig in ground/config.py. `after` [s]: on Earth; infinity = nobody sleeps.
+// When bodies fall asleep and wake, as SleepConfig in ground/config.py. `after` [s]: on Earth; infinity = nobody
+// sleeps.
 struct SleepRules {
   double after = std::numeric_limits<double>::infinity();
   double distance = 1e-3;                  // [m]
@@ -23,9 +24,9 @@ struct SleepRules {
   Tolerance tolerance{2.5e-4, 3.0, 5e-3};  // of changes of the ground
 };
 
-// Rest of a body or link: no point of it has gone farther than SleepRules::distance from its `anchor` for the time `still`
-// [s]. Asleep it has a `pose`, and `bounds` with the `ground` under them, in `blocks` of a `layout` of tiles with so many
-// `updates`; if the ground is not `calm` it may be another one without an update.
+// Rest of a body or link: no point of it has gone farther than SleepRules::distance from its `anchor` for the time
+// `still` [s]. Asleep it has a `pose`, and `bounds` with the `ground` under them, in `blocks` of a `layout` of tiles
+// with so many `updates`; if the ground is not `calm` it may be another one without an update.
 struct Rest {
   Pose anchor{{}, {std::numeric_limits<double>::infinity(), 0.0, 0.0}};
   double still = 0.0;
@@ -52,8 +53,9 @@ struct Activation {
   bool can_sleep = false, can_wake = true;
 };
 
-// A PyBullet body, which may be a robot with several attached links, that was put to sleep or sleeps: what it was `before`
-// it was put to sleep, the targets of its `motors`, and how far it followed corrections of the ground asleep [m].
+// A PyBullet body, which may be a robot with several attached links, that was put to sleep or sleeps: what it was
+// `before` it was put to sleep, the targets of its `motors`, and how far it followed corrections of the ground asleep
+// [m].
 struct Sleeper {
   std::optional<Activation> before;
   std::vector<double> motors;

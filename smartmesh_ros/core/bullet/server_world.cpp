@@ -1,4 +1,4 @@
-#include "server_world.h"
+#include "bullet/server_world.h"
 
 #include <malloc.h>
 

@@ -1,11 +1,11 @@
-#include "shape_parts.h"
+#include "bullet/shape_parts.h"
 
 #include <BulletCollision/CollisionShapes/btCompoundShape.h>
 #include <BulletCollision/CollisionShapes/btConvexHullShape.h>
 #include <BulletDynamics/Dynamics/btDiscreteDynamicsWorld.h>
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
-#include "world.h"
+#include "bullet/world.h"
 
 namespace smartmesh {
 
@@ -39,7 +39,8 @@ void add_parts(const btCollisionShape& shape, const btTransform& pose, std::vect
       add_parts(*compound.getChildShape(k), pose * compound.getChildTransform(k), parts);
   } else if (shape.getShapeType() == CONVEX_HULL_SHAPE_PROXYTYPE) {
     parts.push_back(hull_at(static_cast<const btConvexHullShape&>(shape), pose));
-  } else if (const auto convex = shape.isConvex() ? convex_of(static_cast<const btConvexShape&>(shape)) : std::nullopt) {
+  } else if (const auto convex =
+                 shape.isConvex() ? convex_of(static_cast<const btConvexShape&>(shape)) : std::nullopt) {
     parts.push_back({*convex, {}});
     parts.back().shape.offset = from_bullet(pose.getOrigin());
     parts.back().shape.turn = turn_of(pose) * convex->turn;

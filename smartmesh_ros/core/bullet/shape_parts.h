@@ -4,7 +4,7 @@
 #include <map>
 #include <vector>
 
-#include "convert.h"
+#include "bullet/convert.h"
 
 class btCollisionShape;
 class btDiscreteDynamicsWorld;
@@ -18,8 +18,8 @@ struct ShapePart {
 };
 using LinkShapes = std::map<int, std::vector<ShapePart>>;
 
-// Returns the shapes of those links of a PyBullet body that have one, -1 = the base. A part whose kind is not known here is
-// the ball about the centre of mass that holds it. Throws `std::invalid_argument` if the body is soft.
+// Returns the shapes of those links of a PyBullet body that have one, -1 = the base. A part whose kind is not known
+// here is the ball about the centre of mass that holds it. Throws `std::invalid_argument` if the body is soft.
 LinkShapes link_shapes(btDiscreteDynamicsWorld& world, int body);
 
 }  // namespace smartmesh

@@ -1,4 +1,5 @@
-// When attached bodies fall asleep. Bullet puts islands to sleep, which keep their contacts; here is which bodies are still.
+// When attached bodies fall asleep. Bullet puts islands to sleep, which keep their contacts; here is which bodies are
+// still.
 #include <algorithm>
 #include <cmath>
 
@@ -6,7 +7,7 @@
 #include <BulletDynamics/Featherstone/btMultiBodyConstraint.h>
 #include <BulletDynamics/Featherstone/btMultiBodyDynamicsWorld.h>
 
-#include "world.h"
+#include "bullet/world.h"
 
 namespace smartmesh {
 
@@ -38,7 +39,8 @@ void BulletWorld::note_asleep(Slot& slot) {
   Sleeper& sleeper = of_body(slot.body).sleeper;
   sleeper.motors = motors_of(*slot.object), sleeper.followed = 0.0;
   forget_forces(*slot.object);
-  if (slot.ground != nullptr) slot.ground->setLinearVelocity({0.0, 0.0, 0.0}), slot.ground->setAngularVelocity({0.0, 0.0, 0.0});
+  if (slot.ground != nullptr)
+    slot.ground->setLinearVelocity({0.0, 0.0, 0.0}), slot.ground->setAngularVelocity({0.0, 0.0, 0.0});
   ++sleep_changes_;
 }
 
@@ -79,8 +81,8 @@ void BulletWorld::note_rest() {
   }
 }
 
-// Notes which awake bodies are driven in the coming step, and lets those stay awake that are no longer still but were to
-// sleep.
+// Notes which awake bodies are driven in the coming step, and lets those stay awake that are no longer still but were
+// to sleep.
 void BulletWorld::note_driven() {
   const btVector3 gravity = world_->getGravity();
   const double after = time_still(rules_, gravity.length());

@@ -1,4 +1,4 @@
-#include "soil_in_step.h"
+#include "bullet/soil_in_step.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,8 +11,8 @@ namespace {
 constexpr double ON_RIM = 0.97;
 // Motion between two steps from which a body was moved by somebody else [m].
 constexpr double MOVED = 1e-4;
-// Speed of a body that appears near the soil from which it falls onto it [m/s]: that of a fall from 1 cm. A slower one is
-// set down.
+// Speed of a body that appears near the soil from which it falls onto it [m/s]: that of a fall from 1 cm. A slower one
+// is set down.
 constexpr double FALLEN = 0.45;
 // Speed of a body that was set down at which it rests, as a share of that of a fall from the depth of its sinkage.
 constexpr double AT_REST = 0.005;
@@ -32,10 +32,11 @@ PressingShape pressing_shape(const Convex& convex) {
   for (int axis = 0; axis < 3; ++axis) {
     const int one = (axis + 1) % 3, other = (axis + 2) % 3;
     const double radius = std::max(along(half, one), along(half, other));
-    const bool is_round = std::all_of(convex.core.vertices.begin(), convex.core.vertices.end(), [&](const Vec3& vertex) {
-      const double out = std::hypot(along(vertex - centre, one), along(vertex - centre, other));
-      return ON_RIM * radius < out && out < radius / ON_RIM;
-    });
+    const bool is_round =
+        std::all_of(convex.core.vertices.begin(), convex.core.vertices.end(), [&](const Vec3& vertex) {
+          const double out = std::hypot(along(vertex - centre, one), along(vertex - centre, other));
+          return ON_RIM * radius < out && out < radius / ON_RIM;
+        });
     if (!is_round) continue;
     found.shape.kind = ShapeKind::Cylinder;
     found.shape.half = {radius + margin, radius + margin, along(half, axis) + margin};
@@ -132,7 +133,8 @@ void SoilInStep::press(const OnSoil& on, SoilParts& parts) {
     const MovingSolid solid = moving(part, now, on);
     part.sums = under_.press(lattice, solid, part.rim, step);
     part.at = now.at;
-    if (std::abs(solid.linear.z) < AT_REST * std::sqrt(norm(on.approach.gravity) * part.sums.sinkage)) part.is_set_down = false;
+    if (std::abs(solid.linear.z) < AT_REST * std::sqrt(norm(on.approach.gravity) * part.sums.sinkage))
+      part.is_set_down = false;
   }
 }
 

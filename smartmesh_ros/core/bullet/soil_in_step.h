@@ -4,13 +4,13 @@
 #include <map>
 #include <vector>
 
-#include "contact_row.h"
-#include "soil_contact.h"
+#include "contact/contact_row.h"
+#include "soil/soil_contact.h"
 
 namespace smartmesh {
 
-// A convex shape as it presses the soil: a box, ball, cylinder or capsule, or the cylinder or box around a hull. `pose`:
-// of its frame in that of the convex shape.
+// A convex shape as it presses the soil: a box, ball, cylinder or capsule, or the cylinder or box around a hull.
+// `pose`: of its frame in that of the convex shape.
 struct PressingShape {
   Shape shape;
   Pose pose;
@@ -23,11 +23,11 @@ struct SoilPart {
   Pose pose;  // of the pressing shape in the body's frame
   ShearedRim rim;
   SoilSums sums;
-  Vec3 at;                 // its middle after the last step [m]
-  double speed = 0.0;      // of its middle, upwards, at the start of the last step [m/s]
-  std::int32_t step = 0;   // in which it last was near the soil
+  Vec3 at;                   // its middle after the last step [m]
+  double speed = 0.0;        // of its middle, upwards, at the start of the last step [m/s]
+  std::int32_t step = 0;     // in which it last was near the soil
   bool is_set_down = false;  // put onto the soil without a fall, and not at rest there yet
-  std::vector<double> up;  // vertical parts of the normals of its contacts
+  std::vector<double> up;    // vertical parts of the normals of its contacts
 };
 // By their number among the convex parts of the body's shape.
 using SoilParts = std::map<int, SoilPart>;
@@ -38,9 +38,9 @@ struct SoilMotion {
   Vec3 velocity;
 };
 
-// A body near the soil at the start or the end of a step. `approach`: its motion relative to the soil, whose margin does
-// not count. `mass` [kg]: of what rests on each part of it alone. `soil`: motion of the soil under its middle. `belt`: as
-// in BodySurface. `time` [s]: of the step.
+// A body near the soil at the start or the end of a step. `approach`: its motion relative to the soil, whose margin
+// does not count. `mass` [kg]: of what rests on each part of it alone. `soil`: motion of the soil under its middle.
+// `belt`: as in BodySurface. `time` [s]: of the step.
 struct OnSoil {
   Pose pose;
   Approach approach;
@@ -56,7 +56,8 @@ class SoilInStep {
   SoilLattice lattice;
 
   bool is_under(const Vec3& point, double time) const;
-  // Returns the motion of the soil near a point, with its mean velocity over the time `ahead` [s]; zero = it counts as still.
+  // Returns the motion of the soil near a point, with its mean velocity over the time `ahead` [s]; zero = it counts as
+  // still.
   SoilMotion motion_at(const Vec3& point, double time, double ahead) const;
   // Finds the contacts of a part of a body, a convex shape at `pose`, with the soil. `before`: those of the last step.
   void touch(const Convex& convex, const Pose& pose, const OnSoil& on, const std::vector<OldContact>& before,

@@ -1,4 +1,4 @@
-#include "untouchable.h"
+#include "bullet/untouchable.h"
 
 #include <BulletCollision/CollisionShapes/btCollisionShape.h>
 #include <BulletDynamics/Dynamics/btDiscreteDynamicsWorld.h>
@@ -37,7 +37,8 @@ void UntouchableFilter::leave(btDiscreteDynamicsWorld& world) {
 bool UntouchableFilter::needBroadphaseCollision(btBroadphaseProxy* a, btBroadphaseProxy* b) const {
   if (is_of_untouchable(*a) || is_of_untouchable(*b)) return false;
   if (others_ != nullptr) return others_->needBroadphaseCollision(a, b);
-  return (a->m_collisionFilterGroup & b->m_collisionFilterMask) && (b->m_collisionFilterGroup & a->m_collisionFilterMask);
+  return (a->m_collisionFilterGroup & b->m_collisionFilterMask) &&
+         (b->m_collisionFilterGroup & a->m_collisionFilterMask);
 }
 
 }  // namespace smartmesh

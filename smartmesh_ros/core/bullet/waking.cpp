@@ -1,8 +1,8 @@
-// What wakes attached bodies that sleep. Bullet wakes an island in the step in which something awake comes near; here is what
-// wakes it beside that.
+// What wakes attached bodies that sleep. Bullet wakes an island in the step in which something awake comes near; here
+// is what wakes it beside that.
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
-#include "world.h"
+#include "bullet/world.h"
 
 namespace smartmesh {
 
@@ -164,8 +164,8 @@ void BulletWorld::wake_beside_others() {
   }
 }
 
-// Looks where objects are that are not attached or do not move by physics, if PyBullet made or removed any. What is gone has
-// left its place.
+// Looks where objects are that are not attached or do not move by physics, if PyBullet made or removed any. What is
+// gone has left its place.
 void BulletWorld::look_beside() {
   if (others_listed_) return;
   others_listed_ = true;
@@ -175,10 +175,12 @@ void BulletWorld::look_beside() {
   const auto& objects = world_->getCollisionObjectArray();
   for (int k = 0; k < objects.size(); ++k) {
     const btCollisionObject& object = *objects[k];
-    if (object.getCollisionShape()->getShapeType() == GROUND_SHAPE_TYPE || object.getBroadphaseHandle() == nullptr) continue;
+    if (object.getCollisionShape()->getShapeType() == GROUND_SHAPE_TYPE || object.getBroadphaseHandle() == nullptr)
+      continue;
     if (is_untouchable(object) || (!object.isStaticOrKinematicObject() && is_attached(object))) continue;
     const auto known = before.find(&object);
-    beside_.push_back(known == before.end() ? Beside{&object, object.getWorldTransform(), bounds_of(object)} : known->second);
+    beside_.push_back(known == before.end() ? Beside{&object, object.getWorldTransform(), bounds_of(object)}
+                                            : known->second);
     if (known != before.end()) before.erase(known);
   }
   for (const auto& [object, it] : before) vacated_.push_back(it.bounds);

@@ -1,4 +1,4 @@
-#include "world.h"
+#include "bullet/world.h"
 
 #include <algorithm>
 #include <stdexcept>
@@ -6,7 +6,7 @@
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
-#include "link_motion.h"
+#include "bullet/link_motion.h"
 
 namespace smartmesh {
 
@@ -112,8 +112,10 @@ bool BulletWorld::attach(int index, int body, int link, int proxy) {
 void BulletWorld::detach(int index) {
   find_objects();
   Slot& slot = slots_[index];
-  if (slot.body >= 0) wake_body(slot.body);
-  else --gone_;
+  if (slot.body >= 0)
+    wake_body(slot.body);
+  else
+    --gone_;
   if (slot.ground != nullptr) slot.ground->setCollisionShape(slot.shape_before);
   for (int body : {slot.body, slot.proxy}) {
     if (body < 0) continue;

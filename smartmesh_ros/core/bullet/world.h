@@ -10,23 +10,23 @@
 
 #include <BulletDynamics/Dynamics/btDiscreteDynamicsWorld.h>
 
-#include "bounds_hook.h"
-#include "contact_points.h"
-#include "contact_search.h"
-#include "deck_contacts.h"
-#include "ground_algorithm.h"
-#include "ground_shape.h"
-#include "rest.h"
-#include "server_world.h"
-#include "soil_in_step.h"
-#include "solid.h"
-#include "untouchable.h"
+#include "bullet/bounds_hook.h"
+#include "bullet/contact_points.h"
+#include "bullet/ground_algorithm.h"
+#include "bullet/ground_shape.h"
+#include "bullet/rest.h"
+#include "bullet/server_world.h"
+#include "bullet/soil_in_step.h"
+#include "bullet/untouchable.h"
+#include "contact/contact_search.h"
+#include "contact/deck_contacts.h"
+#include "shape/solid.h"
 
 namespace smartmesh {
 
 // Motion of a link's surface, as of a track: where the ground touches it with a normal n, the surface moves along
-// n x axis, at a speed [m/s]. A positive speed drives the link as a wheel that turns about `axis`, which is given in the
-// frame of the link's centre of mass.
+// n x axis, at a speed [m/s]. A positive speed drives the link as a wheel that turns about `axis`, which is given in
+// the frame of the link's centre of mass.
 struct Belt {
   Vec3 axis;
   double speed = 0.0;
@@ -50,16 +50,16 @@ struct KnownPart {
 struct Slot {
   bool used = false, is_robot = false;
   int body = -1, link = -1;
-  int proxy = -1;                       // -1 = the body is only read
-  btCollisionObject* object = nullptr;  // found anew in each step; null = it is gone
-  btRigidBody* ground = nullptr;        // of the proxy, likewise
+  int proxy = -1;                            // -1 = the body is only read
+  btCollisionObject* object = nullptr;       // found anew in each step; null = it is gone
+  btRigidBody* ground = nullptr;             // of the proxy, likewise
   btCollisionShape* shape_before = nullptr;  // of the proxy
   std::unique_ptr<GroundShape> shape;
-  Vec3 linear, angular;    // of the body [m/s], [rad/s]
-  NearbyGround near;       // in this step
+  Vec3 linear, angular;           // of the body [m/s], [rad/s]
+  NearbyGround near;              // in this step
   std::vector<NearbyDeck> decks;  // likewise
-  Vec3 pull;               // what gravity and applied forces added to a rigid body's velocity in the last step [m/s]
-  Vec3 turning;            // of the ground at a contact that has friction against turning, in the last step [rad/s]
+  Vec3 pull;     // what gravity and applied forces added to a rigid body's velocity in the last step [m/s]
+  Vec3 turning;  // of the ground at a contact that has friction against turning, in the last step [rad/s]
   Belt belt;
   Rest rest;
   std::unordered_map<const btCollisionShape*, KnownPart> parts;
@@ -85,8 +85,8 @@ static_assert(sizeof(SlotMemory) == 19 * sizeof(double));
 class BulletWorld {
  public:
   Surface surface;
-  double time = 0.0;     // at the start of the next step [s]
-  double duration = 0.0; // of a step [s]
+  double time = 0.0;      // at the start of the next step [s]
+  double duration = 0.0;  // of a step [s]
   double margin = 0.001;  // distance up to which contacts are found beside the motion of a step [m]
 
   // Finds its Bullet world at a `place` of the server's memory.
@@ -120,13 +120,13 @@ class BulletWorld {
 
   // Sets when bodies fall asleep and wake, after waking all.
   void set_rules(const SleepRules& rules);
-  // Returns the PyBullet bodies that are still and rest on something, or whose slot `is_trusted` (S,), and which were not
-  // put to sleep yet.
+  // Returns the PyBullet bodies that are still and rest on something, or whose slot `is_trusted` (S,), and which were
+  // not put to sleep yet.
   std::vector<int> find_resting(const std::vector<bool>& is_trusted);
   // Lets bodies fall asleep in the next step, if their islands are then still. An island keeps its contacts.
   void put_to_sleep(const std::vector<int>& bodies);
-  // Wakes the sleeping bodies that something disturbed beside a contact: that are moved, pushed or driven, whose ground is
-  // another one, or beside which something moved or went. It is done in each step, too.
+  // Wakes the sleeping bodies that something disturbed beside a contact: that are moved, pushed or driven, whose ground
+  // is another one, or beside which something moved or went. It is done in each step, too.
   void wake_disturbed();
   bool is_asleep(int slot) const { return slots_[slot].rest.asleep; }
   // Returns a number that changes when a body falls asleep, wakes or is moved asleep.
@@ -170,11 +170,11 @@ class BulletWorld {
   std::exception_ptr take_fault() { return std::exchange(fault_, nullptr); }
 
   // Finds the contacts of a body's shape with the ground of its proxy.
-  void touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground, btPersistentManifold& manifold,
-             double duration);
+  void touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground,
+             btPersistentManifold& manifold, double duration);
 
-  // What is known of the past of the body in a slot, for a saved state: of its rest and pull, and as numbers of its parts on
-  // the soil. `recall_parts` returns false if they are none of this body.
+  // What is known of the past of the body in a slot, for a saved state: of its rest and pull, and as numbers of its
+  // parts on the soil. `recall_parts` returns false if they are none of this body.
   SlotMemory memory_of(int slot) const;
   std::vector<double> parts_memory(int slot) const;
   void recall(int slot, const SlotMemory& memory);
@@ -187,7 +187,7 @@ class BulletWorld {
   SolverSettings settings() const;
   std::vector<OldContact> contacts_of(int slot);
 
-  bool owned = false;    // by a ground of Python
+  bool owned = false;          // by a ground of Python
   SoilInStep* soil = nullptr;  // belongs to Python; null = none
 
  private:
@@ -268,8 +268,8 @@ class BulletWorld {
   ContactSearch search_;
   DeckSearch deck_search_;
 
-  // What carries a deck; null = nothing. `start`: of its centre of mass in this step. `last`, `change`: its change in the last
-  // step [m/s^2], and as far as it agrees with the step before.
+  // What carries a deck; null = nothing. `start`: of its centre of mass in this step. `last`, `change`: its change in
+  // the last step [m/s^2], and as far as it agrees with the step before.
   struct Carried {
     btCollisionObject* object = nullptr;
     FrameVelocity start, last, change;
@@ -285,28 +285,29 @@ class BulletWorld {
   };
   SleepRules rules_;
   std::vector<Beside> beside_;
-  bool others_listed_ = false;  // since PyBullet made or removed an object
+  bool others_listed_ = false;   // since PyBullet made or removed an object
   std::vector<Bounds> vacated_;  // where sleeping bodies wake: others woke or went there, or come there
-  bool stepping_ = false;  // Bullet takes a step, for which it has applied gravity
+  bool stepping_ = false;        // Bullet takes a step, for which it has applied gravity
   BoundsHook hook_{[this] { before_query(); }};
   bool is_hooked_ = false;
-  std::vector<const btMultiBody*> joined_;  // robots that a constraint holds to something else, whose pivot may be moved
+  std::vector<const btMultiBody*>
+      joined_;  // robots that a constraint holds to something else, whose pivot may be moved
   long sleep_changes_ = 0;
-  int objects_known_ = -1;            // number of objects when they were found last; -1 = they changed since
-  std::vector<int> awake_, asleep_;   // used slots, as of a number of changes
+  int objects_known_ = -1;           // number of objects when they were found last; -1 = they changed since
+  std::vector<int> awake_, asleep_;  // used slots, as of a number of changes
   long listed_at_ = -1;
   int gone_ = 0;  // number of slots whose bodies were removed
   bool any_raised_ = false;
-  long revision_ = -1;          // of the ground at the last look
-  bool ground_stands_ = false;  // it is that of the last look, and does not move
+  long revision_ = -1;                           // of the ground at the last look
+  bool ground_stands_ = false;                   // it is that of the last look, and does not move
   int constraints_ = 0, rigid_constraints_ = 0;  // at the last look, all and those of rigid bodies
   GroundUnder ground_, next_;
   std::vector<int> corrected_;  // bodies on ground that may have been corrected, in a step
   btVector3 gravity_{0.0, 0.0, 0.0};
 };
 
-// Returns the world with the number that the plugin's command gave; null if its client was disconnected, or its server runs
-// in another process.
+// Returns the world with the number that the plugin's command gave; null if its client was disconnected, or its server
+// runs in another process.
 BulletWorld* world_of(int number);
 
 }  // namespace smartmesh

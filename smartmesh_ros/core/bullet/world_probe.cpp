@@ -1,9 +1,9 @@
 // What the core reads in Bullet's memory, for a check that it was compiled for the PyBullet that runs.
-#include "world.h"
+#include "bullet/world.h"
 
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
-#include "contact_points.h"
+#include "bullet/contact_points.h"
 
 namespace smartmesh {
 

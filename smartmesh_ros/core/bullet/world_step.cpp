@@ -1,5 +1,5 @@
 // A step of the ground in a Bullet world: proxies are placed, contacts are found, soil is pressed.
-#include "world.h"
+#include "bullet/world.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,9 +9,9 @@
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
-#include "contact_points.h"
-#include "foundation.h"
-#include "step_lock.h"
+#include "bullet/contact_points.h"
+#include "contact/foundation.h"
+#include "step/step_lock.h"
 
 namespace smartmesh {
 
@@ -191,7 +191,8 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
     BodySurface own;
     read_surface(*slot.object, *slot.ground, own);
     if (slot.belt.speed != 0.0) own.belt = belt_of(slot), own.mass = mass_of(*slot.object);
-    find_rows(contacts_, approach, own, {solver.m_erp2, solver.m_linearSlop, solver.m_restitutionVelocityThreshold}, rows_);
+    find_rows(contacts_, approach, own, {solver.m_erp2, solver.m_linearSlop, solver.m_restitutionVelocityThreshold},
+              rows_);
     place_in_mid_step(*shape, pose, contacts_, approach, rows_);
     if (has_material) {
       lay_on_foundation(*shape, pose, approach, own, contacts_, rows_);
@@ -206,7 +207,8 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   }
   const bool ground_is_b = manifold.getBody0() == slot.object;
   write_contacts(contacts_, rows_, before_,
-                 {*slot.object, *slot.ground, ground_is_b, step, solver.m_linearSlop, anchor_time(step)}, manifold, told_);
+                 {*slot.object, *slot.ground, ground_is_b, step, solver.m_linearSlop, anchor_time(step)}, manifold,
+                 told_);
 }
 
 Vec3 BulletWorld::belt_of(const Slot& slot) const {

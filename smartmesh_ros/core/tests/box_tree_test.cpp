@@ -1,5 +1,5 @@
 // The tree of boxes finds what a search through all boxes finds, also after the boxes moved.
-#include "box_tree.h"
+#include "math/box_tree.h"
 
 #include <algorithm>
 #include <limits>

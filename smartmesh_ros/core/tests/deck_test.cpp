@@ -1,5 +1,5 @@
 // Frames between their samples, and contacts with decks.
-#include "deck_contacts.h"
+#include "contact/deck_contacts.h"
 
 #include <cmath>
 

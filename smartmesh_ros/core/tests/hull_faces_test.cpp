@@ -1,5 +1,5 @@
 // The convex hull of points: each face is a supporting plane, and the faces close the surface.
-#include "hull_faces.h"
+#include "shape/hull_faces.h"
 
 #include <map>
 #include <random>

@@ -1,5 +1,5 @@
 // The choice of the contacts that a solver gets.
-#include "manifold.h"
+#include "contact/manifold.h"
 
 #include <cmath>
 
@@ -8,13 +8,16 @@
 namespace smartmesh {
 namespace {
 
-Contact at(double x, double y, double distance, int feature) { return {{x, y, 0.0}, {0.0, 0.0, 1.0}, distance, feature, 0}; }
+Contact at(double x, double y, double distance, int feature) {
+  return {{x, y, 0.0}, {0.0, 0.0, 1.0}, distance, feature, 0};
+}
 
 // Contacts of the underside of a flat box of 2 m x 2 m on samples 0.1 m apart, all equally deep.
 std::vector<Contact> underside() {
   std::vector<Contact> contacts;
   for (int row = 0; row <= 20; ++row)
-    for (int column = 0; column <= 20; ++column) contacts.push_back(at(0.1 * column - 1.0, 0.1 * row - 1.0, -1e-5, 21 * row + column));
+    for (int column = 0; column <= 20; ++column)
+      contacts.push_back(at(0.1 * column - 1.0, 0.1 * row - 1.0, -1e-5, 21 * row + column));
   return contacts;
 }
 
@@ -45,7 +48,8 @@ TEST(Manifold, KeepsItsContactsFromStepToStep) {
   std::vector<Contact> first = underside();
   choose({}, first);
   std::vector<OldContact> before;
-  for (const Contact& contact : first) before.push_back({contact.body_feature, contact.ground_feature, contact.point, 1.0, {}});
+  for (const Contact& contact : first)
+    before.push_back({contact.body_feature, contact.ground_feature, contact.point, 1.0, {}});
   std::vector<Contact> second = underside();
   for (Contact& contact : second) contact.distance += 1e-4 * std::sin(7.0 * contact.body_feature);
   choose(before, second);

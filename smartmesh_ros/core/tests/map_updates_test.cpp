@@ -1,12 +1,12 @@
 // Taking maps: velocities are difference quotients, and rectangles one after the other equal the whole map at once.
-#include "map_updates.h"
+#include "map/map_updates.h"
 
 #include <algorithm>
 #include <vector>
 
 #include <gtest/gtest.h>
 
-#include "map_memory.h"
+#include "map/map_memory.h"
 
 namespace smartmesh {
 namespace {
@@ -45,7 +45,8 @@ TEST(MapUpdates, PartsOfOneInstantEqualTheWhole) {
   }
   EXPECT_TRUE(std::equal(whole.heights.begin(), whole.heights.end(), parts.heights.begin()));
   for (int row = 0; row < ROWS; ++row)
-    for (int column = 0; column < COLUMNS; ++column) EXPECT_FLOAT_EQ(whole.newest(row, column), parts.newest(row, column));
+    for (int column = 0; column < COLUMNS; ++column)
+      EXPECT_FLOAT_EQ(whole.newest(row, column), parts.newest(row, column));
 }
 
 TEST(MapUpdates, WhatARegionLeavesOutIsAtRest) {

@@ -1,0 +1,61 @@
+// Contacts of a convex shape with a patch of ground, exact for each pair of features.
+//
+// Candidates are the pairs of features that are nearest to each other within their surroundings: a vertex of the shape
+// and a facet, edge or peak of the ground; a peak and a face or edge of the shape; two edges. The normal of a pair lies
+// in the normal cones of both features, so that inner edges of flat ground have no contacts.
+#pragma once
+
+#include "map/material.h"
+#include "mesh/patch.h"
+#include "shape/convex.h"
+
+namespace smartmesh {
+
+// Contact point. `point`: on the ground [m]. `normal`: unit, from the ground into the body. `distance` [m]: negative
+// inside the ground. `body_feature`, `ground_feature`: names of the two features, equal from step to step. `material`,
+// `ground`: material of the ground there, and its motion, mean over the step. `deck`: number of the deck that it is on,
+// -1 = none. `yields` [1/kg]: change of the ground's velocity by an impulse along the normal.
+struct Contact {
+  Vec3 point, normal;
+  double distance;
+  int body_feature, ground_feature;
+  Material material{};
+  GroundMotion ground{};
+  int deck = -1;
+  double yields = 0.0;
+};
+
+// Largest speed of a point of a shape after an impact elsewhere, in terms of the speeds before. The end of a rod whose
+// other end hits the ground reaches 1.5 times its speed, the corner of a plate 1.7 times.
+constexpr double IMPACT = 2.0;
+
+// Motion of a body relative to ground that moves as one, and how far contacts are looked for. Contacts have velocities
+// of their own, which differ from that of this ground by at most what `margin` allows for.
+struct Approach {
+  Vec3 linear, angular, centre;  // [m/s], [rad/s], and the point that moves at `linear` [m]
+  double duration = 0.0;         // of the step [s]
+  double margin = 0.0;           // distance up to which contacts are found beside the motion [m]
+  Vec3 gravity{};                // [m/s^2]
+  Vec3 ground{};                 // velocity of the ground [m/s]
+  double ahead = 0.0;            // time over which velocities of the ground are means [s]; zero = it counts as still
+  // Of shapes that are touched at several places at once: IMPACT, the angle by which the shape turns [rad], and the
+  // bounding radius [m].
+  double impact = 1.0, turning = 0.0, size = 1e300;
+
+  Vec3 velocity_at(const Vec3& p) const { return linear + cross(angular, p - centre); }
+  // Returns the velocity of the body relative to the ground at a contact [m/s].
+  Vec3 velocity_at(const Contact& contact) const {
+    return velocity_at(contact.point) + ground - contact.ground.velocity;
+  }
+  // Angle by which the shape may turn in the step, also after an impact along `n` [rad].
+  double turn(const Vec3& n) const { return turning + std::max(0.0, -dot(n, linear)) * duration / size; }
+  // Distance up to which a point that moves at `v` may come to the ground in the step [m], also after an impact
+  // elsewhere.
+  double reach(const Vec3& v) const { return margin + impact * norm(v) * duration; }
+  // The same for any point of a ball around `p`.
+  double reach(const Vec3& p, double radius) const {
+    return margin + impact * (norm(linear) + norm(angular) * (norm(p - centre) + radius)) * duration;
+  }
+};
+
+}  // namespace smartmesh

@@ -1,0 +1,125 @@
+// An edge of a polytope against the convex edges of the ground.
+#include <algorithm>
+#include <cmath>
+
+#include "contact/cones.h"
+#include "contact/contact_pairs.h"
+#include "math/triangle.h"
+
+namespace smartmesh {
+
+namespace {
+
+// Depth up to which overlaps are found, as a share of the bounding radius.
+constexpr double DEEP = 0.05;
+
+// Returns a direction from the ground's edge into the shape. Meshes may be touched from both sides: there the shape
+// tells, or, of a segment, the way `away` to it.
+Vec3 outward_of(const Patch& patch, const Edge& ground, const PolyEdge& edge, const Pose& pose, const Vec3& away) {
+  if (!patch.is_mesh) return ground.outward;
+  return edge.faces[0] < 0 ? away : pose.turn * (edge.into[0] + edge.into[1]);
+}
+
+// Returns true if a line is below the ground where it is as far below one facet of an edge as below the other. `a`: an
+// end of the edge; `between`: difference of the facets' normals.
+bool is_below(const Crossing& line, const Vec3& a, const Vec3& between, const Patch& patch) {
+  const double closing = dot(between, line.along);
+  const Vec3 deepest =
+      std::abs(closing) > 1e-9 ? line.at - line.along * (dot(between, line.at - a) / closing) : line.at;
+  double below;
+  return way_out(deepest, patch, below) >= 0;
+}
+
+// Returns the normal of a pair of edges, that of the face or facet beside them if `n` lies beyond it.
+Vec3 seated(const Polytope& core, const PolyEdge& edge, const Pose& pose, const Patch& patch, const Edge& ground,
+            const Vec3& n) {
+  const Vec3 local = transposed(pose.turn, n);
+  for (int k = 0; k < 2; ++k)
+    if (edge.faces[k] >= 0 && dot(local, edge.into[k]) < 0.0) return pose.turn * -core.faces[edge.faces[k]].normal;
+  const Vec3 &a = patch.points[ground.end[0]], &b = patch.points[ground.end[1]];
+  for (int k : ground.opposite) {
+    if (k < 0 || !(dot(n, patch.points[k] - a) > 0.0)) continue;
+    const Vec3 normal = unit(cross(b - a, patch.points[k] - a));
+    return dot(normal, n) < 0.0 ? -normal : normal;
+  }
+  return n;
+}
+
+}  // namespace
+
+bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge,
+                 const Crossing& crossing) {
+  const double limit = MUCH_SHORTER * crossing.distance;
+  const Vec3 &a = patch.points[edge.end[0]], &b = patch.points[edge.end[1]];
+  const Vec3 on_ground = a + (b - a) * along_segment(crossing.at, a, b);
+  if (norm(on_ground - pose.at) > shape.reach) return false;  // an edge that overlaps the shape is inside it there
+  Vec3 corners[4] = {pose.to_local(a), pose.to_local(b)}, normals[2];
+  int count = 2;
+  for (int k : edge.opposite) {
+    if (k < 0) continue;
+    Vec3& normal = normals[count - 2];
+    normal = unit(cross(b - a, patch.points[k] - a));
+    const bool is_rim = patch.is_mesh && edge.opposite[1] < 0;  // of a sheet, which the shape leaves to its own side
+    if (dot(normal, is_rim ? pose.to_world(shape.centre) - a : edge.outward) < 0.0) normal = -normal;
+    if (lowest(shape, transposed(pose.turn, normal)) + dot(normal, pose.at - a) > limit) return false;
+    corners[count++] = pose.to_local(patch.points[k]);
+  }
+  const Vec3 between = count == 4 ? normals[0] - normals[1] : Vec3{};
+  if (!(patch.is_mesh ? is_passed(shape, corners[0], corners[1]) : is_below(crossing, a, between, patch))) return false;
+  const auto leaves = [&](const Vec3& normal, double offset) {
+    double least = 1e300;
+    for (int k = 0; k < count; ++k) least = std::min(least, dot(normal, corners[k]) - offset);
+    return least > limit;
+  };
+  if (shape.kind == ShapeKind::Cylinder)
+    return !leaves({0.0, 0.0, 1.0}, shape.half.z) && !leaves({0.0, 0.0, -1.0}, shape.half.z);
+  return std::none_of(shape.core.faces.begin(), shape.core.faces.end(),
+                      [&](const PolyFace& face) { return leaves(face.normal, face.offset + shape.rounding); });
+}
+
+void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& patch, const Approach& approach,
+                std::vector<Contact>& contacts) {
+  if (patch.edges.empty()) return;
+  const PolyEdge& edge = shape.core.edges[index];
+  const Vec3 a = pose.to_world(shape.core.vertices[edge.end[0]]), b = pose.to_world(shape.core.vertices[edge.end[1]]);
+  const Vec3 middle = (a + b) * 0.5, velocity = approach.velocity_at(middle);
+  const double spin = norm(approach.angular) * 0.5 * norm(b - a);
+  const double reach = approach.margin + approach.impact * (norm(velocity) + spin) * approach.duration,
+               most = shape.rounding + reach;
+  if (std::min(a.z, b.z) - most > patch.highest) return;
+  Bounds bounds;
+  bounds.add(a), bounds.add(b);
+  const double across =
+      std::sqrt(1.0 - std::pow(std::max(patch.steepest, 0.0), 2));  // horizontal part of the steepest normal
+  bounds = bounds.grown(std::max(most, DEEP * shape.reach * across));
+  const PatchCells& cells = patch.cells;
+  const CellRange near = cells.near(middle.x, middle.y, middle.x - bounds.low.x, middle.y - bounds.low.y);
+  const auto touch = [&](const Edge& other) {
+    const Vec3 &p = patch.points[other.end[0]], &q = patch.points[other.end[1]];
+    if (!bounds.meets({{std::min(p.x, q.x), std::min(p.y, q.y), -1e300},
+                       {std::max(p.x, q.x), std::max(p.y, q.y), std::max(p.z, q.z)}}))
+      return;
+    double s, t;
+    if (!nearest_on_lines(a, b, p, q, s, t) || !(s > 0.0 && s < 1.0 && t > -1.0 && t < 2.0)) return;
+    const Vec3 on_ground = p + (q - p) * t, on_edge = a + (b - a) * s;
+    const bool beyond_end = !(t > 0.0 && t < 1.0);
+    if (beyond_end && !is_at_corner(t, norm2(q - p), on_edge - on_ground)) return;
+    Vec3 n = unit(cross(b - a, q - p));
+    if (dot(n, outward_of(patch, other, edge, pose, on_edge - on_ground)) < 0.0) n = -n;
+    const double from_edge = dot(n, on_edge - on_ground), distance = from_edge - shape.rounding;
+    if (!(distance <= reach) || (beyond_end && from_edge > 0.0)) return;
+    const double slack = cone_slack(approach, n, distance, SEAT);
+    if (!in_cone(edge, transposed(pose.turn, n), slack) || !in_cone(patch, other, n, slack)) return;
+    if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, {on_edge, b - a, distance})) return;
+    const Vec3 normal = seated(shape.core, edge, pose, patch, other, n);
+    if (!(dot(normal, n) > 0.0)) return;  // the edge is so sharp that it seems to lie in its cone either way
+    contacts.push_back({on_ground, normal, dot(normal, on_edge - on_ground) - shape.rounding,
+                        name_of(BodyFeature::Edge, index), ground_name(patch, other.end[0], other.end[1])});
+  };
+  for (int r = near.top; r < std::min(near.bottom + 1, cells.rows); ++r) {
+    const int end = cells.edges[cells.at(r, std::min(near.right, cells.columns - 1)) + 1];
+    for (int e = cells.edges[cells.at(r, near.left)]; e < end; ++e) touch(patch.edges[e]);
+  }
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,144 @@
+#include "contact/contact_row.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace smartmesh {
+
+namespace {
+
+// Largest speed at which a body that is inside the ground is pushed out [m/s].
+constexpr double PUSH_OUT = 1.0;
+// Shortest time in which it is pushed out [s]: a share of its depth in each step, however short the step, would throw
+// bodies the higher, the shorter the steps.
+constexpr double PUSH_OUT_TIME = 0.014;
+// Sine of the angle between a belt's axis and a normal, below which the contact is at the side of the belt and stands
+// still.
+constexpr double SIDE = 0.5;
+// Least share of friction across the slip: solvers divide by its square.
+constexpr double LEAST_ACROSS = 0.01;
+// A slip has a direction if it is faster than rounding makes it [m/s], and than this share of what friction can stop in
+// a step: below it, the next push may come from anywhere.
+constexpr double SLOWEST_SLIP = 1e-7, LEAST_HELD = 0.1;
+
+// Returns what the friction of a contact in the last step leaves of the cone across its direction, as a share of the
+// most.
+double across_slip(const OldContact* old, double friction) {
+  if (old == nullptr || !(friction * old->normal_impulse > 0.0)) return 1.0;
+  const double used = norm(old->friction) / (friction * old->normal_impulse);
+  return std::sqrt(std::max(1.0 - used * used, LEAST_ACROSS * LEAST_ACROSS));
+}
+
+// Returns the speed at which a body leaves the ground that it reaches in the step, zero if it does not bounce. The
+// solver turns a body back as soon as it would reach the ground within the step, at a distance d above it. From there
+// it must not rise higher than from the ground: v'^2 / 2g + v' dt / 2 + d, in the solver's steps, equals e^2 (v^2 + 2 g
+// d) / 2g.
+double bounce_of(const Contact& contact, const Approach& approach, double restitution, double slowest) {
+  const double closing = -dot(contact.normal, approach.velocity_at(contact)), d = contact.distance;
+  if (restitution == 0.0 || closing <= slowest || closing * approach.duration < d) return 0.0;
+  const double g = std::max(0.0, -dot(approach.gravity, contact.normal)), half = 0.5 * g * approach.duration;
+  const double e2 = restitution * restitution;
+  const double square = half * half + e2 * closing * closing - 2.0 * g * d * (1.0 - e2);
+  return square > 0.0 ? std::max(0.0, std::sqrt(square) - half) : 0.0;
+}
+
+// Returns the speed along the normal, relative to the ground, that corrects a distance [m] in the step.
+double correcting(double distance, double duration, const Correction& solver) {
+  const double gap = distance + solver.slop;
+  if (gap >= 0.0) return -gap / duration;
+  return std::min(-gap * std::min(solver.erp / duration, 1.0 / PUSH_OUT_TIME), PUSH_OUT);
+}
+
+ContactRow row_of(const Contact& contact, const Approach& approach, const BodySurface& body, const Correction& solver) {
+  const double dt = approach.duration, stiffness = body.stiffness;
+  ContactRow row;
+  row.at = contact.point;
+  const double bounce =
+      bounce_of(contact, approach, body.restitution * contact.material.restitution, solver.slowest_bounce);
+  const double distance = bounce > 0.0 ? std::min(0.0, contact.distance) : contact.distance;
+  row.speed = dot(contact.normal, contact.ground.velocity) + bounce;
+  // Of a spring, the force is that of its depth and its speed at the end of the step.
+  if (body.is_soft && distance < 0.0)
+    row.speed -= distance * stiffness / (dt * stiffness + body.damping);
+  else
+    row.speed += correcting(distance, dt, solver);
+  if (body.is_soft) row.softness = 1.0 / (dt * (dt * stiffness + body.damping));
+  row.slide = contact.ground.velocity;
+  if (norm2(body.belt) > 0.0) {
+    row.slide = row.slide + surface_velocity(body.belt, contact.normal);
+    // Rigid contacts may share a load in any way. These share it as equal springs, 0.1 mm deep at 240 Hz.
+    row.softness = std::max(row.softness, 1.0 / body.mass);
+  }
+  row.softness += contact.yields;
+  row.friction = body.friction;
+  row.friction.sliding *= contact.material.friction;
+  return row;
+}
+
+}  // namespace
+
+void find_rows(const std::vector<Contact>& contacts, const Approach& approach, const BodySurface& body,
+               const Correction& solver, std::vector<ContactRow>& rows) {
+  rows.clear();
+  for (const Contact& contact : contacts) rows.push_back(row_of(contact, approach, body, solver));
+}
+
+Vec3 surface_velocity(const Vec3& belt, const Vec3& normal) {
+  const Vec3 along = cross(belt, normal);
+  const double speed = norm(belt), share = norm(along) / speed;
+  return share > SIDE ? along * (1.0 / share) : Vec3{};
+}
+
+void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<Contact>& contacts,
+                       const Approach& approach, std::vector<ContactRow>& rows) {
+  // A point of a body that turns moves along an arc, and the solver takes its velocity for all of the step: that of the
+  // middle is right to second order.
+  const bool is_round = shape.kind == ShapeKind::Cylinder || shape.kind == ShapeKind::Capsule;
+  const Vec3 axis = pose.turn * Vec3{0.0, 0.0, 1.0};
+  for (std::size_t k = 0; k < contacts.size(); ++k) {
+    const Contact& contact = contacts[k];
+    if (contact.distance <= 0.0) continue;
+    Vec3 turns = approach.angular;
+    // A round shape stays where it is if it spins: only what tilts its axis in the plane of the normal moves its
+    // surface.
+    if (const Vec3 tilts = unit(cross(contact.normal, axis)); is_round) turns = tilts * dot(turns, tilts);
+    const Vec3 on_core = contact.point + contact.normal * (contact.distance + shape.rounding);
+    rows[k].at = contact.point + cross(turns, on_core - approach.centre) * (0.5 * approach.duration);
+  }
+}
+
+void resist_rolling(const std::vector<Contact>& contacts, const Approach& approach, const Vec3& pull,
+                    std::vector<ContactRow>& rows) {
+  for (std::size_t k = 0; k < contacts.size(); ++k) {
+    const Contact& contact = contacts[k];
+    const Vec3 arm = approach.centre - contact.point;
+    const double radius = dot(arm, contact.normal), most = contact.material.rolling * radius;
+    if (!(most > 0.0)) continue;
+    const Vec3 rolls = cross(approach.angular, arm) + pull, along = rolls - contact.normal * dot(rolls, contact.normal);
+    const double speed = norm(along), falls = -dot(approach.gravity, contact.normal) * approach.duration;
+    if (!(speed > 0.0)) continue;
+    // What carries the weight of the body there stops it in the step.
+    const Vec3 ahead = along * ((falls > 0.0 ? std::min(most, radius * speed / falls) : most) / speed);
+    rows[k].at = rows[k].at + ahead;
+    rows[k].speed += dot(contact.normal, cross(approach.angular, ahead));
+  }
+}
+
+void find_slips(const std::vector<Contact>& contacts, const std::vector<OldContact>& before, const Approach& approach,
+                const Pull& pull, std::vector<ContactRow>& rows) {
+  for (std::size_t k = 0; k < contacts.size(); ++k) {
+    const Contact& contact = contacts[k];
+    const auto along_ground = [&](const Vec3& v) { return v - contact.normal * dot(v, contact.normal); };
+    const OldContact* old = matching(contact, before);
+    const double friction = rows[k].friction.sliding, share = static_cast<double>(contacts.size()) / pull.mass;
+    const Vec3 slip = along_ground(approach.velocity_at(contact) + contact.ground.velocity - rows[k].slide);
+    // Without friction, what does not slip would go where friction held it in the last step, and where it is pulled
+    // since.
+    const bool slips = old == nullptr || norm2(slip) > norm2(pull.now);
+    const Vec3 along = slip + along_ground(slips ? pull.now : pull.now - pull.before - old->friction * share);
+    const double holds = old == nullptr ? 0.0 : friction * old->normal_impulse * share;
+    if (norm(along) > SLOWEST_SLIP + LEAST_HELD * holds) rows[k].slip = {along, across_slip(old, friction)};
+  }
+}
+
+}  // namespace smartmesh

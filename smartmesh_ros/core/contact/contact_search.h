@@ -1,0 +1,24 @@
+// Search for the contacts of a shape with the ground near it.
+#pragma once
+
+#include <limits>
+#include <vector>
+
+#include "contact/contact.h"
+#include "ground/surface.h"
+
+namespace smartmesh {
+
+// Its memory serves one search after the other.
+class ContactSearch {
+ public:
+  // Replaces `contacts` by those of a shape at `pose` with the ground at `time` [s]; none if a number is not finite.
+  // `thickness` [m]: of height maps at their holes and rims.
+  void run(const Convex& shape, const Pose& pose, Surface& surface, double time, Approach approach,
+           std::vector<Contact>& contacts, double thickness = std::numeric_limits<double>::infinity());
+
+ private:
+  Patch maps_, meshes_;
+};
+
+}  // namespace smartmesh

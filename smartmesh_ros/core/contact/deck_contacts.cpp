@@ -1,0 +1,63 @@
+#include "contact/deck_contacts.h"
+
+#include <cmath>
+
+namespace smartmesh {
+
+namespace {
+
+// Spreads the names of the features of decks, so that those of two decks differ.
+constexpr unsigned SPREAD = 0x9e3779b1u;
+
+// Returns the motion of a body relative to a deck, in the deck's frame.
+Approach seen_from(const FrameState& frame, const NearbyGround& near, const Approach& body) {
+  Approach local = body;
+  const Mat3& turn = frame.pose.turn;
+  local.centre = frame.pose.to_local(body.centre);
+  local.ground = near.velocity;
+  local.margin = body.margin + near.spread * body.duration;
+  local.gravity = transposed(turn, body.gravity);
+  local.linear = transposed(turn, body.linear - frame.velocity_at(body.centre)) - near.velocity;
+  local.angular = transposed(turn, body.angular - frame.velocity.angular);
+  return local;
+}
+
+}  // namespace
+
+bool is_near(Deck& deck, const Bounds& swept, double time, double duration, NearbyDeck& found) {
+  const FrameState frame = deck.motion.at(time);
+  const Vec3 middle = (swept.low + swept.high) * 0.5;
+  const double radius = norm(swept.high - middle);
+  const double comes = (norm(frame.velocity_at(middle)) + norm(frame.velocity.angular) * radius) * duration;
+  const Bounds local = Deck::local_bounds(frame.pose, swept.grown(comes));
+  found.ground = deck.surface.near(local, time, duration);
+  found.moved = comes + (norm(found.ground.velocity) + found.ground.spread) * duration;
+  return found.ground.highest >= local.low.z - (found.moved - comes);
+}
+
+void DeckSearch::add(const Convex& shape, const Pose& pose, Deck& deck, const NearbyDeck& near, double time,
+                     const Approach& body, std::vector<Contact>& contacts) {
+  const FrameState frame = deck.motion.at(time);
+  const Pose local = smartmesh::seen_from(frame.pose, pose);
+  if (deck.is_above(local.to_world(shape.centre), time)) return;
+  search_.run(shape, local, deck.surface, time, seen_from(frame, near.ground, body), found_, deck.thickness);
+  if (found_.empty()) return;
+  // Where the deck is at the end of the step: a point of it moves along a chord.
+  const Pose end = deck.motion.at(time + body.ahead).pose;
+  const bool has_material = deck.surface.has_material();
+  for (Contact contact : found_) {
+    if (contact.distance < -deck.thickness) continue;
+    const Vec3 p = contact.point;
+    if (has_material) contact.material = deck.surface.reader(time, INSTANT).tiles.material(p.x, p.y);
+    contact.point = frame.pose.to_world(p);
+    contact.normal = frame.pose.turn * contact.normal;
+    contact.deck = near.number;
+    contact.ground_feature ^= static_cast<int>(SPREAD * (near.number + 1u));
+    const Vec3 chord = (end.to_world(p) - contact.point) * (1.0 / body.ahead);
+    contact.ground.velocity = chord + end.turn * contact.ground.velocity;
+    contact.ground.turning = frame.velocity.angular + frame.pose.turn * contact.ground.turning;
+    contacts.push_back(contact);
+  }
+}
+
+}  // namespace smartmesh

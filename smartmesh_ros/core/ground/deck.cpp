@@ -1,0 +1,72 @@
+#include "ground/deck.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace smartmesh {
+
+namespace {
+
+// Height from which rays look for ground below all [m], as the largest coordinate of a ray's origin allows.
+constexpr double HIGHEST = 1e5;
+// Distance above a point of the ground from which a query finds that ground [m].
+constexpr double ABOVE = 1e-6;
+// Distance from a sleeping body up to which a deck counts as its ground [m].
+constexpr double NEAR = 0.01;
+
+}  // namespace
+
+Bounds Deck::local_bounds(const Pose& pose, const Bounds& bounds) {
+  Bounds found;
+  for (int k = 0; k < 8; ++k)
+    found.add(pose.to_local({k & 1 ? bounds.high.x : bounds.low.x, k & 2 ? bounds.high.y : bounds.low.y,
+                             k & 4 ? bounds.high.z : bounds.low.z}));
+  return found;
+}
+
+bool Deck::is_above(const Vec3& p, double time) const {
+  if (std::isinf(thickness)) return false;
+  return surface.reader(time, INSTANT).at(p.x, p.y).height - p.z > thickness;
+}
+
+void Deck::add_ground_under(const Bounds& bounds, double time, GroundUnder& found) {
+  const Pose pose = motion.at(time).pose;
+  const Bounds local = local_bounds(pose, bounds.grown(NEAR));
+  const Vec3 middle = (local.low + local.high) * 0.5;
+  if (surface.near(local, time, 0.0).highest < local.low.z || is_above(middle, time)) return;
+  GroundUnder here;
+  surface.ground_under(local, time, here);
+  if (here.heights.empty() && here.vertices.empty()) return;
+  found.heights.insert(found.heights.end(), here.heights.begin(), here.heights.end());
+  found.materials.insert(found.materials.end(), here.materials.begin(), here.materials.end());
+  found.variances.insert(found.variances.end(), here.heights.size(), -1.0f);
+  found.vertices.insert(found.vertices.end(), here.vertices.begin(), here.vertices.end());
+  found.slides |= here.slides;
+  const double far =
+      norm(middle) + norm(local.high - middle);  // no point of the body is farther from the frame's origin
+  for (const Vec3& v : {pose.at, pose.turn.row[0] * far, pose.turn.row[1] * far, pose.turn.row[2] * far})
+    found.vertices.insert(found.vertices.end(), {v.x, v.y, v.z});
+}
+
+DeckReader::DeckReader(const Deck& of, double time)
+    : deck(&of), frame(of.motion.at(time)), ground(rays.begin(of.surface, time)) {}
+
+RayHit DeckReader::first_hit(const Ray& ray) {
+  const Pose& pose = frame.pose;
+  RayHit hit = rays.first_hit(ground, {pose.to_local(ray.from), transposed(pose.turn, ray.way), ray.reach});
+  hit.normal = pose.turn * hit.normal;
+  return hit;
+}
+
+GroundSample DeckReader::below(const Vec3& p) {
+  const Vec3 from{p.x, p.y, std::min(p.z, HIGHEST)};
+  const RayHit hit = first_hit({from, {0.0, 0.0, -1.0}, 2.0 * HIGHEST});
+  if (!std::isfinite(hit.distance)) return {};
+  const Vec3 at{from.x, from.y, from.z - hit.distance};
+  const Vec3 local = frame.pose.to_local(at);
+  const GroundSample here = ground.below({local.x, local.y, local.z + ABOVE});
+  const Vec3 own = std::isnan(here.height) ? Vec3{} : frame.pose.turn * here.velocity;
+  return {at.z, hit.normal, frame.velocity_at(at) + own, here.age};
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,80 @@
+// Motion of a frame with all six degrees of freedom, second order in time.
+#pragma once
+
+#include <array>
+#include <limits>
+#include <optional>
+
+#include "math/rotation.h"
+#include "math/vec3.h"
+
+namespace smartmesh {
+
+// Velocity of a frame's origin [m/s], and its angular velocity [rad/s], in the world.
+struct FrameVelocity {
+  Vec3 linear, angular;
+};
+
+// Returns a change of a velocity as far as the change before agrees; see `agreed` in motion.h.
+FrameVelocity agreed(const FrameVelocity& change, const FrameVelocity& before);
+
+// A frame at one instant.
+struct FrameState {
+  Pose pose;
+  FrameVelocity velocity;
+
+  // Returns the velocity of a point of the world that moves with the frame [m/s].
+  Vec3 velocity_at(const Vec3& p) const { return velocity.linear + cross(velocity.angular, p - pose.at); }
+};
+
+// Where a frame was at a time [s], and its velocity if it was told.
+struct FrameSample {
+  double time;
+  Vec3 at;
+  Turn turn;
+  std::optional<FrameVelocity> velocity;
+};
+
+// From the last sample on a frame moves with a constant acceleration and angular acceleration, which come from the last
+// three poses, or from the last two velocities where they are told, as far as the change before agrees.
+class FrameMotion {
+ public:
+  // Speed above which a frame without told velocities has jumped [m/s].
+  double fastest = 100.0;
+
+  // Takes a sample. One of the time of the last replaces it; one before it is another beginning.
+  void note(const FrameSample& sample);
+  // Puts the frame somewhere else, at rest unless its velocity is told.
+  void put(const FrameSample& sample);
+  // Sets the motion from a time on, without an end.
+  void set(const FrameSample& sample, const FrameVelocity& change);
+  // Lets the frame rest where it is at `time` [s].
+  void stop(double time);
+  void shift_time(double by);
+
+  FrameState at(double time) const;
+  bool moves(double time) const;
+  double time() const { return samples_[0].time; }
+  // Returns a number that grows with each change.
+  long revision() const { return revision_; }
+
+ private:
+  void estimate();
+  // Returns true if a frame at rest is where it was, and notes the time.
+  bool rests_at(const FrameSample& sample);
+  // Returns the time for which the frame has moved as from the last sample on, and the rate of it: a frame without
+  // further samples slows down and stops.
+  double time_moved(double time, double& rate) const;
+  Turn turn_at(double time) const;
+
+  // Returns the change of the velocity between samples, which `age` more came after [m/s^2], [rad/s^2].
+  FrameVelocity change_before(int age) const;
+
+  std::array<FrameSample, 4> samples_{};  // newest first
+  int known_ = 0;
+  FrameVelocity velocity_, change_;
+  double lasts_ = 0.0;  // [s]
+  long revision_ = 0;
+};
+
+}  // namespace smartmesh

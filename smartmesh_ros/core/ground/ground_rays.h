@@ -1,0 +1,27 @@
+// Rays onto the ground. Heights of one instant are kept until the ground has moved on.
+#pragma once
+
+#include <limits>
+#include <vector>
+
+#include "ground/ray_grid.h"
+#include "ground/surface.h"
+
+namespace smartmesh {
+
+class GroundRays {
+ public:
+  // Returns a reader at `time` [s] for `first_hit`, and forgets what has changed.
+  SurfaceReader begin(const Surface& surface, double time);
+
+  // Returns what a ray meets first. Rays pass through holes. Where maps overlap, a ray meets the one that it reaches
+  // first.
+  RayHit first_hit(SurfaceReader& ground, Ray ray);
+
+ private:
+  std::vector<RayTiles> grids_;
+  long layout_ = -1, revision_ = -1;
+  double instant_ = std::numeric_limits<double>::quiet_NaN();
+};
+
+}  // namespace smartmesh

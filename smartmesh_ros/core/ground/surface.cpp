@@ -1,0 +1,251 @@
+#include "ground/surface.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "ground/deck.h"
+
+namespace smartmesh {
+
+namespace {
+
+constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
+
+// Layouts count in steps that no changes of tiles make up for.
+constexpr long NEW_LAYOUT = 1L << 32;
+
+bool is_higher(const MeshPoint& mesh, double height) { return !(mesh.height <= height) && !std::isnan(mesh.height); }
+
+}  // namespace
+
+MeshPoint SurfaceReader::meshes_at(double x, double y, double z, const MeshReader*& highest) {
+  MeshPoint found;
+  for (MeshReader& mesh : meshes) {
+    const MeshPoint ground = mesh.below(x, y, z);
+    if (is_higher(ground, found.height)) found = ground, highest = &mesh;
+  }
+  return found;
+}
+
+GroundPoint SurfaceReader::at(double x, double y, double z, double of_decks) {
+  const GridFacet tile = tiles.at(x, y).facet;
+  const MeshReader* highest = nullptr;
+  const MeshPoint mesh = meshes_at(x, y, z, highest);
+  GroundPoint found = is_higher(mesh, tile.height) ? GroundPoint{mesh.height, mesh.velocity}
+                                                   : GroundPoint{tile.height, {0.0, 0.0, tile.velocity}};
+  if (decks == nullptr) return found;
+  for (DeckReader& deck : *decks) {
+    const GroundSample here = deck.below({x, y, of_decks + deck.deck->thickness});
+    if (here.is_above(found.height)) found = {here.height, here.velocity};
+  }
+  return found;
+}
+
+GroundSample SurfaceReader::below(const Vec3& p) {
+  GroundSample found;
+  if (const TileFacet here = tiles.at(p.x, p.y, p.z); here.tile != nullptr) {
+    const HeightGrid& grid = *here.tile->grid;
+    const GridPoint place = clamped(grid, here.tile->place(p.x, p.y));
+    const Clock& clock = grid.clock(static_cast<int>(place.row), static_cast<int>(place.column));
+    found = {here.facet.height, here.tile->normal(here.facet.per_column, here.facet.per_row),
+             here.tile->velocity(p.x, p.y, here.facet.velocity), tiles.time() - clock.time};
+  }
+  const MeshReader* mesh = nullptr;
+  const MeshPoint ground = meshes_at(p.x, p.y, p.z, mesh);
+  if (mesh != nullptr && !(ground.height <= found.height))
+    found = {ground.height, ground.normal, ground.velocity, mesh->age()};
+  if (decks == nullptr) return found;
+  for (DeckReader& deck : *decks)
+    if (const GroundSample here = deck.below(p); here.is_above(found.height)) found = here;
+  return found;
+}
+
+void SurfaceReader::prepare(std::size_t count) {
+  for (MeshReader& mesh : meshes) mesh.prepare(count);
+}
+
+SurfaceReader Surface::reader(double time, double ahead) const {
+  SurfaceReader made{{tiles_, time, ahead}, {}, {}};
+  for (const MeshSurface* mesh : meshes_) made.meshes.emplace_back(*mesh, time, ahead);
+  if (!decks_.empty()) made.decks = std::make_shared<std::vector<DeckReader>>();
+  for (const Deck* deck : decks_) made.decks->emplace_back(*deck, time);
+  return made;
+}
+
+Bounds Surface::with_gaps(const Bounds& bounds) const {
+  return tiles_.size() > 1 ? bounds.grown(widest_cell_) : bounds;
+}
+
+void Surface::set_tiles(const std::vector<HeightGrid*>& tiles, const std::vector<MeshSurface*>& meshes,
+                        const std::vector<Deck*>& decks) {
+  tiles_ = tiles;
+  meshes_ = meshes;
+  decks_ = decks;
+  widest_cell_ = 0.0;
+  for (const HeightGrid* grid : tiles_) widest_cell_ = std::max(widest_cell_, grid->resolution);
+  layout_ += NEW_LAYOUT;
+}
+
+void Surface::note_shown(double time) {
+  for (HeightGrid* grid : tiles_)
+    if (grid->mode != Mode::Correct) grid->shown = time;
+  for (MeshSurface* mesh : meshes_) mesh->shown = time;
+  for (Deck* deck : decks_) deck->surface.note_shown(time);
+}
+
+long Surface::revision() const {
+  long sum = layout_;
+  for (const HeightGrid* grid : tiles_) sum += grid->revision;
+  for (const MeshSurface* mesh : meshes_) sum += mesh->revision;
+  for (const Deck* deck : decks_) sum += deck->surface.revision() + deck->motion.revision();
+  return sum;
+}
+
+bool Surface::has_material() const {
+  return std::any_of(tiles_.begin(), tiles_.end(), [](const HeightGrid* grid) { return grid->materials.is_given(); }) ||
+         std::any_of(decks_.begin(), decks_.end(), [](const Deck* deck) { return deck->surface.has_material(); });
+}
+
+bool Surface::moves(double time) const {
+  return std::any_of(tiles_.begin(), tiles_.end(), [&](const HeightGrid* grid) { return grid->moves(time); }) ||
+         std::any_of(meshes_.begin(), meshes_.end(), [&](const MeshSurface* mesh) { return mesh->moves(time); }) ||
+         std::any_of(decks_.begin(), decks_.end(),
+                     [&](const Deck* deck) { return deck->motion.moves(time) || deck->surface.moves(time); });
+}
+
+void Surface::ground_under(const Bounds& bounds, double time, GroundUnder& found) {
+  found.clear();
+  const Bounds grown = with_gaps(bounds);
+  for (const HeightGrid* grid : tiles_) add_ground_under(*grid, time, grown, found);
+  Patch near;
+  gather_meshes(bounds, time, 0.0, Everything{}, near);
+  for (const Vec3& p : near.points) found.vertices.insert(found.vertices.end(), {p.x, p.y, p.z});
+  for (Deck* deck : decks_) deck->add_ground_under(bounds, time, found);
+}
+
+void Surface::blocks_under(const Bounds& bounds, double time, std::vector<BlockUnder>& found) const {
+  found.clear();
+  const Bounds grown = with_gaps(bounds);
+  for (const HeightGrid* grid : tiles_) add_blocks_under(*grid, time, grown, found);
+}
+
+Updates Surface::updates_of(const std::vector<BlockUnder>& blocks, double time) const {
+  Updates found;
+  for (const BlockUnder& block : blocks) found.add(block, time);
+  for (const MeshSurface* mesh : meshes_) found.count += mesh->revision, found.moves |= mesh->moves(time);
+  for (const Deck* deck : decks_) {
+    found.count += deck->surface.revision() + deck->motion.revision();
+    found.moves |= deck->motion.moves(time) || deck->surface.moves(time);
+  }
+  return found;
+}
+
+void Surface::gather_meshes(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch) {
+  patch.clear();
+  patch.is_mesh = true;
+  for (std::size_t k = 0; k < meshes_.size(); ++k)
+    meshes_[k]->gather(bounds, time, ahead, reach, static_cast<int>(k), scratch_, patch);
+}
+
+void Surface::place_tiles(double time) {
+  const long now = revision();
+  if (time == placed_at_ && now == placed_revision_) return;
+  placed_at_ = time, placed_revision_ = now;
+  placed_.clear();
+  for (HeightGrid* grid : tiles_) {
+    const GridPose pose = grid->pose_at(time);
+    placed_.push_back({grid, pose, {}});
+    for (const double row : {0.0, grid->rows - 1.0})
+      for (const double column : {0.0, grid->columns - 1.0})
+        placed_.back().bounds.add(pose.point({row, column}, grid->resolution));
+  }
+}
+
+void Surface::find_under(const Bounds& bounds, double time) {
+  place_tiles(time);
+  under_.clear();
+  for (const MapAtInstant& map : placed_) {
+    const bool apart = map.bounds.low.x > bounds.high.x || map.bounds.high.x < bounds.low.x ||
+                       map.bounds.low.y > bounds.high.y || map.bounds.high.y < bounds.low.y;
+    if (!apart && !cells_under(*map.grid, map.pose, bounds).empty()) under_.push_back(&map);
+  }
+}
+
+void Surface::gather(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch) {
+  patch.clear();
+  find_under(with_gaps(bounds), time);
+  if (under_.empty()) return;
+  if (under_.size() > 1) {
+    const MapAtInstant& finest = **std::min_element(
+        under_.begin(), under_.end(),
+        [](const MapAtInstant* a, const MapAtInstant* b) { return a->grid->resolution < b->grid->resolution; });
+    sample_across(finest, bounds, time, ahead, reach, patch);
+    return;
+  }
+  const auto& [grid, pose, _] = *under_[0];
+  const CellRange cells = cells_under(*grid, pose, bounds);
+  if (cells.empty()) return;
+  read_window(*grid, pose, cells, time, ahead, window_);
+  if (window_.highest() >= bounds.low.z) add_cells(window_, cells.top - 1, cells.left - 1, reach, patch);
+}
+
+// Samples the tiles under a body on the lattice of the finest one, which may go on beyond its edge.
+void Surface::sample_across(const MapAtInstant& finest, const Bounds& bounds, double time, double ahead,
+                            const Reach& reach, Patch& patch) {
+  Bounds here;  // where there are tiles
+  for (const MapAtInstant* map : under_) here.add(map->bounds.low), here.add(map->bounds.high);
+  const double resolution = finest.grid->resolution;
+  const auto [low, high] = extent_of(finest.pose, resolution, bounds.common(here));
+  const double top = std::floor(low.row) - 1.0, left = std::floor(low.column) - 1.0;
+  window_.rows = static_cast<int>(std::ceil(high.row) - top) + 2;
+  window_.columns = static_cast<int>(std::ceil(high.column) - left) + 2;
+  window_.resolution = resolution;
+  window_.pose = finest.pose.from({top, left}, resolution);
+  window_.heights.clear(), window_.rises.clear(), window_.slides.clear();
+  window_.ahead = ahead;
+  TileReader tiles(under_, widest_cell_, time, ahead > 0.0 ? ahead : INSTANT);
+  for (int r = 0; r < window_.rows; ++r) {
+    for (int c = 0; c < window_.columns; ++c) {
+      const Vec3 p = window_.pose.point({static_cast<double>(r), static_cast<double>(c)}, window_.resolution);
+      const GroundPoint ground = tiles.sample(p.x, p.y);
+      window_.heights.push_back(ground.height);
+      if (!(ahead > 0.0)) continue;
+      window_.slides.push_back({ground.velocity.x, ground.velocity.y, 0.0});
+      window_.rises.push_back(ground.velocity.z * ahead);
+    }
+  }
+  add_cells(window_, static_cast<long>(top), static_cast<long>(left), reach, patch);
+}
+
+NearbyGround Surface::near(const Bounds& bounds, double time, double ahead) {
+  NearbyGround found;
+  Bounds speeds;
+  const Vec3 middle = (bounds.low + bounds.high) * 0.5;
+  place_tiles(time);
+  double comes = 0.0;  // ground that slides [m]
+  for (const MapAtInstant& map : placed_) {
+    if (!map.pose.slides()) continue;
+    const Vec3 slide = map.pose.slide(middle.x, middle.y);
+    const double speed = std::hypot(slide.x, slide.y) + std::abs(slide.z) * norm(bounds.high - middle);
+    comes = std::max(comes, speed * ahead);
+  }
+  const Bounds grown = with_gaps(bounds).grown(comes);
+  find_under(grown, time);
+  for (const MapAtInstant* map : under_) {
+    read_window(*map->grid, map->pose, cells_under(*map->grid, map->pose, grown), time, ahead, window_);
+    found.highest = std::max(found.highest, window_.highest());
+    for (int r = 0; r < window_.rows; ++r)
+      for (int c = 0; c < window_.columns; ++c)
+        if (!std::isnan(window_.at(r, c))) speeds.add(window_.moves() ? window_.velocity(r, c) : Vec3{});
+  }
+  if (!meshes_.empty()) found.highest = 1e300;  // not worth a search of its own
+  if (ahead > 0.0)
+    for (const MeshSurface* mesh : meshes_) mesh->add_velocities(bounds, time, ahead, scratch_, speeds);
+  if (!(speeds.low.x <= speeds.high.x)) return found;
+  found.velocity = (speeds.low + speeds.high) * 0.5;
+  found.spread = norm(speeds.high - found.velocity);
+  return found;
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,115 @@
+// The one reader of moving ground: tiles of height maps, the gaps between them, meshes, and what lies near a body.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "ground/ground_under.h"
+#include "ground/tile_reader.h"
+#include "map/window.h"
+#include "mesh/mesh_reader.h"
+#include "mesh/patch.h"
+
+namespace smartmesh {
+
+struct Deck;
+struct DeckReader;
+
+// The ground near a body: a height that none of it exceeds [m], -1e300 = no ground, and the middle of its velocities,
+// from which none differs by more than `spread` [m/s].
+struct NearbyGround {
+  double highest = -1e300;
+  Vec3 velocity;
+  double spread = 0.0;
+};
+
+// The ground at a point: height [m], NaN = none, unit normal towards the side of the bodies, velocity [m/s] with
+// horizontal motion, and age [s], the time since the last map of the place, negative before it.
+struct GroundSample {
+  double height = std::numeric_limits<double>::quiet_NaN();
+  Vec3 normal, velocity;
+  double age = std::numeric_limits<double>::quiet_NaN();
+
+  // Returns true if there is ground, and none at an `other` height [m] that is as high; NaN = no ground there.
+  bool is_above(double other) const { return !(height <= other) && !std::isnan(height); }
+};
+
+// The height maps, the meshes and the decks of a surface at one instant; `decks` is null if there are none.
+struct SurfaceReader {
+  TileReader tiles;
+  std::vector<MeshReader> meshes;
+  std::shared_ptr<std::vector<DeckReader>> decks;
+
+  // Returns the highest ground of the meshes at (x, y) that is not above `z` [m]. `highest`: the mesh, if there is
+  // ground.
+  MeshPoint meshes_at(double x, double y, double z, const MeshReader*& highest);
+  // Returns the highest ground at (x, y). Ground of meshes above `z` [m] does not count, nor that of decks farther
+  // above `of_decks` [m] than they are thick.
+  GroundPoint at(double x, double y, double z = ABOVE_ALL, double of_decks = ABOVE_ALL);
+
+  // Returns the highest ground of maps, meshes and decks that is not above `p`, as sensors see it.
+  GroundSample below(const Vec3& p);
+
+  // Computes what pays for `count` points or rays.
+  void prepare(std::size_t count);
+};
+
+class Surface {
+ public:
+  // The first height map that has ground at a point counts there. The seam between two meshes is an edge of both, which
+  // bodies feel; the parts of one mesh join where they abut.
+  void set_tiles(const std::vector<HeightGrid*>& tiles, const std::vector<MeshSurface*>& meshes,
+                 const std::vector<Deck*>& decks = {});
+  const std::vector<Deck*>& decks() const { return decks_; }
+
+  // Fills `patch` with the ground of height maps, or of meshes, beside decks, inside `bounds` at `time` [s], as far as
+  // it is in `reach`. Velocities are means over the time `ahead` [s]; zero = they are not read.
+  void gather(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch);
+  void gather_meshes(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch);
+
+  // Returns a reader at `time` [s], with mean velocities over the time `ahead` [s].
+  SurfaceReader reader(double time, double ahead) const;
+
+  // Returns the ground beside decks that comes under `bounds` within the time `ahead` [s], as it is at `time` [s].
+  NearbyGround near(const Bounds& bounds, double time, double ahead);
+
+  // Notes that bodies met the ground up to the instant `time` [s].
+  void note_shown(double time);
+  // Returns a number that grows with every change of the tiles or their samples.
+  long revision() const;
+  // Returns a number that grows when the surface gets other tiles.
+  long layout() const { return layout_; }
+  // Returns true if any height map has a material, also of decks.
+  bool has_material() const;
+  // Returns true if any ground may move at `time` [s].
+  bool moves(double time) const;
+  // Finds the ground inside `bounds` at `time` [s], and the blocks of samples there, which are known until the surface
+  // gets other tiles.
+  void ground_under(const Bounds& bounds, double time, GroundUnder& found);
+  void blocks_under(const Bounds& bounds, double time, std::vector<BlockUnder>& found) const;
+  // Returns the updates so far of some blocks, and of all meshes and decks.
+  Updates updates_of(const std::vector<BlockUnder>& blocks, double time) const;
+
+ private:
+  // Returns bounds that hold the tiles on both sides of each gap that is bridged inside `bounds`.
+  Bounds with_gaps(const Bounds& bounds) const;
+  void place_tiles(double time);
+  // Finds the maps that have cells under `bounds` at `time` [s], in their order.
+  void find_under(const Bounds& bounds, double time);
+  void sample_across(const MapAtInstant& finest, const Bounds& bounds, double time, double ahead, const Reach& reach,
+                     Patch& patch);
+
+  std::vector<HeightGrid*> tiles_;
+  std::vector<MeshSurface*> meshes_;
+  std::vector<Deck*> decks_;
+  double widest_cell_ = 0.0;          // [m]
+  std::vector<MapAtInstant> placed_;  // as of a time [s] and a revision
+  double placed_at_ = 0.0;
+  long placed_revision_ = -1;
+  std::vector<const MapAtInstant*> under_;  // a body
+  Window window_;
+  MeshScratch scratch_;
+  long layout_ = 0;
+};
+
+}  // namespace smartmesh

@@ -1,0 +1,154 @@
+#include "map/height_grid.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "map/noisy_motion.h"
+
+namespace smartmesh {
+
+namespace {
+
+// Returns the length of a chord over the length of its arc, for an arc of `turn` [rad].
+double chord(double turn) { return turn == 0.0 ? 1.0 : std::sin(0.5 * turn) / (0.5 * turn); }
+
+}  // namespace
+
+GridPose HeightGrid::pose_at(double time) const {
+  if (track.interval == 0.0) return {x, y, std::cos(yaw), std::sin(yaw), 0.0, 0.0, 0.0};
+  const Phase phase = phase_of(time, track.time, track.interval, 0.0, mode, clocks[0].delay);
+  const double turn = track.spin * phase.along, along = phase.along * chord(turn);
+  const double c = std::cos(0.5 * turn), s = std::sin(0.5 * turn), ct = std::cos(turn), st = std::sin(turn);
+  return {x + along * (track.x * c - track.y * s),
+          y + along * (track.x * s + track.y * c),
+          std::cos(yaw + turn),
+          std::sin(yaw + turn),
+          phase.rate * (track.x * ct - track.y * st),
+          phase.rate * (track.x * st + track.y * ct),
+          phase.rate * track.spin};
+}
+
+bool HeightGrid::moves(double time) const {
+  if ((track.x != 0.0 || track.y != 0.0 || track.spin != 0.0) &&
+      goes_on(time, track.time, track.interval, clocks[0].delay))
+    return true;
+  for (int k = 0; k < blocks(); ++k) {
+    if (mode == Mode::Correct ? remaining(clocks[k], shown, settle) > 0.0 : may_move(clocks[k], time, mode))
+      return true;
+  }
+  return false;
+}
+
+double remaining(const Clock& clock, double shown, double settle) {
+  const double elapsed = shown - clock.middle;
+  if (!(elapsed < settle)) return 0.0;
+  return 1.0 - std::max(elapsed, 0.0) / settle;
+}
+
+void HeightGrid::show(double instant) {
+  const bool changes = mode == Mode::Correct && std::any_of(clocks, clocks + blocks(), [&](const Clock& clock) {
+                         return remaining(clock, shown, settle) != remaining(clock, instant, settle);
+                       });
+  shown = instant;
+  if (changes) revision = next_revision();
+}
+
+void GridReader::enter(const Clock& clock) {
+  const bool same = clock_ != nullptr && same_times(clock, *clock_);
+  clock_ = &clock;
+  if (same) return;
+  blend_ = grid_.blends() && clock.known > 0 ? blend_of(clock, time_, ahead_) : Blend{};
+  if (grid_.mode == Mode::Correct) blend_.offset = remaining(clock, grid_.shown, grid_.settle);
+  phase_ = block_phase(clock, time_, grid_.mode);
+  newest_ = nullptr;
+  if (grid_.mode == Mode::Correct || clock.known == 0 || clock.newest < 0 || clock.newest >= KEPT) return;
+  const std::size_t size = static_cast<std::size_t>(grid_.rows) * static_cast<std::size_t>(grid_.columns);
+  newest_ = grid_.velocities + size * static_cast<std::size_t>(clock.newest);
+  second_ = grid_.velocities + size * static_cast<std::size_t>((clock.newest + KEPT - 1) % KEPT);
+  third_ = grid_.velocities + size * static_cast<std::size_t>((clock.newest + KEPT - 2) % KEPT);
+}
+
+Motion GridReader::motion(int row, int column, std::size_t index) const {
+  if (grid_.noise > 0.0) return motion_in_noise(grid_, row, column, *clock_, phase_);
+  const auto law = phase_.third == 0.0 ? motion_of : third_order_motion_of;
+  return law(newest_[index], second_[index], third_[index], phase_, grid_.max_velocity);
+}
+
+Sample GridReader::read(int row, int column) {
+  if (!grid_.has(row, column)) return {std::numeric_limits<double>::quiet_NaN(), 0.0};
+  const Clock& clock = grid_.clock(row, column);
+  if (&clock != clock_) enter(clock);
+  const std::size_t i = grid_.index(row, column);
+  const double height = grid_.z + static_cast<double>(grid_.heights[i]);
+  if (newest_ == nullptr) return {height + deviation(i), 0.0};
+  const Motion found = motion(row, column, i);
+  double rise = rise_of(found, phase_, ahead_);
+  if (blend_.offset_rise != 0.0)
+    rise += blend_.offset_rise * static_cast<double>(grid_.offsets[i]) +
+            blend_.rate_rise * static_cast<double>(grid_.rates[i]);
+  return {height + displacement(found, phase_) + deviation(i), rise};
+}
+
+void GridReader::read_row(int row, int column, int count, double* heights) {
+  std::fill(heights, heights + count, std::numeric_limits<double>::quiet_NaN());
+  each_block(row, column, count, [&](int c, int inside) {
+    const float* known = grid_.heights + grid_.index(row, c);
+    double* out = heights + (c - column);
+    for (int k = 0; k < inside; ++k) out[k] = grid_.z + static_cast<double>(known[k]);
+    if (phase_.along != 0.0 || phase_.bend != 0.0)
+      each_motion(row, c, inside,
+                  [out](int k, const Motion& motion, const Phase& phase) { out[k] += displacement(motion, phase); });
+    if (blend_.offset != 0.0)
+      for (int k = 0; k < inside; ++k) out[k] += deviation(grid_.index(row, c + k));
+  });
+}
+
+void GridReader::read_rises(int row, int column, int count, double* rises) {
+  std::fill(rises, rises + count, 0.0);
+  each_block(row, column, count, [&](int c, int inside) {
+    double* out = rises + (c - column);
+    const double ahead = ahead_;
+    each_motion(row, c, inside, [out, ahead](int k, const Motion& motion, const Phase& phase) {
+      out[k] = rise_of(motion, phase, ahead);
+    });
+    if (blend_.offset_rise == 0.0) return;
+    const std::size_t i = grid_.index(row, c);
+    for (int k = 0; k < inside; ++k)
+      out[k] += blend_.offset_rise * static_cast<double>(grid_.offsets[i + k]) +
+                blend_.rate_rise * static_cast<double>(grid_.rates[i + k]);
+  });
+}
+
+// Calls `use(column, count)` for the samples of a row inside the map that are in one block each.
+template <class Use>
+void GridReader::each_block(int row, int column, int count, const Use& use) {
+  if (row < 0 || row >= grid_.rows) return;
+  const int last = std::min(column + count, grid_.columns);
+  for (int c = std::max(column, 0), end; c < last; c = end) {
+    end = std::min(last, ((c >> BLOCK_SHIFT) + 1) << BLOCK_SHIFT);
+    const Clock& clock = grid_.clock(row, c);
+    if (&clock != clock_) enter(clock);
+    use(c, end - c);
+  }
+}
+
+// Calls `use(k, motion, phase)` for samples of one block, if it has velocities.
+template <class Use>
+void GridReader::each_motion(int row, int column, int count, const Use& use) const {
+  if (newest_ == nullptr) return;
+  if (grid_.noise > 0.0) {
+    for (int k = 0; k < count; ++k) use(k, motion_in_noise(grid_, row, column + k, *clock_, phase_), phase_);
+    return;
+  }
+  const std::size_t i = grid_.index(row, column);
+  const float *v = newest_ + i, *v1 = second_ + i, *v2 = third_ + i;
+  const Phase phase = phase_;  // a copy, which what `use` writes to cannot overlap
+  const double most = grid_.max_velocity;
+  if (phase.third == 0.0)
+    for (int k = 0; k < count; ++k) use(k, motion_of(v[k], v1[k], v2[k], phase, most), phase);
+  else
+    for (int k = 0; k < count; ++k) use(k, third_order_motion_of(v[k], v1[k], v2[k], phase, most), phase);
+}
+
+}  // namespace smartmesh

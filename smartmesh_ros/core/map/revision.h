@@ -1,0 +1,15 @@
+// The one counter of changes of the ground.
+#pragma once
+
+#include <atomic>
+
+namespace smartmesh {
+
+// Returns a number higher than all before. Whatever changes takes one, so that whoever has seen a number knows whether
+// it has seen the change.
+inline long next_revision() {
+  static std::atomic<long> last{0};
+  return ++last;
+}
+
+}  // namespace smartmesh

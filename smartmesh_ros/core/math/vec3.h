@@ -1,0 +1,95 @@
+// Vectors, rotations and poses in three dimensions.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+namespace smartmesh {
+
+struct Vec3 {
+  double x = 0.0, y = 0.0, z = 0.0;
+};
+
+inline Vec3 operator+(const Vec3& a, const Vec3& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+inline Vec3 operator-(const Vec3& a, const Vec3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+inline Vec3 operator-(const Vec3& a) { return {-a.x, -a.y, -a.z}; }
+inline Vec3 operator*(const Vec3& a, double s) { return {a.x * s, a.y * s, a.z * s}; }
+inline Vec3 operator*(double s, const Vec3& a) { return a * s; }
+inline double dot(const Vec3& a, const Vec3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline Vec3 cross(const Vec3& a, const Vec3& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+inline Vec3 vector_at(const double* p) { return {p[0], p[1], p[2]}; }
+inline double norm2(const Vec3& a) { return dot(a, a); }
+inline double norm(const Vec3& a) { return std::sqrt(norm2(a)); }
+
+// Returns the unit vector along `a`; a zero vector stays zero.
+inline Vec3 unit(const Vec3& a) {
+  const double length = norm(a);
+  return length > 0.0 ? a * (1.0 / length) : a;
+}
+
+// Rotation by its rows.
+struct Mat3 {
+  Vec3 row[3] = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}};
+};
+
+inline Vec3 operator*(const Mat3& m, const Vec3& v) { return {dot(m.row[0], v), dot(m.row[1], v), dot(m.row[2], v)}; }
+
+// Returns the product of the transposed matrix and `v`, which for a rotation is the inverse rotation of `v`.
+inline Vec3 transposed(const Mat3& m, const Vec3& v) { return m.row[0] * v.x + m.row[1] * v.y + m.row[2] * v.z; }
+
+inline Mat3 transpose(const Mat3& m) {
+  const Vec3 &a = m.row[0], &b = m.row[1], &c = m.row[2];
+  return {{{a.x, b.x, c.x}, {a.y, b.y, c.y}, {a.z, b.z, c.z}}};
+}
+
+inline Mat3 operator*(const Mat3& a, const Mat3& b) {
+  return {{transposed(b, a.row[0]), transposed(b, a.row[1]), transposed(b, a.row[2])}};
+}
+
+// Pose of a frame in another: `turn` and `at` of its axes and its origin there.
+struct Pose {
+  Mat3 turn;
+  Vec3 at;
+
+  Vec3 to_world(const Vec3& local) const { return turn * local + at; }
+  Vec3 to_local(const Vec3& world) const { return transposed(turn, world - at); }
+};
+
+// Returns the pose in the world of a frame at `local` in another.
+inline Pose operator*(const Pose& frame, const Pose& local) {
+  return {frame.turn * local.turn, frame.to_world(local.at)};
+}
+// Returns the pose of a frame as seen from another.
+inline Pose seen_from(const Pose& frame, const Pose& world) {
+  return {transpose(frame.turn) * world.turn, frame.to_local(world.at)};
+}
+
+// Axis-aligned box from `low` to `high`.
+struct Bounds {
+  Vec3 low{1e300, 1e300, 1e300}, high{-1e300, -1e300, -1e300};
+
+  void add(const Vec3& p) {
+    low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+    high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+  }
+  // Returns the largest distance from another box along an axis, negative if they overlap.
+  double apart_from(const Bounds& other) const {
+    return std::max({-1e300, low.x - other.high.x, other.low.x - high.x, low.y - other.high.y, other.low.y - high.y,
+                     low.z - other.high.z, other.low.z - high.z});
+  }
+  // Returns what two boxes have in common.
+  Bounds common(const Bounds& other) const {
+    return {{std::max(low.x, other.low.x), std::max(low.y, other.low.y), std::max(low.z, other.low.z)},
+            {std::min(high.x, other.high.x), std::min(high.y, other.high.y), std::min(high.z, other.high.z)}};
+  }
+  Bounds grown(double by) const { return {low - Vec3{by, by, by}, high + Vec3{by, by, by}}; }
+  // All comparisons are made, because which one fails first is anybody's guess, also the processor's.
+  bool meets(const Bounds& other) const {
+    return (low.x <= other.high.x) & (other.low.x <= high.x) & (low.y <= other.high.y) & (other.low.y <= high.y) &
+           (low.z <= other.high.z) & (other.low.z <= high.z);
+  }
+};
+
+}  // namespace smartmesh

@@ -1,0 +1,114 @@
+// Points and rays on a moving triangle mesh.
+#include <limits>
+
+#include "mesh/mesh_reader.h"
+
+namespace smartmesh {
+
+namespace {
+
+// Smallest barycentric weight inside a triangle; slightly negative, so that what meets an edge is in a triangle.
+constexpr double INSIDE = -1e-12;
+// Vertices that a point or a ray reads, about.
+constexpr std::size_t VERTICES_READ = 8;
+// Distance by which boxes are grown [m], so that rounding does not move a ray out of the flat box of a facet.
+constexpr double ROUNDING = 1e-9;
+
+// The facets of a mesh at one instant, for a ray. The test of a ray and a triangle is that of Moeller and Trumbore
+// (*Fast, Minimum Storage Ray/Triangle Intersection*, 1997).
+class FacetTarget final : public RayTarget {
+ public:
+  FacetTarget(const MeshTopology& mesh, const MeshReader& reader, const Vec3& from, const Vec3& way)
+      : mesh_(mesh), reader_(reader), from_(from), way_(way) {}
+
+  double distance(int facet) const override {
+    const auto& k = mesh_.facets[facet];
+    const Vec3 a = reader_.position(k[0]), p = reader_.position(k[1]) - a, q = reader_.position(k[2]) - a;
+    const Vec3 h = cross(way_, q), s = from_ - a;
+    const double determinant = dot(p, h);
+    if (determinant == 0.0) return NOWHERE;
+    const Vec3 t = cross(s, p);
+    const double u = dot(s, h) / determinant, v = dot(way_, t) / determinant;
+    if (!(u >= INSIDE && v >= INSIDE && u + v <= 1.0 - INSIDE)) return NOWHERE;
+    const double found = dot(q, t) / determinant;
+    return found >= 0.0 ? found : NOWHERE;
+  }
+
+ private:
+  static constexpr double NOWHERE = std::numeric_limits<double>::infinity();
+  const MeshTopology& mesh_;
+  const MeshReader& reader_;
+  const Vec3 &from_, &way_;
+};
+
+}  // namespace
+
+MeshReader::MeshReader(const MeshSurface& mesh, double time, double ahead)
+    : mesh_(&mesh),
+      phase_(block_phase(*mesh.clock, time, mesh.mode)),
+      blend_(mesh.blends() && mesh.clock->known > 0 ? blend_of(*mesh.clock, time, ahead) : Blend{}),
+      ahead_(ahead),
+      age_(time - mesh.clock->time),
+      drift_(mesh.drift(time)),
+      still_(phase_.along == 0.0 && phase_.bend == 0.0 && blend_.offset == 0.0) {
+  const std::int64_t newest = mesh.clock->newest;
+  if (mesh.clock->known == 0 || newest < 0 || newest >= KEPT) return;
+  const std::size_t size = 3 * static_cast<std::size_t>(mesh.vertices);
+  newest_ = mesh.velocities + size * static_cast<std::size_t>(newest);
+  second_ = mesh.velocities + size * static_cast<std::size_t>((newest + KEPT - 1) % KEPT);
+  third_ = mesh.velocities + size * static_cast<std::size_t>((newest + KEPT - 2) % KEPT);
+}
+
+Motion MeshReader::motion(int axis, int v) const {
+  if (newest_ == nullptr) return {};
+  const std::size_t i = static_cast<std::size_t>(axis) * mesh_->vertices + v;
+  const auto law = phase_.third == 0.0 ? motion_of : third_order_motion_of;
+  return law(newest_[i], second_[i], third_[i], phase_, mesh_->max_velocity);
+}
+
+void MeshReader::prepare(std::size_t count) {
+  if (!positions_.empty() || VERTICES_READ * count < static_cast<std::size_t>(mesh_->vertices)) return;
+  std::vector<Vec3> positions, rises;
+  positions.reserve(static_cast<std::size_t>(mesh_->vertices)), rises.reserve(positions.capacity());
+  for (int v = 0; v < mesh_->vertices; ++v) {
+    const Vertex vertex = read(v);
+    positions.push_back(vertex.position), rises.push_back(vertex.rise);
+  }
+  positions_.swap(positions), rises_.swap(rises);
+}
+
+RayHit MeshReader::first_hit(const Vec3& from, const Vec3& way, double reach) const {
+  const FacetTarget facets(mesh_->topology_, *this, from, way);
+  const BoxHit hit = mesh_->tree_.first_along(from, way, reach, drift_ + ROUNDING, facets);
+  if (hit.place < 0) return {};
+  const auto& k = mesh_->topology_.facets[hit.place];
+  const Vec3 a = position(k[0]);
+  return {hit.distance, unit(cross(position(k[1]) - a, position(k[2]) - a))};
+}
+
+MeshPoint MeshReader::below(double x, double y, double z) {
+  mesh_->tree_.find(Bounds{{x, y, -1e300}, {x, y, z}}.grown(drift_), found_);
+  int best = -1;
+  double height = 0.0, weights[3] = {};
+  for (int f : found_) {
+    const auto& k = mesh_->topology_.facets[f];
+    const Vec3 a = position(k[0]), b = position(k[1]), c = position(k[2]);
+    const auto side = [&](const Vec3& p, const Vec3& q) { return (p.x - x) * (q.y - y) - (p.y - y) * (q.x - x); };
+    double u = side(b, c), v = side(c, a), w = side(a, b);
+    const double area = u + v + w;
+    if (area == 0.0) continue;
+    u /= area, v /= area, w /= area;
+    if (!(u >= INSIDE && v >= INSIDE && w >= INSIDE)) continue;
+    const double found = u * a.z + v * b.z + w * c.z;
+    if (!(found <= z) || (best >= 0 && found <= height)) continue;
+    best = f, height = found;
+    weights[0] = u, weights[1] = v, weights[2] = w;
+  }
+  if (best < 0) return {};
+  const auto& k = mesh_->topology_.facets[best];
+  const Vec3 a = position(k[0]), normal = unit(cross(position(k[1]) - a, position(k[2]) - a));
+  return {height, (rise(k[0]) * weights[0] + rise(k[1]) * weights[1] + rise(k[2]) * weights[2]) * (1.0 / ahead_),
+          normal};
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,77 @@
+// Reader of a moving mesh at one instant: its vertices, and points and rays on it.
+#pragma once
+
+#include <vector>
+
+#include "mesh/mesh_surface.h"
+
+namespace smartmesh {
+
+// Position of a vertex [m], and its rise [m] within a duration.
+struct Vertex {
+  Vec3 position, rise;
+};
+
+class MeshReader {
+ public:
+  // Rises are those within the time `ahead` [s].
+  MeshReader(const MeshSurface& mesh, double time, double ahead);
+
+  // Computes all vertices if that pays for `count` points or rays.
+  void prepare(std::size_t count);
+
+  Vec3 position(int v) const { return positions_.empty() ? moved(v, motions(v)) : positions_[v]; }
+  Vec3 rise(int v) const { return rises_.empty() ? risen(v, motions(v)) : rises_[v]; }
+  Vertex read(int v) const {
+    const Motions m = motions(v);
+    return {moved(v, m), risen(v, m)};
+  }
+  Motion motion(int axis, int v) const;
+
+  // Returns the highest ground at (x, y) that is not above `z` [m].
+  MeshPoint below(double x, double y, double z);
+
+  // Returns where a ray along the unit vector `way` meets the mesh first within `reach` [m], from either side.
+  RayHit first_hit(const Vec3& from, const Vec3& way, double reach) const;
+
+  double ahead() const { return ahead_; }
+  // Returns the time since the last update of the mesh [s].
+  double age() const { return age_; }
+
+ private:
+  struct Motions {
+    Motion x, y, z;
+  };
+
+  Motions motions(int v) const { return {motion(0, v), motion(1, v), motion(2, v)}; }
+  Vec3 moved(int v, const Motions& m) const {
+    if (still_) return mesh_->points_[v];
+    const Vec3 moved =
+        mesh_->points_[v] + Vec3{displacement(m.x, phase_), displacement(m.y, phase_), displacement(m.z, phase_)};
+    return blend_.offset == 0.0 ? moved : moved + deviation(v, blend_.offset, blend_.rate);
+  }
+
+  Vec3 risen(int v, const Motions& m) const {
+    const Vec3 risen = {rise_of(m.x, phase_, ahead_), rise_of(m.y, phase_, ahead_), rise_of(m.z, phase_, ahead_)};
+    return blend_.offset_rise == 0.0 ? risen : risen + deviation(v, blend_.offset_rise, blend_.rate_rise);
+  }
+
+  // Returns a sum of a vertex' offset and its rate with two weights.
+  Vec3 deviation(int v, double of_offset, double of_rate) const {
+    const double *offset = mesh_->offsets + v, *rate = mesh_->rates + v;
+    const std::ptrdiff_t n = mesh_->vertices;
+    return {of_offset * offset[0] + of_rate * rate[0], of_offset * offset[n] + of_rate * rate[n],
+            of_offset * offset[2 * n] + of_rate * rate[2 * n]};
+  }
+
+  const MeshSurface* mesh_;
+  Phase phase_;
+  Blend blend_;
+  double ahead_, age_, drift_;
+  bool still_;
+  const double *newest_ = nullptr, *second_ = nullptr, *third_ = nullptr;  // velocities; null: there are none
+  std::vector<Vec3> positions_, rises_;                                    // of all vertices, or empty
+  std::vector<int> found_;
+};
+
+}  // namespace smartmesh

@@ -1,0 +1,80 @@
+// Reader of a moving triangle mesh of any form: what lies near a body, and the ground under a point.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "map/motion.h"
+#include "math/box_tree.h"
+#include "mesh/mesh_topology.h"
+#include "mesh/patch.h"
+
+namespace smartmesh {
+
+// Ground of a mesh under a point: height [m] (NaN = none), and of the facet there the mean velocity at that point [m/s]
+// over a duration and the unit normal on the counterclockwise side.
+struct MeshPoint {
+  double height = std::numeric_limits<double>::quiet_NaN();
+  Vec3 velocity, normal;
+};
+
+// Where a ray meets the ground: distance [m], infinity = nowhere, and the unit normal there.
+struct RayHit {
+  double distance = std::numeric_limits<double>::infinity();
+  Vec3 normal;
+};
+
+// Which vertices and edges of a mesh a patch has already. A surface has one for all its meshes.
+struct MeshScratch {
+  std::vector<int> found, edges, peaks;
+  std::vector<int> point_of;  // place in the patch of each vertex, valid if its stamp is the present one
+  std::vector<std::int64_t> stamp_of_vertex, stamp_of_edge, stamp_of_peak;
+  std::int64_t stamp = 0;
+
+  void begin(std::size_t vertices, std::size_t edges);
+};
+
+// The arrays belong to Python and have the meanings of TriangleMesh in terrain/trimesh.py.
+struct MeshSurface {
+  const double* now = nullptr;         // positions at the last update, (3, vertices)
+  const double* velocities = nullptr;  // (KEPT, 3, vertices)
+  const double* offsets = nullptr;     // (3, vertices), as those of HeightGrid for each axis
+  const double* rates = nullptr;       // (3, vertices)
+  const Clock* clock = nullptr;
+  const std::int64_t* triangles = nullptr;
+  int vertices = 0, triangle_count = 0;
+  Mode mode = Mode::Extrapolate;
+  double max_velocity = 0.0, smoothing = 0.0, shown = std::numeric_limits<double>::infinity();  // as in HeightGrid
+  long revision = 0;  // grows with every update
+
+  bool blends() const { return mode == Mode::Interpolate || (mode == Mode::Extrapolate && smoothing > 0.0); }
+
+  // Must be called once at first, and after the arrays have changed.
+  void update();
+  // Measures the motion of the vertices; part of `update`.
+  void measure();
+
+  // Returns true if any vertex may move at `time` [s].
+  bool moves(double time) const;
+
+  // Adds the facets inside `bounds` at `time` [s] that are in `reach`, and their convex edges and peaks. Velocities are
+  // means over the time `ahead` [s]; zero = they are not read. `number`: of the mesh, for the names of points.
+  void gather(const Bounds& bounds, double time, double ahead, const Reach& reach, int number, MeshScratch& scratch,
+              Patch& patch) const;
+  // Adds the velocities of the facets that come into `bounds` within the time `ahead` [s] to `speeds`.
+  void add_velocities(const Bounds& bounds, double time, double ahead, MeshScratch& scratch, Bounds& speeds) const;
+
+ private:
+  friend class MeshReader;
+  double drift(double time) const;
+
+  std::vector<Vec3> points_;  // positions at the last update, vertex by vertex
+  MeshTopology topology_;
+  BoxTree tree_;
+  // Largest of a vertex along an axis [m/s], [m/s^2], [m], [m/s].
+  double speed_ = 0.0, acceleration_ = 0.0, offset_ = 0.0, rate_ = 0.0;
+};
+
+}  // namespace smartmesh

@@ -1,0 +1,74 @@
+#include "mesh/patch.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "math/triangle.h"
+
+namespace smartmesh {
+
+namespace {
+
+// Distance from a facet within which a point lies on it [m].
+constexpr double NEAR = 1e-6;
+
+}  // namespace
+
+CellRange PatchCells::near(double x, double y, double half_x, double half_y) const {
+  if (rows == 1 && columns == 1) return {0, 0, 1, 1};
+  const GridPoint p = to_grid(pose, resolution, x, y);
+  const double c = std::abs(pose.cos), s = std::abs(pose.sin), size = 1.0 / resolution;
+  const double high = (half_y * c + half_x * s) * size, wide = (half_x * c + half_y * s) * size;
+  const auto cell = [](double value, int count) {
+    return static_cast<int>(std::clamp(value, 0.0, static_cast<double>(count)));
+  };
+  return {cell(p.row - high, rows), cell(p.column - wide, columns), std::min(cell(p.row + high, rows) + 1, rows),
+          std::min(cell(p.column + wide, columns) + 1, columns)};
+}
+
+void Patch::finish() {
+  highest = -1e300;
+  for (const Vec3& p : points) highest = std::max(highest, p.z);
+  if (std::none_of(velocities.begin(), velocities.end(), [](const Vec3& v) { return norm2(v) > 0.0; }))
+    velocities.clear();
+  if (cells.rows != 0) return;
+  cells.rows = cells.columns = 1;
+  cells.facets = {0, static_cast<int>(facets.size())};
+  cells.edges = {0, static_cast<int>(edges.size())};
+  cells.peaks = {0, static_cast<int>(peaks.size())};
+}
+
+GroundMotion Patch::motion_at(const Vec3& p) const {
+  if (velocities.empty()) return {};
+  const Facet* nearest = nullptr;
+  Vec3 velocity;
+  double least = 1e300, weights[3];
+  const auto look = [&](int first, int end) {
+    for (int f = first; f < end; ++f) {
+      const auto& [k, normal, size] = facets[f];
+      const double from_plane = dot(normal, p - points[k[0]]);
+      if (from_plane * from_plane >= least) continue;
+      const double distance2 = nearest_weights(p, points[k[0]], points[k[1]], points[k[2]], normal, weights);
+      if (distance2 >= least) continue;
+      least = distance2, nearest = &facets[f];
+      velocity = velocities[k[0]] * weights[0] + velocities[k[1]] * weights[1] + velocities[k[2]] * weights[2];
+    }
+  };
+  const CellRange here = cells.near(p.x, p.y, 0.0, 0.0);
+  if (!here.empty()) look(cells.facets[cells.at(here.top, here.left)], cells.facets[cells.at(here.top, here.left) + 1]);
+  if (least > NEAR * NEAR) look(0, static_cast<int>(facets.size()));
+  return {velocity, nearest == nullptr ? Vec3{} : turning(*nearest)};
+}
+
+Vec3 Patch::turning(const Facet& facet) const {
+  const auto& k = facet.corner;
+  const Vec3 u = points[k[1]] - points[k[0]], v = points[k[2]] - points[k[0]];
+  const Vec3 du = velocities[k[1]] - velocities[k[0]], dv = velocities[k[2]] - velocities[k[0]];
+  const double length = norm(u);
+  const Vec3 along = u * (1.0 / length), across = cross(facet.normal, along);
+  const double spin = dot(du, across) / length, pitch = -dot(du, facet.normal) / length;
+  const double roll = (dot(dv, facet.normal) + dot(v, along) * pitch) / dot(v, across);
+  return along * roll + across * pitch + facet.normal * spin;
+}
+
+}  // namespace smartmesh

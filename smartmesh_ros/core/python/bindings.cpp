@@ -1,0 +1,102 @@
+// What Python sees of the core. Arguments are checked here or by nanobind's types; nothing else in the core knows
+// Python.
+#include "python/bindings.h"
+
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include "python/record_layouts.h"
+
+namespace smartmesh {
+namespace {
+
+// Arrays of a map's memory, which is kept by each of them. Python may write to them between steps.
+template <class T, std::size_t N>
+using View = nb::ndarray<nb::numpy, T, nb::ndim<N>, nb::c_contig>;
+
+template <class T, class... Sizes>
+View<T, sizeof...(Sizes)> view_of(const nb::object& self, T* data, Sizes... sizes) {
+  return View<T, sizeof...(Sizes)>(data, {static_cast<std::size_t>(sizes)...}, self);
+}
+
+auto samples_of(const nb::object& self, float* HeightGrid::*array) {
+  const HeightGrid& map = nb::cast<Grid&>(self).grid;
+  return view_of(self, map.*array, map.rows, map.columns);
+}
+
+auto velocities_of(nb::object self) {
+  MapMemory& map = nb::cast<Grid&>(self).memory;
+  return view_of(self, map.velocities.data(), KEPT, map.grid.rows, map.grid.columns);
+}
+
+// Returns the clocks (rows, columns, bytes) of the blocks.
+auto clocks_of(nb::object self) {
+  MapMemory& map = nb::cast<Grid&>(self).memory;
+  const std::size_t columns = static_cast<std::size_t>(map.grid.block_columns);
+  return view_of(self, reinterpret_cast<std::uint8_t*>(map.clocks.data()), map.clocks.size() / columns, columns,
+                 sizeof(Clock));
+}
+
+// Returns the fused heights and their variances (rows, columns); None = heights are not fused.
+nb::object fused_of(nb::object self) {
+  MapMemory& map = nb::cast<Grid&>(self).memory;
+  if (map.fused.empty()) return nb::none();
+  const auto view = [&](std::vector<float>& array) {
+    return view_of(self, array.data(), map.grid.rows, map.grid.columns);
+  };
+  return nb::cast(std::make_tuple(view(map.fused), view(map.variances)));
+}
+
+}  // namespace
+}  // namespace smartmesh
+
+NB_MODULE(_core, m) {
+  using namespace smartmesh;
+  m.def("next_revision", &next_revision);
+  nb::set_leak_warnings(false);  // a ground may live until the process ends
+  m.attr("CLOCK") = nb::make_tuple(sizeof(Clock), clock_layout());
+  m.attr("SHAPE") = nb::make_tuple(sizeof(Shape), shape_layout());
+  nb::class_<Grid>(m, "Grid")
+      .def(nb::init<int, int>(), "rows"_a, "columns"_a)
+      .def_prop_ro("heights", [](nb::object self) { return samples_of(self, &HeightGrid::heights); })
+      .def_prop_ro("offsets", [](nb::object self) { return samples_of(self, &HeightGrid::offsets); })
+      .def_prop_ro("rates", [](nb::object self) { return samples_of(self, &HeightGrid::rates); })
+      .def_prop_ro("velocities", &velocities_of)
+      .def_prop_ro("clocks", &clocks_of)
+      .def_prop_ro("fused", &fused_of)
+      .def("begin_fusion", &Grid::begin_fusion)
+      .def("note_change", &Grid::note_change)
+      .def_prop_ro("revision", [](const Grid& g) { return g.grid.revision; })
+      .def("place", &Grid::place, "x"_a, "y"_a, "z"_a, "yaw"_a, "resolution"_a)
+      .def("move", &Grid::move, "time"_a, "interval"_a, "x"_a, "y"_a, "spin"_a)
+      .def("show", &Grid::show, "instant"_a)
+      .def_prop_ro("shown", [](const Grid& g) { return g.grid.shown; })
+      .def("set_layer", &Grid::set_layer, "layer"_a, "samples"_a.noconvert().none(), "uniform"_a)
+      .def("set_motion", &Grid::set_motion, "mode"_a, "max_velocity"_a, "settle"_a, "noise"_a, "smoothing"_a)
+      .def(
+          "moves", [](const Grid& g, double time) { return g.grid.moves(time); }, "time"_a)
+      .def("sample", [](const Grid& g, int row, int column, double time, double ahead) {
+        const Sample s = GridReader(g.grid, time, ahead).read(row, column);
+        return std::make_tuple(s.height, s.rise);
+      });
+  nb::class_<Mesh>(m, "Mesh")
+      .def(nb::init<States, Array<double, 3>, States, States, Array<std::uint8_t, 2>, Whole2>(),
+           "vertices"_a.noconvert(), "velocities"_a.noconvert(), "offsets"_a.noconvert(), "rates"_a.noconvert(),
+           "clock"_a.noconvert(), "triangles"_a.noconvert())
+      .def("set_motion", &Mesh::set_motion, "mode"_a, "max_velocity"_a, "smoothing"_a)
+      .def(
+          "moves", [](const Mesh& m, double time) { return m.surface.moves(time); }, "time"_a)
+      .def_prop_rw(
+          "shown", [](const Mesh& m) { return m.surface.shown; }, [](Mesh& m, double t) { m.surface.shown = t; })
+      .def("update", &Mesh::update);
+  add_ground(m);
+  add_contacts(m);
+  add_queries(m);
+  add_updates(m);
+  add_soil(m);
+  add_bodies(m);
+  add_patches(m);
+  add_rows(m);
+  add_scans(m);
+  add_decks(m);
+}

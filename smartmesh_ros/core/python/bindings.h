@@ -1,0 +1,263 @@
+// Arrays that Python gives to the core, and the parts of the ground that keep them. Each bindings_*.cpp adds one room.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/tuple.h>
+
+#include "ground/deck.h"
+#include "ground/surface.h"
+#include "map/map_memory.h"
+#include "mesh/mesh_updates.h"
+#include "step/step_lock.h"
+
+namespace smartmesh {
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+// Refuses data that a processor may not read as numbers of `size` bytes, such as views of bytes at odd addresses.
+inline void check_alignment(const void* data, std::size_t size) {
+  if (reinterpret_cast<std::uintptr_t>(data) % size != 0)
+    throw std::invalid_argument("arrays must be aligned; pass a copy");
+}
+
+// Arrays of a shape, in C order, not copied. `T` is const where the core only reads.
+template <class T, std::size_t N>
+using Array = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
+
+using Floats2 = Array<const float, 2>;
+using Doubles2 = Array<const double, 2>;
+using Doubles3 = Array<const double, 3>;
+using Whole2 = Array<const std::int64_t, 2>;
+using Bytes2 = Array<const std::uint8_t, 2>;
+using Slots = Array<const std::int64_t, 1>;
+using Flags = Array<const bool, 1>;
+using States = Array<double, 2>;
+
+// Refuses a table that has not the shape (rows, columns).
+template <class T>
+void check_table(const Array<T, 2>& table, std::size_t rows, std::size_t columns, const char* name) {
+  check_alignment(table.data(), sizeof(T));
+  if (table.shape(0) != rows || table.shape(1) != columns)
+    throw std::invalid_argument(std::string(name) + " must have the shape (" + std::to_string(rows) + ", " +
+                                std::to_string(columns) + ")");
+}
+
+// Refuses a list that has not `count` items.
+template <class T>
+void check_list(const Array<T, 1>& list, std::size_t count, const char* name) {
+  check_alignment(list.data(), sizeof(T));
+  if (list.shape(0) != count)
+    throw std::invalid_argument(std::string(name) + " must have the shape (" + std::to_string(count) + ",)");
+}
+
+// Returns the rows of a table as records; refuses a table whose rows are none.
+template <class Record, class T>
+auto* records_of(const Array<T, 2>& table, const char* name) {
+  check_table(table, table.shape(0), sizeof(Record) / sizeof(T), name);
+  check_alignment(table.data(), alignof(Record));
+  return reinterpret_cast<std::conditional_t<std::is_const_v<T>, const Record, Record>*>(table.data());
+}
+
+// Returns the rows of a table that was checked, as records.
+template <class Record>
+const Record* rows_of(const Doubles2& table) {
+  return reinterpret_cast<const Record*>(table.data());
+}
+template <class Record>
+Record* rows_of(const States& table) {
+  return reinterpret_cast<Record*>(table.data());
+}
+
+inline double finite(double value, const char* name) {
+  if (!std::isfinite(value)) throw std::invalid_argument(std::string(name) + " must be finite");
+  return value;
+}
+
+inline Mode mode_of(int number) {
+  if (number < 0 || number > static_cast<int>(Mode::Correct))
+    throw std::invalid_argument("the mode must be one of Mode");
+  return static_cast<Mode>(number);
+}
+
+// Refuses a clock whose numbers are no places in its arrays.
+inline void check_clock(const Clock& clock) {
+  if (clock.newest < 0 || clock.newest >= KEPT || clock.count < 0 || clock.count > INTERVALS_KEPT)
+    throw std::invalid_argument("a clock names a velocity or an interval that is not there");
+}
+
+// A height map, whose memory Python sees.
+struct Grid {
+  MapMemory memory;
+  HeightGrid& grid = memory.grid;
+  std::array<std::optional<Floats2>, LAYERS> layers;  // of the material
+
+  Grid(int rows, int columns) : memory(checked(rows), checked(columns)) {}
+
+  static int checked(int count) {
+    if (count < 2 || count > 1 << 24) throw std::invalid_argument("a grid has 2 to 2^24 rows and columns");
+    return count;
+  }
+  // Returns the map for an update of a rectangle, after a check of the clocks of the blocks that it touches, which
+  // Python may write. To check all of a large map takes longer than a small update.
+  HeightGrid& writable(const Region& touched) {
+    const Span down = blocks_of({touched.top, touched.bottom}), along = blocks_of({touched.left, touched.right});
+    for (std::ptrdiff_t row = down.first; row < down.last; ++row)
+      for (std::ptrdiff_t column = along.first; column < along.last; ++column)
+        check_clock(grid.clocks[row * grid.block_columns + column]);
+    return grid;
+  }
+  // Notes that Python wrote to the arrays.
+  void note_change() { grid.revision = next_revision(); }
+  void begin_fusion() {
+    const StepLock lock;
+    memory.begin_fusion(), note_change();
+  }
+  void place(double x, double y, double z, double yaw, double resolution) {
+    if (!(resolution > 0.0 && std::isfinite(resolution)))
+      throw std::invalid_argument("the resolution must be above zero and finite");
+    if (!std::isfinite(x + y + z + yaw)) throw std::invalid_argument("the place of a grid must be finite");
+    const StepLock lock;
+    grid.x = x, grid.y = y, grid.z = z, grid.yaw = yaw, grid.resolution = resolution;
+    note_change();
+  }
+  void move(double time, double interval, double x, double y, double spin) {
+    if (!std::isfinite(time + interval + x + y + spin))
+      throw std::invalid_argument("the motion of a grid must be finite");
+    const StepLock lock;
+    grid.track = {time, interval, x, y, spin};
+    note_change();
+  }
+  void show(double instant) {
+    if (std::isnan(instant)) throw std::invalid_argument("the instant shown must be a number");
+    const StepLock lock;
+    grid.show(instant);
+  }
+  // Sets a layer of the material: samples (rows, columns), or a `uniform` number, NaN = not given.
+  void set_layer(int number, std::optional<Floats2> samples, double uniform) {
+    if (number < 0 || number >= LAYERS) throw std::invalid_argument("the layer must be one of Layer");
+    if (uniform < 0.0) throw std::invalid_argument("the number of a layer is zero or more");
+    if (samples)
+      check_table(*samples, static_cast<std::size_t>(grid.rows), static_cast<std::size_t>(grid.columns), "a layer");
+    const StepLock lock;
+    std::swap(layers[number], samples);  // the one before goes after the lock
+    grid.materials.layers[number] = {layers[number] ? layers[number]->data() : nullptr, uniform};
+    note_change();
+  }
+  void set_motion(int mode, double max_velocity, double settle, double noise, double smoothing) {
+    const StepLock lock;
+    grid.mode = mode_of(mode);
+    grid.max_velocity = max_velocity, grid.settle = settle, grid.noise = noise, grid.smoothing = smoothing;
+    note_change();
+  }
+};
+
+// A triangle mesh's arrays, which stay alive with it.
+struct Mesh {
+  MeshSurface surface;
+  States now, offsets, rates;
+  Array<double, 3> velocities;
+  Array<std::uint8_t, 2> clocks;
+  Whole2 triangles;
+
+  Mesh(States now_3v, Array<double, 3> velocities_k3v, States offsets_3v, States rates_3v,
+       Array<std::uint8_t, 2> clocks_1, Whole2 triangles_t3)
+      : now(now_3v),
+        offsets(offsets_3v),
+        rates(rates_3v),
+        velocities(velocities_k3v),
+        clocks(clocks_1),
+        triangles(triangles_t3) {
+    const std::size_t count = now.shape(1), most = 1u << 28;
+    if (now.shape(0) != 3 || count < 3 || count > most)
+      throw std::invalid_argument("vertices must have the shape (3, V), with 3 to 2^28 vertices");
+    if (velocities.shape(0) != KEPT || velocities.shape(1) != 3 || velocities.shape(2) != count)
+      throw std::invalid_argument("velocities must have the shape (3, 3, V)");
+    check_table(offsets, 3, count, "offsets"), check_table(rates, 3, count, "rates");
+    if (clocks.shape(0) != 1 || clocks.shape(1) != sizeof(Clock))
+      throw std::invalid_argument("the clock must be one record of CLOCK");
+    if (triangles.shape(1) != 3 || triangles.shape(0) < 1 || triangles.shape(0) > most)
+      throw std::invalid_argument("triangles must have the shape (T, 3), with 1 to 2^28 triangles");
+    check_alignment(now.data(), sizeof(double)), check_alignment(velocities.data(), sizeof(double));
+    check_alignment(clocks.data(), alignof(Clock)), check_alignment(triangles.data(), sizeof(std::int64_t));
+    for (std::size_t k = 0; k < triangles.size(); ++k)
+      if (triangles.data()[k] < 0 || triangles.data()[k] >= static_cast<std::int64_t>(count))
+        throw std::invalid_argument("a triangle uses vertex " + std::to_string(triangles.data()[k]) + "; there are " +
+                                    std::to_string(count) + ", counted from 0");
+    surface.now = now.data(), surface.velocities = velocities.data();
+    surface.offsets = offsets.data(), surface.rates = rates.data();
+    surface.clock = reinterpret_cast<const Clock*>(clocks.data());
+    surface.triangles = triangles.data(), surface.triangle_count = static_cast<int>(triangles.shape(0));
+    surface.vertices = static_cast<int>(count);
+    update();
+  }
+
+  void update() {
+    for (std::size_t k = 0; k < now.size(); ++k)
+      if (!std::isfinite(now.data()[k])) throw std::invalid_argument("vertices must be finite numbers");
+    const StepLock lock;
+    surface.update();
+  }
+  // Returns the arrays as they are written, after a check of the clock.
+  MeshArrays arrays() {
+    Clock* clock = reinterpret_cast<Clock*>(clocks.data());
+    check_clock(*clock);
+    return {now.data(), velocities.data(), offsets.data(), rates.data(), clock};
+  }
+  void set_motion(int mode, double max_velocity, double smoothing) {
+    const StepLock lock;
+    surface.mode = mode_of(mode), surface.max_velocity = max_velocity, surface.smoothing = smoothing;
+    update();
+  }
+};
+
+// A deck of Python; `tiles` keeps its grids and meshes alive.
+struct DeckOfTiles {
+  Deck deck;
+  nb::list tiles;
+};
+
+// Sets the tiles of a surface: grids, meshes and decks of Python. Returns what must outlive the surface: a copy of the
+// list, which Python may change.
+inline nb::list set_tiles_of(Surface& surface, const nb::list& tiles) {
+  std::vector<HeightGrid*> grids;
+  std::vector<MeshSurface*> meshes;
+  std::vector<Deck*> decks;
+  nb::list kept;
+  for (nb::handle tile : tiles) {
+    if (nb::isinstance<Mesh>(tile))
+      meshes.push_back(&nb::cast<Mesh&>(tile).surface);
+    else if (nb::isinstance<DeckOfTiles>(tile))
+      decks.push_back(&nb::cast<DeckOfTiles&>(tile).deck);
+    else
+      grids.push_back(&nb::cast<Grid&>(tile).grid);
+    kept.append(tile);
+  }
+  const StepLock lock;
+  surface.set_tiles(grids, meshes, decks);
+  return kept;
+}
+
+// Each adds what its room needs.
+void add_queries(nb::module_& m);
+void add_updates(nb::module_& m);
+void add_soil(nb::module_& m);
+void add_bodies(nb::module_& m);
+void add_patches(nb::module_& m);
+void add_rows(nb::module_& m);
+void add_contacts(nb::module_& m);
+void add_scans(nb::module_& m);
+void add_decks(nb::module_& m);
+void add_ground(nb::module_& m);
+
+}  // namespace smartmesh

@@ -1,0 +1,94 @@
+// What Python sees of decks.
+#include "python/tables.h"
+
+namespace smartmesh {
+namespace {
+
+using Pose7 = Array<const double, 1>;
+
+// Returns a sample of a pose (7,): position [m] and orientation (x, y, z, w), and of a velocity (6,): linear [m/s] and
+// angular [rad/s], none = not told.
+FrameSample sample_of(double time, const Pose7& pose, const std::optional<Pose7>& velocity) {
+  check_list(pose, 7, "a pose");
+  FrameSample sample{finite(time, "the time"), vector_at(pose.data()), {}, {}};
+  const double* q = pose.data() + 3;
+  sample.turn = {q[0], q[1], q[2], q[3]};
+  const double size = dot(sample.turn, sample.turn);
+  finite(norm2(sample.at), "a position");
+  if (!(size > 0.5 && size < 2.0)) throw std::invalid_argument("an orientation must be a unit quaternion (x, y, z, w)");
+  if (!velocity) return sample;
+  check_list(*velocity, 6, "a velocity");
+  sample.velocity = FrameVelocity{vector_at(velocity->data()), vector_at(velocity->data() + 3)};
+  finite(norm2(sample.velocity->linear) + norm2(sample.velocity->angular), "a velocity");
+  return sample;
+}
+
+// Sets the grids and meshes of a deck, which has no decks of its own.
+void set_tiles(DeckOfTiles& deck, const nb::list& tiles) {
+  for (nb::handle tile : tiles)
+    if (nb::isinstance<DeckOfTiles>(tile)) throw std::invalid_argument("a deck has grids and meshes, no decks");
+  deck.tiles = set_tiles_of(deck.deck.surface, tiles);
+}
+
+}  // namespace
+
+void add_decks(nb::module_& m) {
+  nb::class_<DeckOfTiles>(m, "Deck")
+      .def(nb::init<>())
+      .def("set_tiles", &set_tiles, "tiles"_a)
+      .def_prop_rw(
+          "thickness", [](const DeckOfTiles& d) { return d.deck.thickness; },
+          [](DeckOfTiles& d, double thickness) {
+            if (!(thickness >= 0.0)) throw std::invalid_argument("a thickness is zero or more");
+            const StepLock lock;
+            d.deck.thickness = thickness;
+          })
+      .def(
+          "move",
+          [](DeckOfTiles& d, double time, Pose7 pose, std::optional<Pose7> velocity) {
+            const FrameSample sample = sample_of(time, pose, velocity);
+            const StepLock lock;
+            d.deck.motion.note(sample);
+          },
+          "time"_a, "pose"_a.noconvert(), "velocity"_a.noconvert().none())
+      .def(
+          "put",
+          [](DeckOfTiles& d, double time, Pose7 pose, std::optional<Pose7> velocity) {
+            const FrameSample sample = sample_of(time, pose, velocity);
+            const StepLock lock;
+            d.deck.motion.put(sample);
+          },
+          "time"_a, "pose"_a.noconvert(), "velocity"_a.noconvert().none())
+      .def(
+          "carry",
+          [](DeckOfTiles& d, int body, int link, Pose7 place) {
+            const FrameSample sample = sample_of(0.0, place, {});
+            const StepLock lock;
+            if (d.deck.body >= 0) d.deck.motion.stop(d.deck.motion.time());
+            d.deck.body = body, d.deck.link = link, d.deck.place = sample;
+          },
+          "body"_a, "link"_a, "place"_a.noconvert())
+      .def(
+          "shift_time",
+          [](DeckOfTiles& d, double by) {
+            const StepLock lock;
+            d.deck.motion.shift_time(finite(by, "a time"));
+          },
+          "by"_a)
+      .def(
+          "moves", [](const DeckOfTiles& d, double time) { return d.deck.motion.moves(time); }, "time"_a)
+      // Returns position [m], rotation by rows, linear [m/s] and angular velocity [rad/s] of the frame (18,).
+      .def(
+          "frame",
+          [](const DeckOfTiles& d, double time) {
+            const FrameState f = d.deck.motion.at(finite(time, "the time"));
+            std::vector<double> found;
+            for (const Vec3& v : {f.pose.at, f.pose.turn.row[0], f.pose.turn.row[1], f.pose.turn.row[2],
+                                  f.velocity.linear, f.velocity.angular})
+              found.insert(found.end(), {v.x, v.y, v.z});
+            return array_of<double, 1>(found, {18});
+          },
+          "time"_a);
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,321 @@
+// What Python sees of the ground in PyBullet's world.
+#include <algorithm>
+#include <limits>
+
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include "bullet/shape_parts.h"
+#include "bullet/world.h"
+#include "python/soil_binding.h"
+#include "python/tables.h"
+#include "step/step_lock.h"
+
+namespace smartmesh {
+namespace {
+
+constexpr int MOST_SLOTS = 1 << 24;
+
+// A world that takes no step meanwhile.
+struct HeldWorld {
+  StepLock lock;
+  BulletWorld* world;
+  BulletWorld* operator->() const { return world; }
+};
+// Kind, half extents, rounding, offset and turn of a convex part of a shape, as in SHAPE, and the points (n, 3) of a
+// hull.
+using PartOfShape =
+    std::tuple<std::int64_t, std::vector<double>, double, std::vector<double>, std::vector<double>, NewTable>;
+
+// Returns the parts of the shapes of a PyBullet body by link; see link_shapes.
+std::map<int, std::vector<PartOfShape>> shapes_of(int number, int body) {
+  const HeldWorld world{{}, world_of(number)};
+  if (world.world == nullptr) throw std::runtime_error("the PyBullet client is disconnected");
+  std::map<int, std::vector<PartOfShape>> found;
+  for (const auto& [link, parts] : link_shapes(world->bullet(), body)) {
+    for (const auto& [shape, points] : parts) {
+      const auto& [half, offset, turn] = std::tie(shape.half, shape.offset, shape.turn);
+      NewTable corners = new_array<double, 2>({points.size(), 3});
+      std::copy(points.begin(), points.end(), reinterpret_cast<Vec3*>(corners.data()));
+      found[link].push_back({static_cast<std::int64_t>(shape.kind),
+                             {half.x, half.y, half.z},
+                             shape.rounding,
+                             {offset.x, offset.y, offset.z},
+                             {turn.x, turn.y, turn.z, turn.w},
+                             corners});
+    }
+  }
+  return found;
+}
+
+// The ground in the client of one PyBullet server, by the number that its plugin gave.
+struct Ground {
+  int number, of_world;
+  nb::list tiles;  // keeps the grids and meshes alive
+  nb::object soil;
+
+  explicit Ground(int of) : number(of) {
+    const HeldWorld found{{}, world_of(number)};
+    if (found.world == nullptr) throw std::runtime_error("the PyBullet client of this ground is disconnected");
+    if (found->owned) throw std::runtime_error("this PyBullet client has a ground already; close that one first");
+    found->owned = true;
+    of_world = found->worlds();
+  }
+  ~Ground() { release(); }
+  Ground(const Ground&) = delete;
+
+  // Takes the ground from all bodies; another ground may then use the client.
+  void release() {
+    const HeldWorld found = find_world();
+    if (found.world != nullptr) found->release();
+    number = -1;
+  }
+
+  // Returns the world of this ground; null after `resetSimulation` or the end of the client.
+  HeldWorld find_world() const {
+    HeldWorld found{{}, world_of(number)};
+    if (found.world != nullptr && found->worlds() != of_world) found.world = nullptr;
+    return found;
+  }
+  HeldWorld world() const {
+    HeldWorld found = find_world();
+    if (found.world == nullptr)
+      throw std::runtime_error("the PyBullet client was reset or closed: close this ground, and make another");
+    return found;
+  }
+  // Returns what failed in the steps since the last call, empty if nothing did.
+  std::string take_fault() {
+    const std::exception_ptr fault = world()->take_fault();
+    try {
+      if (fault) std::rethrow_exception(fault);
+    } catch (const std::exception& error) {
+      return error.what();
+    }
+    return {};
+  }
+  void set_tiles(nb::list parts) {
+    BulletWorld* found = world().world;
+    tiles = set_tiles_of(found->surface, parts);
+  }
+  void set_soil(nb::object of) {
+    Soil* wanted = of.is_none() ? nullptr : &nb::cast<Soil&>(of);
+    {
+      const HeldWorld found = world();
+      found->soil = wanted == nullptr ? nullptr : &wanted->soil;
+      found->wake_all();
+    }
+    soil = of;
+  }
+  // Returns sinkage [m], area [m^2] and carried force [N] of each part of the body in a slot that touches the soil.
+  auto on_soil(int slot) {
+    std::vector<double> sums;
+    if (const HeldWorld found = world(); found->has(slot) && found->soil != nullptr) {
+      for (const auto& [number, part] : found->parts_on_soil(slot))
+        if (part.sums.area > 0.0) sums.insert(sums.end(), {part.sums.sinkage, part.sums.area, part.sums.carried});
+    }
+    return array_of<double, 2>(sums, {sums.size() / 3, 3});
+  }
+  void attach(int slot, int body, int link, int proxy) {
+    if (slot < 0 || slot > MOST_SLOTS) throw std::invalid_argument("a slot is a number from 0 to 2^24");
+    const HeldWorld found = world();
+    if (found->has(slot)) throw std::invalid_argument("the slot is used already");
+    if (body < 0 || link < -1 || !found->attach(slot, body, link, proxy))
+      throw std::invalid_argument("PyBullet has no such body, link or proxy");
+  }
+  void detach(int slot) {
+    const HeldWorld found = world();
+    if (!found->has(slot)) throw std::invalid_argument("no attached body has this slot");
+    found->detach(slot);
+  }
+  void keep_apart(int body) {
+    if (body < 0 || !world()->keep_apart(body)) throw std::invalid_argument("PyBullet has no such body");
+  }
+  // Sets when bodies fall asleep and wake; see SleepRules.
+  void set_sleep(double after, double distance, double joint, double change, double noise, double most) {
+    if (!(after >= 0.0) || std::isnan(distance + joint + change + noise + most))
+      throw std::invalid_argument("the rules of sleep must be numbers, and the time not negative");
+    world()->set_rules({after, distance, joint, {change, noise, most}});
+  }
+  // Returns the PyBullet bodies that rest; see find_resting. `trusted` (S,).
+  auto find_resting(Flags trusted) {
+    return world()->find_resting(std::vector<bool>(trusted.data(), trusted.data() + trusted.shape(0)));
+  }
+  void put_to_sleep(const std::vector<int>& bodies) {
+    for (int body : bodies)
+      if (body < 0 || body > MOST_SLOTS) throw std::invalid_argument("PyBullet has no such body");
+    world()->put_to_sleep(bodies);
+  }
+  void wake(int slot) {
+    const HeldWorld found = world();
+    if (!found->has(slot)) throw std::invalid_argument("no attached body has this slot");
+    found->find_objects();
+    found->wake(slot);
+  }
+  void wake_disturbed() {
+    const HeldWorld found = world();
+    found->find_objects();
+    found->wake_disturbed();
+  }
+  // Writes for the slots (S,) whether a body sleeps.
+  void read_asleep(Array<bool, 1> asleep) const {
+    const HeldWorld found = world();
+    for (std::size_t k = 0; k < asleep.shape(0); ++k)
+      asleep.data()[k] = found->has(static_cast<int>(k)) && found->is_asleep(static_cast<int>(k));
+  }
+  // Writes which slots (S,) have contacts with the ground.
+  void read_touching(Array<bool, 1> touching) const {
+    const std::vector<bool> found = world()->find_touching();
+    for (std::size_t k = 0; k < touching.shape(0); ++k) touching.data()[k] = k < found.size() && found[k];
+  }
+  // Moves the surface of the body in a slot about an axis (3,) at a `speed` [m/s]; see Belt.
+  void drive(int slot, std::tuple<double, double, double> axis, double speed) {
+    const auto [x, y, z] = axis;
+    const HeldWorld found = world();
+    if (!found->has(slot)) throw std::invalid_argument("no attached body has this slot");
+    if (!std::isfinite(x + y + z + speed)) throw std::invalid_argument("the axis and the speed must be finite");
+    const double size = norm2({x, y, z});
+    if (!(size > 0.0 && std::isfinite(size))) throw std::invalid_argument("the axis must have a length");
+    found->drive(slot, {{x, y, z}, speed});
+  }
+  // Returns what the `slots` (n,) know of the past, (n, 19) as SlotMemory.
+  auto memory_of(Slots slots) const {
+    std::vector<SlotMemory> rows;
+    {
+      const HeldWorld held = world();
+      for (std::size_t k = 0; k < slots.shape(0); ++k)
+        rows.push_back(held->memory_of(checked_slot(*held.world, slots.data()[k])));
+    }
+    auto found = new_array<double, 2>({slots.shape(0), sizeof(SlotMemory) / sizeof(double)});
+    std::copy(rows.begin(), rows.end(), reinterpret_cast<SlotMemory*>(found.data()));
+    return found;
+  }
+  void recall(Slots slots, Doubles2 memory) {
+    const HeldWorld held = world();
+    const auto* rows = records_of<const SlotMemory>(memory, "the memory");
+    check_table(memory, slots.shape(0), sizeof(SlotMemory) / sizeof(double), "the memory");
+    for (std::size_t k = 0; k < slots.shape(0); ++k) held->recall(checked_slot(*held.world, slots.data()[k]), rows[k]);
+  }
+  // Returns what a slot knows of its parts on the soil (n,), and takes it over.
+  auto parts_memory(int slot) const {
+    std::vector<double> found;
+    {
+      const HeldWorld held = world();
+      found = held->parts_memory(checked_slot(*held.world, slot));
+    }
+    return array_of<double, 1>(found, {found.size()});
+  }
+  void recall_parts(int slot, Doubles1 numbers) {
+    const HeldWorld held = world();
+    check_alignment(numbers.data(), sizeof(double));
+    held->find_objects();
+    if (!held->recall_parts(checked_slot(*held.world, slot), numbers.data(), numbers.shape(0)))
+      throw std::invalid_argument("the parts on the soil are those of another body");
+  }
+  static int checked_slot(const BulletWorld& held, std::int64_t slot) {
+    if (slot < 0 || slot > MOST_SLOTS || !held.has(static_cast<int>(slot)))
+      throw std::invalid_argument("no attached body has this slot");
+    return static_cast<int>(slot);
+  }
+  // Writes the states of the bodies in `slots` (n,) to `states` (S, 13); NaN for bodies that are gone.
+  void read(Slots slots, States states) {
+    check_table(states, states.shape(0), BODY_COLUMNS, "states");
+    const HeldWorld found = world();
+    found->find_objects();
+    for (std::size_t k = 0; k < slots.shape(0); ++k) {
+      const std::int64_t slot = slots.data()[k];
+      if (slot < 0 || slot >= static_cast<std::int64_t>(states.shape(0)))
+        throw std::invalid_argument("a slot is not in states");
+      if (!found->has(static_cast<int>(slot)) || !found->read(static_cast<int>(slot), rows_of<BodyState>(states)[slot]))
+        std::fill_n(states.data() + BODY_COLUMNS * slot, BODY_COLUMNS, std::numeric_limits<double>::quiet_NaN());
+    }
+  }
+  // Returns gravity (3) [m/s^2], duration [s], erp, friction erp and slop [m] of the world's solver (7,).
+  auto settings() const {
+    const SolverSettings found = world()->settings();
+    const Vec3& g = found.gravity;
+    return array_of<double, 1>({g.x, g.y, g.z, found.duration, found.erp, found.friction_erp, found.slop}, {7});
+  }
+  // Returns the point (3) [m], the normal impulse and the impulse of friction (3) [N s] of each contact of a slot in
+  // the last step (n, 7).
+  auto contacts_of(int slot) {
+    std::vector<double> rows;
+    if (const HeldWorld found = world(); found->has(slot)) {
+      for (const OldContact& c : found->contacts_of(slot))
+        rows.insert(rows.end(),
+                    {c.point.x, c.point.y, c.point.z, c.normal_impulse, c.friction.x, c.friction.y, c.friction.z});
+    }
+    return array_of<double, 2>(rows, {rows.size() / 7, 7});
+  }
+};
+
+// A number of the world that Python may read and write.
+template <auto member>
+void add_number(nb::class_<Ground>& ground, const char* name) {
+  using Number = std::remove_reference_t<decltype(std::declval<BulletWorld&>().*member)>;
+  ground.def_prop_rw(
+      name, [](const Ground& g) { return g.world().world->*member; },
+      [](Ground& g, Number value) { g.world().world->*member = value; });
+}
+
+}  // namespace
+
+void add_ground(nb::module_& m) {
+  m.def("shapes_of", &shapes_of, "number"_a, "body"_a);
+  nb::class_<Soil>(m, "Soil")
+      .def(nb::init<nb::object, Bytes2, Doubles2, double>(), "grid"_a, "kinds"_a.noconvert(), "soils"_a.noconvert(),
+           "spacing"_a)
+      .def("set_kinds", &Soil::set_kinds, "kinds"_a.noconvert())
+      .def("take_pressed", &Soil::take_pressed)
+      .def("memory", &Soil::memory)
+      .def("recall", &Soil::recall, "places"_a.noconvert(), "samples"_a.noconvert(), "nodes"_a.noconvert(),
+           "heights"_a.noconvert(), "pressed"_a.noconvert(), "step"_a)
+      .def("sinkage", &Soil::sinkage, "found"_a.noconvert())
+      .def_prop_rw(
+          "sinks_by_slip", [](const Soil& s) { return s.soil.lattice.sinks_by_slip; },
+          [](Soil& s, bool on) {
+            const StepLock lock;
+            s.soil.lattice.sinks_by_slip = on;
+          })
+      .def("reset", [](Soil& s) {
+        const StepLock lock;
+        s.soil.lattice.reset();
+      });
+  nb::class_<Ground> ground(m, "Ground");
+  ground.def("set_soil", &Ground::set_soil, "soil"_a.none())
+      .def("on_soil", &Ground::on_soil, "slot"_a)
+      .def(nb::init<int>(), "number"_a)
+      .def("release", &Ground::release)
+      .def_prop_ro("is_there", [](const Ground& g) { return g.find_world().world != nullptr; })
+      .def("take_fault", &Ground::take_fault)
+      .def("set_tiles", &Ground::set_tiles, "tiles"_a)
+      .def("attach", &Ground::attach, "slot"_a, "body"_a, "link"_a, "proxy"_a)
+      .def("detach", &Ground::detach, "slot"_a)
+      .def("set_sleep", &Ground::set_sleep, "after"_a, "distance"_a, "joint"_a, "change"_a, "noise"_a, "most"_a)
+      .def("find_resting", &Ground::find_resting, "trusted"_a.noconvert())
+      .def("put_to_sleep", &Ground::put_to_sleep, "bodies"_a)
+      .def("wake", &Ground::wake, "slot"_a)
+      .def("wake_all", [](const Ground& g) { g.world()->wake_all(); })
+      .def("wake_disturbed", &Ground::wake_disturbed)
+      .def("find_gone", [](const Ground& g) { return g.world()->find_gone(); })
+      .def("read_asleep", &Ground::read_asleep, "asleep"_a.noconvert())
+      .def("read_touching", &Ground::read_touching, "touching"_a.noconvert())
+      .def_prop_ro("sleep_changes", [](const Ground& g) { return g.world()->sleep_changes(); })
+      .def("drive", &Ground::drive, "slot"_a, "axis"_a, "speed"_a)
+      .def("memory_of", &Ground::memory_of, "slots"_a.noconvert())
+      .def("recall", &Ground::recall, "slots"_a.noconvert(), "memory"_a.noconvert())
+      .def("parts_memory", &Ground::parts_memory, "slot"_a)
+      .def("recall_parts", &Ground::recall_parts, "slot"_a, "numbers"_a.noconvert())
+      .def("take_restored", [](const Ground& g) { g.world()->take_restored(); })
+      .def("forget", [](const Ground& g) { g.world()->forget(); })
+      .def("keep_apart", &Ground::keep_apart, "body"_a)
+      .def("settings", &Ground::settings)
+      .def("contacts_of", &Ground::contacts_of, "slot"_a)
+      .def("read", &Ground::read, "slots"_a.noconvert(), "states"_a.noconvert());
+  add_number<&BulletWorld::time>(ground, "time");
+  add_number<&BulletWorld::duration>(ground, "duration");
+  add_number<&BulletWorld::margin>(ground, "margin");
+  add_number<&BulletWorld::drawn>(ground, "drawn");
+}
+
+}  // namespace smartmesh

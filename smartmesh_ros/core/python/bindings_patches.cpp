@@ -1,0 +1,142 @@
+// What Python sees of patches of the ground that are shown.
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include "python/body_tables.h"
+#include "step/marker_message.h"
+
+namespace smartmesh {
+namespace {
+
+constexpr std::size_t MOST_SLOTS = 1u << 24;
+// Largest reach of a body [m].
+constexpr double MOST_REACH = 1e7;
+
+// Red, green, blue and alpha of a marker.
+using Colour = std::tuple<float, float, float, float>;
+
+struct Patches {
+  ShownPatches patches;
+  nb::list tiles;  // keeps the maps and meshes alive
+
+  void set_tiles(const nb::list& parts) {
+    std::vector<HeightGrid*> maps;
+    std::vector<MeshSurface*> meshes;
+    nb::list kept;
+    for (nb::handle part : parts) {
+      if (nb::isinstance<Mesh>(part))
+        meshes.push_back(&nb::cast<Mesh&>(part).surface);
+      else
+        maps.push_back(&nb::cast<Grid&>(part).grid);
+      kept.append(part);
+    }
+    patches.set_tiles(maps, meshes);
+    tiles = kept;
+  }
+  // Searches for the cells under the bodies in `slots` (n,) with `states` (S, 13) at `time` [s]. Each may touch ground
+  // within its bounding radius and the way that it moves in the time `ahead` [s], at most `farthest` [m]. `always`
+  // (S,): has a patch at any height.
+  void search(const Shapes& shapes, const Doubles2& states, const Slots& slots, const Array<const bool, 1>& always,
+              double time, double ahead, double farthest) {
+    finite(time, "the time"), finite(ahead, "ahead"), finite(farthest, "farthest");
+    check_list(always, states.shape(0), "always");
+    const Bodies bodies(shapes, states);
+    require(states.shape(0) <= MOST_SLOTS, "there are at most 2^24 slots");
+    const Slots1 chosen = slots_below(slots, states.shape(0));
+    patches.resize(std::max<std::size_t>(patches.size(), states.shape(0)));
+    std::vector<ReachingBody> found;
+    BodySolid body;
+    for (std::int64_t slot : chosen) {
+      bodies.place(slot, body);
+      const BodyState& state = bodies.states[slot];
+      const double way = std::min(norm(state.linear) * ahead, farthest);
+      found.push_back(
+          {state.pose.at, body.lowest() - way, bodies.table.shapes[slot].radius + way, always.data()[slot]});
+      const Vec3& at = found.back().middle;
+      require(std::isfinite(at.x + at.y + at.z + found.back().lowest) && found.back().reach < MOST_REACH,
+              "a body is nowhere, or too large or fast for a patch");
+    }
+    patches.search(chosen, found, time);
+  }
+  // Collects the samples of the bodies in `slots` (n,) at `time` [s]; returns those that have a patch.
+  auto collect(const Slots& slots, double time) {
+    const Slots1 chosen = slots_below(slots, patches.size());
+    patches.collect(chosen, finite(time, "the time"));
+    std::vector<std::int64_t> shown;
+    for (std::int64_t slot : chosen)
+      if (patches[slot].is_shown) shown.push_back(slot);
+    return array_of<std::int64_t, 1>(shown, {shown.size()});
+  }
+  // Returns numbers of the patches of `slots` (n, 8): 1 if it is of a mesh, tile, row and column of its middle sample,
+  // stride, points, triangles, and revision; and the motion of the ground there (n, 6).
+  auto describe(const Slots& slots) const {
+    std::vector<std::int64_t> rows;
+    std::vector<double> motion;
+    for (std::int64_t slot : slots_below(slots, patches.size())) {
+      const ShownPatch& it = patches[slot];
+      rows.insert(rows.end(), {it.is_mesh, it.tile, it.row, it.column, it.is_mesh ? 1 : it.square.stride,
+                               static_cast<std::int64_t>(it.points.size()),
+                               static_cast<std::int64_t>(it.triangles.size()), it.points_revision});
+      motion.insert(motion.end(), {it.linear.x, it.linear.y, it.linear.z, it.angular.x, it.angular.y, it.angular.z});
+    }
+    const std::size_t count = rows.size() / 8;
+    return std::make_tuple(array_of<std::int64_t, 2>(rows, {count, 8}), array_of<double, 2>(motion, {count, 6}));
+  }
+  // Returns the points (N, 3) [m] and triangles (T, 3) of the patches of `slots`, one patch after the other.
+  auto geometry(const Slots& slots) const {
+    std::vector<double> points;
+    std::vector<std::int32_t> triangles;
+    for (std::int64_t slot : slots_below(slots, patches.size())) {
+      for (const Vec3& p : patches[slot].points) points.insert(points.end(), {p.x, p.y, p.z});
+      for (const auto& corners : patches[slot].triangles)
+        triangles.insert(triangles.end(), corners.begin(), corners.end());
+    }
+    return std::make_tuple(array_of<double, 2>(points, {points.size() / 3, 3}),
+                           array_of<std::int32_t, 2>(triangles, {triangles.size() / 3, 3}));
+  }
+  // Returns numbers that change with the markers of the patches of `slots` (n,).
+  auto marker_revisions(const Slots& slots) const {
+    std::vector<std::int64_t> found;
+    for (std::int64_t slot : slots_below(slots, patches.size())) found.push_back(patches[slot].near_revision);
+    return array_of<std::int64_t, 1>(found, {found.size()});
+  }
+  // Returns the bytes of a MarkerArray: first a marker that deletes all if `clears`, then the patches of `slots` (n,)
+  // with their `ids` (n,), `lift` [m] above the ground, then markers that delete those of `gone` (m,).
+  nb::bytes markers(const Slots& slots, const Slots& ids, const Slots& gone, bool clears,
+                    std::tuple<std::int32_t, std::uint32_t> stamp, const std::string& frame, const std::string& ns,
+                    const Colour& colour, double lift) {
+    const auto [red, green, blue, alpha] = colour;
+    const MarkerStyle style{std::get<0>(stamp),        std::get<1>(stamp),      frame, ns,
+                            {red, green, blue, alpha}, finite(lift, "the lift")};
+    const Slots1 shown = slots_below(slots, patches.size());
+    check_list(ids, shown.size(), "ids"), check_list(gone, gone.shape(0), "gone");
+    bytes_.start(static_cast<std::uint32_t>(clears + shown.size() + gone.shape(0)));
+    if (clears) put_marker(style, -1, MarkerAction::DeleteAll, nullptr, bytes_);
+    for (std::size_t k = 0; k < shown.size(); ++k)
+      put_marker(style, static_cast<std::int32_t>(ids.data()[k]), MarkerAction::Add, &patches[shown[k]], bytes_);
+    for (std::size_t k = 0; k < gone.shape(0); ++k)
+      put_marker(style, static_cast<std::int32_t>(gone.data()[k]), MarkerAction::Delete, nullptr, bytes_);
+    return nb::bytes(bytes_.data().data(), bytes_.data().size());
+  }
+
+ private:
+  CdrBytes bytes_;
+};
+
+}  // namespace
+
+void add_patches(nb::module_& m) {
+  nb::class_<Patches>(m, "Patches")
+      .def(nb::init<>())
+      .def("set_tiles", &Patches::set_tiles, "tiles"_a)
+      .def("search", &Patches::search, "shapes"_a, "states"_a.noconvert(), "slots"_a.noconvert(),
+           "always"_a.noconvert(), "time"_a, "ahead"_a, "farthest"_a)
+      .def("collect", &Patches::collect, "slots"_a.noconvert(), "time"_a)
+      .def("describe", &Patches::describe, "slots"_a.noconvert())
+      .def("geometry", &Patches::geometry, "slots"_a.noconvert())
+      .def("marker_revisions", &Patches::marker_revisions, "slots"_a.noconvert())
+      .def("markers", &Patches::markers, "slots"_a.noconvert(), "ids"_a.noconvert(), "gone"_a.noconvert(), "clears"_a,
+           "stamp"_a, "frame"_a, "namespace"_a, "colour"_a, "lift"_a);
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,195 @@
+// What Python sees of queries of the ground: heights, facets and rays.
+#include <limits>
+
+#include "ground/ground_rays.h"
+#include "mesh/mesh_reader.h"
+#include "python/bindings.h"
+
+namespace smartmesh {
+namespace {
+
+using Points = Array<const double, 2>;
+using Rows = Array<double, 1>;
+using Table = Array<double, 2>;
+
+constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
+// Largest coordinate of a ray's origin, and its longest reach [m], as in terrain/grid.py.
+constexpr double MOST = 1e9;
+
+void check_instant(double time, double ahead) {
+  finite(time, "the time");
+  if (!(ahead > 0.0 && std::isfinite(ahead)))
+    throw std::invalid_argument("the time ahead must be above zero and finite");
+}
+
+// Grids and meshes as one surface, which they outlive.
+struct Parts {
+  nb::list list;
+  Surface surface;
+
+  void set(const nb::list& parts) { list = set_tiles_of(surface, parts); }
+  // Returns a reader of some parts at `time` [s], for `count` points.
+  SurfaceReader begin(const nb::list& parts, double time, std::size_t count) {
+    set(parts);
+    SurfaceReader reader = surface.reader(time, INSTANT);
+    reader.prepare(count);
+    return reader;
+  }
+  bool are(const nb::list& parts) const {
+    if (parts.size() != list.size()) return false;
+    for (std::size_t k = 0; k < list.size(); ++k)
+      if (!parts[k].is(list[k])) return false;
+    return true;
+  }
+};
+
+void write(double* at, const Vec3& v) { at[0] = v.x, at[1] = v.y, at[2] = v.z; }
+
+// Writes the heights [m] and vertical velocities [m/s] of the highest ground under points (N, 2) [m].
+void ground_heights(const nb::list& tiles, Points points, double time, Rows heights, Rows velocities) {
+  const std::size_t count = points.shape(0);
+  check_table(points, count, 2, "points"), check_list(heights, count, "heights"),
+      check_list(velocities, count, "velocities");
+  check_instant(time, INSTANT);
+  Parts parts;
+  SurfaceReader reader = parts.begin(tiles, time, count);
+  for (std::size_t k = 0; k < count; ++k) {
+    const double x = points.data()[2 * k], y = points.data()[2 * k + 1];
+    const GroundPoint ground = std::isfinite(x) && std::isfinite(y) ? reader.at(x, y) : GroundPoint{NONE, {}};
+    heights.data()[k] = ground.height, velocities.data()[k] = ground.velocity.z;
+  }
+}
+
+// Writes the ground below points (N, 3) [m]: heights, normals (N, 3), velocities (N, 3) and ages. Rows of points
+// without ground stay as they are.
+void ground_samples(const nb::list& tiles, Points points, double time, Rows heights, Table normals, Table velocities,
+                    Rows ages) {
+  const std::size_t count = points.shape(0);
+  check_table(points, count, 3, "points"), check_list(heights, count, "heights"),
+      check_table(normals, count, 3, "normals");
+  check_table(velocities, count, 3, "velocities"), check_list(ages, count, "ages");
+  check_instant(time, INSTANT);
+  Parts parts;
+  SurfaceReader reader = parts.begin(tiles, time, count);
+  for (std::size_t k = 0; k < count; ++k) {
+    const double* p = points.data() + 3 * k;
+    if (!(std::isfinite(p[0]) && std::isfinite(p[1]))) continue;
+    const GroundSample ground = reader.below({p[0], p[1], p[2]});
+    if (std::isnan(ground.height)) continue;
+    heights.data()[k] = ground.height, ages.data()[k] = ground.age;
+    write(normals.data() + 3 * k, ground.normal), write(velocities.data() + 3 * k, ground.velocity);
+  }
+}
+
+// Casts rays onto grids and meshes.
+struct RayCaster {
+  Parts parts;
+  GroundRays rays;
+
+  RayCaster() = default;
+  RayCaster(const RayCaster&) = delete;
+
+  // Writes the distances (N,) [m], infinity = nothing, and the normals (N, 3) where rays meet the ground within `reach`
+  // [m]. Normals of other rays stay as they are.
+  void cast(const nb::list& tiles, Points origins, Points directions, double reach, double time, Rows distances,
+            Table normals) {
+    const std::size_t count = origins.shape(0);
+    check_table(origins, count, 3, "origins"), check_table(directions, count, 3, "directions");
+    check_list(distances, count, "distances"), check_table(normals, count, 3, "normals");
+    check_instant(time, INSTANT);
+    if (!(reach > 0.0 && reach <= MOST)) throw std::invalid_argument("the reach must be above zero and at most 1e9 m");
+    for (std::size_t k = 0; k < count; ++k)
+      check_ray(vector_at(origins.data() + 3 * k), vector_at(directions.data() + 3 * k));
+    if (!parts.are(tiles)) parts.set(tiles);
+    SurfaceReader ground = rays.begin(parts.surface, time);
+    ground.prepare(count);
+    for (std::size_t k = 0; k < count; ++k) {
+      const RayHit hit =
+          rays.first_hit(ground, {vector_at(origins.data() + 3 * k), vector_at(directions.data() + 3 * k), reach});
+      distances.data()[k] = hit.distance;
+      if (std::isfinite(hit.distance)) write(normals.data() + 3 * k, hit.normal);
+    }
+  }
+
+  static void check_ray(const Vec3& from, const Vec3& way) {
+    if (!(std::abs(from.x) <= MOST && std::abs(from.y) <= MOST && std::abs(from.z) <= MOST))
+      throw std::invalid_argument("origins must be finite and at most 1e9 m away");
+    if (!(std::abs(norm(way) - 1.0) < 1e-6)) throw std::invalid_argument("directions must have length one");
+  }
+};
+
+// Writes the heights [m] and mean velocities [m/s] over the time `ahead` [s] of samples by their `indices` (n,) in the
+// row-major map; NaN beyond it.
+void sample_grid(const Grid& grid, Slots indices, double time, double ahead, Rows heights, Rows velocities) {
+  const std::size_t count = indices.shape(0);
+  check_list(indices, count, "indices"), check_list(heights, count, "heights"),
+      check_list(velocities, count, "velocities");
+  check_instant(time, ahead);
+  GridReader reader(grid.grid, time, ahead);
+  const std::int64_t columns = grid.grid.columns, size = columns * grid.grid.rows;
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::int64_t i = indices.data()[k];
+    const Sample sample = i >= 0 && i < size ? reader.read(static_cast<int>(i / columns), static_cast<int>(i % columns))
+                                             : Sample{NONE, 0.0};
+    heights.data()[k] = sample.height, velocities.data()[k] = sample.rise / ahead;
+  }
+}
+
+// Writes the heights (h, w) [m] of the window of samples that starts at a row and column; NaN beyond the edge.
+void grid_window(const Grid& grid, int row, int column, double time, Table heights) {
+  check_table(heights, heights.shape(0), heights.shape(1), "heights");
+  check_instant(time, INSTANT);
+  constexpr int most = 1 << 29;
+  if (row < -most || row > most || column < -most || column > most || heights.shape(0) > most ||
+      heights.shape(1) > most)
+    throw std::invalid_argument("a window has at most 2^29 rows and columns, and starts at most that far away");
+  GridReader reader(grid.grid, time, INSTANT);
+  const std::size_t wide = heights.shape(1);
+  for (std::size_t a = 0; a < heights.shape(0); ++a)
+    reader.read_row(row + static_cast<int>(a), column, static_cast<int>(wide), heights.data() + a * wide);
+}
+
+// Returns x, y [m], cosine and sine of the yaw, horizontal velocity (x, y) [m/s] and spin [rad/s] of a grid.
+auto grid_pose(const Grid& grid, double time) {
+  check_instant(time, INSTANT);
+  const GridPose p = grid.grid.pose_at(time);
+  return std::make_tuple(p.x, p.y, p.cos, p.sin, p.slide_x, p.slide_y, p.spin);
+}
+
+// Writes the positions (n, 3) [m] and mean velocities (n, 3) [m/s] over the time `ahead` [s] of vertices (n,).
+void sample_mesh(const Mesh& mesh, Slots indices, double time, double ahead, Table positions, Table velocities) {
+  const std::size_t count = indices.shape(0);
+  check_list(indices, count, "indices"), check_table(positions, count, 3, "positions");
+  check_table(velocities, count, 3, "velocities");
+  check_instant(time, ahead);
+  for (std::size_t k = 0; k < count; ++k)
+    if (indices.data()[k] < 0 || indices.data()[k] >= mesh.surface.vertices)
+      throw std::invalid_argument("an index is not that of a vertex");
+  const MeshReader reader(mesh.surface, time, ahead);
+  for (std::size_t k = 0; k < count; ++k) {
+    const Vertex vertex = reader.read(static_cast<int>(indices.data()[k]));
+    write(positions.data() + 3 * k, vertex.position);
+    write(velocities.data() + 3 * k, {vertex.rise.x / ahead, vertex.rise.y / ahead, vertex.rise.z / ahead});
+  }
+}
+
+}  // namespace
+
+void add_queries(nb::module_& m) {
+  m.def("ground_heights", &ground_heights, "tiles"_a, "points"_a.noconvert(), "time"_a, "heights"_a.noconvert(),
+        "velocities"_a.noconvert());
+  m.def("ground_samples", &ground_samples, "tiles"_a, "points"_a.noconvert(), "time"_a, "heights"_a.noconvert(),
+        "normals"_a.noconvert(), "velocities"_a.noconvert(), "ages"_a.noconvert());
+  nb::class_<RayCaster>(m, "RayCaster")
+      .def(nb::init<>())
+      .def("cast", &RayCaster::cast, "tiles"_a, "origins"_a.noconvert(), "directions"_a.noconvert(), "reach"_a,
+           "time"_a, "distances"_a.noconvert(), "normals"_a.noconvert());
+  m.def("sample_grid", &sample_grid, "grid"_a, "indices"_a.noconvert(), "time"_a, "ahead"_a, "heights"_a.noconvert(),
+        "velocities"_a.noconvert());
+  m.def("grid_window", &grid_window, "grid"_a, "row"_a, "column"_a, "time"_a, "heights"_a.noconvert());
+  m.def("grid_pose", &grid_pose, "grid"_a, "time"_a);
+  m.def("sample_mesh", &sample_mesh, "mesh"_a, "indices"_a.noconvert(), "time"_a, "ahead"_a, "positions"_a.noconvert(),
+        "velocities"_a.noconvert());
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,38 @@
+// What tests see of the undersides that press the soil.
+#include "python/bindings.h"
+#include "python/tables.h"
+#include "soil/soil_shape.h"
+
+namespace smartmesh {
+namespace {
+
+void check_kind(const Shape& shape) {
+  if (!is_primitive(shape.kind))
+    throw std::invalid_argument("soil is pressed by boxes, balls, cylinders and capsules alone");
+}
+
+// Returns for points (n, 2) [m] the underside of a shape [m], its normal there, and the share of a cell that it covers,
+// (n, 5); and its reach along columns and rows [m]. `record` (1, ...): of SHAPE, in axes of the grid. For tests.
+std::tuple<NewTable, double, double> shape_above_grid(Bytes2 record, Doubles2 points, double spacing) {
+  check_table(record, 1, sizeof(Shape), "the record"), check_table(points, points.shape(0), 2, "points");
+  const Shape& own = *records_of<Shape>(record, "the record");
+  check_kind(own);
+  const Underside shape = underside(Solid(own, {}), spacing);
+  FootRow row;
+  std::vector<double> found;
+  for (std::size_t k = 0; k < points.shape(0); ++k) {
+    row.x.assign(1, points.data()[2 * k]), row.y = points.data()[2 * k + 1];
+    look_up(shape, row), cover(shape, row);
+    const Vec3 normal = normal_at(shape, {row.x[0], row.y, row.low[0]});
+    found.insert(found.end(), {row.low[0], normal.x, normal.y, normal.z, row.share[0]});
+  }
+  return {array_of<double, 2>(found, {points.shape(0), 5}), reach(shape, 0), reach(shape, 1)};
+}
+
+}  // namespace
+
+void add_soil(nb::module_& m) {
+  m.def("shape_above_grid", &shape_above_grid, "record"_a.noconvert(), "points"_a.noconvert(), "spacing"_a);
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,153 @@
+// What Python sees of taking maps: motion, corrections, fusion, and the lattice that compares maps.
+#include <vector>
+
+#include "map/fusion.h"
+#include "map/map_corrections.h"
+#include "map/map_updates.h"
+#include "map/sample_lattice.h"
+#include "mesh/mesh_updates.h"
+#include "python/bindings.h"
+
+namespace smartmesh {
+namespace {
+
+using Heights = Array<float, 2>;
+using Pair = std::tuple<std::int64_t, std::int64_t>;
+
+constexpr std::size_t MOST_SIDE = 1u << 24;
+constexpr std::int64_t FARTHEST_SAMPLE = std::int64_t{1} << 52;
+
+// Returns the rectangle of a map whose first sample is given, for samples (h, w).
+Region place_of(const HeightGrid& map, const Pair& first, const Floats2& samples) {
+  const auto [row, column] = first;
+  const auto high = static_cast<std::int64_t>(samples.shape(0)), wide = static_cast<std::int64_t>(samples.shape(1));
+  if (row < 0 || column < 0 || high < 1 || wide < 1 || high > map.rows - row || wide > map.columns - column)
+    throw std::invalid_argument("a rectangle is empty or leaves the map");
+  check_alignment(samples.data(), sizeof(float));
+  return {row, column, row + high, column + wide};
+}
+
+// Writes `fresh` heights and `given` velocities (h, w), or None, of the rectangle whose first sample is `first`, as
+// `take_heights`. `intervals`: as in Intervals [s].
+void take_rectangle(Grid& grid, Pair first, Floats2 fresh, std::optional<Floats2> given, double time,
+                    std::tuple<double, double> intervals) {
+  if (given) check_table(*given, fresh.shape(0), fresh.shape(1), "velocities");
+  const Region place = place_of(grid.grid, first, fresh);
+  const StepLock lock;
+  take_heights(grid.writable(place), place, {fresh.data(), given ? given->data() : nullptr, finite(time, "the time")},
+               {std::get<0>(intervals), std::get<1>(intervals)});
+}
+
+// Writes a new estimate (h, w) to the rectangle whose first sample is `first`, as `take_corrected`.
+void correct(Grid& grid, Pair first, Floats2 known, double time) {
+  const Region place = place_of(grid.grid, first, known);
+  if (!(grid.grid.settle > 0.0)) throw std::invalid_argument("settle must be above zero");
+  const StepLock lock;
+  take_corrected(grid.writable(place), place,
+                 {known.data(), finite(time, "the time"), grid.grid.shown, grid.grid.settle});
+}
+
+// Fuses the rectangle whose first sample is `first` with heights `measured` (h, w). `noises`: their variances (h, w),
+// or (1, 1) = the same for all.
+void fuse_at(Heights heights, Heights variances, Pair first, Floats2 measured, Floats2 noises, float grown,
+             float gate_squared) {
+  const std::size_t high = measured.shape(0), wide = measured.shape(1);
+  const auto [row, column] = first;
+  const bool same = noises.size() == 1;
+  check_table(variances, heights.shape(0), heights.shape(1), "variances");
+  if (!same && (noises.shape(0) != high || noises.shape(1) != wide))
+    throw std::invalid_argument("noises must have the shape of the measured heights, or (1, 1)");
+  if (row < 0 || column < 0 || high > heights.shape(0) || wide > heights.shape(1) ||
+      static_cast<std::size_t>(row) > heights.shape(0) - high ||
+      static_cast<std::size_t>(column) > heights.shape(1) - wide)
+    throw std::invalid_argument("the measured heights leave the map");
+  check_alignment(heights.data(), sizeof(float));
+  check_alignment(measured.data(), sizeof(float)), check_alignment(noises.data(), sizeof(float));
+  const std::vector<float> all(same ? wide : 0, same ? noises.data()[0] : 0.0f);
+  const StepLock lock;
+  for (std::size_t r = 0; r < high; ++r) {
+    const std::size_t at = (static_cast<std::size_t>(row) + r) * heights.shape(1) + static_cast<std::size_t>(column);
+    fuse(heights.data() + at, variances.data() + at, measured.data() + r * wide,
+         same ? all.data() : noises.data() + r * wide, wide, {grown, gate_squared});
+  }
+}
+
+// Writes new positions (3, n), and `given` velocities (3, n) or None, of the vertices `chosen` (n,) of a mesh, None =
+// of all; see `take_vertices`. `intervals`: as in Intervals [s].
+void move_vertices(Mesh& mesh, std::optional<Slots> chosen, Doubles2 fresh, std::optional<Doubles2> given, double time,
+                   std::tuple<double, double> intervals) {
+  const std::size_t count = fresh.shape(1), vertices = mesh.now.shape(1);
+  check_table(fresh, 3, chosen ? chosen->size() : vertices, "positions");
+  if (given) check_table(*given, 3, count, "velocities");
+  if (chosen) check_list(*chosen, count, "chosen");
+  for (std::size_t k = 0; chosen && k < count; ++k)
+    if (chosen->data()[k] < 0 || chosen->data()[k] >= static_cast<std::int64_t>(vertices))
+      throw std::invalid_argument("a vertex is not there");
+  for (std::size_t k = 0; k < fresh.size(); ++k) finite(fresh.data()[k], "positions");
+  const MeshArrays arrays = mesh.arrays();
+  const StepLock lock;
+  take_vertices(mesh.surface, arrays,
+                {chosen ? chosen->data() : nullptr, fresh.data(), given ? given->data() : nullptr,
+                 static_cast<std::ptrdiff_t>(count), finite(time, "the time")},
+                {std::get<0>(intervals), std::get<1>(intervals)});
+}
+
+using Cells = Array<std::int64_t, 3>;
+using LastHeights = Array<double, 3>;
+using Steps = Array<double, 2>;
+
+Lattice lattice_of(const Cells& cells, const LastHeights& heights, const Steps& steps, const Pair& stride) {
+  const auto [down, along] = stride;
+  const std::size_t high = steps.shape(0), wide = steps.shape(1);
+  if (high < 1 || wide < 1 || cells.shape(0) != high || cells.shape(1) != wide || cells.shape(2) != 2)
+    throw std::invalid_argument("cells must have the shape (n, m, 2), steps (n, m)");
+  if (heights.shape(0) != high || heights.shape(1) != wide || heights.shape(2) != STENCIL)
+    throw std::invalid_argument("the heights of a lattice must have the shape (n, m, 3)");
+  if (down < 1 || along < 1 || down > static_cast<std::int64_t>(MOST_SIDE) ||
+      along > static_cast<std::int64_t>(MOST_SIDE))
+    throw std::invalid_argument("lattice points are 1 to 2^24 samples apart");
+  check_alignment(cells.data(), sizeof(std::int64_t));
+  check_alignment(heights.data(), sizeof(double)), check_alignment(steps.data(), sizeof(double));
+  return {cells.data(), heights.data(), steps.data(), static_cast<std::int64_t>(high), static_cast<std::int64_t>(wide),
+          down,         along};
+}
+
+PlacedMap placed(const Floats2& heights, double z, const Pair& first) {
+  const auto [row, column] = first;
+  const auto is_near = [](std::int64_t k) { return k >= -FARTHEST_SAMPLE && k <= FARTHEST_SAMPLE; };
+  if (!is_near(row) || !is_near(column) || heights.shape(0) > MOST_SIDE || heights.shape(1) > MOST_SIDE)
+    throw std::invalid_argument("a map is too large or too far away");
+  check_alignment(heights.data(), sizeof(float));
+  return {
+      heights.data(), static_cast<std::int64_t>(heights.shape(0)), static_cast<std::int64_t>(heights.shape(1)), z, row,
+      column};
+}
+
+nb::tuple compare_maps(Cells cells, LastHeights last, Steps steps, Pair stride, Floats2 heights, double z, Pair first,
+                       double least) {
+  const LatticeCounts n = compare(lattice_of(cells, last, steps, stride), placed(heights, z, first), least);
+  return nb::make_tuple(nb::make_tuple(n.known, n.changed, n.reversed, n.tilted, n.agreeing, n.tilt), n.median);
+}
+
+bool map_moved_as_one(Cells cells, LastHeights last, Steps steps, Pair stride, Floats2 heights, double z, Pair first,
+                      double least) {
+  return moved_as_one(lattice_of(cells, last, steps, stride), placed(heights, z, first), least);
+}
+
+}  // namespace
+
+void add_updates(nb::module_& m) {
+  m.def("take_rectangle", &take_rectangle, "grid"_a, "first"_a, "fresh"_a.noconvert(), "given"_a.noconvert().none(),
+        "time"_a, "intervals"_a);
+  m.def("take_corrected", &correct, "grid"_a, "first"_a, "known"_a.noconvert(), "time"_a);
+  m.def("fuse", &fuse_at, "heights"_a.noconvert(), "variances"_a.noconvert(), "first"_a, "measured"_a.noconvert(),
+        "noises"_a.noconvert(), "grown"_a, "gate_squared"_a);
+  m.def("move_vertices", &move_vertices, "mesh"_a, "chosen"_a.noconvert().none(), "fresh"_a.noconvert(),
+        "given"_a.noconvert().none(), "time"_a, "intervals"_a);
+  m.def("compare_maps", &compare_maps, "cells"_a.noconvert(), "last"_a.noconvert(), "steps"_a.noconvert(), "stride"_a,
+        "heights"_a.noconvert(), "z"_a, "first"_a, "least"_a);
+  m.def("moved_as_one", &map_moved_as_one, "cells"_a.noconvert(), "last"_a.noconvert(), "steps"_a.noconvert(),
+        "stride"_a, "heights"_a.noconvert(), "z"_a, "first"_a, "least"_a);
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,193 @@
+#include "shape/convex.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "shape/hull_faces.h"
+
+namespace smartmesh {
+
+namespace {
+
+// Sine of the angle between two faces below which they count as one plane.
+constexpr double SAME_PLANE = 1e-4;
+// Distance up to which points count as one, in one plane or on one line, as a share of a hull's size. Above the
+// rounding of meshes in single precision, below what contacts notice.
+constexpr double SAME = 1e-6;
+
+std::vector<Vec3> without_doubles(std::vector<Vec3> points, double tolerance) {
+  std::sort(points.begin(), points.end(), [](const Vec3& a, const Vec3& b) { return a.x < b.x; });
+  std::vector<Vec3> found;
+  for (const Vec3& point : points) {
+    bool is_new = true;
+    for (auto k = found.rbegin(); is_new && k != found.rend() && point.x - k->x <= tolerance; ++k)
+      is_new = norm2(point - *k) > tolerance * tolerance;
+    if (is_new) found.push_back(point);
+  }
+  return found;
+}
+
+// Returns a shape with the features of its core, or a cylinder.
+Convex with_features(ShapeKind kind, const Vec3& half, double rounding, const Polytope& core) {
+  Convex shape;
+  shape.kind = kind, shape.half = half, shape.rounding = rounding, shape.core = core;
+  if (kind == ShapeKind::Cylinder) {
+    shape.bounds = {-half, half};
+    shape.reach = std::hypot(half.x, half.z);
+  }
+  shape.core.neighbours.resize(core.vertices.size());
+  for (const PolyEdge& edge : core.edges) {
+    shape.core.neighbours[edge.end[0]].push_back(edge.end[1]);
+    shape.core.neighbours[edge.end[1]].push_back(edge.end[0]);
+  }
+  for (const Vec3& corner : core.vertices) {
+    shape.bounds.add(corner);
+    shape.centre = shape.centre + corner * (1.0 / static_cast<double>(core.vertices.size()));
+    shape.reach = std::max(shape.reach, norm(corner) + rounding);
+  }
+  shape.bounds = shape.bounds.grown(rounding);
+  return shape;
+}
+
+// Returns the vector area of a loop, whose direction is the normal of its face.
+Vec3 area_of(const std::vector<Vec3>& corners, const std::vector<int>& loop) {
+  Vec3 area;
+  for (std::size_t k = 1; k + 1 < loop.size(); ++k)
+    area = area + cross(corners[loop[k]] - corners[loop[0]], corners[loop[k + 1]] - corners[loop[0]]);
+  return area;
+}
+
+// Takes the corners of all loops, and numbers them anew. Points without a face are the ends of a segment, or one point.
+void add_corners(Polytope& core, const std::vector<Vec3>& corners, std::vector<std::vector<int>>& loops) {
+  if (loops.empty()) {
+    const auto lower = [&](const Vec3& a, const Vec3& b) { return norm2(a - corners[0]) < norm2(b - corners[0]); };
+    const Vec3 one = *std::max_element(corners.begin(), corners.end(), lower);
+    Vec3 other = one;
+    for (const Vec3& corner : corners)
+      if (norm2(corner - one) > norm2(other - one)) other = corner;
+    core.vertices = {one};
+    if (norm2(other - one) == 0.0) return;
+    core.vertices.push_back(other);
+    core.edges = {{{0, 1}, {-1, -1}, {}}};
+    return;
+  }
+  std::vector<int> place(corners.size(), -1);
+  for (auto& loop : loops) {
+    for (int& k : loop) {
+      if (place[k] < 0) place[k] = static_cast<int>(core.vertices.size()), core.vertices.push_back(corners[k]);
+      k = place[k];
+    }
+  }
+}
+
+void add_faces(Polytope& core, const std::vector<std::vector<int>>& loops) {
+  for (const auto& loop : loops) {
+    const Vec3 area = area_of(core.vertices, loop);
+    if (!(norm(area) > 0.0)) continue;
+    const Vec3 normal = unit(area);
+    core.faces.push_back({normal, dot(normal, core.vertices[loop[0]]), static_cast<int>(core.loops.size()),
+                          static_cast<int>(loop.size())});
+    core.loops.insert(core.loops.end(), loop.begin(), loop.end());
+  }
+}
+
+void add_edges(Polytope& core) {
+  std::map<std::pair<int, int>, int> found;  // by the ends, the lower first
+  for (std::size_t f = 0; f < core.faces.size(); ++f) {
+    const PolyFace& face = core.faces[f];
+    for (int k = 0; k < face.count; ++k) {
+      const int a = core.loops[face.first + k], b = core.loops[face.first + (k + 1) % face.count];
+      const auto [place, is_new] = found.try_emplace({std::min(a, b), std::max(a, b)}, core.edges.size());
+      if (is_new) core.edges.push_back({{a, b}, {-1, -1}, {}});
+      PolyEdge& edge = core.edges[place->second];
+      const int side = is_new ? 0 : 1;
+      edge.faces[side] = static_cast<int>(f);
+      edge.into[side] = unit(cross(face.normal, core.vertices[b] - core.vertices[a]));
+      if (!is_new) edge.half_cosine = 0.5 * norm(core.faces[edge.faces[0]].normal + face.normal);
+    }
+  }
+  const auto flat = [&](const PolyEdge& edge) {
+    return edge.faces[1] < 0 ||
+           norm(cross(core.faces[edge.faces[0]].normal, core.faces[edge.faces[1]].normal)) < SAME_PLANE;
+  };
+  core.edges.erase(std::remove_if(core.edges.begin(), core.edges.end(), flat), core.edges.end());
+}
+
+// Returns a polytope from its corners and the loops of its faces, counterclockwise seen from outside. Faces of a loop
+// without area are left out, and edges between faces in one plane.
+Polytope polytope(const std::vector<Vec3>& corners, std::vector<std::vector<int>> loops) {
+  Polytope core;
+  add_corners(core, corners, loops);
+  add_faces(core, loops);
+  if (!loops.empty()) add_edges(core);
+  return core;
+}
+
+}  // namespace
+
+double lowest(const Convex& shape, const Vec3& n) {
+  if (shape.kind != ShapeKind::Hull) return -shape.extent(n);
+  double least = 1e300;
+  for (const Vec3& corner : shape.core.vertices) least = std::min(least, dot(n, corner));
+  return least - shape.rounding;
+}
+
+bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q) {
+  const Vec3 u = q - p;
+  double first = 0.0, last = 1.0;  // shares of the way between which the segment is inside
+  const auto clip = [&](const Vec3& normal, double offset) {
+    const double start = dot(normal, p) - offset, change = dot(normal, u);
+    if (change < 0.0)
+      first = std::max(first, -start / change);
+    else if (change > 0.0)
+      last = std::min(last, -start / change);
+    else if (start > 0.0)
+      last = -1.0;
+  };
+  for (const PolyFace& face : shape.core.faces) clip(face.normal, face.offset);
+  if (shape.kind != ShapeKind::Cylinder) return first <= last;
+  clip({0.0, 0.0, 1.0}, shape.half.z), clip({0.0, 0.0, -1.0}, shape.half.z);
+  const Vec3 w{p.x, p.y, 0.0}, v{u.x, u.y, 0.0};
+  const double vv = norm2(v), vw = dot(v, w), outside = norm2(w) - shape.half.x * shape.half.x;
+  if (vv == 0.0) return outside <= 0.0 && first <= last;
+  const double root = vw * vw - vv * outside;
+  if (root < 0.0) return false;
+  return std::max(first, (-vw - std::sqrt(root)) / vv) <= std::min(last, (-vw + std::sqrt(root)) / vv);
+}
+
+Convex ball(double radius) {
+  Polytope core;
+  core.vertices = {{}};
+  return with_features(ShapeKind::Ball, {}, radius, core);
+}
+
+Convex capsule(double radius, double half) {
+  Polytope core;
+  core.vertices = {{0.0, 0.0, -half}, {0.0, 0.0, half}};
+  core.edges = {{{0, 1}, {-1, -1}, {}}};
+  return with_features(ShapeKind::Capsule, {0.0, 0.0, half}, radius, core);
+}
+
+Convex cylinder(double radius, double half) {
+  return with_features(ShapeKind::Cylinder, {radius, radius, half}, 0.0, {});
+}
+
+Convex box(const Vec3& half) {
+  std::vector<Vec3> corners;
+  for (int k = 0; k < 8; ++k)
+    corners.push_back({k & 1 ? half.x : -half.x, k & 2 ? half.y : -half.y, k & 4 ? half.z : -half.z});
+  const Polytope core =
+      polytope(corners, {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}});
+  return with_features(ShapeKind::Box, half, 0.0, core);
+}
+
+Convex hull(const std::vector<Vec3>& points, double margin) {
+  Bounds bounds;
+  for (const Vec3& point : points) bounds.add(point);
+  const double tolerance = SAME * norm(bounds.high - bounds.low);
+  const std::vector<Vec3> corners = without_doubles(points, tolerance);
+  return with_features(ShapeKind::Hull, {}, margin, polytope(corners, hull_faces(corners, tolerance)));
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,37 @@
+// Shapes of bodies: a core (box, point, cylinder about z, segment along z, or hull of vertices), grown by a rounding
+// radius, or several of these.
+#pragma once
+
+#include <cstdint>
+
+#include "math/rotation.h"
+
+namespace smartmesh {
+
+// Numbered as in smartmesh_msgs/TrackedBody and BodyDescription.
+enum class ShapeKind : std::int64_t { Box = 1, Ball = 2, Cylinder = 3, Capsule = 6, Hull = 8, Compound = 9 };
+
+inline bool is_primitive(ShapeKind kind) {
+  return kind == ShapeKind::Box || kind == ShapeKind::Ball || kind == ShapeKind::Cylinder || kind == ShapeKind::Capsule;
+}
+
+// A shape; SHAPE in patches/shapes.py, made from this, explains the fields.
+struct Shape {
+  ShapeKind kind = ShapeKind::Ball;
+  Vec3 half;
+  double rounding = 0.0;
+  Vec3 offset;
+  Turn turn;
+  double reach = 0.0, radius = 0.0;
+  std::int64_t first = 0, rows = 0;
+
+  // Returns the distance from the middle to the farthest point along a unit direction in the shape's own frame [m]; of
+  // hulls and compounds that of the box around them.
+  double extent(const Vec3& d) const {
+    if (kind == ShapeKind::Cylinder)
+      return half.x * std::sqrt(d.x * d.x + d.y * d.y) + half.z * std::abs(d.z) + rounding;
+    return half.x * std::abs(d.x) + half.y * std::abs(d.y) + half.z * std::abs(d.z) + rounding;
+  }
+};
+
+}  // namespace smartmesh

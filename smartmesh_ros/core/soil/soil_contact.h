@@ -1,0 +1,100 @@
+// Contacts of a body with soil: what the soil under it carries at the end of a step, as springs for a solver.
+//
+// The samples under the body have pressures by their sinkages at the end of the step. Where the body is then follows
+// from its inertia and the load that it carried in the last step. Soil is stiff on the way up and soft on the way down:
+// a spring with the stiffness of the wrong way would throw the body.
+#pragma once
+
+#include <vector>
+
+#include "soil/soil_lattice.h"
+#include "soil/soil_rim.h"
+#include "soil/soil_shape.h"
+
+namespace smartmesh {
+
+// Rectangle of samples: first row and column, last row and column; none if `bottom` < `top`.
+struct SampleRectangle {
+  int top = 0, left = 0, bottom = -1, right = -1;
+
+  bool empty() const { return bottom < top || right < left; }
+};
+
+// A step of the world. `time` [s]: at its start; `dt` [s]: its duration; `number` of the step, from 1 on.
+struct SoilStep {
+  double time, dt;
+  std::int32_t number;
+};
+
+// What a part of a body carries: `mass` [kg], and the `load` that the soil bears of it, downwards [N]. `is_set_down`:
+// the soil damps it critically, as if a crane lowered it.
+struct Carried {
+  double mass, load;
+  bool is_set_down = false;
+};
+
+// A spring between the soil and a body. `point` on the body [m]; `normal`: unit, into the body. Its force along the
+// normal is `force` [N] if the point moves at `speed` [m/s] along it, and falls by `slope` [N s/m] with a higher speed.
+// `friction`: the soil's shear strength over the force. `sunk` [m]: how deep the body is.
+struct SoilSpring {
+  Vec3 point, normal;
+  double force, speed, slope, friction, sunk;
+};
+
+// The soil under a part of a body: the deepest `sinkage` [m], `area` [m^2], and force that its pressures carry [N].
+struct SoilSums {
+  double sinkage = 0.0, area = 0.0, carried = 0.0;
+};
+
+// Its memory serves one part after the other.
+class SoilUnderBody {
+ public:
+  // Returns the springs of a part for a step, at most four. They hold until the next call.
+  const std::vector<SoilSpring>& find_springs(SoilLattice& soil, const MovingSolid& moving, const Carried& carried,
+                                              const ShearedRim& rim, const SoilStep& step);
+  // Presses the soil to where the part is at the end of a step.
+  SoilSums press(SoilLattice& soil, const MovingSolid& moving, ShearedRim& rim, const SoilStep& step);
+  // Makes room for a part that was put into the soil: it has a print there that carries it.
+  void make_room(SoilLattice& soil, const MovingSolid& moving, const SoilStep& step);
+
+ private:
+  // A sample under the part, or beside its edge. `offset` [m]: of the underside from its middle, in axes of the grid.
+  // Heights [m] without the map's z: of the underside `low`, and of the ground at the start of the step `surface`.
+  struct Under {
+    FineSample* sample;
+    const PatchSoil* soil;
+    int row, column;
+    bool is_beside;
+    Vec3 offset;
+    double low, surface, area;
+    double pressure = 0.0, total = 0.0, stiffness = 0.0;  // as in SampleLoad
+    int quarter = 0;
+    Vec3 normal;  // of the underside, where the sample carries
+
+    bool carries() const { return total > 0.0 && area > 0.0; }
+  };
+  struct Span {
+    Under *first, *last;
+    Under* begin() const { return first; }
+    Under* end() const { return last; }
+  };
+  struct Placed;
+  struct Quarter;
+
+  static Placed place(const SoilLattice& soil, const MovingSolid& moving, double time);
+  static SampleRectangle around(const SoilLattice& soil, const Placed& placed, double x, double y);
+  void gather(SoilLattice& soil, const Placed& placed, double slip, double deepest, const SoilStep& step);
+  void damp_critically(double mass, double dt);
+  static void load(Span under, double down);
+  static double settle(Span under, const Carried& carried, double speed_down, double dt);
+  bool find_quarters(const Placed& placed, Quarter (&quarters)[4]);
+  static void sum(const Placed& placed, const Solid& then, const ShearedRim& rim, double dt, Quarter& quarter);
+
+  FootRow row_, exact_;
+  std::vector<PatchSoil> soils_;
+  std::vector<Under> under_, by_quarter_;
+  PointsInSoil points_;
+  std::vector<SoilSpring> springs_;
+};
+
+}  // namespace smartmesh

@@ -1,0 +1,104 @@
+#include "soil/soil_rim.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace smartmesh {
+
+namespace {
+
+constexpr double TURN = 6.283185307179586;
+// Rim speed below which a wheel stands still [m/s].
+constexpr double STILL = 1e-4;
+
+}  // namespace
+
+double ShearedRim::at(const Solid& solid, const Vec3& offset) const {
+  if (slides_.empty()) return 0.0;
+  std::size_t place = 0;
+  if (lies_) {
+    const Vec3 own = solid.axes * offset;
+    place = static_cast<std::size_t>((std::atan2(own.y, own.x) / TURN + 1.0) * PLACES) % PLACES;
+  }
+  return slides_[place].length;
+}
+
+void ShearedRim::write(std::vector<double>& numbers) const {
+  numbers.insert(numbers.end(), {static_cast<double>(lies_), slip_});
+  for (const Slide& slide : slides_) numbers.insert(numbers.end(), {slide.around, slide.along, slide.length});
+}
+
+bool ShearedRim::read(const double* numbers, std::size_t count) {
+  if (count < 2 || (count - 2) % 3 != 0) return false;
+  lies_ = numbers[0] != 0.0, slip_ = numbers[1];
+  const std::size_t places = (count - 2) / 3;
+  slides_.clear();
+  for (std::size_t k = 0; k < places; ++k)
+    slides_.push_back({numbers[2 + 3 * k], numbers[3 + 3 * k], numbers[4 + 3 * k]});
+  return places == 0 || places == (lies_ ? PLACES : 1);
+}
+
+void ShearedRim::slide(const MovingSolid& moving, const PointsInSoil& points, double dt) {
+  if (points.offsets.empty()) return reset();
+  const bool lies_now = lies(moving.solid);
+  if (lies_now != lies_) reset();
+  lies_ = lies_now;
+  slides_.resize(lies_ ? PLACES : 1);
+  if (lies_)
+    slide_places(moving, points, dt);
+  else
+    slide_all(moving, points, dt);
+}
+
+void ShearedRim::slide_all(const MovingSolid& moving, const PointsInSoil& points, double dt) {
+  const double count = static_cast<double>(points.offsets.size());
+  Vec3 velocity = moving.surface, normal{};
+  for (std::size_t k = 0; k < points.offsets.size(); ++k) {
+    velocity = velocity + (moving.linear + cross(moving.angular, points.offsets[k])) * (1.0 / count);
+    normal = normal + points.normals[k];
+  }
+  normal = unit(normal);
+  const Vec3 u = unit(cross(std::abs(normal.x) < 0.9 ? Vec3{1.0, 0.0, 0.0} : Vec3{0.0, 1.0, 0.0}, normal));
+  slides_[0].around += dot(velocity, u) * dt;
+  slides_[0].along += dot(velocity, cross(normal, u)) * dt;
+  const bool is_ball = moving.solid.shape->kind == ShapeKind::Ball;
+  const double speed =
+      is_ball ? norm(cross(moving.angular, normal)) * moving.solid.shape->rounding : norm(moving.surface);
+  // The mean displacement of a surface that shears the soil from the edge of the contact on is half that at its end.
+  const double left = std::exp(-2.0 * speed * dt / (std::sqrt(count) * points.spacing));
+  slides_[0].around *= left, slides_[0].along *= left;
+  slides_[0].length = std::hypot(slides_[0].around, slides_[0].along);
+}
+
+void ShearedRim::slide_places(const MovingSolid& moving, const PointsInSoil& points, double dt) {
+  const Solid& solid = moving.solid;
+  const Vec3 axis = solid.axes.row[2], down = unit(Vec3{0.0, 0.0, -1.0} + axis * axis.z), ahead = cross(axis, down);
+  const auto angle_of = [&](const Vec3& out) { return std::atan2(dot(out, ahead), dot(out, down)); };
+  double first = TURN, last = -TURN, radius = 0.0;
+  for (const Vec3& offset : points.offsets) {
+    const double angle = angle_of(offset);
+    first = std::min(first, angle), last = std::max(last, angle);
+    radius = std::max(radius, norm(offset - dot(offset, axis) * axis));
+  }
+  first -= 0.5 * points.spacing / radius, last += 0.5 * points.spacing / radius;
+  const double lowest = std::atan2(dot(solid.axes.row[1], down), dot(solid.axes.row[0], down));  // in the part's frame
+  for (int k = 0; k < PLACES; ++k) {
+    const double own = (k + 0.5) / PLACES * TURN, beyond = own - lowest;
+    const double angle = beyond > 0.5 * TURN ? beyond - TURN : beyond;
+    if (angle < first || angle > last) {
+      slides_[k] = {};
+      continue;
+    }
+    const Vec3 out = solid.axes.row[0] * std::cos(own) + solid.axes.row[1] * std::sin(own);
+    const Vec3 velocity = moving.linear + cross(moving.angular, out * radius) + moving.surface;
+    slides_[k].around += dot(velocity, cross(axis, out)) * dt;
+    slides_[k].along += dot(velocity, axis) * dt;
+    slides_[k].length = std::hypot(slides_[k].around, slides_[k].along);
+  }
+  const double rolling = -dot(moving.angular, axis) * radius;  // speed of the wheel without slip
+  if (std::abs(rolling) < STILL) return;
+  const double now = std::min(std::max(1.0 - dot(moving.linear, ahead) / rolling, 0.0), 1.0);
+  slip_ += (now - slip_) * -std::expm1(-std::abs(rolling) * dt / ((last - first) * radius));
+}
+
+}  // namespace smartmesh

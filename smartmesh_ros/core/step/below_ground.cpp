@@ -1,0 +1,16 @@
+#include "step/below_ground.h"
+
+#include <cmath>
+#include <limits>
+
+namespace smartmesh {
+
+GroundPoint ground_above(SurfaceReader& surface, const Vec3& middle) {
+  const GroundPoint none{std::numeric_limits<double>::quiet_NaN(), {}};
+  if (!std::isfinite(middle.x + middle.y + middle.z)) return none;
+  GroundPoint ground = surface.at(middle.x, middle.y, middle.z, middle.z);
+  if (std::isnan(ground.height)) ground = surface.at(middle.x, middle.y, ABOVE_ALL, middle.z);
+  return middle.z < ground.height ? ground : none;
+}
+
+}  // namespace smartmesh

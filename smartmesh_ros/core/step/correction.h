@@ -1,0 +1,29 @@
+// Bodies that move with corrections of the ground under them.
+//
+// For each body, one plane is fitted to the ground as shown before the correction and one to the correction itself. The
+// body is rotated as the first plane tilts and moved vertically by the second plane, about the foot below its middle.
+#pragma once
+
+#include "map/height_grid.h"
+#include "shape/solid.h"
+
+namespace smartmesh {
+
+// Sums over the points under a body, relative to its position: weights, and products with x, y, the height before and
+// the rise, each with the weight.
+struct CorrectionSums {
+  double n = 0.0, x = 0.0, y = 0.0, xx = 0.0, xy = 0.0, yy = 0.0;
+  double height = 0.0, x_height = 0.0, y_height = 0.0, rise = 0.0, x_rise = 0.0, y_rise = 0.0;
+
+  void add(double weight, double x_, double y_, double height_, double rise_);
+};
+
+// Adds the points under a solid on a corrected grid. `before`, `after`: the grid as shown before and after the
+// correction. Solids that do not stand on the ground count little, and only near it.
+void add_points_under(const HeightGrid& before, const HeightGrid& after, double time, const BodySolid& solid,
+                      bool stands, const Vec3& origin, CorrectionSums& sums);
+
+// Moves a body with the ground under it; returns false if the ground did not change.
+bool move_with(const CorrectionSums& sums, BodyPose& pose);
+
+}  // namespace smartmesh
