@@ -87,7 +87,7 @@ def test_the_core_is_installed(workspace: Workspace) -> None:
 
 def build_another_core(made: Workspace, answer: str) -> None:
     """Change the core in a workspace so that it gives another answer."""
-    bindings = made.folder / "src" / "smartmesh_ros" / "smartmesh_ros" / "core" / "bindings.cpp"
+    bindings = made.folder / "src" / "smartmesh_ros" / "smartmesh_ros" / "core" / "python" / "bindings.cpp"
     begin = "nb::set_leak_warnings(false);"
     text = re.sub(r'm\.attr\("answer"\) = \d+; ', "", bindings.read_text())
     assert begin in text
