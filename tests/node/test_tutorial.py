@@ -128,7 +128,7 @@ def test_the_sensors_of_the_pages_see_the_ground_around_the_robot_of_the_launch(
 
 def test_the_pages_commands_of_smartmesh_are_ones() -> None:
     found = commands("bash", "smartmesh ")
-    assert len(found) >= 5
+    assert len(found) >= 4
     for words in found:
         # What follows the name of an executable is its own.
         command.parser().parse_args(words[1:3] if words[1] == "run" else words[1:])
