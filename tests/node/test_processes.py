@@ -189,7 +189,7 @@ def test_a_source_may_be_killed_and_started_again(udp_only: None, probe: Probe) 
             updates = int(probe.diagnostics("terrain")["updates of ''"])
             probe.wait_for(lambda: int(probe.diagnostics("terrain")["updates of ''"]) > updates + 10)
             probe.wait_for(lambda: maps)
-            probe.wait_for(lambda: on_map(probe, maps[-1])())
+            probe.wait_for(on_map(probe, maps[-1]))
 
 
 @pytest.mark.parametrize(
