@@ -185,10 +185,6 @@ class Followers:
         """Return the follower of a PyBullet body's link, None if it is not attached."""
         return next((self[slot] for slot in self.of(body) if self[slot].link == link), None)
 
-    def stands_still(self, body: int) -> bool:
-        """Return True if no surface of a PyBullet body or of its links is driven."""
-        return not any(self[slot].belt.speed for slot in self.of(body))
-
     @property
     def positions_w(self) -> FloatArray:
         """Positions (S, 3) before the current step [m]."""

@@ -183,11 +183,9 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
     choose_contacts(*shape, pose, approach, before_, contacts_);
     if (!on_decks_.empty()) let_decks_yield();
     const bool has_material = surface.has_material();
-    if (has_material) {
-      const SurfaceReader ground_now = surface.reader(time, INSTANT);
+    if (has_material)
       for (Contact& contact : contacts_)
-        if (contact.deck < 0) contact.material = ground_now.tiles.material(contact.point.x, contact.point.y);
-    }
+        if (contact.deck < 0) contact.material = surface.material(contact.point.x, contact.point.y, time);
     BodySurface own;
     read_surface(*slot.object, *slot.ground, own);
     if (slot.belt.speed != 0.0) own.belt = belt_of(slot), own.mass = mass_of(*slot.object);

@@ -48,7 +48,7 @@ void DeckSearch::add(const Convex& shape, const Pose& pose, Deck& deck, const Ne
   for (Contact contact : found_) {
     if (contact.distance < -deck.thickness) continue;
     const Vec3 p = contact.point;
-    if (has_material) contact.material = deck.surface.reader(time, INSTANT).tiles.material(p.x, p.y);
+    if (has_material) contact.material = deck.surface.material(p.x, p.y, time);
     contact.point = frame.pose.to_world(p);
     contact.normal = frame.pose.turn * contact.normal;
     contact.deck = near.number;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "shape/line_inside.h"
+
 namespace smartmesh {
 
 namespace {
@@ -83,43 +85,15 @@ Rectangle around_part(const Convex& shape, const Plane& plane) {
   return around;
 }
 
-// The part of a line p + t u that is inside a shape: from `first` to `last`, nowhere if these cross.
-struct Inside {
-  Vec3 p, u;
-  double first = -INFINITE, last = INFINITE;
-
-  bool is_somewhere() const { return first <= last && last > -INFINITE; }
-  void clip(const Vec3& normal, double offset) {
-    const double start = dot(normal, p) - offset, change = dot(normal, u);
-    if (change < 0.0)
-      first = std::max(first, -start / change);
-    else if (change > 0.0)
-      last = std::min(last, -start / change);
-    else if (start > 0.0)
-      last = -INFINITE;
-  }
-  // Cuts by a ball around `centre`; with `level` by the cylinder about z through it.
-  void cut(const Vec3& centre, double radius, bool level) {
-    Vec3 w = p - centre, v = u;
-    if (level) w.z = v.z = 0.0;
-    const double vv = norm2(v), vw = dot(v, w), outside = norm2(w) - radius * radius, root = vw * vw - vv * outside;
-    if (vv == 0.0 ? outside > 0.0 : root < 0.0) {
-      last = -INFINITE;
-    } else if (vv > 0.0) {
-      first = std::max(first, (-vw - std::sqrt(root)) / vv), last = std::min(last, (-vw + std::sqrt(root)) / vv);
-    }
-  }
-};
-
 // Returns how deep a shape goes below a point along a direction [m], both in its frame; zero if it does not.
 double depth_below(const Convex& shape, const Vec3& point, const Vec3& direction) {
-  const Inside all{point, direction};
+  const LineInside all{point, direction};
   double first = INFINITE;
-  const auto join = [&](const Inside& part) {
+  const auto join = [&](const LineInside& part) {
     if (part.is_somewhere()) first = std::min(first, part.first);
   };
   if (!shape.core.faces.empty() || shape.kind == ShapeKind::Cylinder || shape.kind == ShapeKind::Capsule) {
-    Inside part = all;
+    LineInside part = all;
     for (const PolyFace& face : shape.core.faces) part.clip(face.normal, face.offset + shape.rounding);
     if (shape.core.faces.empty()) {
       part.clip({0.0, 0.0, 1.0}, shape.half.z), part.clip({0.0, 0.0, -1.0}, shape.half.z);
@@ -129,7 +103,7 @@ double depth_below(const Convex& shape, const Vec3& point, const Vec3& direction
   }
   if (shape.core.faces.empty() && shape.rounding > 0.0) {  // the ends of balls and capsules
     for (const Vec3& end : shape.core.vertices) {
-      Inside part = all;
+      LineInside part = all;
       part.cut(end, shape.rounding, false);
       join(part);
     }

@@ -162,6 +162,19 @@ void Surface::place_tiles(double time) {
   }
 }
 
+Material Surface::material(double x, double y, double time) {
+  place_tiles(time);
+  for (const MapAtInstant& map : placed_) {
+    const HeightGrid& grid = *map.grid;
+    const GridPoint place = to_grid(map.pose, grid.resolution, x, y);
+    if (!is_on(grid, place)) continue;
+    const GridPoint inside = clamped(grid, place);
+    const int row = static_cast<int>(std::lround(inside.row)), column = static_cast<int>(std::lround(inside.column));
+    if (!std::isnan(grid.heights[grid.index(row, column)])) return grid.material_of(row, column);
+  }
+  return {};
+}
+
 void Surface::find_under(const Bounds& bounds, double time) {
   place_tiles(time);
   under_.clear();

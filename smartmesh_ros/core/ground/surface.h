@@ -81,6 +81,8 @@ class Surface {
   long layout() const { return layout_; }
   // Returns true if any height map has a material, also of decks.
   bool has_material() const;
+  // Returns the material at (x, y) at `time` [s]: of the nearest sample of the first map that has ground there.
+  Material material(double x, double y, double time);
   // Returns true if any ground may move at `time` [s].
   bool moves(double time) const;
   // Finds the ground inside `bounds` at `time` [s], and the blocks of samples there, which are known until the surface

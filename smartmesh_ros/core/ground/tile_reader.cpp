@@ -115,19 +115,6 @@ GroundPoint TileReader::bridged(double x, double y) {
   return sides < 2 ? GroundPoint{NONE, {}} : GroundPoint{sum.height / weights, sum.velocity * (1.0 / weights)};
 }
 
-Material TileReader::material(double x, double y) const {
-  for (const Tile& tile : tiles_) {
-    const HeightGrid& grid = *tile.grid;
-    const GridPoint place = tile.place(x, y);
-    if (!is_on(grid, place)) continue;
-    const GridPoint inside = clamped(grid, place);
-    const int row = static_cast<int>(std::lround(inside.row)), column = static_cast<int>(std::lround(inside.column));
-    if (std::isnan(grid.heights[grid.index(row, column)])) continue;
-    return grid.material_of(row, column);
-  }
-  return {};
-}
-
 bool TileReader::continues(std::size_t number, double x, double y) {
   const Tile& tile = tiles_[number];
   return is_on(*tile.grid, tile.place(x, y)) || (!is_on_any(x, y) && in_gap(x, y).tile == &tile);

@@ -72,9 +72,6 @@ class TileReader {
   GroundPoint sample(double x, double y);
   Sample across(std::size_t tile, double row, double column);
 
-  // Returns the material at (x, y): of the nearest sample of the first map there, the usual one elsewhere.
-  Material material(double x, double y) const;
-
   // Returns true if a place beyond the edge of a map is on the facets that continue it.
   bool continues(std::size_t tile, double x, double y);
 

@@ -29,7 +29,7 @@ ShownGround::ShownGround(const HeightGrid& grid, const Span& rows, const Span& c
 void ShownGround::read(GridReader& reader, std::ptrdiff_t row, double* heights, double* rises) const {
   const int r = static_cast<int>(row), c = static_cast<int>(columns_.first);
   const int count = static_cast<int>(columns_.last - columns_.first);
-  reader.read_row(r, c, count, heights), reader.read_rises(r, c, count, rises);
+  reader.read_row(r, c, count, heights, rises);
 }
 
 void ShownGround::write_deviations(HeightGrid& map) const {

@@ -90,33 +90,27 @@ Sample GridReader::read(int row, int column) {
   return {height + displacement(found, phase_) + deviation(i), rise};
 }
 
-void GridReader::read_row(int row, int column, int count, double* heights) {
+void GridReader::read_row(int row, int column, int count, double* heights, double* rises) {
   std::fill(heights, heights + count, std::numeric_limits<double>::quiet_NaN());
+  if (rises != nullptr) std::fill(rises, rises + count, 0.0);
+  const double ahead = ahead_;
   each_block(row, column, count, [&](int c, int inside) {
-    const float* known = grid_.heights + grid_.index(row, c);
-    double* out = heights + (c - column);
-    for (int k = 0; k < inside; ++k) out[k] = grid_.z + static_cast<double>(known[k]);
-    if (phase_.along != 0.0 || phase_.bend != 0.0)
-      each_motion(row, c, inside,
-                  [out](int k, const Motion& motion, const Phase& phase) { out[k] += displacement(motion, phase); });
-    if (blend_.offset != 0.0)
-      for (int k = 0; k < inside; ++k) out[k] += deviation(grid_.index(row, c + k));
-  });
-}
-
-void GridReader::read_rises(int row, int column, int count, double* rises) {
-  std::fill(rises, rises + count, 0.0);
-  each_block(row, column, count, [&](int c, int inside) {
-    double* out = rises + (c - column);
-    const double ahead = ahead_;
-    each_motion(row, c, inside, [out, ahead](int k, const Motion& motion, const Phase& phase) {
-      out[k] = rise_of(motion, phase, ahead);
-    });
-    if (blend_.offset_rise == 0.0) return;
     const std::size_t i = grid_.index(row, c);
+    const float* known = grid_.heights + i;
+    double *out = heights + (c - column), *up = rises == nullptr ? nullptr : rises + (c - column);
+    for (int k = 0; k < inside; ++k) out[k] = grid_.z + static_cast<double>(known[k]);
+    const bool is_moved = phase_.along != 0.0 || phase_.bend != 0.0;
+    if (is_moved || up != nullptr)
+      each_motion(row, c, inside, [=](int k, const Motion& motion, const Phase& phase) {
+        if (is_moved) out[k] += displacement(motion, phase);
+        if (up != nullptr) up[k] = rise_of(motion, phase, ahead);
+      });
+    if (blend_.offset != 0.0)
+      for (int k = 0; k < inside; ++k) out[k] += deviation(i + k);
+    if (up == nullptr || blend_.offset_rise == 0.0) return;
     for (int k = 0; k < inside; ++k)
-      out[k] += blend_.offset_rise * static_cast<double>(grid_.offsets[i + k]) +
-                blend_.rate_rise * static_cast<double>(grid_.rates[i + k]);
+      up[k] += blend_.offset_rise * static_cast<double>(grid_.offsets[i + k]) +
+               blend_.rate_rise * static_cast<double>(grid_.rates[i + k]);
   });
 }
 

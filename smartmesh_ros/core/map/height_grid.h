@@ -126,10 +126,9 @@ class GridReader {
     return height + displacement(found, phase_) + deviation(i);
   }
 
-  // Writes the heights [m] of `count` samples of a row from a column on; NaN beyond the edge and in holes.
-  void read_row(int row, int column, int count, double* heights);
-  // Writes the rises [m] of `count` samples of a row from a column on; zero beyond the edge.
-  void read_rises(int row, int column, int count, double* rises);
+  // Writes the heights [m] of `count` samples of a row from a column on; NaN beyond the edge and in holes. `rises` [m]:
+  // of these samples, zero beyond the edge; null = not wanted.
+  void read_row(int row, int column, int count, double* heights, double* rises = nullptr);
 
  private:
   void enter(const Clock& clock);

@@ -47,10 +47,9 @@ void read_window(const HeightGrid& grid, const GridPose& pose, const CellRange& 
   std::vector<double>& rises = window.rises;
   rises.resize(ahead > 0.0 ? count : 0);
   GridReader reader(grid, time, ahead);
-  for (int r = 0; r < window.rows; ++r) {
-    reader.read_row(top + r, left, window.columns, &window.at(r, 0));
-    if (ahead > 0.0) reader.read_rises(top + r, left, window.columns, &rises[window.index(r, 0)]);
-  }
+  for (int r = 0; r < window.rows; ++r)
+    reader.read_row(top + r, left, window.columns, &window.at(r, 0),
+                    ahead > 0.0 ? &rises[window.index(r, 0)] : nullptr);
   const bool moves =
       window.pose.slides() || std::any_of(rises.begin(), rises.end(), [](double rise) { return rise != 0.0; });
   if (!moves) rises.clear();

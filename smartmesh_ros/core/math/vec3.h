@@ -74,11 +74,6 @@ struct Bounds {
     low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
     high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
   }
-  // Returns the largest distance from another box along an axis, negative if they overlap.
-  double apart_from(const Bounds& other) const {
-    return std::max({-1e300, low.x - other.high.x, other.low.x - high.x, low.y - other.high.y, other.low.y - high.y,
-                     low.z - other.high.z, other.low.z - high.z});
-  }
   // Returns what two boxes have in common.
   Bounds common(const Bounds& other) const {
     return {{std::max(low.x, other.low.x), std::max(low.y, other.low.y), std::max(low.z, other.low.z)},

@@ -23,6 +23,14 @@ FrameSample sample_of(double time, const Pose7& pose, const std::optional<Pose7>
   return sample;
 }
 
+// Tells the motion of a deck's frame a sample.
+template <void (FrameMotion::*Way)(const FrameSample&)>
+void tell(DeckOfTiles& deck, double time, Pose7 pose, std::optional<Pose7> velocity) {
+  const FrameSample sample = sample_of(time, pose, velocity);
+  const StepLock lock;
+  (deck.deck.motion.*Way)(sample);
+}
+
 // Sets the grids and meshes of a deck, which has no decks of its own.
 void set_tiles(DeckOfTiles& deck, const nb::list& tiles) {
   for (nb::handle tile : tiles)
@@ -43,22 +51,8 @@ void add_decks(nb::module_& m) {
             const StepLock lock;
             d.deck.thickness = thickness;
           })
-      .def(
-          "move",
-          [](DeckOfTiles& d, double time, Pose7 pose, std::optional<Pose7> velocity) {
-            const FrameSample sample = sample_of(time, pose, velocity);
-            const StepLock lock;
-            d.deck.motion.note(sample);
-          },
-          "time"_a, "pose"_a.noconvert(), "velocity"_a.noconvert().none())
-      .def(
-          "put",
-          [](DeckOfTiles& d, double time, Pose7 pose, std::optional<Pose7> velocity) {
-            const FrameSample sample = sample_of(time, pose, velocity);
-            const StepLock lock;
-            d.deck.motion.put(sample);
-          },
-          "time"_a, "pose"_a.noconvert(), "velocity"_a.noconvert().none())
+      .def("move", &tell<&FrameMotion::note>, "time"_a, "pose"_a.noconvert(), "velocity"_a.noconvert().none())
+      .def("put", &tell<&FrameMotion::put>, "time"_a, "pose"_a.noconvert(), "velocity"_a.noconvert().none())
       .def(
           "carry",
           [](DeckOfTiles& d, int body, int link, Pose7 place) {

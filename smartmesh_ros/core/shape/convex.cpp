@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "shape/hull_faces.h"
+#include "shape/line_inside.h"
 
 namespace smartmesh {
 
@@ -134,26 +135,13 @@ double lowest(const Convex& shape, const Vec3& n) {
 }
 
 bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q) {
-  const Vec3 u = q - p;
-  double first = 0.0, last = 1.0;  // shares of the way between which the segment is inside
-  const auto clip = [&](const Vec3& normal, double offset) {
-    const double start = dot(normal, p) - offset, change = dot(normal, u);
-    if (change < 0.0)
-      first = std::max(first, -start / change);
-    else if (change > 0.0)
-      last = std::min(last, -start / change);
-    else if (start > 0.0)
-      last = -1.0;
-  };
-  for (const PolyFace& face : shape.core.faces) clip(face.normal, face.offset);
-  if (shape.kind != ShapeKind::Cylinder) return first <= last;
-  clip({0.0, 0.0, 1.0}, shape.half.z), clip({0.0, 0.0, -1.0}, shape.half.z);
-  const Vec3 w{p.x, p.y, 0.0}, v{u.x, u.y, 0.0};
-  const double vv = norm2(v), vw = dot(v, w), outside = norm2(w) - shape.half.x * shape.half.x;
-  if (vv == 0.0) return outside <= 0.0 && first <= last;
-  const double root = vw * vw - vv * outside;
-  if (root < 0.0) return false;
-  return std::max(first, (-vw - std::sqrt(root)) / vv) <= std::min(last, (-vw + std::sqrt(root)) / vv);
+  LineInside part{p, q - p, 0.0, 1.0};
+  for (const PolyFace& face : shape.core.faces) part.clip(face.normal, face.offset);
+  if (shape.kind == ShapeKind::Cylinder) {
+    part.clip({0.0, 0.0, 1.0}, shape.half.z), part.clip({0.0, 0.0, -1.0}, shape.half.z);
+    part.cut({}, shape.half.x, true);
+  }
+  return part.is_somewhere();
 }
 
 Convex ball(double radius) {
