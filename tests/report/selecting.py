@@ -6,58 +6,39 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros import HeightMap, Terrain
-from smartmesh_ros.patches.shapes import BODY_COLUMNS, ShapeTable, ball
+from smartmesh_ros import HeightMap
+from smartmesh_ros.patches.shapes import BODY_COLUMNS, ball
 from smartmesh_ros.report.batch import PatchBatch
-from smartmesh_ros.report.chosen_patches import ChosenPatches
 from smartmesh_ros.report.config import ReportConfig
+from smartmesh_ros.report.patches import ChosenPatches
 from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray
+from smartmesh_ros.terrain.grid import BoolArray
 from tests.bodies import shapes_of
 
 SOLID = ReportConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
 
 
 class Selecting:
-    """Bodies of ``shapes`` (N,) in the first slots of `ChosenPatches`; those that are not ``solid`` get patches when
+    """Balls of ``radii`` (N,) [m] in the first slots of `ChosenPatches`; those that are not ``solid`` get patches when
     asked for."""
 
     def __init__(
-        self, terrain: Terrain, config: ReportConfig, shapes: ShapeTable, solid: BoolArray | None = None
+        self, ground: HeightMap, radii: Iterable[float], config: ReportConfig = SOLID, solid: BoolArray | None = None
     ) -> None:
-        self.terrain = terrain
-        self._count = len(shapes.table)
-        solid = np.ones(self._count, bool) if solid is None else solid
+        shapes = shapes_of(ball(radius) for radius in radii)
+        solid = np.ones(len(shapes.table), bool) if solid is None else solid
         self._followers: Any = SimpleNamespace(
-            tables=[], shape_table=shapes, solid=np.flatnonzero(solid), tracked=np.flatnonzero(~solid)
-        )
-        self._patches = ChosenPatches(terrain, config, self._followers, Stopwatch())
-        self._patches.grow(self._count)
+            tables=[], shape_table=shapes, capacity=len(shapes.table), solid=np.flatnonzero(solid),
+            tracked=np.flatnonzero(~solid),
+        )  # fmt: skip
+        self.patches = ChosenPatches(ground, config, self._followers, Stopwatch())
 
-    @property
-    def supports(self) -> Any:
-        return self._patches.supports[: self._count]
-
-    def update(self, bodies: FloatArray, time: float, duration: float) -> None:
-        self._followers.states = bodies
-        self._patches.begin(time, duration)
-        assert len(self.supports) == self._count
-
-    def batches(self) -> list[PatchBatch]:
-        self._patches.choose_tracked()
-        return self._patches.batches
-
-
-def balls_on(
-    ground: HeightMap | Terrain, radii: Iterable[float], config: ReportConfig = SOLID, solid: BoolArray | None = None
-) -> Selecting:
-    """Balls of these radii [m]."""
-    return Selecting(Terrain.of(ground), config, shapes_of(ball(radius) for radius in radii), solid)
-
-
-def update(selector: Selecting, positions: FloatArray, speed: float = 0.0, time: float = 0.0) -> list[PatchBatch]:
-    """Patches of bodies at positions (N, 3) [m] that move along x [m/s]."""
-    bodies = np.zeros((len(positions), BODY_COLUMNS))
-    bodies[:, :3], bodies[:, 6], bodies[:, 7] = positions, 1.0, speed
-    selector.update(bodies, time, 1.0 / 240.0)
-    return selector.batches()
+    def update(
+        self, positions: np.ndarray, speed: float = 0.0, time: float = 0.0, duration: float = 1.0 / 240.0
+    ) -> list[PatchBatch]:
+        """Patches of solid bodies at positions (N, 3) [m] that move along x [m/s]."""
+        states = np.zeros((len(positions), BODY_COLUMNS))
+        states[:, :3], states[:, 6], states[:, 7] = positions, 1.0, speed
+        self._followers.states = states
+        self.patches.refresh(time, duration)
+        return self.patches.batches
