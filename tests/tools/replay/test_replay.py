@@ -216,7 +216,7 @@ def test_bodies_of_a_recorded_peer_are_met(replay: Make) -> None:
 
 
 def test_parameters_that_changed_while_recording_change_again(replay: Make) -> None:
-    run = replay(in_order("calls"), {"bodies.most": 100})
+    run = replay(in_order("calls"), {"bodies.timeout": 2.0})
     run.run(0.5)
     assert run.world.config.physics.gravity == (0.0, 1.0, -9.0)
     run.set(physics__rate=120.0)

@@ -82,7 +82,7 @@ def test_dots_that_exceed_a_limit_have_colours_of_their_own(tmp_path: Path) -> N
 
 def test_the_users_settings_are_tried_beside_the_grid() -> None:
     size = math.prod(map(len, GRID.values()))
-    assert len(settings_to_try({})) == len(settings_to_try({"physics.rate": 120.0, "bodies.most": 5})) == size
+    assert len(settings_to_try({})) == len(settings_to_try({"physics.rate": 120.0, "bodies.timeout": 5.0})) == size
     assert settings_to_try({"physics.rate": 100})[-1] == {**KNOWN, "physics.rate": 100.0}
 
 
