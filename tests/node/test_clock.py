@@ -108,7 +108,7 @@ def test_with_use_sim_time_the_physics_follows_the_clock(probe: Probe) -> None:
         assert fallen(states[-1]) - before <= now[0] - 10.0 + 3 * STEP
 
 
-@pytest.mark.parametrize(("interval", "rate"), [(0.001, 50.0), (0.025, 240.0), (0.1, 240.0)])
+@pytest.mark.parametrize(("interval", "rate"), [(0.001, 50.0), (0.025, 48.0), (0.1, 48.0)])
 def test_each_state_has_its_own_stamp_and_rates_count_simulated_time(
     probe: Probe, monkeypatch: pytest.MonkeyPatch, interval: float, rate: float
 ) -> None:
@@ -142,7 +142,7 @@ def test_each_state_has_its_own_stamp_and_rates_count_simulated_time(
         for k in range(round(2.0 / interval)):
             set_clock(1000.0 + (k + 1) * interval)
             probe.spin(0.0)
-        probe.wait_for(lambda: seconds(found["odometry"][-1].header.stamp) > 1002.0 - STEP)
+        probe.wait_for(lambda: seconds(found["odometry"][-1].header.stamp) > 1002.0 - 1.0 / rate - STEP)
         probe.wait_for(lambda: seconds(found["/tf"][-1].transforms[0].header.stamp) > 1001.9)
 
         def require(stamps: list[Any], x: list[float], speed: float, rate: float) -> None:

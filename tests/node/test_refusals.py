@@ -19,8 +19,8 @@ from smartmesh_msgs.srv import RemoveBody, SpawnBody
 from smartmesh_ros import BodyState, Sphere
 from smartmesh_ros.node import session
 from smartmesh_ros.node.inputs import cdr_reader, terrain_inputs
-from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, floats, heightmap_message, layer_message, pose_message
+from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import (
     BALL,
     Fed,
@@ -253,7 +253,7 @@ def test_services_open_no_file_outside_the_folders(probe: Probe, tmp_path: Path)
         spawn(probe, "text", urdf=ROBOT)
 
 
-def test_sizes_are_capped(replay: Callable[..., Replay], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sizes_are_capped(monkeypatch: pytest.MonkeyPatch) -> None:
     """In all, and of each message; the caps are lowered here."""
     monkeypatch.setattr(session, "MOST_BODIES", 3)
     for module in (terrain_inputs, cdr_reader):
@@ -262,27 +262,27 @@ def test_sizes_are_capped(replay: Callable[..., Replay], monkeypatch: pytest.Mon
     def tile(side: int, name: str) -> Heightmap:
         return heightmap_message(np.zeros((side, 30)), tile=name, origin=(50.0, 0.0, 0.0))
 
-    run = replay([("heightmap", 0.0, tile(30, ""))])
-    run.run()
-    assert not run.refused
-    for side, name in ((40, "large in all tiles together"), (67, "large"), (10, "x" * 257)):
-        run.give("heightmap", tile(side, name))
-    assert run.refused == {"heightmap: size": 3}
+    with replayed([("heightmap", 0.0, tile(30, ""))]) as run:
+        run.run()
+        assert not run.refused
+        for side, name in ((40, "large in all tiles together"), (67, "large"), (10, "x" * 257)):
+            run.give("heightmap", tile(side, name))
+        assert run.refused == {"heightmap: size": 3}
 
-    def answer(name: str) -> str:
-        """What is wrong with a body; empty if it was spawned."""
-        request = SpawnBody.Request(id=name, shape=BALL, mass=1.0, pose=pose_message((1, 1, 1)))
-        return str(run.call("spawn_body", request).message)
+        def answer(name: str) -> str:
+            """What is wrong with a body; empty if it was spawned."""
+            request = SpawnBody.Request(id=name, shape=BALL, mass=1.0, pose=pose_message((1, 1, 1)))
+            return str(run.call("spawn_body", request).message)
 
-    assert "at most 256" in answer("x" * 257)
-    # Bodies, by service and by topic.
-    assert [answer(name) for name in "abc"] == [""] * 3
-    assert "4 bodies; at most 3 are possible" in answer("d")
-    for count in (1, 4):
-        run.give("body_poses", PoseArray(poses=[pose_message((1.0, 1.0, 0.3))] * count))
-    assert run.refused["body_poses: size"] == 2
-    assert run.call("remove_body", RemoveBody.Request(id="a")).success
-    assert answer("d") == ""
+        assert "at most 256" in answer("x" * 257)
+        # Bodies, by service and by topic.
+        assert [answer(name) for name in "abc"] == [""] * 3
+        assert "4 bodies; at most 3 are possible" in answer("d")
+        for count in (1, 4):
+            run.give("body_poses", PoseArray(poses=[pose_message((1.0, 1.0, 0.3))] * count))
+        assert run.refused["body_poses: size"] == 2
+        assert run.call("remove_body", RemoveBody.Request(id="a")).success
+        assert answer("d") == ""
 
 
 @pytest.mark.parametrize("strategy", ["Enforce", "Permissive"])

@@ -44,7 +44,7 @@ class Display:
     def _take(self, message: MarkerArray) -> None:
         keys = [(marker.ns, marker.id) for marker in message.markers]
         assert len(set(keys)) == len(keys), "RViz reports an id that comes twice in one array"
-        self.without_ground = 0 if any(ns == "ground" for ns, _ in keys) else self.without_ground + 1
+        self.without_ground = 0 if any(ns.endswith("ground") for ns, _ in keys) else self.without_ground + 1
         for key, marker in zip(keys, message.markers, strict=True):
             if marker.action == Marker.DELETEALL:
                 self.shown.clear()
@@ -53,8 +53,9 @@ class Display:
             else:
                 self.shown[key] = marker
 
-    def of(self, namespace: str) -> list[Marker]:
-        return [marker for (own, _), marker in self.shown.items() if own == namespace]
+    def of(self, what: str) -> list[Marker]:
+        """Those of the ground, or of the bodies, in the namespace of the node."""
+        return [marker for (own, _), marker in self.shown.items() if own.rpartition("/")[2] == what]
 
 
 def triangles(points: Any) -> np.ndarray:

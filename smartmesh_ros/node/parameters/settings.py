@@ -18,7 +18,6 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.parameters.deck_entries import DeckEntry
 from smartmesh_ros.node.parameters.entries import BaseEntry, ImuEntry, ScanEntry, ShapeEntry
-from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
 from smartmesh_ros.soil.soils import soils_from
 from smartmesh_ros.terrain.motion import MotionConfig
@@ -161,7 +160,6 @@ class Settings:
     max_velocity: float = 10.0
     spawn: tuple[str, ...] = ()
     deadline: DeadlinePolicy = "catch_up"
-    executor: ExecutorKind = "events"
 
     def __post_init__(self) -> None:
         if not self.soil:

@@ -165,7 +165,6 @@ SPECS = (
     _fixed("decks", "Ground that rides on a TF frame, an odometry topic or a body, each a YAML mapping such as {deck: "
         "ferry, frame: ferry/deck, thickness: 0.5}; its maps come with its name as tile; see docs/decks.md."),
     _fixed("frame_id", "Frame of the terrain; empty = the frame of the first map."),
-    _fixed("executor", "The rclpy executor that waits for messages."),
 )  # fmt: skip
 NAMES = frozenset(spec.name for spec in SPECS)
 # Parameters of earlier versions, and what replaces them.
@@ -180,6 +179,7 @@ REMOVED = {
     "bodies.longest_name": f"names have at most {LONGEST_NAME} characters; leave it out",
     "bodies.most": f"there may be {MOST_BODIES:,} bodies; leave it out",
     "collect.method": _FROM_MAP,
+    "executor": "messages are waited for by rclpy's events executor; leave it out",
     "patch.carry_velocity": "contacts have the velocity of ground that moves; terrain.motion hold is ground without",
     "patch.edge_filter": "contacts from the map have no inner edges; leave it out",
     "patch.kind": _FROM_MAP,
@@ -283,7 +283,7 @@ def summary(settings: Settings) -> str:
     """Return the most important settings in one line."""
     physics = settings.world.physics
     terrain = f"~/{settings.input}" + (f" and {settings.file}" if settings.file else "")
-    return f"terrain from {terrain}; physics {physics.rate:g} Hz; executor {settings.executor}"
+    return f"terrain from {terrain}; physics {physics.rate:g} Hz"
 
 
 def announce_changes(node: Node, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:

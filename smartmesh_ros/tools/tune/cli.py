@@ -18,9 +18,12 @@ from smartmesh_ros.tools.replay.cli import ProgressLine, rules_of
 from smartmesh_ros.tools.replay.parameters import preset_values, read_parameters
 from smartmesh_ros.tools.replay.transport import Names
 from smartmesh_ros.tools.tune.case import open_case
-from smartmesh_ros.tools.tune.figures import Asked, require_positive
+from smartmesh_ros.tools.tune.figures import require_positive
 from smartmesh_ros.tools.tune.grid import measure_all
 from smartmesh_ros.tools.tune.report import Result, closing_lines, parameter_file
+
+# Figures that options limit.
+LIMITS = {"budget": "cost", "penetration": "penetration", "deadline": "longest"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -53,9 +56,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def find(options: argparse.Namespace) -> Result:
     """Measure the grid for the options of a command line. Raises `InputError`."""
-    for name in ("jobs", "seconds"):
+    for name in ("jobs", "seconds", *LIMITS):
         require_positive(name, getattr(options, name))
-    asked = Asked(budget=options.budget, penetration=options.penetration, deadline=options.deadline)
+    given = {figure: getattr(options, option) for option, figure in LIMITS.items()}
+    asked = {figure: limit for figure, limit in given.items() if limit is not None}
     rules = rules_of(options.remap)
     preset = preset_values(options.preset) if options.preset else {}
     parameters = {**preset, **read_parameters(options.params_file, options.param, Names(rules=rules).node)}
