@@ -86,7 +86,7 @@ class Limits:
             deviation=max(ALLOWANCE.deviation, ALLOWANCE.factor * defaults.deviation),
             failed=defaults.failed,
             asked=frozenset(asked),
-        )  # type: ignore[arg-type]
+        )
 
     def excess(self, figures: Figures) -> dict[str, float]:
         """Return the relative excess (figure / limit - 1) over each exceeded limit, by name."""
