@@ -34,7 +34,7 @@ PERIOD, BAR = 0.2, 30
 def main(arguments: Sequence[str] | None = None) -> int:
     """Replay a bag; return the exit code: 0 = done, 1 = not the digest of ``--check``, 2 = cannot start, 130 =
     interrupted."""
-    return ended(parser(), arguments, _run, needs="rosbags mcap")
+    return ended(parser(), arguments, _run, needs="rosbags")
 
 
 def ended(
@@ -56,8 +56,6 @@ def ended(
         print(f"{parser.prog} needs {error.name}: pip install {needs}", file=sys.stderr)
     except InputError as error:
         print(f"{parser.prog}: {error}", file=sys.stderr)
-    except OSError as error:
-        print(f"{parser.prog}: {error.filename} cannot be written: {error.strerror}", file=sys.stderr)
     return 2
 
 
@@ -113,13 +111,13 @@ def _run(options: argparse.Namespace) -> int:
                     break
             line.clear()
             if file is not None:
-                file.notes["digest"] = replay.digest
+                file.note("smartmesh_ros_digest", replay.digest)
         speed = replay.time / max(monotonic() - begun, 1e-9)
         return report(replay, speed, file, options.check, interrupted=bool(asked))
 
 
 def new_file(path: Path) -> McapFile:
-    """Return a file for outputs. Only it needs the package mcap."""
+    """Return a file for outputs."""
     from smartmesh_ros.tools.replay.mcap_file import McapFile
 
     return McapFile(path)
