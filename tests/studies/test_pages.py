@@ -64,7 +64,7 @@ def test_the_subjects_differ_and_the_pages_name_them() -> None:
     assert len({digest_of(subject) for subject in SUBJECTS}) == len(SUBJECTS)
     marked = {page.name for page in (ROOT / "docs").glob("*.md") if blocks_of(page)}
     pages = {"accuracy.md", "benchmarks.md", "performance.md", "replay.md", "robot_charts.md", "tuning.md"}
-    assert marked == pages | {"soil_tables.md", "terrain_tax.md"}
+    assert marked == pages | {"soil_tables.md", "records.md"}
     for page in (ROOT / "docs").glob("*.md"):
         assert page.read_text().count("<!-- generated") == len(blocks_of(page)), page.name
 
