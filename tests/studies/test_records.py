@@ -18,7 +18,7 @@ from studies.records.world_tax import BALL, BOX, Crowd
 @pytest.mark.parametrize(("kind", "half"), [("ball", BALL.radius), ("box", 0.5 * BOX.z)])
 @pytest.mark.parametrize("name", entrants())
 def test_plane_and_field_are_the_same_ground(name: str, kind: str, half: float, case: str) -> None:
-    """Bodies stay on both, and those that drive go on at 1 m/s; MuJoCo's and Rapier's rolling balls on a field do not."""
+    """Bodies stay on both, and those that drive go on at 1 m/s, on fields at least ours."""
     for plane in (True, False):
         setup: Setup = crowd_on(Crowd(kind, 4), case, plane)
         with enter(name, setup) as engine:
