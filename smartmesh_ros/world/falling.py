@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.followers import Followers
+from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.limits import FARTHEST_BODY
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.patches.tables import with_rows
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.state_file import filled
-from smartmesh_ros.terrain.terrain import Terrain
 
 NOWHERE = f"was at no place or farther away than {FARTHEST_BODY:g} m"
 
@@ -37,13 +37,13 @@ class Falls:
     """Which of the awake bodies of a world's own fall, because there is no ground under them. Of a robot, its first
     attached link counts."""
 
-    def __init__(self, followers: Followers, terrain: Terrain, config: FallConfig) -> None:
+    def __init__(self, ground: Ground, config: FallConfig) -> None:
         self.config = config
-        self._followers, self._terrain = followers, terrain
+        self._ground = ground
         # By slot: the last place with ground under the body, or else that of its first check [m]; and whether it falls.
         self._last_w, self._falling = np.empty((0, 3)), np.zeros(0, np.bool_)
         self._checked = np.inf  # time of the last check [s]
-        followers.tables.append(self)
+        ground.followers.tables.append(self)
 
     def grow(self, slots: int) -> None:
         """Make room for ``slots`` slots."""
@@ -72,18 +72,18 @@ class Falls:
     def check(self, time: float) -> tuple[list[str], dict[str, str]]:
         """Look at all awake bodies at ``time`` [s], for falling ones if that is due. Returns a line about those that
         began to fall, if any did, and, by name, why bodies are lost."""
-        followers, config = self._followers, self.config
-        places_w = followers.states[followers.awake, :3]
-        if not np.abs(places_w).max(initial=0.0) <= FARTHEST_BODY:  # also True if any value is NaN
-            slots = followers.awake[~(np.abs(places_w) <= FARTHEST_BODY).all(axis=1)]
-            return [], {self._name(slot): NOWHERE for slot in slots.tolist()}
-        if 0.0 <= time - self._checked < config.period or self._terrain.empty or not followers.awake.size:
+        contacts, followers, config = self._ground.contacts, self._ground.followers, self.config
+        if nowhere := contacts.find_nowhere(FARTHEST_BODY):
+            return [], {self._name(slot): NOWHERE for slot in nowhere}
+        if 0.0 <= time - self._checked < config.period or self._ground.terrain.empty:
+            return [], {}
+        own = np.setdiff1d(np.flatnonzero(followers.table["own"]), contacts.asleep())
+        if not own.size:
             return [], {}
         self._checked = time
-        own = np.flatnonzero(followers.table["own"] & followers.table["awake"])
         slots = own[np.unique(followers.bodies[own], return_index=True)[1]]
-        positions = followers.states[slots, :3]
-        ground = self._terrain.at(positions[:, :2], time).heights
+        positions = contacts.states_of(slots)[:, :3]
+        ground = self._ground.terrain.at(positions[:, :2], time).heights
         over = ~np.isnan(ground)
         places = np.column_stack([positions[:, :2], np.where(over, ground, positions[:, 2])])
         chosen = over | np.isnan(self._last_w[slots, 2])
@@ -93,12 +93,12 @@ class Falls:
         new = slots[falling & ~self._falling[slots]].tolist()
         self._falling[slots] = falling
         lost = slots[~over & (depths > config.depth)].tolist()  # one below ground is put back onto it
-        return self._words(new), {self._name(slot): self._why(slot) for slot in lost}
+        return self._words(new, positions[np.isin(slots, new)]), {self._name(slot): self._why(slot) for slot in lost}
 
-    def _words(self, slots: list[int]) -> list[str]:
+    def _words(self, slots: list[int], places: FloatArray) -> list[str]:
         if not slots:
             return []
-        names = [f"{self._name(slot)!r} at {_text(self._followers.states[slot, :3])}" for slot in slots]
+        names = [f"{self._name(slot)!r} at {_text(place)}" for slot, place in zip(slots, places, strict=True)]
         more = f" and {len(names) - self.config.most} more" if len(names) > self.config.most else ""
         few, falls = ", ".join(names[: self.config.most]), "falls" if len(names) == 1 else "fall"
         return [
@@ -110,7 +110,7 @@ class Falls:
         return f"was {self.config.depth:g} m below the ground at {_text(self._last_w[slot])}, which it left"
 
     def _name(self, slot: int) -> str:
-        return self._followers[slot].name.partition("/")[0]
+        return self._ground.followers[slot].name.partition("/")[0]
 
     def _place(self, slot: int) -> Vector:
         x, y, z = self._last_w[slot].tolist()
