@@ -10,7 +10,7 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.body_shapes import require_body, shapes_of
-from smartmesh_ros.ground.bullet import NoClient, connected_client, is_fixed, undone
+from smartmesh_ros.ground.bullet import BulletCalls, NoClient, connected_client, is_fixed, undone
 from smartmesh_ros.ground.config import SleepConfig, time_step_of
 from smartmesh_ros.ground.followers import Belt, Follower, Followers
 from smartmesh_ros.ground.map_contacts import MapContacts, SoilSupport, SteppedSoil
@@ -36,6 +36,7 @@ class AttachedBodies:
         stopwatch: Stopwatch | None = None,
     ) -> None:
         self._client = connected_client(client)
+        self._calls = BulletCalls(self._client)
         self.terrain = Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.followers = Followers()
@@ -58,7 +59,7 @@ class AttachedBodies:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make a ground that answers questions about its terrain, and refuses what needs a client."""
         nobody: Any = NoClient()
-        vars(self).update(state, _client=nobody, patches=nobody, contacts=nobody)
+        vars(self).update(state, _client=nobody, _calls=nobody, patches=nobody, contacts=nobody)
         self.followers, self.stopwatch, self.soil, self._shown = Followers(), Stopwatch(), None, None
         self._printed = math.nan
 

@@ -86,8 +86,7 @@ class SlotTables(Protocol):
 class Followers:
     """The attached bodies and links by slot; iteration is over those in use, by slot.
 
-    Arrays with a row for each slot: ``table``, records of ``FOLLOWER``; ``bodies``, PyBullet bodies; ``radii``, about
-    the centres of mass [m]. ``shape_table``: their shapes; ``tables``: what others know of a slot. ``epoch`` changes
+    Arrays with a row for each slot: ``table``, records of ``FOLLOWER``; ``radii``, about the centres of mass [m]. ``shape_table``: their shapes; ``tables``: what others know of a slot. ``epoch`` changes
     when a follower is added or removed.
     """
 
@@ -96,7 +95,6 @@ class Followers:
         self.table: Any = np.zeros(0, FOLLOWER)
         self.shape_table = ShapeTable()
         self.radii: FloatArray = np.empty(0)
-        self.bodies: IntArray = np.empty(0, np.int64)
         self.tables: list[SlotTables] = []
         self._items: list[Follower | None] = []
         self._unused: list[int] = []
@@ -150,7 +148,7 @@ class Followers:
         self._items[slot] = follower
         self.table[slot] = (True, follower.solid, own, False)
         self.shape_table.put(slot, follower.shape)
-        self.radii[slot], self.bodies[slot] = follower.radius, follower.body
+        self.radii[slot] = follower.radius
         self.epoch = next_revision()
 
     def set_owner(self, slot: int, *, own: bool, remote: bool) -> None:
@@ -193,6 +191,5 @@ class Followers:
         self.table = with_rows(self.table, slots, False)
         self.shape_table.reserve(slots)
         self.radii = with_rows(self.radii, slots, 0.0)
-        self.bodies = with_rows(self.bodies, slots, -1)
         for table in self.tables:
             table.grow(self.capacity)

@@ -48,7 +48,7 @@ class Ground(SavedBodies):
         """
         self._begin(time, dt)
         with self.stopwatch.stage("step"):
-            self._client.stepSimulation()
+            self._calls.step()
 
     def update(self, time: float, dt: float) -> None:
         """Do what `step` does before PyBullet's step of ``dt`` [s] from ``time`` [s] on, and no step: for a world that

@@ -20,6 +20,7 @@ from smartmesh_ros.ground.config import SleepConfig, require_time_step
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.layout_probe import misread, number_of
 from smartmesh_ros.ground.shown_ground import FAR_AWAY, ShownGround
+from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.patches.shapes import BODY_COLUMNS
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -160,6 +161,23 @@ class MapContacts:
         """Return the slots of those awake bodies that are at no place or farther away than ``farthest`` [m]."""
         found: list[int] = self._core.find_nowhere(farthest)
         return found
+
+    def check_falls(self, time: float, depth: float) -> tuple[list[int], list[int]]:
+        """Look whether there is ground over or under the awake bodies of this world's own at ``time`` [s]; returns the
+        slots of those that began to fall, and of those that are ``depth`` [m] below the ground that they left. Of a
+        robot, its first attached link counts."""
+        begun, lost = self._core.check_falls(time, depth)
+        return begun, lost
+
+    def falling(self) -> list[int]:
+        """Return the slots of the bodies that fall."""
+        found: list[int] = self._core.find_falling()
+        return found
+
+    def last_ground(self, slot: int) -> Vector:
+        """Return the place [m] where a follower left the ground, or where it was first looked at."""
+        x, y, z = self._core.last_ground(slot)
+        return x, y, z
 
     def let_sleep(self, config: SleepConfig | None) -> None:
         """Wake all bodies; let those that are still sleep from now on, None = none."""

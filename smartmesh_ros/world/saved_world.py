@@ -69,7 +69,7 @@ class SavedWorld(Population):
             seed=self.seed,
             first=self._first,
             memory=contacts.memory(slots),
-            falls=self.falls.memory(slots),
+            falls=self.falls.checked,
             extra=extra or {},
         ).to_bytes()
 
@@ -250,4 +250,4 @@ class SavedWorld(Population):
         slots = self._own_slots()
         if state.memory is not None:
             self.ground.contacts.recall(slots, state.memory)
-        self.falls.recall(slots, state.falls)
+        self.falls.checked = float(state.falls)

@@ -67,6 +67,8 @@ struct Slot {
   std::vector<NearbyDeck> decks;  // likewise
   Vec3 pull;     // what gravity and applied forces added to a rigid body's velocity in the last step [m/s]
   Vec3 turning;  // of the ground at a contact that has friction against turning, in the last step [rad/s]
+  Vec3 last_ground{0.0, 0.0, std::numeric_limits<double>::quiet_NaN()};  // as of `check_falls`; z NaN = none yet
+  bool falls = false;
   Belt belt;
   Rest rest;
   std::unordered_map<const btCollisionShape*, KnownPart> parts;
@@ -85,9 +87,15 @@ struct SolverSettings {
 struct SlotMemory {
   double still = 0.0;
   Pose anchor;
-  Vec3 pull, turning;
+  Vec3 pull, turning, last_ground;
+  double falls = 0.0;
 };
-static_assert(sizeof(SlotMemory) == 19 * sizeof(double));
+static_assert(sizeof(SlotMemory) == 23 * sizeof(double));
+
+// Slots of bodies that began to fall, and of those that are lost.
+struct Falls {
+  std::vector<int> begun, lost;
+};
 
 class BulletWorld {
  public:
@@ -156,6 +164,12 @@ class BulletWorld {
   // that are at no place or farther away than some distance [m].
   std::vector<int> find_below();
   std::vector<int> find_nowhere(double farthest) const;
+  // Looks at the awake bodies of this world's own for ground over or under them at an instant [s]. A body falls that is
+  // below the last ground by more than its radius, and is lost below it by more than a `depth` [m].
+  Falls check_falls(double now, double depth);
+  std::vector<int> find_falling() const;
+  // Returns the last ground over or under the body in a slot [m], or where it was first looked at.
+  Vec3 last_ground(int slot) const { return slots_[slot].last_ground; }
   // Does it before a step of the world, and what comes after it.
   void before_step();
   void after_step();

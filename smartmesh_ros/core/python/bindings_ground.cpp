@@ -172,6 +172,16 @@ struct Ground {
     return true;
   }
   void update() { world()->update(); }
+  // Returns the slots of bodies that began to fall, and of those that are lost; see BulletWorld::check_falls.
+  auto check_falls(double time, double depth) {
+    const Falls found = world()->check_falls(finite(time, "the time"), depth);
+    return std::tuple(found.begun, found.lost);
+  }
+  auto last_ground(int slot) const {
+    const HeldWorld found = world();
+    const Vec3 place = found->last_ground(checked_slot(*found.world, slot));
+    return std::tuple(place.x, place.y, place.z);
+  }
   // Moves the surface of the body in a slot about an axis (3,) at a `speed` [m/s]; see Belt.
   void drive(int slot, std::tuple<double, double, double> axis, double speed) {
     const auto [x, y, z] = axis;
@@ -182,7 +192,7 @@ struct Ground {
     if (!(size > 0.0 && std::isfinite(size))) throw std::invalid_argument("the axis must have a length");
     found->drive(slot, {{x, y, z}, speed});
   }
-  // Returns what the `slots` (n,) know of the past, (n, 19) as SlotMemory.
+  // Returns what the `slots` (n,) know of the past, (n, 23) as SlotMemory.
   auto memory_of(Slots slots) const {
     std::vector<SlotMemory> rows;
     {
@@ -303,6 +313,9 @@ void add_ground(nb::module_& m) {
       .def("begin", &Ground::begin, "time"_a, "duration"_a)
       .def("update", &Ground::update)
       .def_prop_ro("rescues", [](const Ground& g) { return g.world()->rescues(); })
+      .def("check_falls", &Ground::check_falls, "time"_a, "depth"_a)
+      .def("find_falling", [](const Ground& g) { return g.world()->find_falling(); })
+      .def("last_ground", &Ground::last_ground, "slot"_a)
       .def("find_below", [](const Ground& g) { return g.world()->find_below(); })
       .def(
           "find_nowhere", [](const Ground& g, double farthest) { return g.world()->find_nowhere(farthest); },
