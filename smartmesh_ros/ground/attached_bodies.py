@@ -40,7 +40,6 @@ class AttachedBodies:
         self.terrain = Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.followers = Followers()
-        self.time = 0.0
         self.soil: SteppedSoil | None = None
         self._soil_revision = 0  # of the places of soils that bodies stand on
         self._shown: ShownGround | None = None
@@ -54,7 +53,7 @@ class AttachedBodies:
         lost."""
         if self.soil is not None:
             raise InputError("soil", "a ground with soil cannot be copied; take the soil off by set_soil(None) before")
-        return {name: getattr(self, name) for name in ("terrain", "time")}
+        return {"terrain": self.terrain}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make a ground that answers questions about its terrain, and refuses what needs a client."""
@@ -89,7 +88,7 @@ class AttachedBodies:
         self.followers.require_new(body, list(shapes))
         own = solid and not is_fixed(self._client, body)
         if not len(self.followers):
-            self.contacts.begin(self.time, time_step_of(self._client))
+            self.contacts.begin(self.clock, time_step_of(self._client))
         added: list[int] = []
         with undone(lambda: self._take_off(added)):
             for follower in made:

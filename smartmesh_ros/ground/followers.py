@@ -86,8 +86,9 @@ class SlotTables(Protocol):
 class Followers:
     """The attached bodies and links by slot; iteration is over those in use, by slot.
 
-    Arrays with a row for each slot: ``table``, records of ``FOLLOWER``; ``radii``, about the centres of mass [m]. ``shape_table``: their shapes; ``tables``: what others know of a slot. ``epoch`` changes
-    when a follower is added or removed.
+    Arrays with a row for each slot: ``table``, records of ``FOLLOWER``; ``radii``, about the centres of mass [m].
+    ``shape_table``: their shapes; ``tables``: what others know of a slot. ``epoch`` changes when a follower is added or
+    removed.
     """
 
     def __init__(self) -> None:

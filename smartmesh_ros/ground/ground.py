@@ -35,11 +35,12 @@ class Ground(SavedBodies):
     Bodies that are not attached do not collide with the terrain. Raises `InputError` for a client of a server
     elsewhere, and if the client has a ground already.
 
-    ``time`` [s]: of the last `step` or `update`. ``followers``: the attached bodies by slot; ``patches``: the ground under them, for messages; ``contacts``: how they collide.
+    ``followers``: the attached bodies by slot; ``patches``: the ground under them, for messages; ``contacts``: how they
+    collide.
     """
 
     def step(self, time: float, dt: float) -> None:
-        """Run one ``stepSimulation`` of ``dt`` [s] from ``time`` [s] on. Raises `InputError` if ``dt`` is not PyBullet's
+        """Run one ``stepSimulation`` of ``dt`` [s] from ``time`` [s] on. Raises `InputError` if PyBullet has another
         time step.
 
         A ``stepSimulation`` of your own does the same, from where the last step ended: bodies move with corrections of
@@ -63,7 +64,6 @@ class Ground(SavedBodies):
             self.check_soil()
         if self.contacts.begin(time, dt):
             self._drop_gone()
-        self.time = time
         if self.soil is not None and not 0.0 <= time - self._printed < PRINT_PERIOD:
             self._printed = time
             self.soil.show()

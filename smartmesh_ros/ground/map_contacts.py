@@ -129,8 +129,8 @@ class MapContacts:
 
     def note_kind(self, slot: int) -> None:
         """Tell the core who moves a follower."""
-        alive, solid, own, remote = self._followers.table[slot].item()
-        self._core.set_kind(slot, solid, own, remote)
+        it = self._followers.table[slot]
+        self._core.set_kind(slot, bool(it["solid"]), bool(it["own"]), bool(it["remote"]))
 
     def begin(self, time: float, dt: float) -> bool:
         """Set the time [s] at the start of the next step of ``dt`` [s]; returns True if bodies were removed from

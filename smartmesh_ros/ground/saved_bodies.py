@@ -130,7 +130,6 @@ class SavedBodies(AttachedBodies):
             if follower.solid:
                 contacts.drive(follower)
         contacts.recall([follower.slot for follower in self.followers], known["memory"])
-        self.time = known["time"]
         self._start_anew()
 
     def _soil_undone(self) -> Callable[[], None]:

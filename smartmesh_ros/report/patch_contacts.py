@@ -20,7 +20,6 @@ from smartmesh_ros.report.batch import PatchBatch
 from smartmesh_ros.report.chosen_patches import ChosenPatches
 from smartmesh_ros.report.config import ReportConfig, is_mesh, is_whole
 from smartmesh_ros.report.made import Field, MeshCollider, make_field, make_mesh
-from smartmesh_ros.report.supports import Support
 from smartmesh_ros.report.whole_mesh import WholeMesh
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import Terrain

@@ -126,7 +126,8 @@ def test_trajectories_are_those_of_world(bodies: Any, rise: float, every: int) -
 
 def test_ground_of_a_mesh_above_a_body_counts_only_where_there_is_none_below_it(client: Any) -> None:
     floor, top = mesh_parts.sheet(4.0, 1), mesh_parts.box((-0.5, -0.5, 0.5), (0.5, 0.5, 0.6))
-    ground, body = Ground(client, TriangleMesh(*mesh_parts.joined(floor, top))), put(client, Sphere(0.1), (0.0, 0.0, 9.0))
+    ground = Ground(client, TriangleMesh(*mesh_parts.joined(floor, top)))
+    body = put(client, Sphere(0.1), (0.0, 0.0, 9.0))
     ground.attach(body)
 
     def lift(x: float, z: float) -> float:
