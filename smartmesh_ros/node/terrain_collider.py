@@ -96,7 +96,8 @@ class Collider:
                     session.world.update()
                 else:
                     session.world.skip(skipped)
-                    session.world.step(prepared=self._outputs.publish_patches)
+                    self._outputs.publish_patches()
+                    session.world.step()
             session.note_lost()
             self._outputs.publish()
 

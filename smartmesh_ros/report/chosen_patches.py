@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.ground.followers import Followers
+from smartmesh_ros.patches.shapes import BODY_COLUMNS
 from smartmesh_ros.patches.tables import with_rows
 from smartmesh_ros.report.batch import PatchBatch, grid_batches
 from smartmesh_ros.report.config import ReportConfig
@@ -38,7 +39,7 @@ class ChosenPatches:
         self._meshes: dict[str, MeshPatches] = {}
         self._layout = -1
         self._batches: list[PatchBatch] | None = None
-        self._time = 0.0  # of the update [s]
+        self._time, self._states = 0.0, np.empty((0, BODY_COLUMNS))  # of the update [s]
         self._duration = 0.0  # until the next one [s]
         self._chosen = self._tracked_chosen = True
 
@@ -54,9 +55,10 @@ class ChosenPatches:
         self._fixed.forget(np.array([slot]))
         self._batches = None
 
-    def begin(self, time: float, duration: float) -> None:
-        """Forget the choice: the next reader chooses patches at ``time`` [s] for a ``duration`` [s]."""
-        self._time, self._duration = time, duration
+    def begin(self, time: float, duration: float, states: FloatArray) -> None:
+        """Forget the choice: the next reader chooses patches at ``time`` [s] for a ``duration`` [s], of bodies with
+        ``states`` (S, 13)."""
+        self._time, self._duration, self._states = time, duration, states
         self._chosen = self._tracked_chosen = False
 
     @property
@@ -89,7 +91,7 @@ class ChosenPatches:
         before = self._known_batches() if self._config.search == "ray_cast" else []
         self._update_tiles()
         self._batches = None
-        bodies, radii, duration = self._followers.states, self._followers.shape_table.table["radius"], self._duration
+        bodies, radii, duration = self._states, self._followers.shape_table.table["radius"], self._duration
         for name, found in self._on_tiles(chosen, bodies, radii):
             mesh = self._terrain.tiles[name]
             speeds = np.minimum(np.linalg.norm(bodies[found, 7:10], axis=1), FASTEST)

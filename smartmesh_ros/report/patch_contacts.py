@@ -5,25 +5,23 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.bullet import BulletCalls, undone
+from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.height_field import quarter_turn
-from smartmesh_ros.patches.shapes import BODY_COLUMNS
+from smartmesh_ros.ground.map_contacts import MapContacts
 from smartmesh_ros.report.batch import PatchBatch
 from smartmesh_ros.report.chosen_patches import ChosenPatches
 from smartmesh_ros.report.config import ReportConfig, is_mesh, is_whole
 from smartmesh_ros.report.made import Field, MeshCollider, make_field, make_mesh
-from smartmesh_ros.report.supports import Support
 from smartmesh_ros.report.whole_mesh import WholeMesh
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import Terrain
 
 
@@ -79,9 +77,9 @@ class Pairs:
             pb.setCollisionFilterPair(uid, other, link, other_link, touch, self._client)
 
 
-class PatchContacts:
-    """Contacts of the followers in one client with the colliders of their patches, or with one of the whole terrain;
-    the same calls as those of `MapContacts`.
+class PatchContacts(MapContacts):
+    """Contacts of the followers in one client with the colliders of their patches, or with one of the whole terrain, in
+    place of the map's.
 
     ``replacements``: how often a surface was changed so far. ``leaked``: meshes that were built so far, for each of
     which PyBullet leaks a few KiB.
@@ -90,66 +88,42 @@ class PatchContacts:
     def __init__(
         self, client: Any, followers: Followers, terrain: Terrain, config: ReportConfig, patches: ChosenPatches
     ) -> None:
+        super().__init__(client, followers, terrain)
         self.replacements = self.leaked = 0
-        self._client = client
         self._config = config
-        self._followers = followers
-        self._terrain = terrain
         self._patches = patches
-        self._calls = BulletCalls(client)
         self._pairs = Pairs(client)
         self._held: dict[Follower, Field | MeshCollider] = {}
         self._whole = WholeMesh(client, terrain)
-        self.time = 0.0
 
     def attach(self, follower: Follower) -> None:
-        """A follower gets its collider in the next `refresh`."""
+        """The core only reads and moves a follower, which gets its collider in the next `refresh`."""
+        self._core.attach(follower.slot, follower.body, follower.link, -1)
+        self._core.set_shapes(self._followers.shape_table.core)
+        self.note_kind(follower.slot)
+
+    def note_kind(self, slot: int) -> None:
+        """Tell the core who moves a follower, which only a guard lifts."""
+        self._followers.table["own"][slot] &= self._config.guard
+        super().note_kind(slot)
 
     def detach(self, slots: list[int]) -> None:
         """Remove the colliders of followers. If PyBullet fails, the next `refresh` makes those that are missing."""
         for slot in slots:
             self._release(self._followers[slot])
-
-    def take_tiles(self) -> None:
-        """`refresh` reads the terrain."""
-
-    def require_client(self) -> None:
-        """Raise `InputError`: what asks for it needs contacts from the map."""
-        raise InputError("client", "there are colliders of PyBullet's own, which have no such ground")
+        super().detach(slots)
 
     def set_soil(self, soil: Any) -> None:
         """Raise `InputError` if there is soil."""
         if soil is not None:
-            self.require_client()
+            raise InputError("client", "there are colliders of PyBullet's own, which know no soil")
 
     def drive(self, follower: Follower) -> None:
         """Raise `InputError`: surfaces stand still."""
-        self.require_client()
-
-    def touching(self) -> BoolArray:
-        """Return which followers had ground in reach at the last refresh (S,)."""
-        return np.asarray(self._patches.supports["state"] != Support.NONE)
+        raise InputError("client", "there are colliders of PyBullet's own, whose bodies have no moving surfaces")
 
     def let_sleep(self, config: SleepConfig | None) -> None:
         """Nobody sleeps on colliders."""
-
-    def settle(self, may_sleep: Callable[[int], bool] | None) -> None:
-        """Nobody sleeps."""
-
-    def wake(self, slots: list[int] | None) -> None:
-        """Nobody sleeps."""
-
-    def note_sleep(self) -> bool:
-        """Nobody sleeps."""
-        return False
-
-    def find_gone(self) -> list[int]:
-        """Return nobody: who removes a body detaches it before."""
-        return []
-
-    def set_time(self, time: float, dt: float) -> None:
-        """Set the time [s] at the start of the next step of ``dt`` [s]."""
-        self.time = time
 
     def refresh(self) -> None:
         """Set the colliders to the patches of the followers."""
@@ -167,22 +141,12 @@ class PatchContacts:
         """Return True if a PyBullet body is a collider of this ground."""
         return self._pairs.has(body) or self._whole.has(body)
 
-    def read(self, states: FloatArray) -> None:
-        """Read the awake followers into ``states`` (S, 13)."""
-        awake = self._followers.awake
-        for slot in awake.tolist():
-            states[slot] = self._calls.state(self._followers[slot].body, self._followers[slot].link)
-
-    def states_of(self, slots: IntArray) -> FloatArray:
-        """Return the states (n, 13) of followers as they are now."""
-        chosen = [self._followers[slot] for slot in slots.tolist()]
-        return np.array([self._calls.state(it.body, it.link) for it in chosen]).reshape(-1, BODY_COLUMNS)
-
     def close(self) -> None:
         """Remove all colliders."""
         for follower in self._followers:
             self._release(follower)
         self._whole.release()
+        super().close()
 
     def _apply(self, batches: list[PatchBatch], supports: Any) -> None:
         """Give the awake followers that are solid the colliders of their patches, and take the colliders of those

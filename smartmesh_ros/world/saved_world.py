@@ -12,7 +12,6 @@ import pybullet as pb
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.ground.map_contacts import MapContacts
 from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain import state_file
@@ -69,8 +68,8 @@ class SavedWorld(Population):
             config=self.config,
             seed=self.seed,
             first=self._first,
-            memory=contacts.memory(slots) if isinstance(contacts, MapContacts) else None,
-            falls=self.falls.memory(slots),
+            memory=contacts.memory(slots),
+            falls=self.falls.checked,
             extra=extra or {},
         ).to_bytes()
 
@@ -249,7 +248,6 @@ class SavedWorld(Population):
     def _recall(self, state: WorldState) -> None:
         """Take over what the state knows of the past of the bodies."""
         slots = self._own_slots()
-        if state.memory is not None and isinstance(self.ground.contacts, MapContacts):
-            self.ground.contacts.take_tiles()
+        if state.memory is not None:
             self.ground.contacts.recall(slots, state.memory)
-        self.falls.recall(slots, state.falls)
+        self.falls.checked = float(state.falls)

@@ -58,25 +58,6 @@ def test_between_maps_the_ground_goes_on() -> None:
             assert max(point[6][2] for point in points) == pytest.approx(ground.height(y), abs=1e-4)
 
 
-def test_who_shows_patches_need_not_wait_for_the_physics() -> None:
-    """They are those of the bodies before the step, on the ground of the same instant."""
-    ground, seen = Rising(), []
-    with ground.world as world:
-
-        def prepared() -> None:
-            table = world.patches().table()
-            seen.append((world.time, world.ground.time, world.state("ball").position[2], table.points_w[:, 2].max()))
-
-        z = world.state("ball").position[2]
-        world.step(7, prepared)
-        times, made, heights, tops = np.array(seen).T
-        np.testing.assert_allclose(np.diff(times), DT)
-        np.testing.assert_array_equal(made, times)
-        np.testing.assert_allclose(tops, RISE * times, atol=1e-6)
-        assert heights[0] == z
-        assert heights[-1] < world.state("ball").position[2]
-
-
 def test_bodies_ride_on_the_ground_although_steps_are_skipped() -> None:
     skipped, ground = 3, Rising()
     with ground.world as world:

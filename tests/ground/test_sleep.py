@@ -35,7 +35,7 @@ def sleeping_box(ground: HeightMap | None = None, seconds: int = 1, **settings: 
 
 def asleep(world: World) -> set[str]:
     """Names of the sleeping bodies and links."""
-    return {world.followers[slot].name for slot in world.followers.asleep.tolist()}
+    return {world.followers[slot].name for slot in world.ground.contacts.asleep()}
 
 
 def test_bodies_at_rest_sleep_and_keep_patches_contacts_and_wrenches() -> None:
@@ -239,7 +239,7 @@ def test_bodies_of_a_pybullet_world_sleep_where_their_user_lets_them(client: Any
     body, heightmap = put(client, BOX, (0.0, 0.0, 0.1), useMaximalCoordinates=maximal), level(SIDE)
     ground = Ground(client, heightmap)
     ground.attach(body)
-    ground.let_sleep(lambda _: True)
+    ground.let_sleep()
 
     def run(first: int, count: int) -> None:
         for step in range(first, first + count):

@@ -105,7 +105,7 @@ def test_bodies_fall_rest_and_report(shared: Probe) -> None:
 
     shared.wait_for(carried)
     timing = shared.latest("timing")
-    names = "ingest search collect step publish bodies total lateness"
+    names = "ingest search collect step publish total lateness"
     assert [stage.stage for stage in timing.stages] == names.split()
     step = timing.stages[3]
     assert step.count > 0

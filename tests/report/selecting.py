@@ -39,8 +39,7 @@ class Selecting:
         return self._patches.supports[: self._count]
 
     def update(self, bodies: FloatArray, time: float, duration: float) -> None:
-        self._followers.states = bodies
-        self._patches.begin(time, duration)
+        self._patches.begin(time, duration, bodies)
         assert len(self.supports) == self._count
 
     def batches(self) -> list[PatchBatch]:

@@ -40,13 +40,14 @@ int BulletWorld::part_number(Slot& slot, const btCollisionShape& shape) {
 
 SlotMemory BulletWorld::memory_of(int index) const {
   const Slot& slot = slots_[index];
-  return {slot.rest.still, slot.rest.anchor, slot.pull, slot.turning};
+  return {slot.rest.still, slot.rest.anchor, slot.pull, slot.turning, slot.last_ground, slot.falls ? 1.0 : 0.0};
 }
 
 void BulletWorld::recall(int index, const SlotMemory& memory) {
   Slot& slot = slots_[index];
   slot.rest.still = memory.still, slot.rest.anchor = memory.anchor;
   slot.pull = memory.pull, slot.turning = memory.turning;
+  slot.last_ground = memory.last_ground, slot.falls = memory.falls != 0.0;
   gravity_ = world_->getGravity();  // another one wakes all
 }
 
