@@ -77,11 +77,14 @@ class CylinderTouch {
     if (distance <= reach_at(on_ground)) contacts_.push_back({on_ground, n, distance, name, ground});
   }
 
-  // The point of each rim that is lowest over a facet, in the direction of its normal to the side of the cylinder, and
-  // the one that will be lowest at the end of the step.
+  // The point of each rim that is lowest over a facet, in the direction of its normal to the side of the cylinder, the
+  // one that will be lowest at the end of the step, and the one that the cylinder may tip over to in the step.
   void touch_facet(const Facet& facet, const Vec3& normal) {
     touch_facet(facet, normal, normal, 0);
     if (norm(tilting_) * radius_ > approach_.margin) touch_facet(facet, normal, normal - cross(tilting_, normal), 10);
+    const double along = dot(normal, axis_);
+    if (std::abs(along) > std::cos(std::min(approach_.turn(normal), 0.5 * M_PI)))
+      touch_facet(facet, normal, axis_ * (2.0 * along) - normal, 20);
   }
 
   // `seen`: the normal in the frame of the cylinder. `name`: of the first rim.

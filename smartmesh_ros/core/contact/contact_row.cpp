@@ -56,12 +56,11 @@ ContactRow row_of(const Contact& contact, const Approach& approach, const BodySu
   const double bounce =
       bounce_of(contact, approach, body.restitution * contact.material.restitution, solver.slowest_bounce);
   const double distance = bounce > 0.0 ? std::min(0.0, contact.distance) : contact.distance;
-  row.speed = dot(contact.normal, contact.ground.velocity) + bounce;
   // Of a spring, the force is that of its depth and its speed at the end of the step.
-  if (body.is_soft && distance < 0.0)
-    row.speed -= distance * stiffness / (dt * stiffness + body.damping);
-  else
-    row.speed += correcting(distance, dt, solver);
+  const double leaves = body.is_soft && distance < 0.0 ? -distance * stiffness / (dt * stiffness + body.damping)
+                                                       : correcting(distance, dt, solver);
+  // What bounces out of the ground needs no push besides: the sum would gain energy.
+  row.speed = dot(contact.normal, contact.ground.velocity) + (bounce > 0.0 ? std::max(bounce, leaves) : leaves);
   if (body.is_soft) row.softness = 1.0 / (dt * (dt * stiffness + body.damping));
   row.slide = contact.ground.velocity;
   if (norm2(body.belt) > 0.0) {
