@@ -106,8 +106,7 @@ class Collider:
     def turn(self) -> bool:
         """Does one turn of a long answer; returns False if there is none under way."""
         with self.session.enduring("services"):
-            if not self.session.turns.advance():
-                return False
+            return self.session.turns.advance()
         return True
 
     def idle(self) -> None:
@@ -172,10 +171,9 @@ class Collider:
         self._terrain.clear()
         self.take_restored()
         self.initial.start_over(entries)
-        if raster is None:
-            self.initial.on_terrain()
-        else:
+        if raster is not None:
             self._terrain.load(raster)
+        self.initial.on_terrain()
 
     def take_restored(self) -> None:
         """Goes on after the world was replaced by another one."""

@@ -107,7 +107,8 @@ def test_a_world_that_is_refused_changes_nothing(shared: Probe, worlds: Path) ->
     (worlds / "bad.urdf").write_text("<robot")
     scene(worlds / "twice.yaml", **{"bodies.spawn": [BALL, BALL]})
     scene(worlds / "type.yaml", **{"terrain.file": "slope.npy", "raster.resolution": "fine"})
-    (worlds / "alias.yaml").write_text("a: &a [1]\nb: *a\n")
+    bomb = "".join(f"  a{k}: &a{k} {{l: *a{k - 1}, r: *a{k - 1}}}\n" for k in range(1, 40))
+    (worlds / "alias.yaml").write_text(f"ros__parameters:\n  a0: &a0 {{x: 1}}\n{bomb}")
     (worlds / "text.npy").write_text("no array")
     (worlds / "flat.npy").write_bytes((worlds / "slope.npy").read_bytes()[:-8])
     np.save(worlds / "line.npy", np.zeros(9))
@@ -246,13 +247,19 @@ def test_one_world_is_loaded_at_a_time(domain: int, worlds: Path) -> None:
         assert answers[0].world.name == "scene"
 
 
-def test_a_robot_on_its_way_onto_the_ground_is_no_part_of_another_scene(domain: int) -> None:
+@pytest.mark.parametrize("turns", [0, 2])
+def test_a_robot_on_its_way_onto_the_ground_is_no_part_of_another_scene(domain: int, turns: int) -> None:
+    ground = heightmap_message(np.zeros((30, 30)), resolution=0.1)
     with fed({"bodies.spawn": [f"{{id: rover, urdf: {ROVER}, xy: [1, 1]}}"]}) as run:
-        run.give("heightmap", heightmap_message(np.zeros((30, 30)), resolution=0.1), steps=0)
+        run.give("heightmap", ground, steps=0)
+        for _ in range(turns):
+            run.node.turn()
         assert run.node.initial.placing
         run.node.set_scene(None, {})
+        run.give("heightmap", ground, steps=0)
         while run.node.turn():
             pass
+        assert not run.node.initial.placing
         assert not run.world.bodies
 
 

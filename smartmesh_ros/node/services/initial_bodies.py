@@ -121,21 +121,25 @@ class InitialBodies:
                 self._note(name, error)
 
     async def _stand(self, entry: Entry, robot: PreparedRobot) -> None:
-        """Spawn a robot on the ground, in turns."""
+        """Spawn a robot on the ground, in turns, unless there is another scene by then."""
         session = self._session
         world = session.world
         try:
-            state = state_of(world, entry)
-            if state is None:
-                self._waiting.append(entry.name)
-                return
-            stance = await in_turns(world.stance_of_robot(entry.name, robot, state, align=entry.align), session.lock)
+            stance, state = None, state_of(world, entry)
+            if state is not None:
+                parts = world.stance_of_robot(entry.name, robot, state, align=entry.align)
+                stance = await in_turns(parts, session.lock)
             with session.lock:
-                if self._entries.get(entry.name) is entry:  # else there is another scene now
-                    world.spawn_robot(entry.name, robot, stance.on(world.ground_at, entry.clearance))
-                    self.starts[entry.name] = world.base_state(entry.name)
+                if self._entries.get(entry.name) is not entry:
+                    return
+                if stance is None:
+                    self._waiting.append(entry.name)
+                    return
+                world.spawn_robot(entry.name, robot, stance.on(world.ground_at, entry.clearance))
+                self.starts[entry.name] = world.base_state(entry.name)
         except REFUSED as error:
-            self._note(entry.name, error)
+            if self._entries.get(entry.name) is entry:
+                self._note(entry.name, error)
         finally:
             self._standing.discard(entry.name)
 

@@ -25,7 +25,6 @@ from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.services.body_entries import LOADER, Entry, entries_from
 from smartmesh_ros.node.services.files import allowed_folders, files_in, with_package_paths
-from smartmesh_ros.terrain.heightmap import HeightMap
 
 SCENES = (".yaml", ".yml")
 RASTER = "raster."
@@ -144,11 +143,9 @@ def _flat(tree: Any, prefix: str) -> Iterator[tuple[str, Any]]:
 
 def load_raster(path: Path, config: RasterConfig, settings: Settings) -> Raster:
     """Return the ground of a world in a file. Raises `InputError`."""
-    raster = files.load(_allowed(path, settings), config, settings.max_samples)
-    HeightMap(raster.heights, geometry=raster.geometry)  # else the ground of before would be gone when it is refused
-    return raster
+    return files.load(_allowed(path, settings), config, settings.max_samples)
 
 
 def _allowed(path: Path, settings: Settings) -> Path:
-    folders = (*allowed_folders(settings), *folders_of_worlds(settings))
-    return require_inside(path, folders, f"{str(path)[:200]!r}")
+    folders = dict.fromkeys((*allowed_folders(settings), *folders_of_worlds(settings)))
+    return require_inside(path, [*folders], f"{str(path)[:200]!r}")
