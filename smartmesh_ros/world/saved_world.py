@@ -137,6 +137,13 @@ class SavedWorld(Population):
                 self._factory.damp(body)
             self.ground.forget()
 
+    def clear(self) -> None:
+        """Remove all bodies and set the time to zero. Episodes begin with the terrain of the next step."""
+        for body in self._own_bodies():
+            self._remove(body.name)
+        self.reset_time()
+        self._first = None
+
     def reset_time(self) -> None:
         """Set the time to zero. Bodies and terrain stay; remote bodies are removed until their next states arrive."""
         self.guests.clear()

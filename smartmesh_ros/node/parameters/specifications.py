@@ -130,8 +130,8 @@ SPECS = (
         "in simulated time [s]; 0 = never. Positions and efforts stay in force.", 0.0, 3600.0),
     _param("bodies.lost_depth", "Depth below the ground that it left at which a body that fell off is removed [m].",
         1.0, FARTHEST_BODY, place="world.falls.depth"),
-    _param("bodies.urdf_folders", "Folders from which services may load robot descriptions and their meshes; empty = "
-        "pybullet_data and the share folders of the installed packages."),
+    _param("bodies.urdf_folders", "Folders from which services may load robot descriptions, their meshes, and worlds; "
+        "empty = pybullet_data and the share folders of the installed packages."),
     _fixed("bodies.poses", "Topics of geometry_msgs/PoseStamped, each for one tracked body: 'name=topic', or a topic "
         "alone, which also names the body."),
     _fixed("bodies.odometry",
