@@ -8,7 +8,6 @@ import pytest
 from smartmesh_ros import BodyState, Box, HeightMap, Sphere, World
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.core import mesh_parts
-from tests.grounds import level, moving
 
 DT = 1.0 / 240.0
 SIDE = 41
@@ -81,33 +80,6 @@ def test_fast_bodies_roll_as_high_as_they_started(radius: float, speed: float) -
             world.step()
             assert world.state("ball").position[2] == pytest.approx(radius, abs=2e-4)
         assert world.state("ball").linear == pytest.approx((speed, 0.0, 0.0), rel=0.01, abs=0.01)
-
-
-def test_bodies_follow_ground_that_accelerates() -> None:
-    """Maps come with every step."""
-
-    def ground(time: float) -> float:
-        return 1.5 * time**2
-
-    with World(level(SIDE)) as world:
-        world.spawn("ball", Sphere(RADIUS), 1.0, BodyState((0.0, 0.0, RADIUS)))
-        for step in moving(world, ground, 240, every=1):
-            if step > 24:
-                assert world.state("ball").position[2] - RADIUS == pytest.approx(ground(world.time), abs=3e-4)
-
-
-def test_a_ball_stays_on_a_seesaw_however_steep() -> None:
-    across = 0.5 * (np.indices((41, 41))[1] - 20)
-
-    def slope(time: float) -> float:
-        return 0.8 * math.sin(3.0 * time)
-
-    with World(level(41, 0.5)) as world:
-        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.22, 0.2, 0.2)))
-        for step in moving(world, lambda time: slope(time) * across, 100, every=1):
-            steep, (x, _, z) = slope(world.time), world.state("ball").position
-            clearance = (z - steep * x) / math.hypot(1.0, steep) - 0.2
-            assert step < 5 or abs(clearance) < 5e-4  # the ground's velocity is known after two maps
 
 
 def test_a_general_mesh_moves_under_bodies_in_every_direction() -> None:

@@ -241,7 +241,7 @@ def heightmap(mode: MotionMode = "extrapolate") -> HeightMap:
     return HeightMap(np.zeros((3, 3)), resolution=1.0, origin=(-1.0, -1.0), time=-100.0, motion=MotionConfig(mode=mode))
 
 
-LATE = [0.0, 0.02, 0.1, 0.15, 0.3, 0.5, 0.7, 0.95, 1.0, 1.05, 3.0]
+LATE = [0.0, 0.1, 0.3, 0.7, 1.0, 1.05, 3.0]
 
 
 def mesh() -> TriangleMesh:
@@ -249,16 +249,16 @@ def mesh() -> TriangleMesh:
 
 
 @pytest.mark.parametrize("ground", [*(partial(heightmap, mode) for mode in get_args(MotionMode)), mesh])
-@pytest.mark.parametrize("rate", [5.3, 19.7, 57.0])
+@pytest.mark.parametrize("rate", [5.3, 57.0])
 @pytest.mark.parametrize("late", LATE)
 def test_ground_has_its_velocity_however_late_its_maps_are(late: float, rate: float, ground: Any) -> None:
     found = velocities(Source(rate, np.full(int(8 * rate), late)), ground(), 7.5)
     assert np.abs(found[found.size // 3 :] - SPEED).max() < 0.02 * SPEED
 
 
-@pytest.mark.parametrize("behind", [0.0, 1e6, -5.0])
+@pytest.mark.parametrize("behind", [0.0, 1e6])
 @pytest.mark.parametrize("rate", [10.0, 20.0])
-@pytest.mark.parametrize(("late", "jitter"), [(0.1, 0.1), (0.25, 0.1), (0.3, 0.1), (0.7, 0.2), (1.0, 0.2), (2.0, 0.2)])
+@pytest.mark.parametrize(("late", "jitter"), [(0.1, 0.1), (0.3, 0.1), (0.7, 0.2), (2.0, 0.2)])
 def test_jitter_around_a_steady_delay_does_not_end_the_motion(
     late: float, jitter: float, rate: float, behind: float
 ) -> None:

@@ -12,24 +12,20 @@ from smartmesh_ros.report.batch import PatchBatch
 from smartmesh_ros.report.chosen_patches import ChosenPatches
 from smartmesh_ros.report.config import ReportConfig
 from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray
+from smartmesh_ros.terrain.grid import FloatArray
 from tests.bodies import shapes_of
 
 SOLID = ReportConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
 
 
 class Selecting:
-    """Bodies of ``shapes`` (N,) in the first slots of `ChosenPatches`; those that are not ``solid`` get patches when
-    asked for."""
+    """Bodies of ``shapes`` (N,) in the first slots of `ChosenPatches`."""
 
-    def __init__(
-        self, terrain: Terrain, config: ReportConfig, shapes: ShapeTable, solid: BoolArray | None = None
-    ) -> None:
+    def __init__(self, terrain: Terrain, config: ReportConfig, shapes: ShapeTable) -> None:
         self.terrain = terrain
         self._count = len(shapes.table)
-        solid = np.ones(self._count, bool) if solid is None else solid
         self._followers: Any = SimpleNamespace(
-            tables=[], shape_table=shapes, solid=np.flatnonzero(solid), tracked=np.flatnonzero(~solid)
+            tables=[], shape_table=shapes, solid=np.arange(self._count), tracked=np.arange(0)
         )
         self._patches = ChosenPatches(terrain, config, self._followers, Stopwatch())
         self._patches.grow(self._count)
@@ -47,11 +43,9 @@ class Selecting:
         return self._patches.batches
 
 
-def balls_on(
-    ground: HeightMap | Terrain, radii: Iterable[float], config: ReportConfig = SOLID, solid: BoolArray | None = None
-) -> Selecting:
+def balls_on(ground: HeightMap | Terrain, radii: Iterable[float], config: ReportConfig = SOLID) -> Selecting:
     """Balls of these radii [m]."""
-    return Selecting(Terrain.of(ground), config, shapes_of(ball(radius) for radius in radii), solid)
+    return Selecting(Terrain.of(ground), config, shapes_of(ball(radius) for radius in radii))
 
 
 def update(selector: Selecting, positions: FloatArray, speed: float = 0.0, time: float = 0.0) -> list[PatchBatch]:

@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from smartmesh_ros.report.collect import GridGraph, cached_topology, queue_bfs, topology_around, union_bfs
 from smartmesh_ros.terrain.mesh_shape import TriangleGraph
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from studies.bench.searching import patch_template
 
 
 def flat_mesh(rows: int, columns: int) -> TriangleMesh:
@@ -59,15 +56,6 @@ def test_counts_of_the_grid_graph_inside_at_edges_and_in_corners_and_of_the_tria
     # A hexagon of rings: 1 + 6 (1 + 2 + ... + rings) vertices.
     triangles = TriangleGraph(grid_triangles(20, 20), 400)
     assert len(queue_bfs(triangles, 10 * 20 + 10, rings)) == 1 + 3 * rings * (rings + 1)
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.integers(1, 4), st.integers(1, 3), st.integers(12, 27), st.integers(12, 22))
-def test_the_template_is_what_a_search_collects(rings: int, stride: int, row: int, column: int) -> None:
-    rows, columns = 40, 35
-    collected = queue_bfs(GridGraph(rows, columns, stride), row * columns + column, rings)
-    expected = row * columns + column + patch_template(rings, columns) * stride
-    np.testing.assert_array_equal(collected, expected)
 
 
 def test_triangles_of_a_patch_are_those_all_of_whose_corners_are_collected() -> None:

@@ -8,13 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros import HeightMap
-from smartmesh_ros.patches.shapes import BODY_COLUMNS
-from smartmesh_ros.report.batch import PatchBatch
 from smartmesh_ros.report.config import ReportConfig
-from smartmesh_ros.report.fixed import extent_for
 from smartmesh_ros.report.mesh import mesh_twist
-from smartmesh_ros.report.supports import Support
-from smartmesh_ros.terrain.grid import FloatArray
 from tests.examples import examples
 from tests.report.selecting import SOLID, balls_on, update
 
@@ -104,32 +99,6 @@ def test_a_patch_moves_as_the_ground_under_the_body_does(config: ReportConfig) -
     assert checked == 40
 
 
-def test_patches_do_not_flicker_between_sizes() -> None:
-    selector, sizes = balls_on(HeightMap(np.zeros((100, 100)), resolution=0.1), [0.25]), []
-    here = np.array([[5.0, 5.0, 0.2]])
-    for step in range(60):
-        [batch] = update(selector, here, 0.001 / DT if step % 2 else 0.0)  # about the border between two sizes
-        sizes.append(batch.vertices_w.shape[1])
-    assert len(set(sizes[1:])) == 1
-    [fast] = update(selector, here, 0.2 / DT)
-    [slow] = update(selector, here)
-    assert np.ptp(slow.vertices_w[0, :, 0]) < np.ptp(fast.vertices_w[0, :, 0])
-
-
-@given(st.lists(st.floats(0.01, 20.0), min_size=1, max_size=20), st.floats(0.02, 1.0), st.integers(3, 300))
-def test_an_extent_covers_what_is_asked_for_as_far_as_the_map_has_room(
-    reach: list[float], resolution: float, side: int
-) -> None:
-    extent = extent_for(np.array(reach), resolution, side)
-    covered = extent.rings * extent.stride
-    room = (side - 1) // 2
-    need = np.minimum(np.array(reach) / resolution + 0.5, room)
-    # Where the map has no room for a whole ring more there is none.
-    assert ((covered >= need - 1e-6) | (covered + extent.stride > room)).all()
-    assert (covered <= room).all()
-    assert (extent.rings >= 1).all()
-
-
 def test_bodies_off_the_terrain_have_no_patch() -> None:
     heightmap = HeightMap(np.zeros((11, 11)), resolution=1.0)
     positions = np.array([[5.0, 5.0, 0.0], [-0.3, 5.0, 0.0], [-0.6, 5.0, 0.0], [np.nan, 5.0, 0.0], [5.0, 12.0, 0.0]])
@@ -156,47 +125,6 @@ def test_fixed_rings_are_the_reports_collider_size_by_every_method(rings: int, c
         positions[:, :2] += rng.uniform(-0.05, 0.05, (6, 2))
 
 
-def by_body(batches: list[PatchBatch]) -> dict[int, FloatArray]:
-    return {
-        body: points for batch in batches for body, points in zip(batch.bodies.tolist(), batch.vertices_w, strict=True)
-    }
-
-
-def test_patches_of_bodies_that_are_not_solid_are_worked_out_when_asked_for() -> None:
-    """They are those of fixed extent, as of the last update; where the ground is gone there are none."""
-    rng = np.random.default_rng(4)
-    heightmap = HeightMap(rng.normal(size=(60, 60)), resolution=0.1)
-    solid = np.arange(12) % 3 > 0
-    fixed = balls_on(heightmap, [0.3] * 12, SOLID)
-    chosen = balls_on(heightmap, [0.3] * 12, ReportConfig(), solid)
-    others = set(np.flatnonzero(~solid).tolist())
-    positions = rng.uniform(1.0, 4.0, (12, 3))
-    bodies = np.zeros((12, BODY_COLUMNS))
-    bodies[:, 6] = 1.0
-    for step in range(3):
-        bodies[:, :3] = positions + 0.05 * step
-        chosen.update(bodies, step * DT, DT)
-        assert not chosen.supports["state"][list(others)].any()
-        fixed.update(bodies, step * DT, DT)
-    expected, found = by_body(fixed.batches()), by_body(chosen.batches())
-    for body in others:
-        np.testing.assert_array_equal(found[body], expected[body])
-    chosen.update(bodies, 3 * DT, DT)
-    chosen.terrain.remove("")
-    assert not others & set(by_body(chosen.batches()))
-
-
-@pytest.mark.parametrize(("x", "known"), [(5.02, True), (0.22, False)])
-def test_fixed_patches_say_how_far_they_are_from_the_ground_where_they_know(x: float, *, known: bool) -> None:
-    """Of stride one they are the ground itself; of a coarser one nobody has looked."""
-    heightmap = HeightMap(np.random.default_rng(0).normal(size=(101, 101)), resolution=0.1)
-    selector = balls_on(heightmap, [0.3 if known else 3.0])
-    [batch] = update(selector, np.array([[x, 5.0, 0.0]]))
-    assert (batch.deviation[0] == 0.0) == known
-    assert (batch.stride[0] == 1) == known
-    assert selector.supports["state"][0] == Support.FIELD
-
-
 numbers = st.floats(-2.0, 2.0)
 vectors = st.tuples(numbers, numbers, numbers).map(np.array)
 
@@ -209,19 +137,3 @@ def test_a_rigid_motion_is_found_wherever_the_body_is(
 ) -> None:
     found = mesh_twist(PLACES, linear + np.cross(angular, PLACES), body, 1.0)
     np.testing.assert_allclose(found, (linear, angular), atol=1e-6)
-
-
-@given(st.floats(-0.7, 0.7), st.floats(-0.7, 0.7))
-def test_where_the_velocity_is_curved_that_at_the_body_counts(x: float, y: float) -> None:
-    """A rate of x^2: the mean over the patch is 2 / 3 everywhere."""
-    velocities = np.zeros((9, 3))
-    velocities[:, 2] = PLACES[:, 0] ** 2
-    linear, angular = mesh_twist(PLACES, velocities, np.array([x, y, 0.3]), 0.5)
-    facet = abs(x)  # between the vertices at 0 and 1 or -1
-    assert abs((linear + np.cross(angular, [x, y, 0.0]))[2] - facet) < 0.12
-
-
-def test_vertices_as_far_away_as_numbers_reach_have_a_twist_of_numbers() -> None:
-    far = np.array([[0.0, 0.0, 0.0], [1e200, 0.0, 0.0], [0.0, 1e200, 0.0]])
-    linear, angular = mesh_twist(far, far, np.full(3, 5e199), 1e200)
-    assert np.isfinite(linear).all() and np.isfinite(angular).all()

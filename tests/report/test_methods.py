@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.tri import Triangulation
 
-from smartmesh_ros import BodyState, GridGeometry, InputError, Sphere, World
+from smartmesh_ros import GridGeometry, InputError
 from smartmesh_ros.report.config import ReportConfig, SearchMethod, require_search
 from smartmesh_ros.report.ground import ReportWorld
 from smartmesh_ros.report.search import (
@@ -195,14 +195,6 @@ def waves(*, shared: bool) -> TriangleMesh:
     if shared:
         return TriangleMesh(vertices, triangles)
     return TriangleMesh(vertices[triangles].reshape(-1, 3), np.arange(triangles.size).reshape(-1, 3))
-
-
-def test_a_world_takes_a_mesh_of_any_grid_without_settings() -> None:
-    with World(waves(shared=True)) as world:
-        world.spawn("ball", Sphere(0.1), 1.0, BodyState((4.6, 4.2, 0.3)))
-        world.step(240)
-        height = world.ground_at([world.state("ball").position[:2]]).z[0]
-        assert world.state("ball").position[2] == pytest.approx(height + 0.1, abs=0.01)
 
 
 @pytest.mark.parametrize("search", get_args(SearchMethod))

@@ -166,13 +166,6 @@ def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.Monke
         study.main(["--scenes", "no such scene"])
 
 
-@pytest.mark.parametrize("part", ["--quick", "--scenes husky_rest_4cm"])
-def test_a_part_of_a_run_changes_no_document(part: str) -> None:
-    parser = study.CHARTS.parser("", ["husky_rest_4cm"])
-    assert study.CHARTS.folder(parser.parse_args(part.split())) == Path("out/robots")
-    assert study.CHARTS.folder(parser.parse_args([])) == Path("docs")
-
-
 @pytest.mark.parametrize("engine", ["defaults", "MuJoCo tuned, 240 Hz", "PhysX, 240 Hz"])
 def test_servos_of_all_engines_approach_their_position_alike(engine: str) -> None:
     """In the air the error of a joint shrinks with the time constant of the servo."""

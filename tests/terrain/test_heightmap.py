@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros import GridGeometry, HeightMap, InputError, Material
-from smartmesh_ros.terrain.motion import BLOCK, MotionConfig
+from smartmesh_ros.terrain.motion import MotionConfig
 from tests.examples import examples
 
 
@@ -59,29 +59,6 @@ def test_a_given_velocity_is_used_and_holds_for_one_map() -> None:
     assert velocity_at(heightmap, 3, 3, 0.1)[1] == 0.0
     heightmap.replace(np.zeros((10, 10)), time=0.2)
     assert velocity_at(heightmap, 5, 5, 0.2)[1] == pytest.approx(0.0, abs=1e-6)
-
-
-def test_a_region_moves_alone() -> None:
-    size = 3 * BLOCK
-    heightmap = HeightMap(np.zeros((size, size)), resolution=1.0, time=0.0)
-    heightmap.update_region(10, 10, np.full((8, 8), 0.1), time=0.1)
-    assert velocity_at(heightmap, 12, 12, 0.1)[1] == pytest.approx(1.0, rel=1e-4)
-    assert velocity_at(heightmap, 30, 30, 0.1)[1] == 0.0
-    assert velocity_at(heightmap, 2 * BLOCK, 2 * BLOCK, 0.1)[1] == 0.0
-    # A neighbour in the same block moves next; what moved before has come to rest at its last height.
-    heightmap.update_region(20, 10, np.full((8, 8), 0.2), time=0.2)
-    assert velocity_at(heightmap, 12, 12, 0.2) == (pytest.approx(0.1), 0.0)
-    assert velocity_at(heightmap, 22, 12, 0.2)[1] == pytest.approx(2.0, rel=1e-4)
-
-
-def test_jumps_and_old_maps_give_no_velocity() -> None:
-    motion = MotionConfig(max_interval=0.25, max_velocity=25.0)
-    jumped = HeightMap(np.zeros((5, 5)), resolution=1.0, time=0.0, motion=motion)
-    jumped.replace(np.full((5, 5), 3.0), time=0.1)
-    assert velocity_at(jumped, 2, 2, 0.1) == (3.0, 0.0)
-    late = HeightMap(np.zeros((5, 5)), resolution=1.0, time=0.0, motion=motion)
-    late.replace(np.full((5, 5), 3.0), time=0.3)
-    assert velocity_at(late, 2, 2, 0.35) == (3.0, 0.0)
 
 
 @pytest.mark.parametrize(
