@@ -107,7 +107,8 @@ class Collider:
     def turn(self) -> bool:
         """Does one turn of a long answer; returns False if there is none under way."""
         with self.session.enduring("services"):
-            return self.session.turns.advance()
+            if not self.session.turns.advance():
+                return False
         return True
 
     def idle(self) -> None:
@@ -140,8 +141,7 @@ class Collider:
     def reset(self, *, time: bool = True, bodies: bool = True, spawned: bool = False) -> None:
         """Resets the simulation: simulated ``time`` to zero, ``bodies`` to their initial states.
 
-        ``spawned``: also removes the simulated bodies that no parameter names and, in a full reset, restores those that
-        a parameter names.
+        ``spawned``: also removes simulated bodies that are no initial ones and, in a full reset, restores those.
         """
         world = self.session.world
         if spawned:
