@@ -74,7 +74,9 @@ class BulletWorld {
   void drive(int slot, const Belt& belt);
 
   // Wakes the body in a slot, or all that sleep. None sleeps before it has been still for the whole time of the rules.
-  void wake(int slot) { wake_body(slots_[slot].body); }
+  void wake(int slot) {
+    if (slots_[slot].body >= 0) wake_body(slots_[slot].body);
+  }
   void wake_all();
 
   // Sets when bodies fall asleep and wake, after waking all.
