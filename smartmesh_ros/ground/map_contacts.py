@@ -208,6 +208,12 @@ class MapContacts:
         found: list[int] = self._core.find_asleep()
         return found
 
+    def deepest_contact(self, slot: int) -> tuple[Vector, Vector, float] | None:
+        """Return the point on the ground [m], the normal and the depth [m] of the deepest contact of a follower now,
+        also of one that physics does not move; None if it touches none. Decks do not count."""
+        found: tuple[Vector, Vector, float] | None = self._core.deepest_contact(slot)
+        return found
+
     def drive(self, follower: Follower) -> None:
         """Move the surface of a follower by its belt."""
         self._core.drive(follower.slot, follower.belt.axis, follower.belt.speed)

@@ -155,7 +155,7 @@ class World(SavedWorld, Carrying):
     def contacts(self) -> list[GroundContact]:
         """Return the contacts with the ground in the last step; for tracked bodies, with the ground
         now."""
-        found = ground_contacts(self.client, self.ground, self.time)
+        found = ground_contacts(self.client, self.ground)
         return [contact for contact in found if not self._is_guest(contact.body)]
 
     def wrenches(self) -> list[GroundWrench]:

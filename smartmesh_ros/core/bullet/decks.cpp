@@ -11,10 +11,11 @@ namespace smartmesh {
 
 void BulletWorld::find_carriers() {
   const auto& decks = terrain->decks();
-  const bool same = carried_layout_ == terrain->layout() &&
-                    std::equal(carried_.begin(), carried_.end(), decks.begin(), [](const Carried& known, const Deck* deck) {
-                      return known.body == deck->body && known.link == deck->link;
-                    });
+  const bool same =
+      carried_layout_ == terrain->layout() &&
+      std::equal(carried_.begin(), carried_.end(), decks.begin(), [](const Carried& known, const Deck* deck) {
+        return known.body == deck->body && known.link == deck->link;
+      });
   if (same) return;
   carried_layout_ = terrain->layout();
   carried_.clear();

@@ -13,7 +13,8 @@ Falls BulletWorld::check_falls(double now, double depth) {
     for (const Role& role : body.roles) {
       Slot& slot = slots_[role.slot];
       const Shape* shape = shape_of(role.slot);
-      if (role.is_proxy || !slot.kind.is_own || slot.rest.asleep || slot.object == nullptr || shape == nullptr) continue;
+      if (role.is_proxy || !slot.kind.is_own || slot.rest.asleep || slot.object == nullptr || shape == nullptr)
+        continue;
       const Vec3 at = from_bullet(slot.object->getWorldTransform().getOrigin());
       const double ground = reader.at(at.x, at.y).height;
       const bool is_over = !std::isnan(ground);

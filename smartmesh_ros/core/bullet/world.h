@@ -2,7 +2,6 @@
 #pragma once
 
 #include <exception>
-#include <memory>
 #include <optional>
 #include <unordered_map>
 #include <utility>
@@ -13,24 +12,12 @@
 #include "bullet/bounds_hook.h"
 #include "bullet/contact_points.h"
 #include "bullet/ground_algorithm.h"
-#include "bullet/ground_shape.h"
-#include "bullet/rest.h"
 #include "bullet/server_world.h"
-#include "bullet/soil_in_step.h"
+#include "bullet/slot.h"
 #include "bullet/untouchable.h"
 #include "contact/contact_search.h"
-#include "contact/deck_contacts.h"
-#include "shape/solid.h"
 
 namespace smartmesh {
-
-// Motion of a link's surface, as of a track: where the ground touches it with a normal n, the surface moves along
-// n x axis, at a speed [m/s]. A positive speed drives the link as a wheel that turns about `axis`, which is given in
-// the frame of the link's centre of mass.
-struct Belt {
-  Vec3 axis;
-  double speed = 0.0;
-};
 
 // PyBullet's numbers of a body and its link, -1 = the base; `body` is -1 for what PyBullet did not make.
 struct ObjectName {
@@ -40,57 +27,12 @@ ObjectName name_of(const btCollisionObject& object);
 // Throws `std::invalid_argument` if a body is soft.
 void require_rigid(const btCollisionObject& object);
 
-// A convex part of a body, as of its margin; without `convex` it is of unknown kind.
-struct KnownPart {
-  double margin;  // [m]
-  std::optional<Convex> convex;
-};
-
-// `is_solid`: its body collides with the ground. `is_own`: the body is lifted out of the ground. `is_remote`: another
-// node simulates it, and says whether it rests.
-struct SlotKind {
-  bool is_solid = false, is_own = false, is_remote = false;
-};
-
-// An attached body or link, by PyBullet's numbers, and its proxy, a body without mass.
-struct Slot {
-  bool used = false, is_robot = false;
-  SlotKind kind;
-  int body = -1, link = -1;
-  int proxy = -1;                            // -1 = the body is only read
-  btCollisionObject* object = nullptr;       // found anew in each step; null = it is gone
-  btRigidBody* ground = nullptr;             // of the proxy, likewise
-  btCollisionShape* shape_before = nullptr;  // of the proxy
-  std::unique_ptr<GroundShape> shape;
-  Vec3 linear, angular;           // of the body [m/s], [rad/s]
-  NearbyGround near;              // in this step
-  std::vector<NearbyDeck> decks;  // likewise
-  Vec3 pull;     // what gravity and applied forces added to a rigid body's velocity in the last step [m/s]
-  Vec3 turning;  // of the ground at a contact that has friction against turning, in the last step [rad/s]
-  Vec3 last_ground{0.0, 0.0, std::numeric_limits<double>::quiet_NaN()};  // as of `check_falls`; z NaN = none yet
-  bool falls = false;
-  Belt belt;
-  Rest rest;
-  std::unordered_map<const btCollisionShape*, KnownPart> parts;
-  std::vector<const btCollisionShape*> leaves;  // convex parts of its shape, found when one first touches soil
-  SoilParts on_soil;
-};
-
 // What the ground reads of a world's solver: `duration` [s] of the last step, shares of a penetration and of a friction
 // anchor's distance that a step corrects, and the penetration [m] that is left.
 struct SolverSettings {
   Vec3 gravity;
   double duration, erp, friction_erp, slop;
 };
-
-// What a slot knows of the past beside contacts, as numbers of Python; see Rest and Slot.
-struct SlotMemory {
-  double still = 0.0;
-  Pose anchor;
-  Vec3 pull, turning, last_ground;
-  double falls = 0.0;
-};
-static_assert(sizeof(SlotMemory) == 23 * sizeof(double));
 
 // Slots of bodies that began to fall, and of those that are lost.
 struct Falls {
@@ -99,11 +41,11 @@ struct Falls {
 
 class BulletWorld {
  public:
-  Surface* terrain = &nothing_;         // belongs to Python
+  Surface* terrain = &nothing_;        // belongs to Python
   const ShapeTable* shapes = nullptr;  // of the bodies by slot; belongs to Python
-  double time = 0.0;      // at the start of the next step [s]
-  double duration = 0.0;  // of a step [s]
-  double margin = 0.001;  // distance up to which contacts are found beside the motion of a step [m]
+  double time = 0.0;                   // at the start of the next step [s]
+  double duration = 0.0;               // of a step [s]
+  double margin = 0.001;               // distance up to which contacts are found beside the motion of a step [m]
 
   // Finds its Bullet world at a `place` of the server's memory.
   explicit BulletWorld(WorldPlace place);
@@ -132,7 +74,9 @@ class BulletWorld {
   void drive(int slot, const Belt& belt);
 
   // Wakes the body in a slot, or all that sleep. None sleeps before it has been still for the whole time of the rules.
-  void wake(int slot) { wake_body(slots_[slot].body); }
+  void wake(int slot) {
+    if (slots_[slot].body >= 0) wake_body(slots_[slot].body);
+  }
   void wake_all();
 
   // Sets when bodies fall asleep and wake, after waking all.
@@ -155,8 +99,8 @@ class BulletWorld {
   // Writes the state of the body in a slot; false if it is gone.
   bool read(int slot, BodyState& state);
 
-  // Brings bodies and ground to the time of the next step: bodies move with corrections of maps, sleeping ones wake that
-  // something disturbed, proxies are placed, and bodies that are below the ground are put back onto it.
+  // Brings bodies and ground to the time of the next step: bodies move with corrections of maps, sleeping ones wake
+  // that something disturbed, proxies are placed, and bodies that are below the ground are put back onto it.
   void update();
   // How often that was done so far.
   long rescues() const { return rescues_; }
@@ -194,6 +138,9 @@ class BulletWorld {
   // Finds the contacts of a body's shape with the ground of its proxy.
   void touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground,
              btPersistentManifold& manifold, double duration);
+
+  // Returns the deepest contact of the body in a slot with the ground beside decks now; none if it does not touch it.
+  std::optional<Contact> deepest_contact(int slot);
 
   // What is known of the past of the body in a slot, for a saved state: of its rest and pull, and as numbers of its
   // parts on the soil. `recall_parts` returns false if they are none of this body.
@@ -304,8 +251,8 @@ class BulletWorld {
   ContactSearch search_;
   DeckSearch deck_search_;
 
-  // What carries a deck, by PyBullet's numbers; null = nothing. `start`: of its centre of mass in this step. `last`, `change`: its change in
-  // the last step [m/s^2], and as far as it agrees with the step before.
+  // What carries a deck, by PyBullet's numbers; null = nothing. `start`: of its centre of mass in this step. `last`,
+  // `change`: its change in the last step [m/s^2], and as far as it agrees with the step before.
   struct Carried {
     int body = -1, link = -1;
     btCollisionObject* object = nullptr;

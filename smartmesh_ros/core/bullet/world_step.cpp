@@ -10,6 +10,7 @@
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
 #include "bullet/contact_points.h"
+#include "bullet/shape_parts.h"
 #include "contact/foundation.h"
 #include "step/step_lock.h"
 
@@ -27,6 +28,13 @@ double mass_of(const btCollisionObject& object) {
   double mass = body.getBaseMass();
   for (int link = 0; link < body.getNumLinks(); ++link) mass += body.getLink(link).m_mass;
   return mass;
+}
+
+// Returns the pose of a shape that is turned in Bullet's frame of it.
+Pose pose_of(const Convex& shape, const btTransform& at) {
+  Pose pose = from_bullet(at);
+  for (Vec3& row : pose.turn.row) row = rotated(shape.turn.inverse(), row);
+  return pose;
 }
 
 }  // namespace
@@ -183,8 +191,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   }
   const Convex* shape = convex_of_part(slot, *body.getCollisionShape());
   if (shape == nullptr) return;
-  Pose pose = from_bullet(body.getWorldTransform());
-  for (Vec3& row : pose.turn.row) row = rotated(shape->turn.inverse(), row);
+  const Pose pose = pose_of(*shape, body.getWorldTransform());
   read_contacts(manifold, before_);
   const Approach approach = approach_of(slot, step);
   const btContactSolverInfo& solver = world_->getSolverInfo();
@@ -226,6 +233,24 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   write_contacts(contacts_, rows_, before_,
                  {*slot.object, *slot.ground, ground_is_b, step, solver.m_linearSlop, anchor_time(step)}, manifold,
                  told_);
+}
+
+std::optional<Contact> BulletWorld::deepest_contact(int index) {
+  find_objects();
+  Slot& slot = slots_[index];
+  std::optional<Contact> deepest;
+  if (slot.object == nullptr) return deepest;
+  const auto look = [&](const btCollisionShape& part, const btTransform& at) {
+    const Convex* shape = part.isConvex() ? convex_of_part(slot, part) : nullptr;
+    if (shape == nullptr) return;
+    Approach still;
+    still.centre = from_bullet(at.getOrigin());
+    search_.run(*shape, pose_of(*shape, at), *terrain, time, still, contacts_);
+    for (const Contact& contact : contacts_)
+      if (contact.distance <= 0.0 && (!deepest || contact.distance < deepest->distance)) deepest = contact;
+  };
+  for_each_part(*slot.object->getCollisionShape(), slot.object->getWorldTransform(), look);
+  return deepest;
 }
 
 Vec3 BulletWorld::belt_of(const Slot& slot) const {

@@ -86,6 +86,7 @@ void Surface::set_tiles(const std::vector<HeightGrid*>& tiles, const std::vector
   widest_cell_ = 0.0;
   for (const HeightGrid* grid : tiles_) widest_cell_ = std::max(widest_cell_, grid->resolution);
   layout_ += NEW_LAYOUT;
+  placed_revision_ = -1;
 }
 
 void Surface::show_corrections(double time, std::vector<MapCorrection>& found) {
@@ -159,7 +160,7 @@ void Surface::gather_meshes(const Bounds& bounds, double time, double ahead, con
 }
 
 void Surface::place_tiles(double time) {
-  const long now = revision();
+  const long now = last_revision();
   if (time == placed_at_ && now == placed_revision_) return;
   placed_at_ = time, placed_revision_ = now;
   placed_.clear();

@@ -114,7 +114,7 @@ class Surface {
   std::vector<MeshSurface*> meshes_;
   std::vector<Deck*> decks_;
   double widest_cell_ = 0.0;          // [m]
-  std::vector<MapAtInstant> placed_;  // as of a time [s] and a revision
+  std::vector<MapAtInstant> placed_;  // as of a time [s] and the last change of any map
   double placed_at_ = 0.0;
   long placed_revision_ = -1;
   std::vector<const MapAtInstant*> under_;  // a body

@@ -8,8 +8,8 @@
 
 #include "bullet/shape_parts.h"
 #include "bullet/world.h"
-#include "python/soil_binding.h"
 #include "python/body_tables.h"
+#include "python/soil_binding.h"
 #include "step/step_lock.h"
 
 namespace smartmesh {
@@ -23,10 +23,8 @@ struct HeldWorld {
   BulletWorld* world;
   BulletWorld* operator->() const { return world; }
 };
-// Kind, half extents, rounding, offset and turn of a convex part of a shape, as in SHAPE, and the points (n, 3) of a
-// hull.
-using PartOfShape =
-    std::tuple<std::int64_t, std::vector<double>, double, std::vector<double>, std::vector<double>, NewTable>;
+// The record of SHAPE of a convex part of a shape, as bytes, and the points (n, 3) of a hull.
+using PartOfShape = std::tuple<nb::bytes, NewTable>;
 
 // Returns the parts of the shapes of a PyBullet body by link; see link_shapes.
 std::map<int, std::vector<PartOfShape>> shapes_of(int number, int body) {
@@ -35,15 +33,9 @@ std::map<int, std::vector<PartOfShape>> shapes_of(int number, int body) {
   std::map<int, std::vector<PartOfShape>> found;
   for (const auto& [link, parts] : link_shapes(world->bullet(), body)) {
     for (const auto& [shape, points] : parts) {
-      const auto& [half, offset, turn] = std::tie(shape.half, shape.offset, shape.turn);
       NewTable corners = new_array<double, 2>({points.size(), 3});
       std::copy(points.begin(), points.end(), reinterpret_cast<Vec3*>(corners.data()));
-      found[link].push_back({static_cast<std::int64_t>(shape.kind),
-                             {half.x, half.y, half.z},
-                             shape.rounding,
-                             {offset.x, offset.y, offset.z},
-                             {turn.x, turn.y, turn.z, turn.w},
-                             corners});
+      found[link].emplace_back(nb::bytes(&shape, sizeof(Shape)), corners);
     }
   }
   return found;
@@ -244,6 +236,15 @@ struct Ground {
         std::fill_n(states.data() + BODY_COLUMNS * slot, BODY_COLUMNS, std::numeric_limits<double>::quiet_NaN());
     }
   }
+  // Returns the point [m], the normal and the depth [m] of the deepest contact of a slot now, None if there is none.
+  auto deepest_contact(int slot) {
+    using Vector = std::tuple<double, double, double>;
+    const HeldWorld held = world();
+    const auto found = held->deepest_contact(checked_slot(*held.world, slot));
+    const auto vector = [](const Vec3& v) { return Vector(v.x, v.y, v.z); };
+    return found ? std::optional(std::tuple(vector(found->point), vector(found->normal), -found->distance))
+                 : std::nullopt;
+  }
   // Returns gravity (3) [m/s^2], duration [s], erp, friction erp and slop [m] of the world's solver (7,).
   auto settings() const {
     const SolverSettings found = world()->settings();
@@ -332,6 +333,7 @@ void add_ground(nb::module_& m) {
       .def("forget", [](const Ground& g) { g.world()->forget(); })
       .def("keep_apart", &Ground::keep_apart, "body"_a)
       .def("settings", &Ground::settings)
+      .def("deepest_contact", &Ground::deepest_contact, "slot"_a)
       .def("contacts_of", &Ground::contacts_of, "slot"_a)
       .def("read", &Ground::read, "slots"_a.noconvert(), "states"_a.noconvert());
   add_number<&BulletWorld::time>(ground, "time");
