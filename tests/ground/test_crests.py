@@ -67,10 +67,11 @@ def depth_of(line: FloatArray, planes: FloatArray, at: FloatArray, turn: FloatAr
     return float(-inside.max(axis=1).min())
 
 
+@pytest.mark.parametrize("speed", [0.0, 6.0])
 @pytest.mark.parametrize("is_box", [True, False])
 @pytest.mark.parametrize("form", CRESTS)
-def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool) -> None:
-    """At most 1 mm, of 12 boxes or sharp hulls each."""
+def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool, speed: float) -> None:
+    """At most 1 mm, of 12 boxes or sharp hulls each, also where they slide at a ``speed`` [m/s] and turn."""
     rng = np.random.default_rng(len(form) + is_box)
     heights = np.tile(CRESTS[form], (360, 1)).astype(np.float32)
     client = BulletClient(pb.DIRECT)
@@ -90,11 +91,14 @@ def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool)
             shape = client.createCollisionShape(pb.GEOM_MESH, vertices=points.tolist())
         body = client.createMultiBody(1.0, shape, -1, at + (0.0, y, 0.0), turn)
         client.changeDynamics(body, -1, lateralFriction=rng.choice([0.0, 0.5]), collisionMargin=1e-4)
+        if speed > 0.0:
+            way = rotation(tuple(turn)) @ (speed, 0.0, 0.0)
+            client.resetBaseVelocity(body, way.tolist(), rng.normal(0.0, speed, 3).tolist())
         ground.attach(body, shape=Box(*(2.0 * half)) if is_box else hull(points))
         line = np.column_stack([np.zeros(81), np.linspace(y - 0.5, y + 0.5, 81), np.full(81, TOP)])
         bodies.append((body, line, planes_of(points)))
     deepest = 0.0
-    for step in range(150):
+    for step in range(60 if speed > 0.0 else 150):
         ground.step(step / RATE, 1.0 / RATE)
         for body, line, planes in bodies:
             at, turn = (np.array(part) for part in client.getBasePositionAndOrientation(body))
