@@ -42,23 +42,6 @@ def test_a_commanded_effort_accelerates_as_newton_says(world: World) -> None:
     assert reading(world, "hinge")[1:] == pytest.approx((before, 0.0), rel=1e-3), "free: no effort, and no brake"
 
 
-def test_targets_are_reached_and_held(world: World) -> None:
-    world.spawn_robot("arm", PENDULUM, BodyState((0.0, 0.0, 3.0)))
-    world.command("arm", "hinge", JointCommand(position=0.8))
-    world.command("arm", "slide", JointCommand(velocity=0.6))
-    world.step(240)
-    assert reading(world, "hinge")[:2] == pytest.approx((0.8, 0.0), abs=1e-3)
-    assert reading(world, "slide")[1] == pytest.approx(0.6, rel=1e-3)
-
-
-@pytest.mark.parametrize(("effort", "most"), [(2.0, 2.0), (None, 7.0)], ids=["of the command", "of the URDF"])
-def test_the_effort_of_a_target_is_bounded(world: World, effort: float | None, most: float) -> None:
-    world.spawn_robot("arm", PENDULUM, BodyState((0.0, 0.0, 3.0)))
-    world.command("arm", "slide", JointCommand(velocity=100.0, effort=effort))
-    world.step(24)
-    assert reading(world, "slide")[1:] == pytest.approx((most / 3.0 * 0.1, most), rel=0.03)
-
-
 @pytest.mark.parametrize("fields", [{"position": math.nan}, {"velocity": math.inf}, {"velocity": 1.0, "effort": -1.0}])
 def test_impossible_commands_are_refused(fields: dict[str, float]) -> None:
     with pytest.raises(InputError):
