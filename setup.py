@@ -128,7 +128,7 @@ def files(folder: str, pattern: str) -> list[str]:
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version="0.2.0",
     distclass=WithCore,
     cmdclass={"build_py": BuildWithCore, "develop": DevelopWithCore, "install_lib": InstallAnew},
     options={"bdist_wheel": {"py_limited_api": "cp312"}} if core_build.STABLE_ABI else {},

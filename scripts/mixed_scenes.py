@@ -39,7 +39,9 @@ class Scene:
         self.half = 0.5 * self.spacing * (SAMPLES - 1)
         self.map = HeightMap(self.heights(0.0), resolution=self.spacing, origin=(-self.half, -self.half))
         self.mesh = TriangleMesh(*self.folded(0.0))
-        self.ground.set_tiles([self.map.core_reader, self.mesh.core_reader])
+        self.terrain = _core.Tiles()
+        self.terrain.set_tiles([self.map.core_reader, self.mesh.core_reader])
+        self.ground.set_tiles(self.terrain)
         self.fill()
 
     def heights(self, time: float) -> np.ndarray:
@@ -120,7 +122,6 @@ class Scene:
                 self.mesh.move(self.folded(step * STEP)[0], time=step * STEP)
             if step % 20 == 10:
                 self.disturb()
-            self.ground.put_to_sleep(self.ground.find_resting(self.rng.integers(2, size=20).astype(bool)))
             self.client.stepSimulation()
         self.client.resetSimulation()
         self.client.stepSimulation()

@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Stages in pipeline order. "bodies": work for bodies in every step (reading their states, sleep).
-# "total": a whole step without ingest and publish.
-STAGES = ("ingest", "search", "collect", "step", "publish", "bodies", "total")
+# Stages in pipeline order. "total": a whole step without ingest and publish.
+STAGES = ("ingest", "search", "collect", "step", "publish", "total")
 # Number of runs of a stage that a window keeps. New runs replace the oldest.
 WINDOW = 4096
 

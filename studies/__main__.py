@@ -16,12 +16,12 @@ STUDIES = {
     "laws": ("studies.laws.study", "laws of contact, and how far runs drift apart, in each engine"),
     "lidar": ("studies.lidar_picture", "a picture of what a lidar measures"),
     "load": ("studies.load.study", "the node under load over DDS"),
+    "records": ("studies.records.study", "terrain tax, touchdown and size of cells, beside other engines"),
     "replay": ("studies.replay_speed", "how much faster than real time a replay runs"),
     "rising": ("studies.rising_picture", "the README's moving picture: bodies sink into rising ground"),
     "robots": ("studies.robots.study", "robots on rough and moving ground, beside other engines"),
     "rover": ("studies.soil.rut_pictures:drive_rover", "a wheeled robot on soil: pictures of its ruts"),
     "soil": ("studies.soil.study", "soil against closed forms, a measured wheel, and its cost"),
-    "tax": ("studies.tax", "what the ground costs beyond PyBullet's own plane"),
     "tracks": ("studies.soil.rut_pictures:drive_tracks", "a tracked machine on soil: pictures of its ruts"),
     "soak": ("studies.load.soak", "the node for minutes or hours of everything changing"),
 }

@@ -17,7 +17,7 @@ from studies.matrix.row import METHODS
 from studies.matrix.run import run_matrix
 from studies.progress import Progress
 from studies.results_file import save_results
-from studies.tables import Charts, choosing_table
+from studies.tables import Charts, choosing_table, write_blocks
 
 CHARTS = Charts(
     "accuracy", "make studies", "accuracy.md", "accuracy", "body", tables="accuracy_tables.md", part="out/studies"
@@ -33,22 +33,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     say = Progress()
     blocks = {"machine": machine}
     if not options.charts_only:  # before the charts, whose replaced meshes PyBullet keeps in memory
-        blocks |= _matrix(options, out, say)
+        _matrix(options, out, say)
     if not options.matrix_only:
         blocks |= _charts(options, out, machine, say)
     CHARTS.write(out, blocks)
     return 0
 
 
-def _matrix(options: argparse.Namespace, out: Path, say: Any) -> dict[str, str]:
-    """Run the matrix; return its block."""
+def _matrix(options: argparse.Namespace, out: Path, say: Any) -> None:
+    """Run the matrix, and write its page."""
     outcomes = run_matrix(say, quick=options.quick, methods=options.methods)
     draw_matrix(CHARTS.images(out) / "stability.png", outcomes)
     real_maps = out / "images" / "real_maps"
     real_maps.mkdir(exist_ok=True)
     draw_box(real_maps / "box.png")
     save_results(CHARTS.data(out), {"stability": [asdict(outcome) for outcome in outcomes]})
-    return {"stability": matrix_table(outcomes)}
+    write_blocks(out / "stability.md", {"stability": matrix_table(outcomes)})
 
 
 def _charts(options: argparse.Namespace, out: Path, machine: str, say: Any) -> dict[str, str]:

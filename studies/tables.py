@@ -210,9 +210,14 @@ class Charts(NamedTuple):
         }  # fmt: skip
 
     def write(self, out: Path, blocks: Mapping[str, str]) -> None:
-        """Replace the blocks of the page; a folder without it gets a page of nothing else."""
-        if (page := out / self.page).exists() and blocks_of(page):
-            fill(page, blocks)
-        else:
-            page.write_text("\n\n".join(blocks.values()) + "\n")
-        print(f"\nwrote {page}, {self.tables}, {self.data(out).name} and {self.images(out)}")
+        """Replace the blocks of the page."""
+        write_blocks(out / self.page, blocks)
+        print(f"\nwrote {out / self.page}, {self.tables}, {self.data(out).name} and {self.images(out)}")
+
+
+def write_blocks(page: Path, blocks: Mapping[str, str]) -> None:
+    """Replace blocks of a page; if there is none yet, write one of nothing else."""
+    if page.exists() and blocks_of(page):
+        fill(page, blocks)
+    else:
+        page.write_text("\n\n".join(blocks.values()) + "\n")

@@ -1,13 +1,15 @@
 """Bodies of every shape as tests know them, written independently of the package: where they are, turned how."""
 
 from collections.abc import Iterable
+from functools import cache
 from typing import Any
 
 import numpy as np
+import pybullet as pb
+from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import HeightMap
-from smartmesh_ros.core import CORE
-from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros import Ground, HeightMap
+from smartmesh_ros.ground.shapes import Shape, Sphere
 from smartmesh_ros.patches.shapes import BodyShape, ShapeTable
 
 TETRAHEDRON = np.array([[1.0, 0.0, -0.4], [-0.5, 0.8, -0.4], [-0.5, -0.8, -0.4], [0.0, 0.0, 1.0]])
@@ -40,19 +42,23 @@ def shapes_of(shapes: Iterable[BodyShape]) -> ShapeTable:
     return table
 
 
-def state_at(position: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """The table (1, 13) of a body at rest."""
-    return np.concatenate([position, turn, np.zeros(6)])[None]
+@cache
+def below_high_ground() -> tuple[Any, Ground, int]:
+    """A client with a body and ground of 1024 m, for tests that ask how far it is lifted out of it."""
+    client: Any = BulletClient(pb.DIRECT)
+    high = HeightMap(np.full((3, 3), 1024.0), resolution=100.0, origin=(-100.0, -100.0))
+    return client, Ground(client, high), put(client, Sphere(0.1), (0.0, 0.0, 0.0))
 
 
 def lowest_of(shape: BodyShape, position: np.ndarray, turn: np.ndarray) -> float:
     """Height of the lowest point of a body that is below 1024 m [m]: how far it must be lifted to get out of ground of
     that height."""
-    high = HeightMap(np.full((3, 3), 1024.0), resolution=100.0, origin=(-100.0, -100.0))
-    [(_, lift, _)] = CORE.find_below(
-        shapes_of([shape]).core, state_at(position, turn), np.zeros(1, np.int64), [high.core_reader], 0.0
-    )
-    return 1024.0 - float(lift)
+    client, ground, body = below_high_ground()
+    client.resetBasePositionAndOrientation(body, position, turn)
+    ground.attach(body, shape=shape)
+    ground.update(0.0, 1.0 / 240.0)
+    ground.detach(body)
+    return 1024.0 - height(client, body) + float(position[2])
 
 
 def put(client: Any, shape: Shape, at: tuple[float, float, float], mass: float = 1.0, **options: Any) -> int:

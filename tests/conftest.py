@@ -53,7 +53,6 @@ COSTS = {
     "studies/test_accuracy.py": 13,
     "studies/test_laws.py": 13,
     "world/test_robots_asleep.py": 12,
-    "ground/test_colliders.py": 12,
     "studies/test_bench.py": 12,
     "core/test_contacts_coal.py": 12,
     "node/test_soil.py": 11,

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.body_shapes import require_body, shapes_of
-from smartmesh_ros.ground.bullet import NoClient, connected_client, is_fixed, undone
+from smartmesh_ros.ground.bullet import BulletCalls, NoClient, connected_client, is_fixed, undone
 from smartmesh_ros.ground.config import SleepConfig, time_step_of
 from smartmesh_ros.ground.followers import Belt, Follower, Followers
 from smartmesh_ros.ground.map_contacts import MapContacts, SoilSupport, SteppedSoil
@@ -37,18 +36,16 @@ class AttachedBodies:
         stopwatch: Stopwatch | None = None,
     ) -> None:
         self._client = connected_client(client)
+        self._calls = BulletCalls(self._client)
         self.terrain = Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.followers = Followers()
-        self.time = 0.0
-        self.rescues = 0
         self.soil: SteppedSoil | None = None
         self._soil_revision = 0  # of the places of soils that bodies stand on
         self._shown: ShownGround | None = None
         self._printed = math.nan  # time at which prints of the soil were written into its map [s]
         self.contacts = self._new_contacts()
         self.patches = ShownPatches(self.terrain, self.followers, self.stopwatch)
-        self._may_sleep: Callable[[int], bool] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy of the ground, or one in another process, is made of: its terrain and settings. PyBullet's
@@ -56,14 +53,14 @@ class AttachedBodies:
         lost."""
         if self.soil is not None:
             raise InputError("soil", "a ground with soil cannot be copied; take the soil off by set_soil(None) before")
-        return {name: getattr(self, name) for name in ("terrain", "time")}
+        return {"terrain": self.terrain}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make a ground that answers questions about its terrain, and refuses what needs a client."""
         nobody: Any = NoClient()
-        vars(self).update(state, _client=nobody, patches=nobody, contacts=nobody)
+        vars(self).update(state, _client=nobody, _calls=nobody, patches=nobody, contacts=nobody)
         self.followers, self.stopwatch, self.soil, self._shown = Followers(), Stopwatch(), None, None
-        self.rescues, self._may_sleep, self._printed = 0, None, math.nan
+        self._printed = math.nan
 
     def attach(
         self,
@@ -91,13 +88,12 @@ class AttachedBodies:
         self.followers.require_new(body, list(shapes))
         own = solid and not is_fixed(self._client, body)
         if not len(self.followers):
-            self.contacts.set_time(self.time, time_step_of(self._client))
+            self.contacts.begin(self.clock, time_step_of(self._client))
         added: list[int] = []
         with undone(lambda: self._take_off(added)):
             for follower in made:
                 self._put_on(follower, own=own)
                 added.append(follower.slot)
-        self.contacts.take_tiles()
         return made[0]
 
     def is_ground(self, body: int) -> bool:
@@ -143,17 +139,20 @@ class AttachedBodies:
             follower.belt = belt
             self.contacts.drive(follower)
 
-    def let_sleep(self, may_sleep: Callable[[int], bool] | None, config: SleepConfig | None = None) -> None:
-        """Let `step` and `update` put bodies at rest to sleep from now on, if ``may_sleep`` returns True for the
-        PyBullet body; None = wake all, and let none sleep.
+    def set_owner(self, slot: int, *, own: bool, remote: bool) -> None:
+        """Note whether this world moves a follower, and whether another node simulates it."""
+        self.followers.set_owner(slot, own=own, remote=remote)
+        self.contacts.note_kind(slot)
+
+    def let_sleep(self, config: SleepConfig | None = SleepConfig()) -> None:  # noqa: B008 - it is frozen
+        """Wake all bodies, and let those at rest sleep from now on; None = nobody.
 
         A sleeping body keeps its contacts, and costs little. It wakes with all that it touches, in the step in which
         something touches or moves it: other bodies, attached or not; constraints; poses, velocities, forces and joint
         commands that are set through PyBullet; another ground. A multibody that a constraint holds to something else
         stays awake; whoever changes a constraint of rigid bodies must `wake` them.
         """
-        self._may_sleep = may_sleep
-        self.contacts.let_sleep((config or SleepConfig()) if may_sleep else None)
+        self.contacts.let_sleep(config)
 
     def wake(self, body: int | None = None) -> None:
         """Wake a body, or all (None), with what it touches. It must be still for `SleepConfig.after` before it
@@ -162,15 +161,14 @@ class AttachedBodies:
 
     def is_asleep(self, body: int) -> bool:
         """Return True if a body sleeps with all its links."""
-        self.contacts.note_sleep()
-        return not self.followers.table["awake"][self.followers.of(body)].any()
+        return all(self.contacts.is_asleep(slot) for slot in self.followers.of(body))
 
     def note_remote_states(self, bodies: list[int], states: FloatArray) -> None:
-        """Note that bodies of other nodes were set to states (n, 13). They sleep only while their owners say that they
-        are at rest."""
+        """Note that bodies of other nodes are about to be set to states (n, 13). They sleep only while their owners say
+        that they are at rest."""
         followers = self.followers
         slots = np.array([followers.of(body)[0] for body in bodies], np.int64)
-        jumps = np.linalg.norm(states[:, :3] - followers.states[slots, :3], axis=1)
+        jumps = np.linalg.norm(states[:, :3] - self.contacts.states_of(slots)[:, :3], axis=1)
         active = slots[states[:, 7:13].any(axis=1) | ~(jumps <= followers.radii[slots])]
         self.contacts.wake(active.tolist())
 
@@ -241,6 +239,12 @@ class AttachedBodies:
             for name, found in parts.items()
             if len(found)
         }
+
+    @property
+    def rescues(self) -> int:
+        """How often bodies were put back onto the ground: that were spawned or teleported below it, covered by a map,
+        or pushed there by another body. It is the last resort."""
+        return self.contacts.rescues
 
     @property
     def clock(self) -> float:

@@ -73,6 +73,10 @@ class BulletCalls:
     def __init__(self, client: Any) -> None:
         self._client: int = getattr(client, "_client", 0)
 
+    def step(self) -> None:
+        """Run ``stepSimulation``."""
+        pb.stepSimulation(self._client)
+
     def states(self, bodies: list[int]) -> FloatArray:
         """Return position, orientation (x, y, z, w), velocity and angular velocity of each body (n, 13) [m, m/s,
         rad/s]."""

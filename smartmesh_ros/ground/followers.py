@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.patches.shapes import BODY_COLUMNS, BodyShape, ShapeTable
+from smartmesh_ros.patches.shapes import BodyShape, ShapeTable
 from smartmesh_ros.patches.tables import with_rows
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.motion import next_revision
@@ -46,10 +45,9 @@ class Belt:
             )
 
 
-# ``alive``: the slot is in use. ``awake``: physics may move the body; False for sleeping bodies. ``solid``: collides
-# with the ground; otherwise only the patch is computed. ``own``: may be lifted out of the ground, because this world
-# moves it. ``remote``: another node simulates it.
-FOLLOWER = np.dtype((np.record, [(name, np.bool_) for name in ("alive", "awake", "solid", "own", "remote")]))
+# ``alive``: the slot is in use. ``solid``: collides with the ground; otherwise only the patch is computed. ``own``: may
+# be lifted out of the ground, because this world moves it. ``remote``: another node simulates it.
+FOLLOWER = np.dtype((np.record, [(name, np.bool_) for name in ("alive", "solid", "own", "remote")]))
 
 
 @dataclass(eq=False)
@@ -88,18 +86,16 @@ class SlotTables(Protocol):
 class Followers:
     """The attached bodies and links by slot; iteration is over those in use, by slot.
 
-    Arrays with a row for each slot: ``table``, records of ``FOLLOWER``; ``bodies``, PyBullet bodies; ``radii``, about
-    the centres of mass [m]; ``states`` (S, 13) before the current step. ``shape_table``: their shapes; ``tables``: what
-    others know of a slot. ``epoch`` changes when a follower is added or removed.
+    Arrays with a row for each slot: ``table``, records of ``FOLLOWER``; ``radii``, about the centres of mass [m].
+    ``shape_table``: their shapes; ``tables``: what others know of a slot. ``epoch`` changes when a follower is added or
+    removed.
     """
 
     def __init__(self) -> None:
         self.epoch = next_revision()
         self.table: Any = np.zeros(0, FOLLOWER)
         self.shape_table = ShapeTable()
-        self.states = np.empty((0, BODY_COLUMNS))
         self.radii: FloatArray = np.empty(0)
-        self.bodies: IntArray = np.empty(0, np.int64)
         self.tables: list[SlotTables] = []
         self._items: list[Follower | None] = []
         self._unused: list[int] = []
@@ -151,17 +147,15 @@ class Followers:
         follower.slot = slot
         slots.append(slot)
         self._items[slot] = follower
-        self.table[slot] = (True, True, follower.solid, own, False)
+        self.table[slot] = (True, follower.solid, own, False)
         self.shape_table.put(slot, follower.shape)
-        self.radii[slot], self.bodies[slot] = follower.radius, follower.body
-        self.states[slot] = np.nan
-        self._changed()
+        self.radii[slot] = follower.radius
+        self.epoch = next_revision()
 
     def set_owner(self, slot: int, *, own: bool, remote: bool) -> None:
         """Note whether this world moves a follower, and whether another node simulates it."""
         self.table["own"][slot] &= own
         self.table["remote"][slot] = remote
-        self.__dict__.pop("guarded", None)
 
     def remove(self, slot: int) -> None:
         """Free a slot."""
@@ -173,9 +167,8 @@ class Followers:
             del self._slots[self[slot].body]
         self._items[slot] = None
         self.table[slot] = False
-        self.states[slot] = np.nan
         self._unused.append(slot)
-        self._changed()
+        self.epoch = next_revision()
 
     def of(self, body: int) -> list[int]:
         """Slots of a PyBullet body and its links, empty if it is not attached."""
@@ -186,59 +179,18 @@ class Followers:
         return next((self[slot] for slot in self.of(body) if self[slot].link == link), None)
 
     @property
-    def positions_w(self) -> FloatArray:
-        """Positions (S, 3) before the current step [m]."""
-        return np.ascontiguousarray(self.states[:, :3])
+    def solid(self) -> IntArray:
+        """Slots of the followers that collide with the ground."""
+        return np.flatnonzero(self.table["solid"])
 
     @property
-    def velocities_w(self) -> FloatArray:
-        """Velocities (S, 3) before the current step [m/s], zero for sleeping followers."""
-        return np.where(self.table["awake"][:, None], self.states[:, 7:10], 0.0)
-
-    def set_asleep(self, asleep: BoolArray) -> None:
-        """Note which followers sleep (S,), and do not move."""
-        self.table["awake"] = self.table["alive"] & ~asleep
-        self._note_wakes()
-
-    @cached_property
-    def awake(self) -> IntArray:
-        """Slots of the followers that are not asleep."""
-        return np.flatnonzero(self.table["awake"])
-
-    @cached_property
-    def asleep(self) -> IntArray:
-        """Slots of the sleeping followers."""
-        return np.flatnonzero(self.table["alive"] & ~self.table["awake"])
-
-    @cached_property
-    def solid(self) -> IntArray:
-        """Slots of the followers that are awake and collide with the ground."""
-        return np.flatnonzero(self.table["awake"] & self.table["solid"])
-
-    @cached_property
-    def guarded(self) -> IntArray:
-        """Slots of the followers that are awake and may be lifted out of the ground."""
-        return np.flatnonzero(self.table["awake"] & self.table["solid"] & self.table["own"])
-
-    @cached_property
     def tracked(self) -> IntArray:
         """Slots of the followers without colliders."""
         return np.flatnonzero(self.table["alive"] & ~self.table["solid"])
-
-    def _note_wakes(self) -> None:
-        """Note that the lists of slots changed; each is computed again when it is read."""
-        for name in ("awake", "asleep", "solid", "guarded", "tracked"):
-            self.__dict__.pop(name, None)
-
-    def _changed(self) -> None:
-        self._note_wakes()
-        self.epoch = next_revision()
 
     def _grow(self, slots: int) -> None:
         self.table = with_rows(self.table, slots, False)
         self.shape_table.reserve(slots)
         self.radii = with_rows(self.radii, slots, 0.0)
-        self.bodies = with_rows(self.bodies, slots, -1)
-        self.states = with_rows(self.states, slots, np.nan)
         for table in self.tables:
             table.grow(self.capacity)

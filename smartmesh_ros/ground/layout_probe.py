@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.bullet import BulletCalls
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.terrain import Terrain
 
 # What the names of the plugin's functions end with.
 POSTFIX = "_smartmesh"
@@ -100,7 +101,7 @@ def _writes_contacts(client: Any, core: Any) -> bool:
     the core reads PyBullet's impulses, and the solver has taken friction, restitution and the share of the penetration
     that it corrects from the point."""
     ground = HeightMap(np.zeros((5, 5)), resolution=1.0, origin=(-2.0, -2.0))
-    core.set_tiles([ground.core_reader])
+    core.set_tiles(Terrain(ground).core)
     slides = _drop(client, core, 3, (0.2, -0.1, RADIUS - DEPTH), (1.0, 0.0, 0.0))
     bounces = _drop(client, core, 4, (-0.9, 0.7, RADIUS - DEPTH), (0.0, 0.0, -2.0))
     client.stepSimulation()

@@ -8,7 +8,6 @@ Nothing here runs in a step.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -17,11 +16,13 @@ import pybullet as pb
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.ground.config import SleepConfig
+from smartmesh_ros.ground.config import SleepConfig, require_time_step
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.layout_probe import misread, number_of
 from smartmesh_ros.ground.shown_ground import FAR_AWAY, ShownGround
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.patches.shapes import BODY_COLUMNS
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -90,12 +91,11 @@ class MapContacts:
         self._followers = followers
         self._terrain = terrain
         self._core = ground_in(client)
+        self._core.set_tiles(terrain.core)
         self._uids: dict[int, int] = {}  # of the proxies, by slot
         self._proxies: set[int] = set()  # the same numbers
         self._shape: int | None = None
         self._visual: int | None = None
-        self._layout = -1
-        self._sleep_changes = -1
 
     def attach(self, follower: Follower) -> None:
         """Give a follower a proxy if it is solid; other followers are only read."""
@@ -109,6 +109,8 @@ class MapContacts:
         if follower.solid:
             self._uids[follower.slot] = follower.collider = proxy
             self._proxies.add(proxy)
+        self._core.set_shapes(self._followers.shape_table.core)
+        self.note_kind(follower.slot)
         if follower.belt.speed:
             self.drive(follower)
 
@@ -125,29 +127,63 @@ class MapContacts:
                 self._followers[slot].collider = None
                 gone.append(slot)
 
-    def take_tiles(self) -> None:
-        """Collide the followers with the tiles of the terrain from now on."""
-        if self._layout != self._terrain.layout_revision:
-            self._layout = self._terrain.layout_revision
-            self._core.set_tiles(self._terrain.readers)
+    def note_kind(self, slot: int) -> None:
+        """Tell the core who moves a follower."""
+        it = self._followers.table[slot]
+        self._core.set_kind(slot, bool(it["solid"]), bool(it["own"]), bool(it["remote"]))
+
+    def begin(self, time: float, dt: float) -> bool:
+        """Set the time [s] at the start of the next step of ``dt`` [s]; returns True if bodies were removed from
+        PyBullet. Raises `InputError` if the client was reset or closed, or does not step ``dt``, and PyBullet's error
+        if a step failed in the core."""
+        if self._core.begin(time, dt):
+            return False
+        self.require_client()
+        require_time_step(self._client, dt)
+        self._core.time, self._core.duration = time, dt
+        return bool(self._core.find_gone())
+
+    def update(self) -> None:
+        """Do before a step what each step does at its start."""
+        self._core.update()
+
+    @property
+    def rescues(self) -> int:
+        """How often bodies were put back onto the ground."""
+        return int(self._core.rescues)
+
+    def find_below(self) -> list[int]:
+        """Return the slots of those bodies whose middle is below the ground, of those that are put back onto it."""
+        found: list[int] = self._core.find_below()
+        return found
+
+    def find_nowhere(self, farthest: float) -> list[int]:
+        """Return the slots of those awake bodies that are at no place or farther away than ``farthest`` [m]."""
+        found: list[int] = self._core.find_nowhere(farthest)
+        return found
+
+    def check_falls(self, time: float, depth: float) -> tuple[list[int], list[int]]:
+        """Look whether there is ground over or under the awake bodies of this world's own at ``time`` [s]; returns the
+        slots of those that began to fall, and of those that are ``depth`` [m] below the ground that they left. Of a
+        robot, its first attached link counts."""
+        begun, lost = self._core.check_falls(time, depth)
+        return begun, lost
+
+    def falling(self) -> list[int]:
+        """Return the slots of the bodies that fall."""
+        found: list[int] = self._core.find_falling()
+        return found
+
+    def last_ground(self, slot: int) -> Vector:
+        """Return the place [m] where a follower left the ground, or where it was first looked at."""
+        x, y, z = self._core.last_ground(slot)
+        return x, y, z
 
     def let_sleep(self, config: SleepConfig | None) -> None:
-        """Wake all bodies; let those that are still sleep from now on that `put_to_sleep` names, None = none."""
+        """Wake all bodies; let those that are still sleep from now on, None = none."""
         self.require_client()
         it = config or SleepConfig(after=math.inf)
         self._core.set_sleep(it.after, it.distance, it.joint, it.ground, it.noise, it.most)
-        self.note_sleep()
-
-    def settle(self, may_sleep: Callable[[int], bool] | None) -> None:
-        """Take the terrain's tiles, wake what something disturbed that PyBullet wakes nobody for, as each step does,
-        and let the PyBullet bodies sleep that are still and rest on something, and for which ``may_sleep`` returns
-        True; None = nobody. The owner of a remote body knows on what it rests."""
-        self.take_tiles()
-        self._core.wake_disturbed()
-        if may_sleep is not None:
-            resting = self._core.find_resting(self._followers.flags("remote"))
-            self._core.put_to_sleep([body for body in resting if may_sleep(body)])
-        self.note_sleep()
 
     def wake(self, slots: list[int] | None) -> None:
         """Wake followers, None = all. What touches them wakes in the next step."""
@@ -157,28 +193,25 @@ class MapContacts:
             self._core.wake_all()
         for slot in slots or ():
             self._core.wake(slot)
-        self.note_sleep()
 
     def find_gone(self) -> list[int]:
         """Return the slots whose bodies were removed from PyBullet."""
         gone: list[int] = self._core.find_gone()
         return gone
 
-    def note_sleep(self) -> bool:
-        """Note which followers sleep, and where; returns True if that has changed."""
-        if self._sleep_changes == self._core.sleep_changes:
-            return False
-        self._sleep_changes = self._core.sleep_changes
-        asleep = np.zeros(self._followers.capacity, np.bool_)
-        self._core.read_asleep(asleep)
-        self._followers.set_asleep(asleep)
-        self._core.read(np.flatnonzero(asleep), self._followers.states)
-        return True
+    def is_asleep(self, slot: int) -> bool:
+        """Return True if a follower sleeps."""
+        return bool(self._core.is_asleep(slot))
 
-    def touching(self) -> BoolArray:
-        """Return which followers have contacts with the ground (S,)."""
-        found = np.zeros(self._followers.capacity, np.bool_)
-        self._core.read_touching(found)
+    def asleep(self) -> list[int]:
+        """Return the slots of the sleeping followers."""
+        found: list[int] = self._core.find_asleep()
+        return found
+
+    def deepest_contact(self, slot: int) -> tuple[Vector, Vector, float] | None:
+        """Return the point on the ground [m], the normal and the depth [m] of the deepest contact of a follower now,
+        also of one that physics does not move; None if it touches none. Decks do not count."""
+        found: tuple[Vector, Vector, float] | None = self._core.deepest_contact(slot)
         return found
 
     def drive(self, follower: Follower) -> None:
@@ -218,22 +251,15 @@ class MapContacts:
         self.require_client()
         self._core.take_restored()
         self._core.forget()
-        self.note_sleep()
-
-    def set_time(self, time: float, dt: float) -> None:
-        """Set the time [s] at the start of the next step of ``dt`` [s]."""
-        self.require_client()
-        self._core.time, self._core.duration = time, dt
 
     @property
     def time(self) -> float:
         """Time at the start of the next step [s]."""
         return float(self._core.time)
 
-    @property
-    def duration(self) -> float:
-        """Duration of the last step [s]."""
-        return float(self._core.duration)
+    @time.setter
+    def time(self, time: float) -> None:
+        self._core.time = time
 
     def require_client(self) -> None:
         """Raise `InputError` if the client was reset or closed, and PyBullet's error if a step failed in the core."""
@@ -246,13 +272,9 @@ class MapContacts:
         """Return True if a PyBullet body is a proxy."""
         return body in self._proxies
 
-    def read(self, states: FloatArray) -> None:
-        """Read the awake followers into ``states`` (S, 13)."""
-        self._core.read(self._followers.awake, states)
-
     def states_of(self, slots: IntArray) -> FloatArray:
         """Return the states (n, 13) of followers, asleep or not, as they are now; NaN for bodies that are gone."""
-        states = np.empty_like(self._followers.states)
+        states = np.empty((self._followers.capacity, BODY_COLUMNS))
         self._core.read(slots, states)
         return np.asarray(states[slots])
 

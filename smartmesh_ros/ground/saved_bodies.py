@@ -77,8 +77,7 @@ class SavedBodies(AttachedBodies):
     def forget(self) -> None:
         """Forget the past of all bodies but poses and velocities: contacts, their impulses and order, rest, and how the
         soil was sheared; what sleeps wakes. Equal worlds then go on equally, whatever was before."""
-        if isinstance(self.contacts, MapContacts):
-            self.contacts.forget()
+        self.contacts.forget()
         self._start_anew()
 
     def _start_anew(self) -> None:
@@ -118,8 +117,7 @@ class SavedBodies(AttachedBodies):
 
     def _recall(self, contacts: MapContacts, known: dict[str, Any]) -> None:
         """Let PyBullet and the core know what `_memory` returned, and nothing else of the past."""
-        contacts.set_time(known["time"], contacts.duration)
-        contacts.take_tiles()
+        contacts.time = known["time"]
         contacts.set_soil(None)  # PyBullet finds contacts, which must not press it
         # It finds them by where bodies were before, too, which the first round brings up to date.
         _restore_bullet(self._client, known["bullet"])
@@ -132,7 +130,6 @@ class SavedBodies(AttachedBodies):
             if follower.solid:
                 contacts.drive(follower)
         contacts.recall([follower.slot for follower in self.followers], known["memory"])
-        self.time = known["time"]
         self._start_anew()
 
     def _soil_undone(self) -> Callable[[], None]:
@@ -141,8 +138,6 @@ class SavedBodies(AttachedBodies):
         return lambda: None if known is None else vars(self.soil).update(known)
 
     def _exact_contacts(self) -> MapContacts:
-        if not isinstance(self.contacts, MapContacts):
-            raise InputError("state", "a state is saved and restored only where contacts come from the map itself")
         self.contacts.require_client()
         return self.contacts
 

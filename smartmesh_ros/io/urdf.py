@@ -6,6 +6,7 @@ allowed folder, after symbolic links are resolved. Files of visuals are never op
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,8 +37,7 @@ def checked_urdf(urdf: str, rules: UrdfRules) -> str:
     if is_text(urdf):
         _require_length(len(urdf), rules)
     else:
-        path = _resolved(Path(urdf))
-        _require_inside(path, rules, f"URDF file {urdf!r}")
+        path = require_inside(Path(urdf), rules.folders, f"URDF file {urdf!r}")
         if not path.is_file():
             raise InputError("urdf", f"there is no URDF file {urdf!r}")
         _require_length(path.stat().st_size, rules)
@@ -50,25 +50,31 @@ def checked_urdf(urdf: str, rules: UrdfRules) -> str:
         for collision in robot.collisions(link):
             for mesh in collision.iter("mesh"):
                 name = mesh.get("filename", "")
-                _require_inside(named_file(name, robot.folder), rules, f"the URDF names the file {name!r}, which")
+                named = named_file(name, robot.folder)
+                require_inside(named, rules.folders, f"the URDF names the file {name!r}, which")
     return urdf
+
+
+def require_inside(path: Path, folders: Sequence[Path], what: str) -> Path:
+    """Return the resolved path of a file or folder; raises `InputError` if it is in none of the allowed ``folders``."""
+    resolved = _resolved(path)
+    if not any(resolved.is_relative_to(_resolved(folder)) for folder in folders):
+        known = ", ".join(map(str, folders[:MOST_FOLDERS])) or "none"
+        more = f" and {len(folders) - MOST_FOLDERS} more" if len(folders) > MOST_FOLDERS else ""
+        raise InputError(
+            "folder", f"{what} is not in bodies.urdf_folders: add its folder there, which takes effect at once, or "
+            f"send the text instead of the path; allowed now: {known}{more}"
+        )  # fmt: skip
+    return resolved
 
 
 def _resolved(path: Path) -> Path:
     try:
-        return path.expanduser().resolve()
+        resolved = path.expanduser().resolve()
+        resolved.exists()  # fails for names that are too long
     except (OSError, RuntimeError, ValueError) as error:
         raise InputError("urdf", f"{str(path)[:200]!r} is not a path: {error}") from None
-
-
-def _require_inside(path: Path, rules: UrdfRules, what: str) -> None:
-    if not any(path.is_relative_to(_resolved(folder)) for folder in rules.folders):
-        folders = ", ".join(map(str, rules.folders[:MOST_FOLDERS])) or "none"
-        more = f" and {len(rules.folders) - MOST_FOLDERS} more" if len(rules.folders) > MOST_FOLDERS else ""
-        raise InputError(
-            "folder", f"{what} is not in bodies.urdf_folders: add its folder there, which takes effect at once, or "
-            f"send the text of the URDF; allowed now: {folders}{more}"
-        )  # fmt: skip
+    return resolved
 
 
 def _require_length(length: int, rules: UrdfRules) -> None:

@@ -22,7 +22,7 @@ from smartmesh_ros.node.inputs.tracked_solids import TrackedSolids
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME, MOST_BODIES, Settings
 from smartmesh_ros.node.refusals import LOG_PERIOD, Refusals, shortened
-from smartmesh_ros.node.services.robot_files import RobotPreparation
+from smartmesh_ros.node.services.files import FileWork
 from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer, stamp_of
 from smartmesh_ros.node.timing.stamps import Placed
@@ -66,8 +66,8 @@ class Session:
     ``map_warning``: how maps are misused, empty = they are not. ``terrain_subscriptions``: subscriptions to terrain.
     ``topics``: the node's inputs and outputs. ``jumps``: number of jumps of tracked bodies, by topic. ``unstamped``:
     number of transforms without stamp, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s],
-    None = without stamps. ``names``: names of the peer nodes. ``turns``: answers under way. ``robots``: prepares
-    robots for the world. ``tracked_solids``: what tracked bodies are.
+    None = without stamps. ``names``: names of the peer nodes. ``turns``: answers under way. ``files``: reads
+    files and prepares robots. ``tracked_solids``: what tracked bodies are.
     ``bases``: robots that drive, by name. ``lost``: why bodies were removed, by name, until a
     reset.
     """
@@ -100,7 +100,7 @@ class Session:
         self.rival_maps: list[str] = []
         self.map_warning = ""
         self.turns = Turns()
-        self.robots = RobotPreparation()
+        self.files = FileWork()
         self.lost: dict[str, str] = {}
 
     @property

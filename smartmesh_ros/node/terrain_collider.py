@@ -9,6 +9,7 @@ shows them.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from rclpy.parameter import Parameter
@@ -17,6 +18,7 @@ from smartmesh_msgs.srv import StepPhysics
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.inputs.body_inputs import BodyInputs
 from smartmesh_ros.node.inputs.deck_inputs import DeckInputs
@@ -30,6 +32,7 @@ from smartmesh_ros.node.parameters.declaring import ParameterNode
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.running import run
+from smartmesh_ros.node.services.body_entries import Entry
 from smartmesh_ros.node.services.body_services import BodyServices
 from smartmesh_ros.node.services.ground_services import GroundServices
 from smartmesh_ros.node.services.initial_bodies import InitialBodies, RobotDescription
@@ -55,8 +58,8 @@ class Collider:
         self.settings = settings
         self.session = session = Session(node, settings, clock)
         self.pacer, self.refusals = session.pacer, session.refusals
-        self._initial = InitialBodies(session)
-        self._robot = RobotDescription(session, self._initial)
+        self.initial = InitialBodies(session)
+        self._robot = RobotDescription(session, self.initial)
         self._peers = PeerBodies(session)
         transforms = TransformInput(session)
         self._outputs = Publishing(session, self._peers, transforms)
@@ -96,7 +99,8 @@ class Collider:
                     session.world.update()
                 else:
                     session.world.skip(skipped)
-                    session.world.step(prepared=self._outputs.publish_patches)
+                    self._outputs.publish_patches()
+                    session.world.step()
             session.note_lost()
             self._outputs.publish()
 
@@ -118,7 +122,7 @@ class Collider:
         """Gives up what is under way, and closes the world."""
         if session := getattr(self, "session", None):  # ROS 2 Kilted destroys nodes that could not start, too
             session.turns.close()
-            session.robots.close()
+            session.files.close()
             session.world.close()
 
     def pause(self, paused: bool) -> None:
@@ -137,33 +141,43 @@ class Collider:
     def reset(self, *, time: bool = True, bodies: bool = True, spawned: bool = False) -> None:
         """Resets the simulation: simulated ``time`` to zero, ``bodies`` to their initial states.
 
-        ``spawned``: also removes the simulated bodies that no parameter names and, in a full reset, restores those that
-        a parameter names.
+        ``spawned``: also removes simulated bodies that are no initial ones and, in a full reset, restores those.
         """
         world = self.session.world
         if spawned:
             for body in list(world.bodies.values()):
-                if body.simulated and body.name not in self._initial.names:
+                if body.simulated and body.name not in self.initial.names:
                     world.remove(body.name)
         if time:
             world.reset_time()
             self._forget_stamps()
         if bodies:
             world.reset_bodies()
-            self._initial.restore(self.session.lost)
+            self.initial.restore(self.session.lost)
             self.session.lost.clear()
         if time and bodies and spawned:
-            self._initial.restore()
+            self.initial.restore()
 
     def start_episode(self, seed: int) -> None:
         """Begins an episode: everything is as at the start, and whatever is random by the ``seed``."""
         self.session.world.reset(seed)
         self._forget_stamps()
-        self._initial.restore()
+        self.initial.restore()
         self.session.lost.clear()
 
+    def set_scene(self, raster: Raster | None, entries: Mapping[str, Entry]) -> None:
+        """Replaces all ground (None = by nothing) and bodies, at time zero and paused. Topics go on from there."""
+        self.pause(True)
+        self.session.world.clear()
+        self._terrain.clear()
+        self.take_restored()
+        self.initial.start_over(entries)
+        if raster is not None:
+            self._terrain.load(raster)
+        self.initial.on_terrain()
+
     def take_restored(self) -> None:
-        """Goes on after the world was replaced by that of a saved state."""
+        """Goes on after the world was replaced by another one."""
         session = self.session
         session.tracking.take(session.clock.pace())
         session.lost.clear()
@@ -200,7 +214,7 @@ class Collider:
 
     def _on_terrain(self) -> None:
         self._stand_on_soil()
-        self._initial.on_terrain()
+        self.initial.on_terrain()
 
     def _stand_on_soil(self) -> None:
         """Lets bodies stand on the soil of the settings; on a map that cannot be soil they stand on the map itself."""

@@ -105,15 +105,10 @@ def cylinder(
     return _shape(ShapeKind.CYLINDER, half, 0.0, math.hypot(radius, 0.5 * height), offset, turn)
 
 
-def part_of(
-    kind: int, half: Sequence[float], rounding: float, offset: Sequence[float], turn: Sequence[float],
-    points: FloatArray,
-) -> BodyShape:  # fmt: skip
-    """A convex shape by the numbers of its record, or of a hull by its points (n, 3) [m]."""
-    if kind == ShapeKind.HULL:
-        return hull(points, rounding)
-    core = math.hypot(half[0], half[2]) if kind == ShapeKind.CYLINDER else math.hypot(*half)
-    return _shape(ShapeKind(kind), half, rounding, core, offset, turn)
+def part_of(record: bytes, points: FloatArray) -> BodyShape:
+    """A convex shape by the bytes of its record, or of a hull by its points (n, 3) [m]."""
+    part = np.frombuffer(record, SHAPE).reshape(()).copy()
+    return hull(points, float(part["rounding"])) if part["kind"] == ShapeKind.HULL else BodyShape(part)
 
 
 def hull(points: FloatArray, rounding: float = 0.0) -> BodyShape:

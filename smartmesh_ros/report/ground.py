@@ -5,14 +5,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.ground.moved_bodies import move_with_corrections, show_corrections
+from smartmesh_ros.ground.map_contacts import MapContacts
 from smartmesh_ros.report.config import ReportConfig, is_whole, require_whole
 from smartmesh_ros.report.patch_contacts import PatchContacts
 from smartmesh_ros.report.patches import ChosenPatches
 from smartmesh_ros.stopwatch import STAGES, Stopwatch
-from smartmesh_ros.terrain.checked_heights import checked_time
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.world.settings import WorldConfig
 from smartmesh_ros.world.world import World
@@ -23,8 +24,8 @@ CONTACT_BREAKING = 2e-4
 
 
 class ReportGround(Ground):
-    """A ground of colliders of PyBullet's own, in any client, on one main mesh. No body sleeps, no surface moves, and
-    there are neither soil nor decks. Raises `InputError` for any other terrain.
+    """A ground of colliders of PyBullet's own, on one main mesh. No body sleeps, no surface moves, and there are
+    neither soil nor decks. Raises `InputError` for any other terrain.
 
     ``chosen``: the patches that the report's search and collecting chose at the last `refresh`; ``colliders``: those
     of the patches.
@@ -45,33 +46,25 @@ class ReportGround(Ground):
         )
         return self.colliders
 
-    def update(self, time: float, dt: float) -> None:
+    def _begin(self, time: float, dt: float) -> None:
         """Refresh the colliders for the step of ``dt`` [s] from ``time`` [s] on, with new maps and by their rate."""
+        super()._begin(time, dt)
         self._age += 1
         if self._age >= self._lifetime or self._revision != self.terrain.revision:
             self.refresh(time, dt)
 
     def refresh(self, time: float, dt: float) -> None:
-        """Move bodies with corrections of maps, replace the colliders, and put bodies below the ground back onto it."""
-        time = checked_time(time)
+        """Move bodies with corrections of maps, put bodies below the ground back onto it, and replace the colliders."""
         if (mesh := self._main_mesh()) is not self._mesh:
             self._mesh = mesh
             self.chosen.take(mesh)
         self._lifetime = 0  # until the end: a refresh that failed is made again before the next step
-        self.contacts.set_time(time, dt)
-        with self.stopwatch.stage("bodies"):
-            self.contacts.read(self.followers.states)
-            corrections = show_corrections(self.terrain, time)
-            if corrections and len(self.followers):
-                move_with_corrections(self._client, corrections, self.followers, self.contacts.touching(), time)
-                self.contacts.read(self.followers.states)
-        self.time = time
+        self.contacts.begin(time, dt)
+        self.contacts.update()
         steps = max(round(1.0 / (self.config.rate * dt)), 1) if self.config.rate else 1
-        self.chosen.refresh(time, dt * steps)
+        self.chosen.refresh(time, dt * steps, self.contacts.states_of(np.arange(self.followers.capacity)))
         self.colliders.refresh()
         self._age, self._lifetime, self._revision = 0, steps, self.terrain.revision
-        if self.config.guard:
-            self.rescue(time)
 
     def wake(self, body: int | None = None) -> None:
         """Refresh the colliders before the next step."""
@@ -86,6 +79,9 @@ class ReportGround(Ground):
         """Detach a body, and refresh the colliders before the next step."""
         self._lifetime = 0
         super().detach(body)
+
+    def _exact_contacts(self) -> MapContacts:
+        raise InputError("state", "a state is saved and restored only where contacts come from the map itself")
 
     def _main_mesh(self) -> MainMesh:
         meshes = self.terrain.meshes

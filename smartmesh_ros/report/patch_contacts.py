@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,18 +12,18 @@ import pybullet as pb
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.bullet import BulletCalls, undone
+from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.height_field import quarter_turn
-from smartmesh_ros.patches.shapes import BODY_COLUMNS
+from smartmesh_ros.ground.map_contacts import MapContacts
 from smartmesh_ros.report.batch import PatchBatch
 from smartmesh_ros.report.config import MeshKind, ReportConfig, is_whole
 from smartmesh_ros.report.made import Field, MeshCollider, make_field, make_mesh
 from smartmesh_ros.report.patches import ChosenPatches
 from smartmesh_ros.report.whole_mesh import WholeMesh
 from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import Terrain
 
 
@@ -80,9 +79,9 @@ class Pairs:
             pb.setCollisionFilterPair(uid, other, link, other_link, touch, self._client)
 
 
-class PatchContacts:
-    """Contacts of the followers in one client with the colliders of their patches, or with one of the whole terrain;
-    the same calls as those of `MapContacts`.
+class PatchContacts(MapContacts):
+    """Contacts of the followers in one client with the colliders of their patches, or with one of the whole terrain, in
+    place of the map's.
 
     ``replacements``: how often a surface was changed so far. ``leaked``: meshes that were built so far, for each of
     which PyBullet leaks a few KiB.
@@ -92,66 +91,41 @@ class PatchContacts:
         self, client: Any, followers: Followers, terrain: Terrain, config: ReportConfig, patches: ChosenPatches,
         stopwatch: Stopwatch,
     ) -> None:  # fmt: skip
+        super().__init__(client, followers, terrain)
         self.replacements = self.leaked = 0
-        self._client, self._followers, self._terrain, self._config = client, followers, terrain, config
-        self._patches, self._stopwatch = patches, stopwatch
-        self._calls = BulletCalls(client)
+        self._config, self._patches, self._stopwatch = config, patches, stopwatch
         self._pairs = Pairs(client)
         self._held: dict[Follower, Field | MeshCollider] = {}
         self._whole = WholeMesh(client, config.kind) if is_whole(config.kind) else None
-        self.time = 0.0
 
     def attach(self, follower: Follower) -> None:
-        """A follower gets its collider in the next `refresh`."""
+        """The core only reads and moves a follower, which gets its collider in the next `refresh`."""
+        self._core.attach(follower.slot, follower.body, follower.link, -1)
+        self._core.set_shapes(self._followers.shape_table.core)
+        self.note_kind(follower.slot)
+
+    def note_kind(self, slot: int) -> None:
+        """Tell the core who moves a follower, which only a guard lifts."""
+        self._followers.table["own"][slot] &= self._config.guard
+        super().note_kind(slot)
 
     def detach(self, slots: list[int]) -> None:
         """Remove the colliders of followers. If PyBullet fails, the next `refresh` makes those that are missing."""
         for slot in slots:
             self._release(self._followers[slot])
-
-    def take_tiles(self) -> None:
-        """`refresh` reads the terrain."""
-
-    def require_client(self) -> None:
-        """Raise `InputError`: what asks for it needs contacts from the map."""
-        raise InputError("client", "there are colliders of PyBullet's own, which have no such ground")
+        super().detach(slots)
 
     def set_soil(self, soil: Any) -> None:
         """Raise `InputError` if there is soil."""
         if soil is not None:
-            self.require_client()
+            raise InputError("client", "there are colliders of PyBullet's own, which know no soil")
 
     def drive(self, follower: Follower) -> None:
         """Raise `InputError`: surfaces stand still."""
-        self.require_client()
-
-    def touching(self) -> BoolArray:
-        """Return which followers had ground in reach at the last refresh (S,)."""
-        found = np.full(self._followers.capacity, self._whole is not None)
-        for batch in self._patches.batches:
-            found[batch.slots] = True
-        return found
+        raise InputError("client", "there are colliders of PyBullet's own, whose bodies have no moving surfaces")
 
     def let_sleep(self, config: SleepConfig | None) -> None:
         """Nobody sleeps on colliders."""
-
-    def settle(self, may_sleep: Callable[[int], bool] | None) -> None:
-        """Nobody sleeps."""
-
-    def wake(self, slots: list[int] | None) -> None:
-        """Nobody sleeps."""
-
-    def note_sleep(self) -> bool:
-        """Nobody sleeps."""
-        return False
-
-    def find_gone(self) -> list[int]:
-        """Return nobody: who removes a body detaches it before."""
-        return []
-
-    def set_time(self, time: float, dt: float) -> None:
-        """Set the time [s] at the start of the next step of ``dt`` [s]."""
-        self.time = time
 
     def refresh(self) -> None:
         """Set the colliders to the patches of the followers, or the collider of the whole mesh to the ground."""
@@ -173,23 +147,13 @@ class PatchContacts:
         """Return True if a PyBullet body is a collider of this ground."""
         return self._pairs.has(body) or (self._whole is not None and self._whole.has(body))
 
-    def read(self, states: FloatArray) -> None:
-        """Read the awake followers into ``states`` (S, 13)."""
-        awake = self._followers.awake
-        for slot in awake.tolist():
-            states[slot] = self._calls.state(self._followers[slot].body, self._followers[slot].link)
-
-    def states_of(self, slots: IntArray) -> FloatArray:
-        """Return the states (n, 13) of followers as they are now."""
-        chosen = [self._followers[slot] for slot in slots.tolist()]
-        return np.array([self._calls.state(it.body, it.link) for it in chosen]).reshape(-1, BODY_COLUMNS)
-
     def close(self) -> None:
         """Remove all colliders."""
         for follower in self._followers:
             self._release(follower)
         if self._whole is not None:
             self._whole.release()
+        super().close()
 
     def _release(self, follower: Follower) -> None:
         """Remove a follower's collider."""

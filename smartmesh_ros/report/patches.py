@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from smartmesh_ros.ground.followers import Followers
+from smartmesh_ros.patches.shapes import BODY_COLUMNS
 from smartmesh_ros.report.batch import PatchBatch
 from smartmesh_ros.report.config import ReportConfig, is_whole
 from smartmesh_ros.report.map_patches import MapPatches
 from smartmesh_ros.report.mesh_patches import MeshPatches
 from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.grid import IntArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh
 
@@ -24,7 +25,8 @@ class ChosenPatches:
     def __init__(self, mesh: MainMesh, config: ReportConfig, followers: Followers, stopwatch: Stopwatch) -> None:
         self.batches: list[PatchBatch] = []
         self._config, self._followers, self._stopwatch = config, followers, stopwatch
-        self._time = self._duration = 0.0  # of the refresh, and until the next one [s]
+        self._time, self._states = 0.0, np.empty((0, BODY_COLUMNS))  # of the refresh [s]
+        self._duration = 0.0  # until the next one [s]
         self._tracked = True  # whether the patches of the tracked bodies are there
         self.take(mesh)
         followers.tables.append(self)
@@ -47,10 +49,10 @@ class ChosenPatches:
         """Discard what is known of a slot, whose body was removed."""
         self._patches.clear(slot)
 
-    def refresh(self, time: float, duration: float) -> None:
-        """Choose the patches of the solid bodies at ``time`` [s] for a ``duration`` [s]; none if bodies stand on one
-        collider of the whole mesh."""
-        self._time, self._duration, self._tracked = time, duration, False
+    def refresh(self, time: float, duration: float, states: FloatArray) -> None:
+        """Choose the patches of the solid bodies, by all ``states`` (S, 13), at ``time`` [s] for a ``duration`` [s];
+        none if bodies stand on one collider of the whole mesh."""
+        self._time, self._duration, self._states, self._tracked = time, duration, states, False
         self.batches = [] if is_whole(self._config.kind) else self._chosen(self._followers.solid)
 
     def choose_tracked(self) -> None:
@@ -62,7 +64,7 @@ class ChosenPatches:
     def _chosen(self, slots: IntArray) -> list[PatchBatch]:
         """Return the patches of the bodies in ``slots`` (n,) that are somewhere, over the mesh or so near to it that
         they touch it."""
-        states, radii = self._followers.states, self._followers.shape_table.table["radius"]
+        states, radii = self._states, self._followers.shape_table.table["radius"]
         slots = slots[np.isfinite(states[slots]).all(axis=1)]
         slots = slots[self._mesh.beyond(states[slots]) <= radii[slots]]
         if not slots.size:

@@ -79,19 +79,22 @@ def fuse(
 class Corrections:
     """The corrections of one map, which is the ``core``'s.
 
-    ``offsets``: old minus new heights (rows, columns) [m]. ``settled`` [s]: instant at which all of them are blended
-    in.
+    ``offsets``: old minus new heights (rows, columns) [m].
     """
 
     def __init__(self, core: Any) -> None:
         self._core = core
         self.offsets: FloatGrid = core.offsets
-        self.settled = -math.inf
 
     @property
     def shown(self) -> float:
         """Instant up to which corrections are blended in [s], infinity before the first."""
         return float(self._core.shown)
+
+    @property
+    def settled(self) -> float:
+        """Instant at which all of them are blended in [s]."""
+        return float(self._core.settled)
 
     @property
     def fused(self) -> FusedMap | None:
@@ -117,14 +120,12 @@ class Corrections:
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to all times."""
         self._core.show(self.shown + by)
-        self.settled += by
+        self._core.settled += by
 
-    def take(self, first: tuple[int, int], known: NDArray[np.float32], time: float, settle: float) -> None:
+    def take(self, first: tuple[int, int], known: NDArray[np.float32], time: float) -> None:
         """Store the estimate ``known`` (h, w) [m] of ``time`` [s], of the rectangle whose ``first`` sample is given, in
-        the map; it is blended in within the time ``settle`` [s]."""
+        the map."""
         CORE.take_corrected(self._core, first, dense(known), time)
-        if self.shown < math.inf:
-            self.settled = self.shown + settle
 
     def fuse(
         self, first: tuple[int, int], new: NDArray[np.float32], variance: float | NDArray[np.float32], time: float,

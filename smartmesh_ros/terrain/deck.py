@@ -13,7 +13,6 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.checked_heights import checked_time, unmasked
 from smartmesh_ros.terrain.grid import MAX_COORDINATE, FloatArray
-from smartmesh_ros.terrain.motion import next_revision
 from smartmesh_ros.terrain.tiles import MainMesh, Tiles
 
 # Largest accepted difference between a quaternion's length and one.
@@ -58,21 +57,15 @@ class Deck(Tiles):
         self.thickness = float(thickness)
         self.body, self.link, self._place = -1, -1, _pose((0.0, 0.0, 0.0), LEVEL)
         self._samples: deque[tuple[float, FloatArray, FloatArray | None]] = deque(maxlen=KEPT)
-        self._given = 0  # layout of the tiles that the core has
         super().__init__(single)
-        self._make_core()
         self._put(-math.inf, _pose(position, orientation))
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "_core"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make a copy that moves on as the original does; nothing carries it."""
         super().__setstate__(state)
         self.body = self.link = -1
-        self._make_core()
         for time, pose, given in self._samples:
-            self._core.move(max(time, LONG_AGO), pose, given)
+            self.core.move(max(time, LONG_AGO), pose, given)
 
     def move(
         self,
@@ -105,7 +98,7 @@ class Deck(Tiles):
         if math.isinf(last):
             self._put(time, pose, given)
             return
-        self._core.move(time, pose, given)
+        self.core.move(time, pose, given)
         self._samples.append((time, pose, given))
 
     def place(self, position: ArrayLike, orientation: ArrayLike = LEVEL, *, time: float) -> None:
@@ -116,12 +109,12 @@ class Deck(Tiles):
         """Let a PyBullet body or link carry the frame from now on, at a place in the frame of its centre of mass;
         ``body`` -1 = nobody. See `Ground.carry`."""
         place = _pose(position, orientation)
-        self.body, self.link, self._place, self._layout = body, link, place, next_revision()
-        self._core.carry(body, link, place)
+        self.body, self.link, self._place = body, link, place
+        self.core.carry(body, link, place)
 
     def frame(self, time: float) -> Frame:
         """Return the frame at ``time`` [s]."""
-        found = np.asarray(self._core.frame(checked_time(time)))
+        found = np.asarray(self.core.frame(checked_time(time)))
         return Frame(found[:3], found[3:12].reshape(3, 3), found[12:15], found[15:])
 
     def shift_time(self, by: float) -> None:
@@ -132,29 +125,21 @@ class Deck(Tiles):
     def shift_frame(self, by: float) -> None:
         """Add ``by`` [s] to the times of the frame alone."""
         self._samples = deque(((time + by, pose, given) for time, pose, given in self._samples), maxlen=KEPT)
-        self._core.shift_time(by)
+        self.core.shift_time(by)
 
     def moving(self, time: float) -> bool:
         """Return True if the frame may move at ``time`` [s]."""
-        return bool(self._core.moves(time))
+        return bool(self.core.moves(time))
 
-    @property
-    def core_reader(self) -> Any:
-        """The core's deck, with the tiles of now."""
-        if self._given != self.layout_revision:
-            self._core.set_tiles(self.readers)
-            self._given = self.layout_revision
-        return self._core
-
-    def _make_core(self) -> None:
-        self._core: Any = CORE.Deck()
-        self._core.thickness = self.thickness
-        self._given = 0
+    def _new_core(self) -> Any:
+        made = CORE.Deck()
+        made.thickness = self.thickness
+        return made
 
     def _put(self, time: float, pose: FloatArray, given: FloatArray | None = None) -> None:
         self._samples.clear()
         self._samples.append((time, pose, given))
-        self._core.put(max(time, LONG_AGO), pose, given)
+        self.core.put(max(time, LONG_AGO), pose, given)
 
 
 def _vector(values: ArrayLike, what: str) -> FloatArray:

@@ -106,7 +106,7 @@ class MovingHeights(LaidGround, MovingGround):
             if kept is not None:
                 filled(array, kept)
         self.track, self.version, self._deviation = state["track"], state["version"], state["deviation"]
-        self.corrections.settled = state["settled"]
+        self.core_reader.settled = state["settled"]
         if state["fused"] is not None:
             self.corrections.put(state["fused"])
         if state["prints"] is not None:
@@ -267,4 +267,4 @@ class MovingHeights(LaidGround, MovingGround):
 
     def _correct(self, row: int, column: int, known: NDArray[np.float32], time: float) -> None:
         """Store the new estimate of a rectangle of static ground."""
-        self.corrections.take((row, column), known, time, self.motion.settle)
+        self.corrections.take((row, column), known, time)

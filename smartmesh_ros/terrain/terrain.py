@@ -15,7 +15,7 @@ from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.grid_track import GridTrack, RigidMotion
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples, ground_heights
 from smartmesh_ros.terrain.material import Material
-from smartmesh_ros.terrain.motion import MotionConfig, next_revision
+from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.tiles import MainMesh, Tiles
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
@@ -55,6 +55,7 @@ class Terrain(Tiles):
             mesh = made.tiles[name] = _KINDS[kind].__new__(_KINDS[kind])
             mesh.__setstate__(kept)
         made.numbers, made._next_number = dict(state["numbers"]), int(state["next_number"])
+        made._changed()
         if made.numbers.keys() != made.tiles.keys():
             raise InputError("state", "the tiles of a saved terrain are not those that have numbers")
         return made
@@ -65,27 +66,24 @@ class Terrain(Tiles):
         known = dict(vars(self)), [(mesh, dict(vars(mesh))) for mesh in self.tiles.values()]
 
         def undo() -> None:
-            vars(self).update(known[0], _layout=next_revision())
+            vars(self).update(known[0])
             for mesh, kept in known[1]:
                 _replace_contents(mesh, kept)
+            self._changed()
 
         tiles = dict(other.tiles)
         for name, mesh in other.tiles.items():
             if type(own := self.tiles.get(name)) is type(mesh):
                 _replace_contents(own, vars(mesh))
                 tiles[name] = own
-        vars(self).update(vars(other), tiles=tiles, decks=self.decks, _layout=next_revision())
+        vars(self).update(vars(other), tiles=tiles, decks=self.decks, core=self.core)
+        self._changed()
         return undo
 
     @classmethod
     def of(cls, ground: MainMesh | Terrain) -> Terrain:
         """Return ``ground`` if it is a terrain, else a terrain with that single mesh."""
         return ground if isinstance(ground, Terrain) else cls(ground)
-
-    @property
-    def layout_revision(self) -> int:
-        """Number that changes when a tile or a deck is added, removed or replaced."""
-        return max([self._layout, *(deck.layout_revision for deck in self.decks.values())])
 
     def put(self, name: str, mesh: MainMesh | Deck) -> None:
         """Add a tile or a deck, or replace that of this name; see `Tiles.put`. Raises `InputError` if a tile has the
@@ -97,7 +95,7 @@ class Terrain(Tiles):
             super().put(name, mesh)
             return
         self.decks[name] = mesh
-        self._layout = next_revision()
+        self._changed()
 
     def remove(self, name: str) -> None:
         """Remove a tile or a deck; raises `InputError` if none has that name."""
@@ -105,7 +103,7 @@ class Terrain(Tiles):
             super().remove(name)
             return
         del self.decks[name]
-        self._layout = next_revision()
+        self._changed()
 
     def deck(self, name: str) -> Deck:
         """Return a deck; raises `InputError` if none has that name."""
@@ -137,16 +135,12 @@ class Terrain(Tiles):
     @property
     def revision(self) -> int:
         """Revision of the latest change of a tile, also of decks; their frames' motion does not count."""
-        return max([self.layout_revision, super().revision, *(deck.revision for deck in self.decks.values())])
+        return max([super().revision, *(deck.revision for deck in self.decks.values())])
 
     @property
     def readers(self) -> list[Any]:
         """The core's readers of all tiles and decks."""
-        return [*super().readers, *(deck.core_reader for deck in self.decks.values())]
-
-    def readers_for(self, body: int) -> list[Any]:
-        """The core's readers of the ground that a PyBullet ``body`` may stand on: all but the decks that it carries."""
-        return [*super().readers, *(deck.core_reader for deck in self.decks.values() if deck.body != body)]
+        return [*super().readers, *(deck.core for deck in self.decks.values())]
 
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Return the highest ground under N points (N, 2) [m] at ``time`` [s], shapes (N,); NaN = no ground.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid_track import cells_moved
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -15,19 +16,35 @@ MainMesh = HeightMap | TriangleMesh
 
 
 class Tiles:
-    """Tiles by name, each a height map or a general mesh. A single tile has the name ``""``."""
+    """Tiles by name, each a height map or a general mesh. A single tile has the name ``""``.
+
+    ``core``: the core's, which the grounds of these tiles read in each step.
+    """
 
     def __init__(self, single: MainMesh | None = None) -> None:
         self.tiles: dict[str, MainMesh] = {}
         self.numbers: dict[str, int] = {}  # of the tiles; a tile keeps its number, and no other one gets it
         self._next_number = 0
-        self._layout = next_revision()
+        self.core = self._new_core()
+        self._changed()
         if single is not None:
             self.put("", single)
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "core"}
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
-        self._layout = next_revision()  # a copy is other ground
+        self.core = self._new_core()
+        self._changed()  # a copy is other ground
+
+    def _new_core(self) -> Any:
+        return CORE.Tiles()
+
+    def _changed(self) -> None:
+        """Tell the core of tiles that came or went."""
+        self._layout = next_revision()
+        self.core.set_tiles(self.readers)
 
     @property
     def layout_revision(self) -> int:
@@ -56,13 +73,13 @@ class Tiles:
         self.tiles[name] = mesh
         if name not in self.numbers:
             self.numbers[name], self._next_number = self._next_number, self._next_number + 1
-        self._layout = next_revision()
+        self._changed()
 
     def remove(self, name: str) -> None:
         """Remove a tile; raises `InputError` if no tile has that name."""
         self.tile(name)
         del self.tiles[name], self.numbers[name]
-        self._layout = next_revision()
+        self._changed()
 
     def tile(self, name: str) -> MainMesh:
         """Return a tile; raises `InputError` if no tile has that name."""

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pybullet as pb
 
-from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.followers import Follower
 from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.patches.shapes import BodyShape, ShapeKind
 from smartmesh_ros.terrain.grid import FloatArray
 
 
@@ -31,20 +28,14 @@ class GroundContact:
     normal_force: float
 
 
-def ground_contacts(client: Any, ground: Ground, time: float) -> list[GroundContact]:
-    """Return the contacts with the ground in the last step; for tracked bodies, those with the ground at ``time``
-    [s]."""
+def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
+    """Return the contacts with the ground in the last step; for tracked bodies, those with the ground now."""
     followers = ground.followers
     colliders = {follower.collider: follower.name for follower in followers if follower.collider is not None}
     contacts = contacts_from(client.getContactPoints(), colliders)
-    tracked = followers.tracked
-    if tracked.size:
-        states = ground.contacts.states_of(tracked)
-        found = (
-            _contact_of_tracked(followers[slot], ground, state, time)
-            for slot, state in zip(tracked.tolist(), states, strict=True)
-        )
-        contacts += [contact for contact in found if contact is not None]
+    for slot in followers.tracked.tolist():
+        if found := ground.contacts.deepest_contact(slot):
+            contacts.append(GroundContact(followers[slot].name, *found, normal_force=float("nan")))
     return contacts
 
 
@@ -62,46 +53,6 @@ def contacts_from(points: Iterable[Any], colliders: dict[int, str]) -> list[Grou
             x, y, z = point[7]
             contacts.append(GroundContact(first, point[5], (-x, -y, -z), -point[8], point[9]))
     return contacts
-
-
-def _contact_of_tracked(follower: Follower, ground: Ground, state: FloatArray, time: float) -> GroundContact | None:
-    """Return the deepest contact of a tracked body at a ``state`` (13,), None if there is none."""
-    deepest = None
-    for part, position, orientation in _parts_at(follower.shape, state[:3].tolist(), state[3:7].tolist()):
-        pose = np.vstack([np.reshape(pb.getMatrixFromQuaternion(orientation), (3, 3)), position])
-        found = CORE.find_contacts(_core_shape(part), ground.terrain.readers, pose, np.zeros((2, 3)), 0.0, 0.0, time)
-        for contact in found:
-            if deepest is None or contact[6] < deepest[6]:
-                deepest = contact
-    if deepest is None or deepest[6] > 0.0:
-        return None
-    x, y, z, east, north, up, distance = deepest[:7].tolist()
-    return GroundContact(follower.name, (x, y, z), (east, north, up), -distance, float("nan"))
-
-
-def _parts_at(shape: BodyShape, position: Any, orientation: Any) -> Iterator[tuple[BodyShape, Any, Any]]:
-    """Yield the convex parts of a shape with their positions [m] and orientations (x, y, z, w)."""
-    record = shape.record
-    at, turn = pb.multiplyTransforms(position, orientation, record["offset"].tolist(), record["turn"].tolist())
-    if not shape.parts:
-        yield shape, at, turn
-    for part in shape.parts:
-        yield from _parts_at(part, at, turn)
-
-
-def _core_shape(part: BodyShape) -> Any:
-    """Return a convex part as the core's contacts take it."""
-    (x, y, z), rounding = part.record["half"].tolist(), float(part.record["rounding"])
-    match part.kind:
-        case ShapeKind.BALL:
-            return CORE.Shape.ball(rounding)
-        case ShapeKind.CAPSULE:
-            return CORE.Shape.capsule(rounding, z)
-        case ShapeKind.CYLINDER:
-            return CORE.Shape.cylinder(x, z)
-        case ShapeKind.BOX:
-            return CORE.Shape.box(x, y, z)
-    return CORE.Shape.hull(part.vertices, rounding)
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ class Driving:
         if self._undamped >= DAMPED_STEPS:
             self._undamped = 0
             for body in self._stiff.values():
-                if self.ground.followers.table["awake"][self.ground.followers.of(body.uid)].any():
+                if not self.ground.is_asleep(body.uid):
                     self._factory.damp(body)
         self._motors.apply_efforts()
 

@@ -127,15 +127,10 @@ class Guests:
         if not guests:
             return
         world, followers = self._world, self._world.followers
+        places, speeds = self._attached()
+        moved = speeds * world.dt  # PyBullet moves bodies at their velocities after the step
         remote, solid = followers.flags("remote"), followers.flags("solid")
-        near = CORE.may_touch(
-            followers.positions_w,
-            followers.velocities_w * world.dt,
-            followers.radii,
-            remote,
-            solid,
-            self.config.touching,
-        )
+        near = CORE.may_touch(places - moved, moved, followers.radii, remote, solid, self.config.touching)
         client = world.client._client
         for slot in np.flatnonzero(near).tolist():
             uid = followers[slot].body
@@ -143,6 +138,11 @@ class Guests:
             if any(point[_FORCE] > 0.0 and self._moves(point[_OTHER]) for point in points):
                 first, _ = guests[uid].touched or (world.time, 0.0)
                 guests[uid].touched = first, world.time
+
+    def _attached(self) -> tuple[FloatArray, FloatArray]:
+        """Return positions [m] and velocities [m/s] of the attached bodies by slot (S, 3), NaN where there are none."""
+        states = self._world.ground.contacts.states_of(np.arange(self._world.followers.capacity))
+        return np.ascontiguousarray(states[:, :3]), np.ascontiguousarray(states[:, 7:10])
 
     def _moves(self, body: int) -> bool:
         """Return True if a PyBullet body is attached and moves by physics."""
@@ -191,7 +191,7 @@ class Guests:
         world, states, followers = self._world, now.states, self._world.followers
         margins = np.full(len(states.names), self.config.margin)
         margins[[guest.row for guest in known.guests.values()]] *= self.config.stay
-        attached = followers.positions_w, followers.velocities_w, followers.radii, followers.flags("own")
+        attached = *self._attached(), followers.radii, followers.flags("own")
         near = CORE.near_any((states.numbers, states.radii, margins), self._age(now), attached, self.config.horizon)
         if known.barred.size:
             near &= ~known.barred
@@ -242,11 +242,11 @@ class Guests:
 
     def _rests(self, guest: Guest, now: Received) -> bool:
         """Return True if a guest sleeps, and its owner says that it is at rest where it is."""
-        followers = self._world.followers
-        slot, row = followers.of(guest.uid)[0], now.states.numbers[guest.row]
-        if followers.table["awake"][slot] or row[7:13].any():
+        ground, row = self._world.ground, now.states.numbers[guest.row]
+        if row[7:13].any() or not ground.is_asleep(guest.uid):
             return False
-        return bool(np.abs(row[:7] - followers.states[slot, :7]).max() <= SAME_PLACE)
+        (state,) = ground.contacts.states_of(np.array(ground.followers.of(guest.uid)[:1]))
+        return bool(np.abs(row[:7] - state[:7]).max() <= SAME_PLACE)
 
     def _age(self, received: Received) -> float:
         return min(self._world.time - received.time, self.config.max_extrapolation)
@@ -259,7 +259,7 @@ class Guests:
     def _put(self, guests: list[Guest], numbers: FloatArray) -> None:
         """Set guests to states (n, 13)."""
         client = self._world.client._client
+        self._world.ground.note_remote_states([guest.uid for guest in guests], numbers)
         for guest, row in zip(guests, numbers.tolist(), strict=True):
             pb.resetBasePositionAndOrientation(guest.uid, row[:3], row[3:7], client)
             pb.resetBaseVelocity(guest.uid, row[7:10], row[10:], client)
-        self._world.ground.note_remote_states([guest.uid for guest in guests], numbers)

@@ -294,4 +294,4 @@ class Population(Driving):
     def _attach(self, body: Body, follower: Follower, name: str) -> None:
         """Record what this world knows of a new follower."""
         follower.name = name
-        self.followers.set_owner(follower.slot, own=body.simulated, remote=bool(body.owner))
+        self.ground.set_owner(follower.slot, own=body.simulated, remote=bool(body.owner))

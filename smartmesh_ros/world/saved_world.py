@@ -12,7 +12,6 @@ import pybullet as pb
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.ground.map_contacts import MapContacts
 from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain import state_file
@@ -69,8 +68,8 @@ class SavedWorld(Population):
             config=self.config,
             seed=self.seed,
             first=self._first,
-            memory=contacts.memory(slots) if isinstance(contacts, MapContacts) else None,
-            falls=self.falls.memory(slots),
+            memory=contacts.memory(slots),
+            falls=self.falls.checked,
             extra=extra or {},
         ).to_bytes()
 
@@ -137,6 +136,13 @@ class SavedWorld(Population):
             for body in self._stiff.values():
                 self._factory.damp(body)
             self.ground.forget()
+
+    def clear(self) -> None:
+        """Remove all bodies and set the time to zero. Episodes begin with the terrain of the next step."""
+        for body in self._own_bodies():
+            self._remove(body.name)
+        self.reset_time()
+        self._first = None
 
     def reset_time(self) -> None:
         """Set the time to zero. Bodies and terrain stay; remote bodies are removed until their next states arrive."""
@@ -249,7 +255,6 @@ class SavedWorld(Population):
     def _recall(self, state: WorldState) -> None:
         """Take over what the state knows of the past of the bodies."""
         slots = self._own_slots()
-        if state.memory is not None and isinstance(self.ground.contacts, MapContacts):
-            self.ground.contacts.take_tiles()
+        if state.memory is not None:
             self.ground.contacts.recall(slots, state.memory)
-        self.falls.recall(slots, state.falls)
+        self.falls.checked = float(state.falls)

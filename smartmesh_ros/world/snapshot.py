@@ -86,8 +86,8 @@ class FirstTerrain(NamedTuple):
 @dataclass(frozen=True, kw_only=True)
 class WorldState:
     """All that a world goes on from, to be used once: its bodies, its ``terrain`` and ``soil`` (``tile``: which one
-    gives way), its settings and ``seed``, the ``first`` terrain, and what the ground knows of bodies at rest
-    (``memory``) and of ``falls``. ``extra``: of whoever saved it."""
+    gives way), its settings and ``seed``, the ``first`` terrain, what the ground knows of the past of bodies
+    (``memory``), and when it was last looked which of them fall (``falls``) [s]. ``extra``: of whoever saved it."""
 
     snapshot: Snapshot
     terrain: Terrain
@@ -97,7 +97,7 @@ class WorldState:
     seed: int
     first: FirstTerrain | None
     memory: dict[str, Any] | None
-    falls: dict[str, Any]
+    falls: float
     extra: dict[str, Any]
 
     def to_bytes(self) -> bytes:

@@ -15,8 +15,7 @@ NOWHERE = np.empty((0, 13))
 
 class SimulatedStates:
     """Reads the states of a world's simulated bodies, in the order of spawning. Names, shapes and masses are read only
-    when a body is added or removed, because reading them takes as long as reading the states. Sleeping bodies are not
-    read at all."""
+    when a body is added or removed, because reading them takes as long as reading the states."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -27,10 +26,10 @@ class SimulatedStates:
         followers = self._world.followers
         if (self._world.client, followers.epoch) != self._described:
             self._describe()
-        calls = BulletCalls(self._world.client)
-        numbers = followers.states[self._slots]
-        moves = np.flatnonzero(followers.table["awake"][self._slots] | self._robot)
-        numbers[moves] = calls.states([self._uids[place] for place in moves.tolist()])
+        contacts = self._world.ground.contacts
+        numbers = contacts.states_of(self._slots)
+        moves = np.flatnonzero(~np.isin(self._slots, contacts.asleep()) | self._robot)
+        numbers[moves] = BulletCalls(self._world.client).states([self._uids[place] for place in moves.tolist()])
         return self._bodies._replace(numbers=numbers)
 
     def _describe(self) -> None:

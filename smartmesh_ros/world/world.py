@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Self
 
@@ -65,7 +65,7 @@ class World(SavedWorld, Carrying):
         ground = self._new_ground(client)
         self._begin(client, ground, self.config.physics)
         self.guests = Guests(self, self.config.guests)
-        self.falls = Falls(ground.followers, self.terrain, self.config.falls)
+        self.falls = Falls(ground, self.config.falls)
         self._let_sleep()
 
     def _new_ground(self, client: Any) -> Ground:
@@ -113,31 +113,33 @@ class World(SavedWorld, Carrying):
             self.client.disconnect()
 
     def update(self) -> None:
-        """Do what the next step needs beside contacts, see `Ground.update`, and remove bodies that are lost. `step`
-        does it; call it while no steps are taken."""
+        """Do what a step does before physics, see `Ground.update`. Call it while no steps are taken."""
         if self.carried:
             self.bind_decks()
         self.ground.update(self.time, self.dt)
         self._drop_lost()
 
-    def step(self, count: int = 1, prepared: Callable[[], None] = lambda: None) -> None:
-        """Run physics steps. ``prepared`` is called before each, after `update`."""
+    def step(self, count: int = 1) -> None:
+        """Run physics steps."""
         for _ in range(count):
             with self.stopwatch.stage("total"):
-                self._note_first_terrain()
-                self.guests.advance()
-                self.update()
-            prepared()
-            with self.stopwatch.stage("total"), self.stopwatch.stage("step"):
-                for watcher in self.watchers:
-                    watcher.before_step()
-                self._drive_all()
-                self.client.stepSimulation()
-                self.time += self.config.physics.dt
-                for watcher in self.watchers:
-                    watcher.after_step()
-            self.guests.note_contacts()
+                self._step()
             self.stopwatch.lap()
+
+    def _step(self) -> None:
+        self._note_first_terrain()
+        self.guests.advance()
+        if self.carried:
+            self.bind_decks()
+        self._drop_lost()
+        for watcher in self.watchers:
+            watcher.before_step()
+        self._drive_all()
+        self.ground.step(self.time, self.dt)
+        self.time += self.dt
+        for watcher in self.watchers:
+            watcher.after_step()
+        self.guests.note_contacts()
 
     def skip(self, steps: int) -> None:
         """Advance the time by some steps without simulating them: the ground moves on, and bodies stay in place."""
@@ -153,7 +155,7 @@ class World(SavedWorld, Carrying):
     def contacts(self) -> list[GroundContact]:
         """Return the contacts with the ground in the last step; for tracked bodies, with the ground
         now."""
-        found = ground_contacts(self.client, self.ground, self.time)
+        found = ground_contacts(self.client, self.ground)
         return [contact for contact in found if not self._is_guest(contact.body)]
 
     def wrenches(self) -> list[GroundWrench]:
@@ -176,10 +178,8 @@ class World(SavedWorld, Carrying):
         return scan.read(self.terrain, np.column_stack([poses_w[:, :3], yaws_of(poses_w[:, 3:])]), self.time)
 
     def below_ground(self) -> list[str]:
-        """Return simulated bodies and links whose middle was under the ground at the last update."""
-        followers = self.followers
-        own = np.flatnonzero(followers.table["own"])
-        return [followers[slot].name for slot, _, _ in self.ground.below(own, self.ground.time)]
+        """Return simulated bodies and links whose middle is under the ground now."""
+        return [self.followers[slot].name for slot in self.ground.contacts.find_below()]
 
     def _drop_lost(self) -> None:
         """Remove lost bodies, and tell of those that begin to fall."""
@@ -195,4 +195,4 @@ class World(SavedWorld, Carrying):
                 self.lost[name] = why
 
     def _let_sleep(self) -> None:
-        self.ground.let_sleep((lambda _: True) if self.config.physics.sleep else None, self.config.sleep)
+        self.ground.let_sleep(self.config.sleep if self.config.physics.sleep else None)

@@ -114,6 +114,9 @@ class BulletHeightfield(_WholeMap):
 
     def __init__(self, setup: Setup, **options: Any) -> None:
         super().__init__(setup, **options)
+        if setup.plane:
+            self._ground(self.client.createCollisionShape(pb.GEOM_PLANE), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+            return
         rows, columns = setup.heights.shape
         # With the quarter turn, PyBullet's rows run along x.
         self._layout = {"numHeightfieldRows": rows, "numHeightfieldColumns": columns}

@@ -38,7 +38,8 @@ class GroundSetup:
 
     ``heights``: (R, C) [m], finite; sample (row r, column c) lies at ``origin`` + (c, r) * ``resolution`` [m], and each
     cell is cut along the diagonal from (r, c) to (r + 1, c + 1). ``dt``: duration of a step [s]. ``slide``: velocity of
-    the whole map along x and y [m/s]; every `set_ground` places the samples at their current positions.
+    the whole map along x and y [m/s]; every `set_ground` places the samples at their current positions. ``plane``: the
+    ground is the engine's own plane z = 0, and no map.
     """
 
     heights: Any
@@ -47,6 +48,7 @@ class GroundSetup:
     origin: tuple[float, float] = (0.0, 0.0)
     gravity: Vector = (0.0, 0.0, -9.81)
     slide: tuple[float, float] = (0.0, 0.0)
+    plane: bool = False
 
     @property
     def slides(self) -> bool:

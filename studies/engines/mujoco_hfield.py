@@ -45,6 +45,10 @@ class MujocoGround(Simulation):
         spec.option.timestep = setup.dt
         spec.option.gravity = setup.gravity
         spec.memory = memory
+        if setup.plane:
+            plane = mujoco.mjtGeom.mjGEOM_PLANE
+            spec.worldbody.add_geom(type=plane, size=[0.0, 0.0, 1.0], condim=3, contype=GROUND, conaffinity=BODY)
+            return
         spec.add_hfield(
             name="ground", nrow=rows, ncol=columns, userdata=np.zeros(rows * columns, np.float32),
             size=[0.5 * width, 0.5 * length, 2.0 * self.reach, 1.0],
@@ -61,13 +65,15 @@ class MujocoGround(Simulation):
     def touch(self, geom: Any, friction: float, damping_ratio: float = 1.0) -> None:
         """Give a body's shape its friction, and its contacts. Priority: these hold, not a mixture with the ground's."""
         geom.priority, geom.condim, geom.friction = 1, 3, [friction, 0.0, 0.0]
-        geom.solref = [self.time_constant, damping_ratio]
+        # Stiffness and damping by themselves: with a time constant, less damping would also make the spring stiffer.
+        geom.solref = [-(self.time_constant**-2), -2.0 * damping_ratio / self.time_constant]
 
     def compile(self) -> None:
         """Make the model of all that was added."""
         self.model = self.spec.compile()
         self.data = mujoco.MjData(self.model)
-        self._heights = self.model.hfield_data.reshape(self.setup.heights.shape)
+        if not self.setup.plane:
+            self._heights = self.model.hfield_data.reshape(self.setup.heights.shape)
 
     def ready(self, heights: Any) -> NDArray[np.float32]:
         """Return heights (R, C) [m] as MuJoCo stores them: 0 to 1 of the range; raise `InputError` outside the
@@ -109,7 +115,8 @@ class MujocoHfield(MujocoGround, Engine):
         self.compile()
         for index, body in enumerate(setup.bodies):
             self._place(index, body)
-        self.set_ground(self.ready(setup.heights))
+        if not setup.plane:
+            self.set_ground(self.ready(setup.heights))
 
     def step(self) -> None:
         mujoco.mj_step(self.model, self.data)

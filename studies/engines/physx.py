@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from typing import Any, ClassVar
 
@@ -21,6 +22,8 @@ with warnings.catch_warnings():
 Pose = sapien.Pose
 # Distance at which contacts begin [m].
 CONTACT_OFFSET = 0.01
+# Turns PhysX's plane, whose normal is x, so that it is z; (w, x, y, z).
+ALONG_Z = (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0)
 # Groups of bodies and of the ground: robots touch the ground, and not one another.
 BODY, GROUND = 1, 2
 
@@ -46,12 +49,16 @@ class PhysxGround(Simulation):
         self._ground: Any = None
 
     def set_ground(self, ready: FloatArray) -> None:
-        self._vertices[:, 2] = ready.ravel()
         if self._ground is not None:
             self.scene.remove_entity(self._ground)
         physx.set_shape_config(contact_offset=CONTACT_OFFSET)
-        scale = np.ones(3, np.float32)
-        shape = physx.PhysxCollisionShapeTriangleMesh(self._vertices, self._triangles, scale, self._material)
+        if self.setup.plane:
+            shape = physx.PhysxCollisionShapePlane(self._material)
+            shape.local_pose = Pose(q=ALONG_Z)
+        else:
+            self._vertices[:, 2] = ready.ravel()
+            scale = np.ones(3, np.float32)
+            shape = physx.PhysxCollisionShapeTriangleMesh(self._vertices, self._triangles, scale, self._material)
         shape.set_collision_groups([GROUND, BODY, 0, 0])
         collider = physx.PhysxRigidStaticComponent()
         collider.attach(shape)

@@ -42,9 +42,13 @@ class RapierHeightfield(Engine):
         width, length = setup.size
         self._scale = (width, 1.0, length)
         # The coefficients of a contact are those of the body: the ground has the smallest ones.
-        ground = rapier.Collider.heightfield(self._flipped(setup.heights), self._scale)
-        self._ground = world.add_collider(ground.rotation(UPRIGHT).friction(0.0).restitution(0.0))
-        self._move_ground()
+        if setup.plane:
+            ground = rapier.Collider.halfspace((0.0, 0.0, 1.0))
+        else:
+            ground = rapier.Collider.heightfield(self._flipped(setup.heights), self._scale).rotation(UPRIGHT)
+        self._ground = world.add_collider(ground.friction(0.0).restitution(0.0))
+        if not setup.plane:
+            self._move_ground()
 
     def set_ground(self, ready: FloatArray) -> None:
         self._world.colliders[self._ground].shape = rapier.SharedShape.heightfield(self._flipped(ready), self._scale)

@@ -1,4 +1,4 @@
-"""``make laws``: how well engines keep the laws of contact, and how far runs drift apart; fills docs/accuracy.md."""
+"""``make laws``: how well engines keep the laws of contact, and how far runs drift apart; fills docs/laws.md."""
 
 from __future__ import annotations
 
@@ -199,7 +199,7 @@ def residuals_of_husky(configuration: Configuration) -> Residuals | None:
     return joined(parts)
 
 
-PAGE = ROOT / "docs" / "accuracy.md"
+PAGE = ROOT / "docs" / "laws.md"
 # Runs, and how far their starts are from the middle one at most [m].
 RUNS, FURTHEST = 100, 0.5e-6
 ATTACHED = {"attached": True, "physics": PhysicsConfig(sleep=False)}

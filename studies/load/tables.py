@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from studies.load.cases import Case
 from studies.markdown import table
 
-UPDATE = ("search", "collect", "bodies")
+UPDATE = ("search", "collect")
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def _three(values: tuple[float, float, float] | None) -> str:
 
 
 STAGES = {
-    "search": "#9ecae1", "collect": "#4292c6", "bodies": "#807dba", "step": "#d95f0e",
+    "search": "#9ecae1", "collect": "#4292c6", "step": "#d95f0e",
     "publish": "#74c476",
 }  # fmt: skip
 

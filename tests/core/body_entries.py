@@ -40,10 +40,6 @@ def grid() -> Any:
     return HeightMap(np.ones((9, 9)), resolution=0.1, origin=(-0.4, -0.4), motion=motion).core_reader
 
 
-def below() -> Arguments:
-    return bodies() | {"tiles": [grid()], "time": 0.0}
-
-
 def faults() -> Arguments:
     return {
         "states": zeros(13), "radii": np.ones(SLOTS), "kinds": np.ones(SLOTS, np.uint8), "dimensions": zeros(3),
@@ -91,11 +87,6 @@ def markers(slots: Any, ids: Any, gone: Any) -> Any:
 
 OF_SLOTS = (("slots", BODIES),)
 ENTRIES = {
-    "find_below": Entry(CORE.find_below, below, rows=("slots",), within=OF_SLOTS, finite=("time",)),
-    "move_with_corrections": Entry(CORE.move_with_corrections, lambda: bodies() | {
-        "tiles": [(grid(), 0.0)], "owners": np.array([0, 1, 1]), "standing": np.ones(BODIES, bool), "time": 0.0,
-        "poses": np.tile([0.0] * 6 + [1.0], (2, 1)),
-    }, written=("poses",), rows=("slots", "poses"), within=(*OF_SLOTS, ("owners", 2)), finite=("time",)),
     "search_patches": Entry(search_patches, lambda: bodies() | {"always": np.ones(BODIES, bool), "time": 0.0},
         rows=("slots",), within=OF_SLOTS, finite=("time",)),
     "collect_patches": Entry(collect_patches, lambda: {"slots": np.arange(BODIES), "time": 0.0},

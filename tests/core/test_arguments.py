@@ -1,5 +1,6 @@
 """No argument makes the core read or write outside an array: what it cannot take, it refuses."""
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -27,16 +28,16 @@ def test_what_fits_is_taken(entry: str) -> None:
     ENTRIES[entry].function(**ENTRIES[entry].made())
 
 
-@pytest.mark.parametrize("how", SPOILT)
 @pytest.mark.parametrize(("entry", "name"), ARRAYS)
-def test_arrays_that_do_not_fit_are_refused(entry: str, name: str, how: str) -> None:
-    given = ENTRIES[entry].made()
-    try:  # also NumPy refuses an array that is too large even without memory
-        spoilt = SPOILT[how](given[name])
-        ENTRIES[entry].function(**given | {name: spoilt})
-    except REFUSED:
-        return
-    assert ENTRIES[entry].fits(name, spoilt, given[name]), "it must be refused"
+def test_arrays_that_do_not_fit_are_refused(entry: str, name: str) -> None:
+    for how, spoil in SPOILT.items():
+        given = ENTRIES[entry].made()
+        try:  # also NumPy refuses an array that is too large even without memory
+            spoilt = spoil(given[name])
+            ENTRIES[entry].function(**given | {name: spoilt})
+        except REFUSED:
+            continue
+        assert ENTRIES[entry].fits(name, spoilt, given[name]), f"{how}: it must be refused"
 
 
 @pytest.mark.parametrize(("entry", "name"), [(entry, name) for entry in ENTRIES for name in ENTRIES[entry].written])
@@ -76,20 +77,19 @@ def test_numbers_that_must_be_finite_are(entry: str, name: str) -> None:
 
 
 @pytest.mark.parametrize("extreme", EXTREMES)
-@pytest.mark.parametrize(("entry", "name"), ARRAYS)
-def test_numbers_of_any_size_do_no_harm(entry: str, name: str, extreme: str) -> None:
+@pytest.mark.parametrize("entry", ENTRIES)
+def test_numbers_of_any_size_do_no_harm(entry: str, extreme: str) -> None:
     """In one column of an array, or in all."""
-    right = ENTRIES[entry].made()[name]
-    if right.dtype.kind != "f":
-        return
-    columns = range(right.shape[-1]) if right.ndim == 2 and right.shape[-1] <= 13 else ()
-    for column in (slice(None), *columns):
-        given = ENTRIES[entry].made()
-        given[name][..., column] = EXTREMES[extreme](right.dtype)
-        try:
-            ENTRIES[entry].function(**given)
-        except REFUSED:
+    for name in ENTRIES[entry].arrays():
+        right = ENTRIES[entry].made()[name]
+        if right.dtype.kind != "f":
             continue
+        columns = range(right.shape[-1]) if right.ndim == 2 and right.shape[-1] <= 13 else ()
+        for column in (slice(None), *columns):
+            given = ENTRIES[entry].made()
+            given[name][..., column] = EXTREMES[extreme](right.dtype)
+            with suppress(*REFUSED):
+                ENTRIES[entry].function(**given)
 
 
 @pytest.mark.parametrize("entry", [entry for entry in ENTRIES if "tiles" in ENTRIES[entry].made()])

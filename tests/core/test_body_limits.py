@@ -8,19 +8,16 @@ import pytest
 from smartmesh_ros import BodyState, Box, HeightMap, Soil, World
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.ground.shapes import DIMENSIONS
-from smartmesh_ros.patches.shapes import SHAPE, ShapeKind, ball
-from smartmesh_ros.terrain.trimesh import TriangleMesh
+from smartmesh_ros.patches.shapes import SHAPE, ShapeKind
 from smartmesh_ros.world.state_table import LIMITS
-from tests.bodies import shapes_of, state_at
-from tests.core import mesh_parts
-from tests.core.body_entries import above_grid, below, faults, soil, zeros
+from tests.core.body_entries import BODIES, above_grid, bodies, faults, search_patches, soil, zeros
 from tests.core.entries import REFUSED
 
 
-def find_below(table: np.ndarray, parts: np.ndarray) -> None:
-    """What is below the ground of one body with a shape of these tables."""
-    shapes = CORE.Shapes(as_bytes(table), as_bytes(parts), zeros(3, 4))
-    CORE.find_below(**(below() | {"slots": np.zeros(1, np.int64), "shapes": shapes}))
+def search(table: np.ndarray, parts: np.ndarray) -> None:
+    """Search for the patch of one body with a shape of these tables."""
+    given = bodies() | {"shapes": CORE.Shapes(as_bytes(table), as_bytes(parts), zeros(3, 4))}
+    search_patches(**given | {"slots": np.zeros(1, np.int64)}, always=np.ones(BODIES, bool), time=0.0)
 
 
 @pytest.mark.parametrize(
@@ -31,7 +28,7 @@ def test_shapes_that_name_what_is_not_there_are_refused(kind: ShapeKind, first: 
     table = np.zeros(1, SHAPE)
     table["kind"], table["first"], table["rows"] = kind, first, rows
     with pytest.raises(REFUSED):
-        find_below(table, np.zeros(4, SHAPE))
+        search(table, np.zeros(4, SHAPE))
 
 
 @pytest.mark.parametrize("kind", [-1, 0, 4, 5, 7, max(ShapeKind) + 1, 2**62, ShapeKind.COMPOUND])
@@ -41,31 +38,7 @@ def test_shapes_of_no_kind_and_compounds_of_compounds_are_refused(kind: int, *, 
     table["kind"], table["rows"] = (ShapeKind.COMPOUND, 1) if is_part else (kind, 2)
     parts["kind"], parts["rows"] = kind, 1
     with pytest.raises(REFUSED):
-        find_below(table, parts)
-
-
-def test_a_body_below_the_ground_is_lifted_by_the_depth_of_its_lowest_point() -> None:
-    found = CORE.find_below(**below())
-    assert [slot for slot, _, _ in found] == [0, 1, 2]
-    assert found[0][1:] == pytest.approx((1.2, 0.0))
-    assert found[1][1] == pytest.approx(1.4)
-
-
-def test_ground_of_a_mesh_above_a_body_counts_only_where_there_is_none_below_it() -> None:
-    floor, top = mesh_parts.sheet(4.0, 1), mesh_parts.box((-0.5, -0.5, 0.5), (0.5, 0.5, 0.6))
-    tiles = [TriangleMesh(*mesh_parts.joined(floor, top)).core_reader]
-    shapes, first = shapes_of([ball(0.1)]).core, np.zeros(1, np.int64)
-
-    def lifts(x: float, z: float) -> list[float]:
-        states = state_at(np.array([x, 0.2, z]), np.array([0.0, 0.0, 0.0, 1.0]))
-        return [lift for _, lift, _ in CORE.find_below(shapes, states, first, tiles, 0.0)]
-
-    for z in (0.7, 0.55, 0.3):  # over the box, in it, and under it
-        assert lifts(0.1, z) == []
-    assert lifts(0.1, -0.2) == pytest.approx([0.6 + 0.3])
-    assert lifts(1.0, -0.2) == pytest.approx([0.3])
-    for nowhere in ((3.0, -0.2), (np.nan, -0.2), (np.inf, -0.2), (0.1, np.nan)):
-        assert lifts(*nowhere) == []
+        search(table, parts)
 
 
 @pytest.mark.parametrize("kind", [0, len(DIMENSIONS), 255])

@@ -144,20 +144,22 @@ def test_slots_that_nobody_has_are_refused(ground: Any, slot: int) -> None:
         lambda: ground.attach(slot, 0, -1, 0),  # PyBullet has no body
         lambda: ground.drive(slot, (0.0, 1.0, 0.0), 1.0),
         lambda: ground.wake(slot),
+        lambda: ground.is_asleep(slot),
+        lambda: ground.set_kind(slot, True, True, False),
     ):
         with pytest.raises(REFUSED):
             wrong()
 
 
-def test_flags_tiles_and_plugins_that_do_not_fit_are_refused(ground: Any) -> None:
-    for flags in (np.zeros(3), np.zeros((2, 2), bool), np.zeros(6, bool)[::2], None):
-        with pytest.raises(REFUSED):
-            ground.find_resting(flags)
-        with pytest.raises(REFUSED):
-            ground.read_asleep(flags)
+def test_tiles_shapes_and_plugins_that_do_not_fit_are_refused(ground: Any) -> None:
+    for wrong in (None, [], CORE.Deck()):
+        with pytest.raises((*REFUSED, RuntimeError)):
+            ground.set_tiles(wrong)
+        with pytest.raises((*REFUSED, RuntimeError)):
+            ground.set_shapes(wrong)
     for tiles in NO_TILES:
         with pytest.raises((*REFUSED, RuntimeError)):
-            ground.set_tiles(tiles)
+            CORE.Tiles().set_tiles(tiles)
     for number in (-1, 10**6):
         with pytest.raises(RuntimeError):
             CORE.Ground(number)
@@ -169,11 +171,8 @@ def test_rules_of_sleep_are_numbers(ground: Any, rules: tuple[float, ...]) -> No
         ground.set_sleep(*rules)
 
 
-def test_flags_of_slots_that_nobody_has_do_no_harm(ground: Any) -> None:
-    asleep = np.ones(1000, bool)
-    ground.read_asleep(asleep)
-    assert not asleep.any() and not ground.find_resting(asleep)
-    ground.put_to_sleep([0, 1000])
+def test_slots_that_nobody_has_do_no_harm(ground: Any) -> None:
+    assert ground.find_asleep() == ground.find_below() == ground.find_nowhere(1.0) == []
     states = np.zeros((4, 13))
     ground.read(np.arange(4), states)
     assert np.isnan(states).all()

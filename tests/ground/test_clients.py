@@ -2,7 +2,6 @@
 
 import math
 import os
-import resource
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -108,14 +107,13 @@ def test_a_client_of_a_server_in_another_process_is_refused() -> None:
 
 
 ENDING = """
-import gc
-from pathlib import Path
 import numpy as np, pybullet as pb
 from smartmesh_ros import Ground, HeightMap
+from tests.memory import allocated
 
 terrain = HeightMap(np.zeros((41, 41)), resolution=0.1)
 used = []
-for count in (60, 80):
+for count in (5, 20):
     for _ in range(count):
         pb.connect(pb.DIRECT)
         box = pb.createCollisionShape(pb.GEOM_BOX, halfExtents=(0.1, 0.1, 0.1))
@@ -125,17 +123,15 @@ for count in (60, 80):
         pb.stepSimulation()
         pb.disconnect()
         ground.close()
-    gc.collect()
-    used.append(int(Path("/proc/self/statm").read_text().split()[1]))
-print("pages:", used[1] - used[0])
+    used.append(allocated())
+print("bytes:", used[1] - used[0])
 """
 
 
 def test_worlds_that_ended_leave_nothing_behind() -> None:
-    """Not 20 KiB a world of twenty boxes, in the long run nothing."""
+    """Not 2 KiB a world of twenty boxes."""
     done = subprocess.run([sys.executable, "-c", ENDING], capture_output=True, text=True, check=True)
-    pages = int(done.stdout.rpartition("pages:")[2])
-    assert pages * resource.getpagesize() < 80 * 20 * 1024
+    assert int(done.stdout.rpartition("bytes:")[2]) < 20 * 2 * 1024
 
 
 FAILING = """

@@ -7,7 +7,7 @@ import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, PhysicsConfig, World, WorldConfig
+from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.core import _core
 from smartmesh_ros.ground.config import set_up
 from smartmesh_ros.ground.shapes import Shape
@@ -67,10 +67,11 @@ def depth_of(line: FloatArray, planes: FloatArray, at: FloatArray, turn: FloatAr
     return float(-inside.max(axis=1).min())
 
 
+@pytest.mark.parametrize("speed", [0.0, 6.0])
 @pytest.mark.parametrize("is_box", [True, False])
 @pytest.mark.parametrize("form", CRESTS)
-def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool) -> None:
-    """At most 1 mm, of 12 boxes or sharp hulls each."""
+def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool, speed: float) -> None:
+    """At most 1 mm, of 12 boxes or sharp hulls each, also where they slide at a ``speed`` [m/s] and turn."""
     rng = np.random.default_rng(len(form) + is_box)
     heights = np.tile(CRESTS[form], (360, 1)).astype(np.float32)
     client = BulletClient(pb.DIRECT)
@@ -90,11 +91,14 @@ def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool)
             shape = client.createCollisionShape(pb.GEOM_MESH, vertices=points.tolist())
         body = client.createMultiBody(1.0, shape, -1, at + (0.0, y, 0.0), turn)
         client.changeDynamics(body, -1, lateralFriction=rng.choice([0.0, 0.5]), collisionMargin=1e-4)
+        if speed > 0.0:
+            way = rotation(tuple(turn)) @ (speed, 0.0, 0.0)
+            client.resetBaseVelocity(body, way.tolist(), rng.normal(0.0, speed, 3).tolist())
         ground.attach(body, shape=Box(*(2.0 * half)) if is_box else hull(points))
         line = np.column_stack([np.zeros(81), np.linspace(y - 0.5, y + 0.5, 81), np.full(81, TOP)])
         bodies.append((body, line, planes_of(points)))
     deepest = 0.0
-    for step in range(150):
+    for step in range(60 if speed > 0.0 else 150):
         ground.step(step / RATE, 1.0 / RATE)
         for body, line, planes in bodies:
             at, turn = (np.array(part) for part in client.getBasePositionAndOrientation(body))
@@ -177,6 +181,64 @@ def test_impacts_of_shapes_that_turn_are_not_deep(shape: Shape) -> None:
         for _ in range(240):
             world.step()
             assert min(lowest(shape, world.state(f"{k}")) for k in range(12)) > -1e-3
+
+
+# Thin parts: an impact at one end turns them by half a radian in a step, and the other end comes down.
+THIN = {
+    "coin": Cylinder(radius=0.03, height=0.003),
+    "disc": Cylinder(radius=0.008, height=0.004),
+    "rod": Box(0.06, 0.003, 0.006),
+    "plate": Box(0.07, 0.07, 0.002),
+}
+
+
+@pytest.mark.parametrize("shape", THIN.values(), ids=THIN.keys())
+def test_both_ends_of_a_thin_part_stop_at_the_surface(shape: Shape) -> None:
+    """None of 16 is below it, or deeper than 2 mm for more than 3 steps: thrown onto level ground at 2 to 6 m/s."""
+    rng = np.random.default_rng(2)
+    with World(HeightMap(np.zeros((41, 41)), resolution=0.1), AWAKE) as world:
+        names = [f"{k}" for k in range(16)]
+        for k, name in enumerate(names):
+            turn = rng.normal(size=4)
+            place = (0.5 + 1.0 * (k % 4), 0.5 + 1.0 * (k // 4), 0.3)
+            linear = (*rng.uniform(-2.0, 2.0, 2), rng.uniform(-6.0, -2.0))
+            state = BodyState(place, tuple(turn / np.linalg.norm(turn)), linear, tuple(rng.uniform(-10.0, 10.0, 3)))
+            world.spawn(name, shape, 0.1, state)
+        deep = np.zeros(16, int)
+        for _ in range(96):
+            world.step()
+            deep = np.where([lowest(shape, world.state(name)) < -2e-3 for name in names], deep + 1, 0)
+            assert deep.max() <= 3
+        assert world.rescues == 0
+
+
+@pytest.mark.parametrize("depth", [2e-3, 7e-3, 13e-3])
+@pytest.mark.parametrize("shape", [Sphere(0.2), Box(0.4, 0.4, 0.4)], ids=["ball", "box"])
+def test_what_bounces_out_of_the_ground_is_no_faster_than_it_came(shape: Shape, depth: float) -> None:
+    config = WorldConfig(physics=PhysicsConfig(sleep=False, restitution=0.8))
+    with World(HeightMap(np.zeros((21, 21)), resolution=0.1, origin=(-1.0, -1.0)), config) as world:
+        world.spawn("body", shape, 1.0, BodyState((0.01, 0.02, 0.2 - depth), linear=(0.0, 0.0, -1.0)))
+        world.step()
+        assert 0.7 < world.state("body").linear[2] < 1.0
+
+
+@pytest.mark.parametrize("rise", [0.2, 0.4])
+@pytest.mark.parametrize("yaw", [0.0, 0.6])
+def test_a_rim_is_touched_wherever_its_samples_are(rise: float, yaw: float) -> None:
+    """A plate leans over the rim of a plane, which rises to the rim and along it; its samples move along the rim."""
+    cell, along = 0.25, 0.2
+    shape = _core.Shape.box(0.05, 0.05, 0.005)
+    leans, turns = (tuple(pb.getQuaternionFromEuler(angles)) for angles in ((along, 0.1 - rise, 0.0), (0.0, 0.0, yaw)))
+    turn = rotation(leans) @ rotation(turns)
+    pose, still, found = np.vstack([turn, turn @ (0.0, 0.0, 0.003)]), np.zeros((2, 3)), []
+    for shift in np.linspace(0.0, cell, 11):
+        y, x = cell * np.mgrid[-10:11, -10:1]
+        heights = np.tan(along) * (y + shift) + rise * x
+        plane = HeightMap(heights, resolution=cell, origin=(-10.0 * cell, shift - 10.0 * cell)).core_reader
+        contacts = np.asarray(_core.find_contacts(shape, [plane], pose, still, 1.0 / RATE, 1e-3))
+        found.append(contacts[:, 6].min(initial=0.0))
+    assert found == pytest.approx(np.full(11, found[0]), abs=1e-6)
+    assert found[0] <= -2e-3
 
 
 @pytest.mark.parametrize("form", ["rim", "hole"])

@@ -36,7 +36,7 @@ class Yard:
         self.box = self.add((0.0, 0.0, SIDE))
         for k in range(OTHERS):
             self.add((-8.0 + 0.6 * k, 5.0, SIDE))
-        self.ground.let_sleep((lambda _: True) if self.sleeps else None)
+        self.ground.let_sleep(SleepConfig() if self.sleeps else None)
 
     def add(self, place: tuple[float, float, float], mass: float = 2.0, attached: bool = True) -> int:
         shape = self.client.createCollisionShape(pb.GEOM_BOX, halfExtents=(SIDE,) * 3)
@@ -178,7 +178,7 @@ def test_a_motor_that_is_told_something_else_through_pybullet_wakes_its_robot(cl
     )  # fmt: skip
     ground = Ground(client, level())
     ground.attach(robot)
-    ground.let_sleep(lambda _: True, SleepConfig(after=0.1))
+    ground.let_sleep(SleepConfig(after=0.1))
     hold = {"controlMode": pb.POSITION_CONTROL, "force": 5.0}
     for step in range(480):
         target = 0.5 if step >= 240 else 0.0

@@ -166,6 +166,7 @@ def test_a_body_that_is_removed_without_a_word_is_taken_off_the_ground(client: A
     ground.step(0.0, DT)
     for attached in (False, True):
         client.removeBody(body)
+        ground.wake(body)  # nobody
         assert put(client, BALL, START) == body
         if attached:
             ground.attach(body)

@@ -10,12 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import BodyState, Ground, HeightMap, InputError, Terrain, World
-from smartmesh_ros.ground.config import PhysicsConfig, set_up
+from smartmesh_ros import BodyState, Ground, HeightMap, InputError, MotionConfig, Terrain, World
+from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig, set_up
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
+from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.world.bodies import BodyFactory
 from tests.bodies import height, put
+from tests.core import mesh_parts
 from tests.grounds import level
+from tests.urdfs import HUSKY
 
 DT = 1.0 / 240.0
 BALL = Sphere(0.02)
@@ -119,3 +122,95 @@ def test_trajectories_are_those_of_world(bodies: Any, rise: float, every: int) -
                 assert bullet.getBaseVelocity(body.uid) == (expected.linear, expected.angular)
         assert ground.rescues == world.rescues
     bullet.disconnect()
+
+
+def test_ground_of_a_mesh_above_a_body_counts_only_where_there_is_none_below_it(client: Any) -> None:
+    floor, top = mesh_parts.sheet(4.0, 1), mesh_parts.box((-0.5, -0.5, 0.5), (0.5, 0.5, 0.6))
+    ground = Ground(client, TriangleMesh(*mesh_parts.joined(floor, top)))
+    body = put(client, Sphere(0.1), (0.0, 0.0, 9.0))
+    ground.attach(body)
+
+    def lift(x: float, z: float) -> float:
+        client.resetBasePositionAndOrientation(body, (x, 0.2, z), (0.0, 0.0, 0.0, 1.0))
+        ground.update(0.0, DT)
+        return height(client, body) - z
+
+    for z in (0.7, 0.55, 0.3):  # over the box, in it, and under it
+        assert lift(0.1, z) == 0.0
+    assert lift(0.1, -0.2) == pytest.approx(0.6 + 0.3)
+    assert lift(1.0, -0.2) == pytest.approx(0.3)
+    assert lift(3.0, -0.2) == 0.0
+    assert ground.rescues == 2
+    for nowhere in ((math.nan, -0.2), (math.inf, -0.2), (0.1, math.nan)):
+        lift(*nowhere)
+    assert ground.rescues == 2
+
+
+FLAT = np.zeros((41, 41))
+
+
+class Scene:
+    """Bodies of every kind on ground that covers, corrects, carries and wakes them: rigid bodies, multibodies, a robot
+    with joints, one that is fixed, and a body of another node's."""
+
+    def __init__(self) -> None:
+        self.client: Any = BulletClient(pb.DIRECT)
+        set_up(self.client, PhysicsConfig())
+        corrected = MotionConfig(changes="correction", settle=0.1)
+        self.moving = HeightMap(FLAT, resolution=0.1, origin=(-5.0, -2.0))
+        self.corrected = HeightMap(FLAT, resolution=0.1, origin=(1.0, -2.0), motion=corrected)
+        self.terrain = Terrain(self.moving)
+        self.terrain.put("corrected", self.corrected)
+        self.ground = Ground(self.client, self.terrain)
+        self.bodies = []
+        for row, x in enumerate((-4.0, 2.0)):
+            for column, shape in enumerate((Box(0.4, 0.3, 0.2), Cylinder(radius=0.1, height=0.2), Sphere(0.1))):
+                place = (x + 0.013, column - 1.2, 0.1)
+                self.bodies.append(put(self.client, shape, place, useMaximalCoordinates=(row + column) % 2))
+            for base, fixed in ((0.3, False), (0.2, True)):
+                at = (x + 1.0, -1.0 + 2.0 * fixed, base)
+                self.bodies.append(self.client.loadURDF(HUSKY, at, useFixedBase=fixed))
+        for body in self.bodies:
+            self.ground.attach(body)
+        self.ground.let_sleep(SleepConfig(after=0.2))
+
+    def disturb(self, step: int, time: float) -> None:
+        """Do what belongs before a step."""
+        if step == 240:
+            self.moving.replace(FLAT + 0.25, time=time + 100.0)  # long after: no velocity
+        if step in (240, 480):
+            self.corrected.replace(FLAT + 0.02 * step / 240, time=time)
+        if step == 600:
+            self.client.resetBaseVelocity(self.bodies[0], (0.0, 0.0, 1.0))
+        if step == 660:
+            self.terrain.remove("corrected")
+
+    def state(self) -> list[Any]:
+        """All that PyBullet tells of the bodies, and what the ground did."""
+        client, found = self.client, []
+        for body in self.bodies:
+            joints = range(client.getNumJoints(body))
+            links = client.getLinkStates(body, joints, 1) if joints else ()
+            found.append((client.getBasePositionAndOrientation(body), client.getBaseVelocity(body), links))
+        asleep = [self.ground.is_asleep(body) for body in self.bodies]
+        return [*found, asleep, self.ground.rescues, self.ground.clock]
+
+
+def test_a_users_own_steps_are_those_of_the_ground() -> None:
+    """Equal to the bit: bodies that a map covers are lifted, corrections move others, and they sleep and wake."""
+    mine, theirs = Scene(), Scene()
+    slept, woke, time = set(), set(), 0.0
+    for step in range(720):
+        for scene in (mine, theirs):
+            scene.disturb(step, time)
+        mine.client.stepSimulation()
+        theirs.ground.step(time, DT)
+        time += DT
+        found = mine.state()
+        assert found == theirs.state(), step
+        asleep = {number for number, sleeps in enumerate(found[-3]) if sleeps}
+        woke |= slept - asleep
+        slept |= asleep
+    assert mine.ground.rescues >= 4 and len(slept) >= 6 and len(woke) >= 4
+    for scene in (mine, theirs):
+        scene.client.disconnect()

@@ -205,6 +205,12 @@ def test_a_mat_beside_hard_ground() -> None:
 @pytest.mark.parametrize(
     ("layers", "words"),
     [
+        *(
+            ({"friction": friction}, "zero or more")
+            for friction in (-0.1, math.nan, math.inf, np.full((41, 201), -1.0))
+        ),
+        ({"friction": np.full((41, 201), np.inf)}, "zero or more"),
+        ({"friction": np.full((41, 201), "ice")}, "real numbers"),
         ({"stiffness": 0.0}, "above zero"),
         ({"stiffness": np.full((41, 201), -1.0)}, "above zero"),
         ({"damping": -1.0}, "zero or more"),
@@ -223,7 +229,7 @@ def test_an_impossible_material_is_refused_whole(layers: dict[str, Any], words: 
         lambda bad: terrain.update_region(0, 0, np.ones((41, 201)), time=1.0, material=bad),
     ):  # fmt: skip
         with pytest.raises(InputError, match=words):
-            give(Material(friction=0.5, **layers))
+            give(Material(**{"friction": 0.5, **layers}))
     assert (terrain.friction, terrain.material.stiffness, terrain.heights.max()) == (0.3, 1e5, 0.0)
     with pytest.raises(InputError, match="twice"):
         HeightMap(np.zeros((9, 9)), resolution=0.1, friction=0.3, material=known)

@@ -8,7 +8,6 @@ import pytest
 from smartmesh_ros import BodyState, Box, HeightMap, Sphere, World
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.core import mesh_parts
-from tests.grounds import level, moving
 
 DT = 1.0 / 240.0
 SIDE = 41
@@ -58,25 +57,6 @@ def test_between_maps_the_ground_goes_on() -> None:
             assert max(point[6][2] for point in points) == pytest.approx(ground.height(y), abs=1e-4)
 
 
-def test_who_shows_patches_need_not_wait_for_the_physics() -> None:
-    """They are those of the bodies before the step, on the ground of the same instant."""
-    ground, seen = Rising(), []
-    with ground.world as world:
-
-        def prepared() -> None:
-            table = world.patches().table()
-            seen.append((world.time, world.ground.time, world.state("ball").position[2], table.points_w[:, 2].max()))
-
-        z = world.state("ball").position[2]
-        world.step(7, prepared)
-        times, made, heights, tops = np.array(seen).T
-        np.testing.assert_allclose(np.diff(times), DT)
-        np.testing.assert_array_equal(made, times)
-        np.testing.assert_allclose(tops, RISE * times, atol=1e-6)
-        assert heights[0] == z
-        assert heights[-1] < world.state("ball").position[2]
-
-
 def test_bodies_ride_on_the_ground_although_steps_are_skipped() -> None:
     skipped, ground = 3, Rising()
     with ground.world as world:
@@ -100,33 +80,6 @@ def test_fast_bodies_roll_as_high_as_they_started(radius: float, speed: float) -
             world.step()
             assert world.state("ball").position[2] == pytest.approx(radius, abs=2e-4)
         assert world.state("ball").linear == pytest.approx((speed, 0.0, 0.0), rel=0.01, abs=0.01)
-
-
-def test_bodies_follow_ground_that_accelerates() -> None:
-    """Maps come with every step."""
-
-    def ground(time: float) -> float:
-        return 1.5 * time**2
-
-    with World(level(SIDE)) as world:
-        world.spawn("ball", Sphere(RADIUS), 1.0, BodyState((0.0, 0.0, RADIUS)))
-        for step in moving(world, ground, 240, every=1):
-            if step > 24:
-                assert world.state("ball").position[2] - RADIUS == pytest.approx(ground(world.time), abs=3e-4)
-
-
-def test_a_ball_stays_on_a_seesaw_however_steep() -> None:
-    across = 0.5 * (np.indices((41, 41))[1] - 20)
-
-    def slope(time: float) -> float:
-        return 0.8 * math.sin(3.0 * time)
-
-    with World(level(41, 0.5)) as world:
-        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.22, 0.2, 0.2)))
-        for step in moving(world, lambda time: slope(time) * across, 100, every=1):
-            steep, (x, _, z) = slope(world.time), world.state("ball").position
-            clearance = (z - steep * x) / math.hypot(1.0, steep) - 0.2
-            assert step < 5 or abs(clearance) < 5e-4  # the ground's velocity is known after two maps
 
 
 def test_a_general_mesh_moves_under_bodies_in_every_direction() -> None:

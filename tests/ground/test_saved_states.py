@@ -57,7 +57,7 @@ class Scene:
         for body in self.bodies:
             self.ground.attach(body)
         self.ground.drive(self.bodies[0], -1, (0.0, 1.0, 0.0), 0.3)
-        self.ground.let_sleep(lambda _: True)
+        self.ground.let_sleep()
         self.time = 0.0
 
     def heights(self, time: float) -> np.ndarray:

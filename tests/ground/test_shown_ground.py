@@ -126,7 +126,7 @@ def test_what_is_shown_wakes_nobody(client: Any) -> None:
     terrain = level(motion=MotionConfig(mode="hold"))
     ground, body = Ground(client, terrain), put(client, Sphere(0.2), (0.0, 0.0, 0.2))
     ground.attach(body)
-    ground.let_sleep(lambda _: True)
+    ground.let_sleep()
     ground.show(240.0)
     heights, slept = terrain.heights.copy(), []
     for step in range(480):

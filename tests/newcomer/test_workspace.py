@@ -46,14 +46,14 @@ def test_rosdep_finds_every_dependency_and_none_that_the_system_refuses(sources:
 
 
 def test_without_the_link_both_folders_must_be_named(sources: Workspace, tmp_path: Path) -> None:
-    """The README's other way, and as a control what the link is for."""
+    """The other way of docs/installing.md, and as a control what the link is for."""
     (tmp_path / "src").mkdir()
     for name in ("smartmesh_ros", "my_robot"):
         (tmp_path / "src" / name).symlink_to(sources.folder / "src" / name)
     unlinked = Workspace(tmp_path)
-    readme = (ROOT / "README.md").read_text()
-    [paths] = re.findall(r"`--from-paths (src src/\S+)`", readme)
-    assert re.findall(r"`--base-paths (src src/\S+)`", readme) == [paths]
+    page = (ROOT / "docs" / "installing.md").read_text()
+    [paths] = re.findall(r"`--from-paths (src src/\S+)`", page)
+    assert re.findall(r"`--base-paths (src src/\S+)`", page) == [paths]
     line = line_with("rosdep", readme_block("ln -s"))
     for folders, code, packages in (("src", 1, 2), (paths, 0, 3)):
         listed = unlinked.run(f"colcon list --names-only --base-paths {folders}", sourced=False).stdout.split()

@@ -223,8 +223,10 @@ def made_with(kind: Any, parameters: Mapping[str, Any], arguments: Sequence[str]
         rclpy.init(context=context)
         try:
             node = kind(context=context, cli_args=["--ros-args", *given])
-            yield node
-            node.destroy_node()
+            try:
+                yield node
+            finally:  # also of a test that fails: later ones of this process would meet the node
+                node.destroy_node()
         finally:
             gc.collect()  # what was made of the node, which peers would hear else
             rclpy.shutdown(context=context)

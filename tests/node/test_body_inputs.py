@@ -20,6 +20,7 @@ from smartmesh_ros.ground.shapes import Box
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.tools.testing import Probe, Process, pose_message
+from tests.examples import examples
 from tests.node.shared import Fed, fed, stamped, transform_message, wait_until
 
 INPUTS = {
@@ -128,6 +129,7 @@ def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(
         assert node.node.refusals.counts["/tf: stamp_backwards"] == 2 * looped
         said = node.node._outputs._diagnostics._ends()[2]
         assert said.get("without stamp on /tf", 0) == 90 * (not looped)
+        assert not node.set("bodies.timeout", 0.2)
         wait_until(lambda: node.node.tick() or not node.world.bodies)
 
 
@@ -193,6 +195,7 @@ def test_a_body_that_drives_pushes_with_its_velocity(world: World) -> None:
     assert world.state("rover").linear == pytest.approx((0.48, 0.0, 0.0))
 
 
+@examples(30)
 @given(st.floats(0.1, 5.0), st.floats(-1.0, 1.0), st.floats(-math.pi, math.pi), st.floats(5.0, 60.0))
 def test_steady_motion_keeps_its_velocity(speed: float, spin: float, course: float, rate: float) -> None:
     """On a circle, from whichever direction."""
@@ -240,6 +243,7 @@ def test_a_source_that_states_velocities_is_believed_when_it_states_none(world: 
     assert world.state("stops").linear == (0.0, 0.0, 0.0)
 
 
+@examples(30)
 @given(late=st.floats(0.0, 1e9), rate=st.floats(2.5, 60.0))
 def test_a_body_that_is_heard_of_neither_stops_nor_goes_however_old_its_poses_are(late: float, rate: float) -> None:
     with World() as world:

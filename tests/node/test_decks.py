@@ -93,7 +93,7 @@ def test_bodies_ride_on_decks_that_follow_a_frame_and_an_odometry(probe: Probe) 
 
 
 def test_a_body_of_the_simulation_carries_a_deck_with_maps_updates_and_meshes(domain: int) -> None:
-    with fed({"decks": [LIFT, FERRY], "frame_id": "map"}) as node:
+    with fed({"decks": [LIFT], "frame_id": "map"}) as node:
         node.give("heightmap", heightmap_message(np.zeros((41, 41)), resolution=1.0, origin=(-20.0, -20.0, 0.0)))
         deck = heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, tile="cage", frame_id="cage")
         node.give("heightmap", deck)

@@ -151,17 +151,6 @@ def test_the_last_transform_of_a_stamp_counts() -> None:
     assert buffer.lookup("odom", "base")[0].translation[0] == 2.0
 
 
-def test_a_recording_that_starts_over_restarts_its_frame_and_says_so() -> None:
-    buffer = FrameBuffer()
-    for loop in range(3):
-        for step in range(50):
-            back = buffer.add("odom", "base", turned(0.0, step), 10.0 + 0.1 * step)
-            assert back == (pytest.approx(4.9) if loop and step == 0 else 0.0)
-            found, stamp = buffer.lookup("odom", "base")
-            assert stamp == 10.0 + 0.1 * step
-            assert found.translation[0] == step
-
-
 @settings(deadline=None, max_examples=60)
 @given(
     st.lists(

@@ -3,7 +3,7 @@
 import pytest
 
 from smartmesh_ros import Cylinder, InputError
-from smartmesh_ros.node.services.initial_bodies import entry_from_text
+from smartmesh_ros.node.services.body_entries import entry_from_text
 
 
 def test_dimensions_have_the_order_of_the_messages() -> None:

@@ -126,39 +126,6 @@ def test_a_body_that_goes_is_deleted_once_and_keeps_its_id_while_it_stays() -> N
     assert sorted((m.id, m.action) for m in again) == [(1, Marker.ADD), (2, Marker.ADD)]
 
 
-def test_of_changes_alone_those_are_written_that_changed_or_came_back() -> None:
-    terrain = HeightMap(np.zeros((80, 80)), resolution=0.25, motion=MotionConfig(mode="hold"))
-    bodies, markers, colliders = (
-        balls_on(terrain, [0.3] * 3),
-        patch_outputs.PatchMarkers(),
-        patch_outputs.ColliderPatches(),
-    )
-    places = np.array([[3.0, 3.0, 0.3], [17.0, 3.0, 0.3], [10.0, 17.0, 0.3]])
-
-    def written() -> tuple[list[int], list[str], list[str]]:
-        bodies.at(places, terrain.time)
-        names, patches = ["a", "b", "c"], bodies.patches
-        shown = deserialize_message(markers.write(HEADER, patches, names, 1, only_changed=True), MarkerArray).markers
-        data = colliders.write(HEADER, patches.table(), names, 1, only_changed=True)
-        message = deserialize_message(data, ColliderPatchArray)
-        return (
-            [m.id for m in shown if m.action == Marker.ADD],
-            [patch.body_id for patch in message.patches],
-            message.removed,
-        )
-
-    assert written() == ([0, 1, 2], ["a", "b", "c"], [])
-    assert written() == ([], [], [])
-    terrain.update_region(10, 10, np.full((5, 5), 0.1), time=1.0)
-    assert written() == ([0], ["a"], [])
-    places[2, 0] += 0.02  # still the same samples
-    assert written()[1:] == ([], [])
-    places[1, 2] = 9.0
-    assert written() == ([], [], ["b"])
-    places[1, 2] = 0.3
-    assert written() == ([1], ["b"], [])
-
-
 @settings(deadline=None, max_examples=60)
 @given(st.lists(names, unique=True, max_size=30), st.booleans())
 def test_collider_patches_equal_those_of_message_objects(bodies: list[str], holes: bool) -> None:

@@ -80,9 +80,7 @@ def test_a_signal_ends_the_node_cleanly(probe: Probe, number: signal.Signals) ->
     ("name", "arguments", "words", "number", "code"),
     [
         ("smartmesh-fleet", ["--nodes", "1", "--bodies", "1"], "starting 1 nodes", signal.SIGTERM, 0),
-        ("smartmesh-fleet", ["--nodes", "1", "--bodies", "1"], "real-time", signal.SIGTERM, 0),
         ("smartmesh-fleet", ["--nodes", "1", "--bodies", "1"], "real-time", signal.SIGINT, 0),
-        ("smartmesh-demo", ["--seconds", "1000"], "starting", signal.SIGTERM, 1),
         ("smartmesh-demo", ["--seconds", "1000"], "starting", signal.SIGINT, 1),
     ],
 )
@@ -100,9 +98,13 @@ def test_a_signal_ends_a_program_and_the_nodes_that_it_started(
 
 
 @pytest.mark.parametrize(
-    "name", ["fleet_front", "rover", "smartmesh-demo", "smartmesh-fleet", "terrain_collider", "terrain_sensor"]
-)
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+    ("name", "number"),
+    [
+        ("fleet_front", signal.SIGTERM), ("rover", signal.SIGINT), ("smartmesh-demo", signal.SIGTERM),
+        ("smartmesh-fleet", signal.SIGINT), ("terrain_collider", signal.SIGINT), ("terrain_collider", signal.SIGTERM),
+        ("terrain_sensor", signal.SIGINT),
+    ],
+)  # fmt: skip
 def test_a_signal_during_the_imports_ends_every_executable(domain: int, name: str, number: signal.Signals) -> None:
     """They last a second; nothing is to be cleaned up. Started as a shell starts a background job, SIGINT ignored."""
     command = ["sh", "-c", "trap '' INT; exec \"$0\"", str(executable(name))]

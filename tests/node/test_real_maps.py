@@ -21,7 +21,6 @@ from std_srvs.srv import Trigger
 from smartmesh_ros import BodyState, Box
 from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.rivals import Rivals
-from smartmesh_ros.node.parameters import specifications as parameters
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.timing.pacing import Pacer
 from smartmesh_ros.node.timing.stamps import StampClock
@@ -50,15 +49,6 @@ LEVEL = np.zeros((21, 21), np.float32)
 def test_what_changes_mean_follows_from_the_input_unless_it_is_said(said: str, source: str, meant: str) -> None:
     values = {**DEFAULTS, "terrain.changes": said, "terrain.input": source}
     assert settings_from(values).motion.changes == meant
-
-
-def test_noise_settle_and_interval_reach_the_core() -> None:
-    said = {"terrain.noise": 0.01, "terrain.settle": 0.3, "terrain.max_interval": 0.4, "raster.variance_layer": "var"}
-    settings = settings_from({**DEFAULTS, **said})
-    motion = settings.motion
-    assert (motion.noise, motion.settle, motion.max_interval) == (0.01, 0.3, 0.4)
-    assert settings.raster.variance_layer == "var"
-    assert said.keys() <= parameters.NAMES
 
 
 def told(rivals: Rivals, height: Callable[[int], float], count: int = 12) -> bool:
@@ -241,7 +231,7 @@ def heightmap(mode: MotionMode = "extrapolate") -> HeightMap:
     return HeightMap(np.zeros((3, 3)), resolution=1.0, origin=(-1.0, -1.0), time=-100.0, motion=MotionConfig(mode=mode))
 
 
-LATE = [0.0, 0.02, 0.1, 0.15, 0.3, 0.5, 0.7, 0.95, 1.0, 1.05, 3.0]
+LATE = [0.0, 0.1, 0.3, 0.7, 1.0, 1.05, 3.0]
 
 
 def mesh() -> TriangleMesh:
@@ -249,16 +239,16 @@ def mesh() -> TriangleMesh:
 
 
 @pytest.mark.parametrize("ground", [*(partial(heightmap, mode) for mode in get_args(MotionMode)), mesh])
-@pytest.mark.parametrize("rate", [5.3, 19.7, 57.0])
+@pytest.mark.parametrize("rate", [5.3, 57.0])
 @pytest.mark.parametrize("late", LATE)
 def test_ground_has_its_velocity_however_late_its_maps_are(late: float, rate: float, ground: Any) -> None:
     found = velocities(Source(rate, np.full(int(8 * rate), late)), ground(), 7.5)
     assert np.abs(found[found.size // 3 :] - SPEED).max() < 0.02 * SPEED
 
 
-@pytest.mark.parametrize("behind", [0.0, 1e6, -5.0])
+@pytest.mark.parametrize("behind", [0.0, 1e6])
 @pytest.mark.parametrize("rate", [10.0, 20.0])
-@pytest.mark.parametrize(("late", "jitter"), [(0.1, 0.1), (0.25, 0.1), (0.3, 0.1), (0.7, 0.2), (1.0, 0.2), (2.0, 0.2)])
+@pytest.mark.parametrize(("late", "jitter"), [(0.1, 0.1), (0.3, 0.1), (0.7, 0.2), (2.0, 0.2)])
 def test_jitter_around_a_steady_delay_does_not_end_the_motion(
     late: float, jitter: float, rate: float, behind: float
 ) -> None:

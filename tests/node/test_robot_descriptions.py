@@ -14,7 +14,7 @@ from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, BodySpecif
 from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from std_msgs.msg import String
 
-from smartmesh_ros.node.services.robot_files import robot_name
+from smartmesh_ros.node.services.files import robot_name
 from smartmesh_ros.tools.testing import Probe
 from tests.node.shared import BALL, LATCHED, body_names, box, refusals, show_level_ground, spawn
 from tests.urdfs import ROVER, joint, link, robot

@@ -62,45 +62,6 @@ def command(probe: Probe, publisher: Any, taken: Callable[[JointState], bool], *
     probe.wait_for(shows)
 
 
-def turning(message: JointState) -> bool:
-    return min(message.velocity) > 0.01
-
-
-def joints(probe: Probe) -> tuple[np.ndarray, np.ndarray]:
-    message = probe.latest("joint_states")
-    assert message.name == WHEELS, "one robot: names as in its URDF"
-    return np.array(message.position), np.array(message.velocity)
-
-
-def test_a_rover_rolls_as_far_as_its_wheels_turn(probe: Probe) -> None:
-    """Paused and stepped, so that positions belong together whatever the machine's load."""
-    with probe.running(parameters=STANDING | LASTING):
-        settle(probe)
-        publisher = probe.publisher(JointState, "joint_commands")
-        command(probe, publisher, turning, velocity=[4.0] * 4)
-        step(probe, 240)
-        first, (angles, _) = probe.latest("odometry"), joints(probe)
-        step(probe, 480)
-        last, (turned, speeds) = probe.latest("odometry"), joints(probe)
-        assert last.header.frame_id == "map"
-        assert speeds == pytest.approx([4.0] * 4, rel=0.01)
-        p, q = first.pose.pose.position, last.pose.pose.position
-        way = np.array([q.x - p.x, q.y - p.y])
-        distance = RADIUS * (turned - angles).mean()
-        assert distance == pytest.approx(RADIUS * 4.0 * 2.0, rel=0.01)
-        assert np.hypot(*way) == pytest.approx(distance, rel=0.02)
-        assert way / np.hypot(*way) == pytest.approx([math.cos(YAW), math.sin(YAW)], abs=0.02)
-        twist = last.twist.twist
-        assert twist.linear.x == pytest.approx(RADIUS * 4.0, rel=0.02), "ahead, in the rover's own frame"
-        assert (twist.linear.y, twist.linear.z) == pytest.approx((0.0, 0.0), abs=0.01)
-        # Left wheels back, right wheels ahead: it turns on the spot to the left.
-        command(probe, publisher, lambda m: m.velocity[0] < 0.0, velocity=[-3.0, 3.0, -3.0, 3.0])
-        step(probe, 240)
-        twist = probe.latest("odometry").twist.twist
-        assert twist.angular.z > 0.2
-        assert abs(twist.linear.x) < 0.5 * RADIUS * 3.0, "about a point below the rover, if not its frame's origin"
-
-
 def test_the_ground_carries_the_weight_where_the_centre_of_mass_is(shared: Probe) -> None:
     settle_spawned(shared)
     message = shared.latest("contact_wrenches")

@@ -13,7 +13,7 @@ from smartmesh_msgs.msg import TrackedBody
 from smartmesh_msgs.srv import RemoveBodies
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import Marker
 
 from smartmesh_ros import HeightMap, Terrain
 from smartmesh_ros.node.outputs.ground_view import GroundView, ground_points, window_around
@@ -21,6 +21,7 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.tools.testing import Probe
 from tests.bodies import rotation
 from tests.ground.reaching import balls_on
+from tests.node.displays import Display
 from tests.node.shared import LATCHED, show_map, spawn
 from tests.urdfs import HUSKY, ROVER
 
@@ -31,31 +32,6 @@ SOLIDS = {
     "ball": (SolidPrimitive.SPHERE, [0.2]), "crate": (SolidPrimitive.BOX, [0.6, 0.4, 0.3]),
     "barrel": (SolidPrimitive.CYLINDER, [0.8, 0.25]), "pill": (TrackedBody.SHAPE_CAPSULE, [0.5, 0.15]),
 }  # fmt: skip
-
-
-class Display:
-    """Markers as RViz keeps them."""
-
-    def __init__(self, probe: Probe, topic: str) -> None:
-        self.shown: dict[tuple[str, int], Marker] = {}
-        self.without_ground = 0  # messages
-        probe.node.create_subscription(MarkerArray, topic, self._take, 100)
-
-    def _take(self, message: MarkerArray) -> None:
-        keys = [(marker.ns, marker.id) for marker in message.markers]
-        assert len(set(keys)) == len(keys), "RViz reports an id that comes twice in one array"
-        self.without_ground = 0 if any(ns.endswith("ground") for ns, _ in keys) else self.without_ground + 1
-        for key, marker in zip(keys, message.markers, strict=True):
-            if marker.action == Marker.DELETEALL:
-                self.shown.clear()
-            elif marker.action == Marker.DELETE:
-                self.shown.pop(key, None)
-            else:
-                self.shown[key] = marker
-
-    def of(self, what: str) -> list[Marker]:
-        """Those of the ground, or of the bodies, in the namespace of the node."""
-        return [marker for (own, _), marker in self.shown.items() if own.rpartition("/")[2] == what]
 
 
 def triangles(points: Any) -> np.ndarray:

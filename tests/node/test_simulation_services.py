@@ -2,7 +2,6 @@
 
 import math
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,16 +12,17 @@ from simulation_interfaces.msg import (
     Bounds,
     EntityCategory,
     EntityFilters,
+    EntityInfo,
     EntityState,
     Resource,
     Result,
     SimulationState,
     SimulatorFeatures,
     SpawnResult,
+    TagsFilter,
 )
 from simulation_interfaces.msg import SpawnEntity as Wanted
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.services import simulation_services
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, pose_message
@@ -136,10 +136,6 @@ def test_entities_come_move_and_go(started: Probe) -> None:
 
 def test_many_entities_come_by_one_call_and_are_described(started: Probe) -> None:
     set_state(started, SimulationState.STATE_PAUSED)
-    features = ask(started, "get_simulator_features").features.features
-    f = SimulatorFeatures
-    assert {f.SPAWNING_ENTITIES, f.ENTITY_BOUNDS, f.ENTITY_INFO_GETTING} <= set(features)
-    assert f.SPAWNABLES not in features
     text = Resource(resource_string=ROVER.read_text())
     wanted = [
         Wanted(name=name, entity_resource=resource, initial_pose=placed(x, 2.0, 3.0))
@@ -159,13 +155,49 @@ def test_many_entities_come_by_one_call_and_are_described(started: Probe) -> Non
     high, low = ((point.x, point.y, point.z) for point in bounds.points)
     assert bounds.type == Bounds.TYPE_BOX
     assert (high, low) == (pytest.approx((0.2, 0.2, 0.2)), pytest.approx((-0.2, -0.2, -0.2)))
-    infos = [ask(started, "get_entity_info", entity=name).info for name in ("a", "ball")]
-    assert [info.category.category for info in infos] == [
-        EntityCategory.CATEGORY_ROBOT,
-        EntityCategory.CATEGORY_OBJECT,
-    ]
-    for service in ("get_entity_bounds", "get_entity_info"):
-        assert ask(started, service, entity="nobody").result.result == Result.RESULT_NOT_FOUND
+
+
+def test_entities_have_what_clients_say_of_them(started: Probe) -> None:
+    spawn(started, uri=str(ROVER), name="rover", initial_pose=placed(5.0, 2.0, 9.0))
+    robot, other, static = (
+        EntityCategory(category=getattr(EntityCategory, f"CATEGORY_{name}"))
+        for name in ("ROBOT", "OBJECT", "STATIC_OBJECT")
+    )
+    infos = [ask(started, "get_entity_info", entity=name).info for name in ("rover", "ball")]
+    assert [info.category for info in infos] == [robot, other]
+    own = EntityInfo(category=static, description="a mark", tags=["red", "round"])
+    assert ask(started, "set_entity_info", entity="ball", info=own).result.result == OK
+    assert ask(started, "get_entity_info", entity="ball").info == own
+    unknown = EntityInfo(category=EntityCategory(category=77))
+    assert ask(started, "set_entity_info", entity="ball", info=unknown).result.result == Result.RESULT_OPERATION_FAILED
+    every, some = TagsFilter.FILTER_MODE_ALL, TagsFilter.FILTER_MODE_ANY
+    for expected, filters in (
+        (["ball"], {"categories": [static]}),
+        (["ball", "rover"], {"categories": [static, robot]}),
+        ([], {"categories": [other]}),
+        (["ball"], {"tags": TagsFilter(tags=["red", "blue"], filter_mode=some)}),
+        ([], {"tags": TagsFilter(tags=["red", "blue"], filter_mode=every)}),
+        (["ball"], {"tags": TagsFilter(tags=["red", "round"], filter_mode=every), "filter": "^[[:alpha:]]+$"}),
+        ([], {"tags": TagsFilter(tags=["red"]), "filter": "^[^[:lower:]]"}),
+    ):
+        assert sorted(entities(started, **filters)) == expected, filters
+    assert ask(started, "reset_simulation", scope=srv.ResetSimulation.Request.SCOPE_ALL).result.result == OK
+    assert ask(started, "get_entity_info", entity="ball").info == infos[1], "as at the start"
+
+
+def test_poses_are_taken_in_the_frame_of_an_entity(started: Probe) -> None:
+    set_state(started, SimulationState.STATE_PAUSED)
+    turned = EntityState(pose=pose_message((2.0, 2.0, 9.0), math.pi / 2))
+    assert ask(started, "set_entity_state", entity="ball", state=turned).result.result == OK
+    answer = spawn(started, uri=str(ROVER), name="rover", initial_pose=placed(1.0, 0.0, 0.5, "ball"))
+    assert answer.result.result == OK, answer.result.error_message
+    assert pose_of(started, "rover") == pytest.approx((2.0, 3.0, 9.5), abs=1e-6)
+    moving = EntityState(pose=pose_message((0.0, 1.0, 0.0)), twist=Twist(linear=Vector3(x=1.0)))
+    moving.header.frame_id = "ball"
+    assert ask(started, "set_entity_state", entity="rover", state=moving).result.result == OK
+    assert pose_of(started, "rover") == pytest.approx((1.0, 2.0, 9.0), abs=1e-6)
+    linear = ask(started, "get_entity_state", entity="rover").state.twist.linear
+    assert (linear.x, linear.y) == pytest.approx((0.0, 1.0), abs=1e-6)
 
 
 def test_entities_are_filtered_by_name_and_place(started: Probe) -> None:
@@ -185,7 +217,6 @@ def test_entities_are_filtered_by_name_and_place(started: Probe) -> None:
         box = Bounds(type=Bounds.TYPE_BOX, points=[Vector3(x=9.0, y=3.0, z=10.0), Vector3(x=7.0, y=1.0, z=8.0)])
         assert entities(started, bounds=box) == ["rover_b"]
         for code, filters in (
-            (Result.RESULT_FEATURE_UNSUPPORTED, {"categories": [EntityCategory()]}),
             (Result.RESULT_FEATURE_UNSUPPORTED, {"bounds": Bounds(type=Bounds.TYPE_CONVEX_HULL)}),
             (Result.RESULT_OPERATION_FAILED, {"bounds": Bounds(type=Bounds.TYPE_SPHERE)}),
             (Result.RESULT_OPERATION_FAILED, {"filter": "("}),
@@ -220,13 +251,6 @@ def test_a_reset_has_the_scope_that_is_asked_for(started: Probe) -> None:
         assert pose_of(started, "ball") == (2.0, 2.0, 9.0), "as if the node had been started again"
 
 
-def test_resources_of_both_versions_are_read() -> None:
-    """From 2.0 on, `uri` and `resource_string` are fields of a message of their own; the same names."""
-    assert simulation_services._urdf_of(SimpleNamespace(uri="file:///a/b.urdf", resource_string="")) == "/a/b.urdf"
-    with pytest.raises(InputError):
-        simulation_services._urdf_of(SimpleNamespace(uri="", resource_string=""))
-
-
 def test_the_missing_package_is_named(
     domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -239,8 +263,9 @@ def test_the_simulation_plays_pauses_steps_and_stops(started: Probe, shared_node
     """The last test of this file, because the node ends."""
     s = SimulationState
     features = ask(started, "get_simulator_features").features
-    assert SimulatorFeatures.STEP_SIMULATION_MULTIPLE in features.features
-    assert SimulatorFeatures.ENTITY_TAGS not in features.features
+    known = {value for name, value in vars(SimulatorFeatures).items() if name.isupper() and isinstance(value, int)}
+    f = SimulatorFeatures
+    assert known - set(features.features) == {f.POSE_BOUNDS, f.ENTITY_BOUNDS_CONVEX, f.WORLD_TAGS}
     assert features.spawn_formats == ["urdf"]
     assert state(started) == s.STATE_PLAYING
     assert ask(started, "step_simulation", steps=1).result.result == Result.RESULT_OPERATION_FAILED

@@ -182,7 +182,7 @@ def test_the_action_steps_with_feedback_and_can_be_cancelled(paused: Probe, step
     end = paused.latest("body_states").header.stamp
     assert paused.call("pause", SetBool, data=True).success
     assert paused.latest("body_states").header.stamp == end, "no step after the end"
-    for count, words in ((0, "ask for 1"), (5, "call ~/pause")):
+    for count, words in ((0, "ask for 1"), (5, "set STATE_PAUSED")):
         paused.call("pause", SetBool, data=count == 0)
         wrapped, told = simulate(paused, steps_client, count)
         assert wrapped.status == GoalStatus.STATUS_ABORTED

@@ -12,7 +12,6 @@ from smartmesh_ros.report.collect import (
     union_bfs,
 )
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from studies.bench.searching import patch_template
 
 
 def flat_mesh(side: int) -> TriangleGraph:
@@ -61,13 +60,6 @@ def test_counts_of_the_grid_graph_inside_at_edges_and_in_corners_and_of_the_tria
     assert len(union_bfs(graph, 0, rings)) == (rings + 1) ** 2
     # A hexagon of rings: 1 + 6 (1 + 2 + ... + rings) vertices.
     assert len(queue_bfs(flat_mesh(20), 10 * 20 + 10, rings)) == 1 + 3 * rings * (rings + 1)
-
-
-@pytest.mark.parametrize("rings", [1, 2, 3, 4])
-def test_the_template_is_what_a_search_collects(rings: int) -> None:
-    rows, columns, vertex = 40, 35, 35 * 14 + 17
-    collected = queue_bfs(GridGraph(rows, columns), vertex, rings)
-    np.testing.assert_array_equal(collected, vertex + patch_template(rings, columns))
 
 
 def test_triangles_of_a_patch_are_those_all_of_whose_corners_are_collected() -> None:

@@ -14,9 +14,9 @@ from smartmesh_ros.report.config import PatchKind, ReportConfig, SearchMethod
 from smartmesh_ros.report.ground import ReportGround, ReportWorld
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from tests.bodies import height, put
+from tests.bodies import put
 from tests.core import mesh_parts
-from tests.grounds import level, moving, step_on_moving
+from tests.grounds import level, step_on_moving
 from tests.terrain.surfaces import highest
 
 RESOLUTION = 0.25
@@ -142,27 +142,6 @@ def test_what_a_terrain_does_not_allow_is_refused() -> None:
             world.refresh()
 
 
-def test_colliders_that_pybullet_cannot_change_are_counted() -> None:
-    heightmap = level(21, 0.25)
-    with world_on(heightmap, "trimesh") as world:
-        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2)))
-        world.step(10)
-        assert world.ground.colliders.leaked == 1, "nothing changed, nothing is built"
-        heightmap.update_region(9, 9, np.full((3, 3), -0.1), time=5.0)
-        world.step(10)
-        assert world.ground.colliders.leaked == 2
-
-
-def test_the_bounds_of_leaning_colliders_do_not_reach_over_others() -> None:
-    """Of a ball's collider, on ground that tilts."""
-    x = 0.1 * np.arange(41) - 2.0
-    with world_on(level(), "heightfield") as world:
-        world.spawn("ball", Sphere(0.15), 1.0, BodyState((0.5, 0.0, 0.15)))
-        for _ in moving(world, lambda time: 0.5 * time * x, 60, every=8):
-            low, high = world.client.getAABB(world.ground.followers[0].collider)
-            assert max(high[0] - low[0], high[1] - low[1]) < 1.0
-
-
 @pytest.mark.parametrize("yaw", [0.0, 0.4, 2.0, -3.0])
 @pytest.mark.parametrize("radius", [0.2, 0.6, 1.5])
 def test_the_collider_has_the_surface_that_sampling_gives(client: Any, yaw: float, radius: float) -> None:
@@ -187,40 +166,3 @@ def test_the_collider_has_the_surface_that_sampling_gives(client: Any, yaw: floa
     hits = client.rayTestBatch([(x, y, 9.0) for x, y in points], [(x, y, -9.0) for x, y in points])
     assert {hit[0] for hit in hits} == {follower.collider}
     np.testing.assert_allclose([hit[3][2] for hit in hits], expected, atol=1e-5)
-
-
-def test_a_field_is_replaced_only_if_its_shape_changes(client: Any) -> None:
-    bumps = np.random.default_rng(0).uniform(-0.1, 0.1, (50, 50)).astype(np.float32)
-    heightmap = HeightMap(bumps, resolution=0.1)
-    body = put(client, BALL, (2.04, 2.03, 0.2))
-    ground = ReportGround(client, heightmap, ReportConfig(kind="heightfield"))
-    ground.attach(body)
-
-    def replaced(time: float) -> int:
-        before = ground.colliders.replacements
-        ground.refresh(time, DT)
-        return ground.colliders.replacements - before
-
-    assert replaced(0.0) == 1
-    assert replaced(0.0) == 0
-    heightmap.replace(bumps + 1.0, time=10.0)
-    client.resetBasePositionAndOrientation(body, (2.04, 2.03, 1.2), (0, 0, 0, 1))
-    assert replaced(10.0) == 0, "the ground rose as it is"
-    heightmap.update_region(15, 15, 1.1 - bumps[15:30, 15:30], time=20.0)
-    assert replaced(20.0) == 1, "it has another shape"
-    heightmap.update_region(40, 40, np.ones((3, 3)), time=21.0)
-    assert replaced(21.0) == 0, "the ground changed elsewhere"
-
-
-@pytest.mark.parametrize("kind", ["heightfield", "trimesh", "hull", "prisms"])
-def test_a_patch_collides_with_its_own_body_only(client: Any, kind: PatchKind) -> None:
-    client.setGravity(0, 0, -9.81)
-    heightmap = HeightMap(np.zeros((50, 50)), resolution=0.1)
-    followed, other = put(client, BALL, (2.0, 2.0, 0.2)), put(client, Sphere(0.05), (2.0, 2.26, 0.05))
-    ground = ReportGround(client, heightmap, ReportConfig(kind=kind))
-    ground.attach(followed)
-    for step in range(120):
-        ground.update(step * DT, DT)
-        client.stepSimulation()
-    assert height(client, followed) == pytest.approx(0.2, abs=1e-3)
-    assert height(client, other) < -0.5

@@ -6,11 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros import HeightMap
-from smartmesh_ros.report.batch import PatchBatch
 from smartmesh_ros.report.config import ReportConfig
-from smartmesh_ros.report.map_patches import extent_for
 from smartmesh_ros.report.mesh_patches import mesh_twist
-from smartmesh_ros.terrain.grid import FloatArray
 from tests.examples import examples
 from tests.report.selecting import SOLID, Selecting
 
@@ -95,32 +92,6 @@ def test_a_patch_moves_as_the_ground_under_the_body_does(config: ReportConfig) -
     np.testing.assert_allclose(linear[:, 2], heightmap.at(feet[:, :2], 0.01).velocities, atol=1e-3)
 
 
-def test_patches_do_not_flicker_between_sizes() -> None:
-    selector, sizes = Selecting(HeightMap(np.zeros((100, 100)), resolution=0.1), [0.25]), []
-    here = np.array([[5.0, 5.0, 0.2]])
-    for step in range(60):
-        [batch] = selector.update(here, 0.001 / DT if step % 2 else 0.0)  # about the border between two sizes
-        sizes.append(batch.vertices_w.shape[1])
-    assert len(set(sizes[1:])) == 1
-    [fast] = selector.update(here, 0.2 / DT)
-    [slow] = selector.update(here)
-    assert np.ptp(slow.vertices_w[0, :, 0]) < np.ptp(fast.vertices_w[0, :, 0])
-
-
-@given(st.lists(st.floats(0.01, 20.0), min_size=1, max_size=20), st.floats(0.02, 1.0), st.integers(3, 300))
-def test_an_extent_covers_what_is_asked_for_as_far_as_the_map_has_room(
-    reach: list[float], resolution: float, side: int
-) -> None:
-    extent = extent_for(np.array(reach), resolution, side)
-    covered = extent.rings * extent.stride
-    room = (side - 1) // 2
-    need = np.minimum(np.array(reach) / resolution + 0.5, room)
-    # Where the map has no room for a whole ring more there is none.
-    assert ((covered >= need - 1e-6) | (covered + extent.stride > room)).all()
-    assert (covered <= room).all()
-    assert (extent.rings >= 1).all()
-
-
 def test_bodies_off_the_terrain_have_no_patch() -> None:
     heightmap = HeightMap(np.zeros((11, 11)), resolution=1.0)
     positions = np.array([[5.0, 5.0, 0.0], [-0.3, 5.0, 0.0], [-0.6, 5.0, 0.0], [np.nan, 5.0, 0.0], [5.0, 12.0, 0.0]])
@@ -140,31 +111,6 @@ def test_fixed_rings_are_the_reports_collider_size(rings: int) -> None:
     np.testing.assert_allclose(np.ptp(batch.vertices_w[..., :2], axis=1), 0.2 * rings, atol=1e-9)
 
 
-def by_slot(batches: list[PatchBatch]) -> dict[int, FloatArray]:
-    return {
-        slot: points for batch in batches for slot, points in zip(batch.slots.tolist(), batch.vertices_w, strict=True)
-    }
-
-
-def test_patches_of_bodies_that_are_not_solid_are_worked_out_when_asked_for() -> None:
-    rng = np.random.default_rng(4)
-    heightmap = HeightMap(rng.normal(size=(60, 60)), resolution=0.1)
-    solid = np.arange(12) % 3 > 0
-    every, chosen = Selecting(heightmap, [0.3] * 12), Selecting(heightmap, [0.3] * 12, solid=solid)
-    positions = rng.uniform(1.0, 4.0, (12, 3))
-    for step in range(3):
-        found = by_slot(chosen.update(positions + 0.05 * step))
-        assert {*found} == {*np.flatnonzero(solid).tolist()}
-        expected = by_slot(every.update(positions + 0.05 * step))
-    chosen.patches.choose_tracked()
-    chosen.patches.choose_tracked()
-    found = by_slot(chosen.patches.batches)
-    assert {*found} == {*range(12)}
-    assert sum(len(batch.slots) for batch in chosen.patches.batches) == 12, "each body once"
-    for slot, vertices in expected.items():
-        np.testing.assert_array_equal(found[slot], vertices)
-
-
 numbers = st.floats(-2.0, 2.0)
 vectors = st.tuples(numbers, numbers, numbers).map(np.array)
 
@@ -177,13 +123,3 @@ def test_a_rigid_motion_is_found_wherever_the_body_is(
 ) -> None:
     found = mesh_twist(PLACES, linear + np.cross(angular, PLACES), body, 1.0)
     np.testing.assert_allclose(found, (linear, angular), atol=1e-6)
-
-
-@given(st.floats(-0.7, 0.7), st.floats(-0.7, 0.7))
-def test_where_the_velocity_is_curved_that_at_the_body_counts(x: float, y: float) -> None:
-    """A rate of x^2: the mean over the patch is 2 / 3 everywhere."""
-    velocities = np.zeros((9, 3))
-    velocities[:, 2] = PLACES[:, 0] ** 2
-    linear, angular = mesh_twist(PLACES, velocities, np.array([x, y, 0.3]), 0.5)
-    facet = abs(x)  # between the vertices at 0 and 1 or -1
-    assert abs((linear + np.cross(angular, [x, y, 0.0]))[2] - facet) < 0.12

@@ -274,10 +274,10 @@ def test_what_sleeps_in_pybullet_wakes_on_another_soil(client: Any, maximal: boo
     ground = Ground(client, HeightMap(np.zeros((41, 41)), resolution=0.05))
     ground.attach(body)
     for _ in range(1200):
-        ground.step(ground.time, 1.0 / 240.0)
+        ground.step(ground.clock, 1.0 / 240.0)
     ground.set_soil(Soil(ground.terrain, "lunar"))
     for _ in range(480):
-        ground.step(ground.time, 1.0 / 240.0)
+        ground.step(ground.clock, 1.0 / 240.0)
     assert 0.1 - height(client, body) == pytest.approx(20.0 * 9.81 / 0.04 / 820e3, rel=0.1)
 
 

@@ -13,9 +13,9 @@ UNCARRIED = ReportConfig(carry_velocity=False)
 # All rows that take no longer than a few seconds.
 WHOLE = {row.name for part in (still_ground, moving_ground, changes, touching) for row in part.ROWS}
 BY_DEFAULTS = [row.name for row in ROWS if row.quick or row.name in WHOLE]
-# Rows on ground that moves or changes, for height fields of PyBullet.
+# Rows on ground that moves or changes, for height fields of PyBullet; of two rows of waves the harder one.
 MOVING = {row.name for part in (moving_ground, changes) for row in part.ROWS} | {"T4 raised above all before"}
-BY_FIELDS = [row.name for row in ROWS if row.quick and row.name in MOVING]
+BY_FIELDS = [row.name for row in ROWS if row.quick and row.name in MOVING - {"waves, w = 4"}]
 
 
 @pytest.mark.parametrize(
@@ -52,14 +52,9 @@ def test_the_reports_collider_fails_where_it_must(name: str) -> None:
         ("hit against a step, colliders at 4 Hz", NARROW),
         ("T5 ground rising, 3 m/s", UNCARRIED),
         ("T5 ground sliding, 0.5 m/s", UNCARRIED),
-        ("waves, w = 4", UNCARRIED),
         ("waves, w = 16", SELDOM),
     ],
 )
 def test_what_is_wrong_on_purpose_fails(name: str, wrong: ReportConfig) -> None:
     [row] = [row for row in ROWS if row.name == name]
     assert row.figure(wrong) > row.limit
-
-
-def test_rows_have_names_of_their_own() -> None:
-    assert len({row.name for row in ROWS}) == len(ROWS)

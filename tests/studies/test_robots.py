@@ -16,7 +16,7 @@ from smartmesh_ros.tools.evaluation.distance import Surface, nearest
 from studies.configurations import robot_configurations
 from studies.engines.engine import missing
 from studies.matrix.arena import square
-from studies.robots import study
+from studies.robots import contest, study
 from studies.robots.contest import shapes_of
 from studies.robots.engine import MASSLESS, SERVO, RobotEngine, RobotSetup, prepared
 from studies.robots.geometry import GroundPrisms, Part, hull, placed, pose_of, read_links
@@ -159,18 +159,13 @@ def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.Monke
     small = RobotScene(robot=ROVER, motion="maps", resolution=0.25, quick=True)
     monkeypatch.setattr(study, "scenes", lambda: [small])
     monkeypatch.setattr(study, "run_strangers", lambda *_, **__: [])
+    monkeypatch.setattr(contest, "SECONDS", 0.5)
+    monkeypatch.setattr(contest, "SETTLE", 0.25)
     assert study.main(["--quick", "--out", str(tmp_path)]) == 0
     for name in ("robots.json", "robot_tables.md", "robot_charts.md", f"images/robots/{small.name}.png"):
         assert (tmp_path / name).stat().st_size > 500, name
     with pytest.raises(SystemExit, match="2"):
         study.main(["--scenes", "no such scene"])
-
-
-@pytest.mark.parametrize("part", ["--quick", "--scenes husky_rest_4cm"])
-def test_a_part_of_a_run_changes_no_document(part: str) -> None:
-    parser = study.CHARTS.parser("", ["husky_rest_4cm"])
-    assert study.CHARTS.folder(parser.parse_args(part.split())) == Path("out/robots")
-    assert study.CHARTS.folder(parser.parse_args([])) == Path("docs")
 
 
 @pytest.mark.parametrize("engine", ["defaults", "MuJoCo tuned, 240 Hz", "PhysX, 240 Hz"])

@@ -129,14 +129,6 @@ def test_noise_is_fused_over_time_whole_and_in_regions(layer: bool) -> None:
     assert heightmap.heights[32:].std() < 2.0 * sigma / math.sqrt(0.5 * count)
 
 
-def test_zero_noise_takes_heights_as_they_are() -> None:
-    heightmap = corrected(np.zeros((SIZE, SIZE)))
-    new = RNG.normal(size=(SIZE, SIZE)).astype(np.float32)
-    heightmap.replace(new, time=0.1)
-    assert heightmap.corrections.fused is None
-    assert np.array_equal(heightmap.heights, new)
-
-
 def test_what_is_fused_scrolls_with_the_map() -> None:
     motion = MotionConfig(changes="correction", noise=0.01)
     geometry = GridGeometry(rows=SIZE, columns=SIZE, resolution=1.0)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from smartmesh_ros import HeightMap, InputError
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import Mode, MotionConfig
-from tests.terrain.motion_law import AT_REST, LATE_AFTER, REST_AFTER, Phase, displacement, phase_of, rise_of
+from tests.terrain.motion_law import LATE_AFTER, REST_AFTER, Phase, displacement, phase_of, rise_of
 
 AGES = np.linspace(0.0, 1.0, 2001)
 INTERVAL = 0.1
@@ -70,11 +70,6 @@ def test_hold_keeps_the_heights_and_carries_the_velocity_while_maps_come() -> No
     assert all(height_at(age, 1.0, 5.0, Mode.HOLD) == 0.0 for age in AGES)
     assert phase_at(0.0, Mode.HOLD).rate == 1.0
     assert phase_at(1.0, Mode.HOLD).rate == 0.0
-
-
-@pytest.mark.parametrize("mode", list(Mode))
-def test_ground_of_which_no_map_is_expected_is_at_rest(mode: Mode) -> None:
-    assert phase_of(0.3, 0.0, 0.0, 0.05, int(mode)) == AT_REST
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from smartmesh_ros import HeightMap, Terrain
-from smartmesh_ros.core import CORE
+from smartmesh_ros import HeightMap
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import BLOCK, INTERVALS_KEPT, MotionConfig, MotionMode
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
@@ -167,29 +166,6 @@ def test_ground_rests_at_its_last_map_when_maps_stop(mode: MotionMode) -> None:
     assert not found.velocities.any()
 
 
-def pose_at(heightmap: HeightMap, time: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Position [m] and horizontal velocity [m/s] (x, y) of a map."""
-    x, y, _, _, *slide, _ = CORE.grid_pose(heightmap.core_reader, time)
-    return (x, y), tuple(slide)
-
-
-@given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(0.02, 0.1))
-def test_a_map_that_slides_moves_on_with_its_velocity(x: float, y: float, interval: float) -> None:
-    shape = np.random.default_rng(0).normal(size=(8, 9))
-    terrain = Terrain(HeightMap(shape, resolution=0.5, time=0.0))
-    moved = HeightMap(shape, resolution=0.5, origin=(x * interval, y * interval), time=interval)
-    terrain.put("", moved)
-    sliding = moved.track.motion[:2] != (0.0, 0.0)
-    for age in (0.0, 0.3 * interval, interval):
-        place, slide = pose_at(moved, interval + age)
-        went = interval + age if sliding else interval  # else it came by whole cells, or not at all
-        assert place == pytest.approx((x * went, y * went), abs=1e-9)
-        assert slide == pytest.approx((x, y) if sliding else (0.0, 0.0), abs=1e-6)
-    place, slide = pose_at(moved, interval + REST_AFTER * interval + 1e-9)
-    assert place == pytest.approx((x * interval, y * interval))
-    assert slide == (0.0, 0.0)
-
-
 SMOOTH = (MotionConfig(mode="interpolate"), MotionConfig(smoothing=2.0))
 
 
@@ -334,12 +310,6 @@ def test_ground_that_rises_evenly_does_so_whatever_the_stamps(shares: list[float
     heightmap = rising(np.cumsum([INTERVAL, *(INTERVAL * share for share in shares)]), speed)
     found = heightmap.sample(SAMPLES, heightmap.time)
     np.testing.assert_allclose(found.velocities, speed, atol=1e-4 + 0.09 * abs(speed))
-
-
-@pytest.mark.parametrize("spacing", [0.004, 0.01])
-def test_a_burst_tells_the_velocity_since_the_one_before(spacing: float) -> None:
-    found = rising(bursts(spacing))
-    assert found.sample(SAMPLES, found.time).velocities == pytest.approx(1.0, abs=0.05)
 
 
 def test_after_drops_the_ground_goes_on_for_as_long_as_they_took() -> None:

@@ -204,9 +204,3 @@ def test_a_mesh_has_no_masked_vertices() -> None:
         TriangleMesh(vertices, [[0, 1, 2]])
     with World(heightmap(np.zeros((41, 41)))) as world, pytest.raises(InputError, match="not finite"):
         world.ground_at(np.ma.masked_equal([[0.0, NO_DATA]], NO_DATA))
-
-
-def test_a_mask_that_covers_nothing_changes_nothing() -> None:
-    assert heightmap(np.ma.array(np.ones((41, 41)))).heights.min() == 1.0
-    with World(heightmap(np.ma.array(np.ones((41, 41), int)))) as world:
-        assert world.ground_at(np.ma.array([[0, 1]])).z[0] == 1.0

@@ -143,18 +143,6 @@ def test_maps_that_are_put_move_as_replaced_heights_do(how: str, acceleration: f
     assert found.velocities[0] == pytest.approx(0.4 + acceleration * time, rel=0.2)
 
 
-def test_a_map_that_is_put_elsewhere_rises_where_both_have_ground() -> None:
-    """Rising ground whose map travels with a robot by a cell a map."""
-    terrain = Terrain(HeightMap(np.zeros((20, 20)), resolution=1.0))
-    for step in range(1, 5):
-        terrain.put(
-            "", HeightMap(np.full((20, 20), 0.05 * step), resolution=1.0, origin=(float(step), 0.0), time=0.1 * step)
-        )
-    found = terrain.at([[10.0, 10.0], [23.0, 10.0]], 0.4)
-    assert found.heights == pytest.approx([0.2, 0.2], abs=1e-6)
-    assert found.velocities == pytest.approx([0.5, 0.0], abs=1e-3)
-
-
 def test_velocities_that_are_given_with_a_map_are_kept() -> None:
     terrain = Terrain(HeightMap(np.zeros((20, 20)), resolution=1.0))
     given_velocities = HeightMap(np.full((20, 20), 0.05), resolution=1.0, time=0.1, velocities=np.full((20, 20), -2.0))

@@ -88,8 +88,8 @@ def set_ground(world: World, height: float) -> None:
 
 def assert_goes_on(world: World, height: float = 0.0) -> None:
     """Bodies fall and stand on ground of this height, none is lost, and the client is whole."""
-    world.spawn("probe", Sphere(0.1), 1.0, BodyState((2.0, -2.0, height + 0.13)))
-    world.step(60)
+    world.spawn("probe", Sphere(0.1), 1.0, BodyState((2.0, -2.0, height + 0.11)))
+    world.step(24)
     assert not world.lost
     assert world.below_ground() == []
     assert world.state("probe").position[2] == pytest.approx(height + 0.1, abs=5e-3)
@@ -150,7 +150,7 @@ def test_bodies_sleep_and_wake_whatever_failed(faults: Faults, way: str, changes
                 world.step(3)
                 fall_asleep(world)
                 set_ground(world, -0.2)
-            world.step(240)
+            world.step(120)
             assert world.state("box").position[2] == pytest.approx(-0.1, abs=2e-3), faults.fired
             fall_asleep(world)
             assert not world.lost

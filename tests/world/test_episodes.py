@@ -1,15 +1,13 @@
 """An episode begins as the first one did: `World.reset` with a seed."""
 
-import gc
-import resource
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, HeightScan, InputError, Soil, Sphere, World
 from smartmesh_ros.world.joints import JointCommand
+from tests.memory import allocated
 from tests.urdfs import HUSKY, ROVER
 
 SIDE = 41
@@ -92,22 +90,16 @@ def test_without_a_seed_the_terrain_and_commands_stay(world: World) -> None:
     assert world.bodies["husky"].commands == {}
 
 
-def memory() -> int:
-    """Memory of this process now [KiB]."""
-    gc.collect()
-    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() // 1024
-
-
 def main(count: int) -> None:
     """Print whether ``count`` episodes are equal, and how much memory they take."""
     with environment(soil=True) as world:
         first = episode(world, 1, 60)
         for _ in range(20):
             episode(world, 1, 60)
-        before = memory()
+        before = allocated()
         equal = sum(episode(world, 1, 60) == first for _ in range(count))
         print(
-            f"{equal} of {count} episodes equal to the bit; memory {before} KiB before, {memory()} KiB after",
+            f"{equal} of {count} episodes equal to the bit; {before} bytes before, {allocated()} after",
             flush=True,
         )
 
@@ -116,7 +108,7 @@ def test_many_episodes_take_no_more_memory_than_few() -> None:
     with environment() as world:
         for _ in range(10):
             episode(world, 1, 10)
-        before = memory()
-        for _ in range(60):
+        before = allocated()
+        for _ in range(20):
             episode(world, 1, 10)
-        assert memory() - before < 1024, "KiB"
+        assert allocated() - before < 20 * 4 * 1024

@@ -184,19 +184,6 @@ def test_layouts_are_those_of_the_training(layout: str, points: np.ndarray, valu
             np.testing.assert_allclose(world.height_scan(name, scan)[0], values(z, hits), atol=1e-9)
 
 
-def test_both_orders_hold_the_same_values() -> None:
-    """The layout says how: (slow, fast)."""
-    with World(HeightMap(wave(0.0), resolution=RESOLUTION, origin=(LOW, LOW))) as world:
-        world.spawn("robot", Sphere(0.1), 1.0, turned(0.3, 0.2, 1.0, 0.5))
-        found = {}
-        for order in ("xy", "yx"):
-            scan = HeightScan(size=(0.8, 0.4), spacing=0.1, order=order)
-            (slow, rows), (fast, columns) = scan.layout
-            assert {slow: rows, fast: columns} == {"x": 9, "y": 5}
-            found[order] = world.height_scan("robot", scan).reshape(rows, columns)
-        np.testing.assert_array_equal(found["xy"], found["yx"].T)
-
-
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize(("distribution", "deviation"), [("uniform", 0.02 / math.sqrt(3.0)), ("normal", 0.02)])
 def test_noise_has_its_deviation_and_is_added_before_the_scale(

@@ -173,16 +173,16 @@ def test_noise_bias_and_random_walk_are_those_of_the_settings() -> None:
         rate=120.0, accelerometer_noise_density=0.02, gyroscope_noise_density=0.001,
         accelerometer_bias=(0.1, 0.2, 0.3), gyroscope_bias=(-0.01, 0.0, 0.01),
     )  # fmt: skip
-    found = noisy(config, 9600)
+    found = noisy(config, 4800)
     forces, rates = (np.array([getattr(one, name) for one in found]) for name in ("acceleration", "angular_velocity"))
-    assert len(found) == 4800
+    assert len(found) == 2400
     for values, density, bias in (
         (forces, 0.02, config.accelerometer_bias), (rates, 0.001, config.gyroscope_bias)
     ):  # fmt: skip
         deviation = density * math.sqrt(120.0)
-        np.testing.assert_allclose(values.mean(axis=0), bias, atol=5.0 * deviation / math.sqrt(4800))
+        np.testing.assert_allclose(values.mean(axis=0), bias, atol=5.0 * deviation / math.sqrt(2400))
         np.testing.assert_allclose(values.std(axis=0), deviation, rtol=0.05)
-    walks = noisy(ImuConfig(rate=120.0, accelerometer_random_walk=0.05), 9600)
+    walks = noisy(ImuConfig(rate=120.0, accelerometer_random_walk=0.05), 4800)
     steps = np.diff([one.acceleration for one in walks], axis=0)
     np.testing.assert_allclose(steps.std(axis=0), 0.05 / math.sqrt(120.0), rtol=0.05)
     np.testing.assert_allclose([one.angular_velocity for one in walks], 0.0, atol=1e-12)

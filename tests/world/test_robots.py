@@ -13,7 +13,7 @@ from smartmesh_ros import BodyState, Box, Ground, HeightMap, InputError, Physics
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.link_frames import InertialFrame, centre_state, frame_state
-from tests.grounds import level, moving, step_on_moving
+from tests.grounds import level, step_on_moving
 from tests.urdfs import ROVER, inertial, joint, link, robot
 
 SLIDE = '<limit lower="-5" upper="5" effort="7" velocity="10"/>'
@@ -40,23 +40,6 @@ def test_a_commanded_effort_accelerates_as_newton_says(world: World) -> None:
     before = reading(world, "hinge")[1]
     world.step(60)
     assert reading(world, "hinge")[1:] == pytest.approx((before, 0.0), rel=1e-3), "free: no effort, and no brake"
-
-
-def test_targets_are_reached_and_held(world: World) -> None:
-    world.spawn_robot("arm", PENDULUM, BodyState((0.0, 0.0, 3.0)))
-    world.command("arm", "hinge", JointCommand(position=0.8))
-    world.command("arm", "slide", JointCommand(velocity=0.6))
-    world.step(240)
-    assert reading(world, "hinge")[:2] == pytest.approx((0.8, 0.0), abs=1e-3)
-    assert reading(world, "slide")[1] == pytest.approx(0.6, rel=1e-3)
-
-
-@pytest.mark.parametrize(("effort", "most"), [(2.0, 2.0), (None, 7.0)], ids=["of the command", "of the URDF"])
-def test_the_effort_of_a_target_is_bounded(world: World, effort: float | None, most: float) -> None:
-    world.spawn_robot("arm", PENDULUM, BodyState((0.0, 0.0, 3.0)))
-    world.command("arm", "slide", JointCommand(velocity=100.0, effort=effort))
-    world.step(24)
-    assert reading(world, "slide")[1:] == pytest.approx((most / 3.0 * 0.1, most), rel=0.03)
 
 
 @pytest.mark.parametrize("fields", [{"position": math.nan}, {"velocity": math.inf}, {"velocity": 1.0, "effort": -1.0}])
@@ -97,20 +80,6 @@ def test_the_frame_of_a_spawned_robot_is_pybullets(world: World) -> None:
     cos, sin = math.cos(0.8), math.sin(0.8)
     expected = (wheel[0] - (x * cos - y * sin), wheel[1] - (x * sin + y * cos), wheel[2])
     assert frame.position == pytest.approx(expected, abs=1e-6)
-
-
-def test_ground_that_accelerates_carries_more_than_the_weight(world: World) -> None:
-    """The sum of the forces on a rover is its mass times what it is accelerated with, gravity included: 2nd law."""
-    world.spawn_robot("rover", ROVER, BodyState((0.0, 0.0, 0.11)))
-    world.step(240)
-    forces, speeds, start = [], [], world.time
-    for _ in moving(world, lambda time: (time - start) ** 2, 240, every=1):
-        forces.append(sum(wrench.force[2] for wrench in world.wrenches()))
-        speeds.append(world.state("rover").linear[2])
-    gained = 14.0 * (speeds[-1] - speeds[119])
-    impulse = (np.mean(forces[120:]) - 14.0 * 9.81) * 0.5
-    assert impulse == pytest.approx(gained, rel=0.05), "momentum"
-    assert np.mean(forces[120:]) == pytest.approx(14.0 * (9.81 + 2.0), rel=0.02)
 
 
 def test_on_a_slope_the_ground_carries_the_weight_and_no_more() -> None:

@@ -28,11 +28,11 @@ from tests.world.random_worlds import saved_run
 
 LYING = (0.5**0.5, 0.0, 0.0, 0.5**0.5)
 # Of `random_worlds`: soil and robots, tiles and a mesh, fused corrections, regions, a scrolling map.
-SEEDS, STEPS = (11, 6, 67, 9), 1000
+SEEDS, STEPS = (11, 6, 67, 9), 400
 
 
 def test_worlds_saved_at_random_steps_go_on_to_the_bit_in_a_new_process(tmp_path: Path) -> None:
-    runs = {seed: saved_run(seed, tmp_path / f"{seed}.npz", 500, STEPS) for seed in SEEDS}
+    runs = {seed: saved_run(seed, tmp_path / f"{seed}.npz", 300, STEPS) for seed in SEEDS}
     code = (
         "from pathlib import Path\nfrom tests.world.random_worlds import restored_run\n"
         f"for seed, at in {[(seed, at) for seed, (at, _) in runs.items()]}:\n"

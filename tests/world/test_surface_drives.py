@@ -220,7 +220,7 @@ def ground(client: Any) -> Ground:
 def run(ground: Ground, client: Any, steps: int) -> float:
     """Go on, and return the velocity of the box along x [m/s]."""
     for _ in range(steps):
-        ground.step(ground.time, 1.0 / 240.0)
+        ground.step(ground.clock, 1.0 / 240.0)
     return float(client.getBaseVelocity(0)[0][0])
 
 

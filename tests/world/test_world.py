@@ -10,7 +10,6 @@ import pytest
 from smartmesh_ros import BodyState, Box, HeightMap, InputError, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.node.inputs.tracking import Tracking
 from tests import urdfs
-from tests.urdfs import HUSKY
 
 
 @pytest.mark.parametrize(
@@ -109,23 +108,6 @@ def test_settings_change_while_bodies_rest(world: World) -> None:
     assert sum(contact.normal_force for contact in world.contacts()) == pytest.approx(1.6, rel=0.02)
 
 
-def test_a_world_that_was_reset_goes_on_as_a_fresh_one() -> None:
-    rows, columns = np.indices((61, 61))
-    hills = 0.3 * np.sin(0.4 * rows) * np.cos(0.3 * columns)
-    ends = []
-    for steps in (0, 137):
-        with World(HeightMap(hills, resolution=0.25)) as world:
-            for index in range(6):
-                x, y = 3.0 + 1.7 * index, 5.0 + index
-                z = float(world.terrain.at([[x, y]], 0.0).heights[0])
-                world.spawn(f"ball_{index}", Sphere(0.2), 1.0, BodyState((x, y, z + 0.4), linear=(0.5, 0.0, 0.0)))
-            world.step(steps)
-            world.reset()
-            world.step(60)
-            ends.append([world.state(f"ball_{index}").position for index in range(6)])
-    assert ends[0] == ends[1]
-
-
 PLANK = urdfs.robot(urdfs.link("board", '<box size="1.0 0.2 0.1"/>', 1.0, (1.0, 0.2, 0.1)))
 
 
@@ -150,30 +132,3 @@ def test_a_plank_stands_on_its_edge_not_in_the_ground(urdf: str) -> None:
         assert math.hypot(*state.linear) < 1e-3
         assert state.position[2] > 0.2 and world.rescues == 0, "it leans on the step"
         assert -1e-4 < corners[:, 2].min() < 1e-3
-
-
-def test_a_robot_has_a_patch_for_each_link_that_can_touch_the_ground(world: World) -> None:
-    world.spawn_robot("husky", HUSKY, BodyState((0.0, 0.0, 0.3)))
-    names = [name for name in world.followers.names if name.startswith("husky/")]
-    assert {name for name in names if "wheel" in name} == {
-        f"husky/{side}_wheel_link" for side in ("front_left", "front_right", "rear_left", "rear_right")
-    }
-    world.step(240)
-    assert {contact.body for contact in world.contacts()} <= set(names)
-    assert len({contact.body for contact in world.contacts() if "wheel" in contact.body}) == 4
-    rest = world.state("husky").position
-    for joint in world.bodies["husky"].joints:
-        world.drive("husky", joint, 5.0)
-    world.step(240)
-    assert math.dist(world.state("husky").position, rest) > 0.3
-    world.remove("husky")
-    assert not any(world.followers.names)
-
-
-def test_simulated_bodies_are_pushed_by_tracked_ones(world: World) -> None:
-    world.spawn("ball", Sphere(0.2), 1.0, BodyState((1.0, 0.0, 0.2)))
-    for step in range(240):
-        world.track("pusher", 0.3, BodyState((step / 240.0, 0.0, 0.3), linear=(1.0, 0.0, 0.0)))
-        world.step()
-    assert world.state("ball").position[0] > 1.3
-    assert world.state("pusher").position[0] == pytest.approx(1.0, abs=0.02)

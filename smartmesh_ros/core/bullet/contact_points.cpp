@@ -68,8 +68,8 @@ void tell_slide(const Vec3& slide, const Slip& slip, const Vec3& normal, const T
     return;
   }
   // Bullet limits friction along two directions by the same force; a shorter one makes it less.
-  if (norm2(slip.along) > 0.0) {
-    point.m_lateralFrictionDir1 = to_bullet(unit(slip.along));
+  if (const Vec3 along = slip.along - normal * dot(slip.along, normal); norm2(along) > 0.0) {
+    point.m_lateralFrictionDir1 = to_bullet(unit(along));
     point.m_lateralFrictionDir2 = point.m_lateralFrictionDir1.cross(point.m_normalWorldOnB) * slip.across;
   }
   const double sign = touching.ground_is_b ? 1.0 : -1.0;
@@ -119,14 +119,15 @@ void write_contacts(const std::vector<Contact>& contacts, const std::vector<Cont
                     contact.deck});
     point.m_positionWorldOnA += to_bullet(row.at - contact.point);
     point.m_positionWorldOnB += to_bullet(row.at - contact.point);
+    point.m_normalWorldOnB = to_bullet(row.normal * sign);
     point.m_combinedFriction = row.friction.sliding;
     point.m_combinedRollingFriction = row.friction.rolling;
     point.m_combinedSpinningFriction = row.friction.spinning;
     point.m_combinedRestitution = 0.0;  // the speed of the row has it
     const Vec3 carried =
         from_bullet(touching.ground.getVelocityInLocalPoint(to_bullet(contact.point) - proxy.getOrigin()));
-    tell_speed(row.speed - dot(contact.normal, carried), row.softness, touching, point);
-    tell_slide(row.slide - carried, row.slip, contact.normal, touching, point);
+    tell_speed(row.speed - dot(row.normal, carried), row.softness, touching, point);
+    tell_slide(row.slide - carried, row.slip, row.normal, touching, point);
     const OldContact* old = matching(contact, before);
     if (old == nullptr) continue;
     const btVector3 friction = to_bullet(old->friction * sign);

@@ -6,6 +6,7 @@
 #include <LinearMath/btTransform.h>
 
 #include "shape/convex.h"
+#include "shape/solid.h"
 
 class btConvexShape;
 
@@ -16,6 +17,10 @@ inline btVector3 to_bullet(const Vec3& v) { return btVector3(v.x, v.y, v.z); }
 inline Pose from_bullet(const btTransform& t) {
   const btMatrix3x3& m = t.getBasis();
   return {{{from_bullet(m[0]), from_bullet(m[1]), from_bullet(m[2])}}, from_bullet(t.getOrigin())};
+}
+inline BodyPose body_pose(const btTransform& t) {
+  const btQuaternion turn = t.getRotation();
+  return {from_bullet(t.getOrigin()), {turn.x(), turn.y(), turn.z(), turn.w()}};
 }
 
 // Returns the shape that Bullet collides, with its margin, turned by `turn` in Bullet's frame of it; none if its kind

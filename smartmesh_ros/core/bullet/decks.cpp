@@ -10,11 +10,17 @@
 namespace smartmesh {
 
 void BulletWorld::find_carriers() {
-  if (carried_layout_ == surface.layout()) return;
-  carried_layout_ = surface.layout();
+  const auto& decks = terrain->decks();
+  const bool same =
+      carried_layout_ == terrain->layout() &&
+      std::equal(carried_.begin(), carried_.end(), decks.begin(), [](const Carried& known, const Deck* deck) {
+        return known.body == deck->body && known.link == deck->link;
+      });
+  if (same) return;
+  carried_layout_ = terrain->layout();
   carried_.clear();
-  for (const Deck* deck : surface.decks()) {
-    carried_.emplace_back();
+  for (const Deck* deck : decks) {
+    carried_.push_back({deck->body, deck->link});
     if (deck->body >= 0) carried_.back().object = find(deck->body, deck->link);
   }
 }
@@ -24,7 +30,7 @@ void BulletWorld::find_carriers() {
 void BulletWorld::move_carried() {
   find_carriers();
   for (std::size_t k = 0; k < carried_.size(); ++k) {
-    Deck& deck = *surface.decks()[k];
+    Deck& deck = *terrain->decks()[k];
     Carried& carried = carried_[k];
     if (deck.body >= 0 && carried.object == nullptr) deck.motion.stop(time);
     if (carried.object == nullptr) continue;
@@ -50,7 +56,7 @@ void BulletWorld::move_carried() {
 double BulletWorld::find_decks(Slot& slot, const Bounds& swept) {
   slot.decks.clear();
   double moved = -1.0;
-  const auto& decks = surface.decks();
+  const auto& decks = terrain->decks();
   for (std::size_t k = 0; k < decks.size(); ++k) {
     NearbyDeck near{static_cast<int>(k), {}, 0.0};
     if (decks[k]->body == slot.body || !is_near(*decks[k], swept, time, duration, near)) continue;
@@ -63,7 +69,7 @@ double BulletWorld::find_decks(Slot& slot, const Bounds& swept) {
 void BulletWorld::find_deck_contacts(const Slot& slot, const Convex& shape, const Pose& pose, double step) {
   Approach body = approach_of(slot, step);
   body.linear = slot.linear, body.ground = {}, body.margin = margin_in(step);
-  const auto& decks = surface.decks();
+  const auto& decks = terrain->decks();
   for (const NearbyDeck& near : slot.decks)  // a sleeping body may know decks that are gone
     if (near.number < static_cast<int>(decks.size()))
       deck_search_.add(shape, pose, *decks[near.number], near, time, body, on_decks_);

@@ -24,8 +24,8 @@ void GroundShape::processAllTriangles(btTriangleCallback* callback, const btVect
     }
   };
   world_->guarded([&] {
-    add(world_->surface, {}, bounds);
-    for (Deck* deck : world_->surface.decks()) {
+    add(*world_->terrain, {}, bounds);
+    for (Deck* deck : world_->terrain->decks()) {
       const Pose frame = deck->motion.at(world_->time).pose;
       add(deck->surface, frame, Deck::local_bounds(frame, bounds));
     }

@@ -1,22 +1,15 @@
 // What a saved state has of the ground in a Bullet world, and the forgetting of the past.
 #include <algorithm>
 
-#include <BulletCollision/CollisionShapes/btCompoundShape.h>
-
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
 #include "bullet/broadphase.h"
+#include "bullet/shape_parts.h"
 #include "bullet/world.h"
 
 namespace smartmesh {
 
 namespace {
-
-void add_parts(const btCollisionShape& shape, std::vector<const btCollisionShape*>& parts) {
-  if (!shape.isCompound()) return parts.push_back(&shape);
-  const auto& compound = static_cast<const btCompoundShape&>(shape);
-  for (int k = 0; k < compound.getNumChildShapes(); ++k) add_parts(*compound.getChildShape(k), parts);
-}
 
 // Numbers of a part on the soil before those of its contacts and its rim.
 struct PartMemory {
@@ -30,7 +23,9 @@ constexpr std::size_t PART = sizeof(PartMemory) / sizeof(double);
 }  // namespace
 
 void BulletWorld::find_parts(Slot& slot) {
-  if (slot.leaves.empty()) add_parts(*slot.object->getCollisionShape(), slot.leaves);
+  if (!slot.leaves.empty()) return;
+  for_each_part(*slot.object->getCollisionShape(), btTransform::getIdentity(),
+                [&](const btCollisionShape& part, const btTransform&) { slot.leaves.push_back(&part); });
 }
 
 int BulletWorld::part_number(Slot& slot, const btCollisionShape& shape) {
@@ -40,13 +35,14 @@ int BulletWorld::part_number(Slot& slot, const btCollisionShape& shape) {
 
 SlotMemory BulletWorld::memory_of(int index) const {
   const Slot& slot = slots_[index];
-  return {slot.rest.still, slot.rest.anchor, slot.pull, slot.turning};
+  return {slot.rest.still, slot.rest.anchor, slot.pull, slot.turning, slot.last_ground, slot.falls ? 1.0 : 0.0};
 }
 
 void BulletWorld::recall(int index, const SlotMemory& memory) {
   Slot& slot = slots_[index];
   slot.rest.still = memory.still, slot.rest.anchor = memory.anchor;
   slot.pull = memory.pull, slot.turning = memory.turning;
+  slot.last_ground = memory.last_ground, slot.falls = memory.falls != 0.0;
   gravity_ = world_->getGravity();  // another one wakes all
 }
 

@@ -1,6 +1,5 @@
 #include "bullet/shape_parts.h"
 
-#include <BulletCollision/CollisionShapes/btCompoundShape.h>
 #include <BulletCollision/CollisionShapes/btConvexHullShape.h>
 #include <BulletDynamics/Dynamics/btDiscreteDynamicsWorld.h>
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
@@ -22,7 +21,9 @@ ShapePart ball_around(const btCollisionShape& shape, const btTransform& pose) {
   shape.getAabb(pose, low, high);
   btVector3 farthest = high.absolute();
   farthest.setMax(low.absolute());
-  return {ball(farthest.length()), {}};
+  ShapePart part{ball(farthest.length()), {}};
+  part.shape.radius = part.shape.reach;
+  return part;
 }
 
 ShapePart hull_at(const btConvexHullShape& hull, const btTransform& pose) {
@@ -32,18 +33,15 @@ ShapePart hull_at(const btConvexHullShape& hull, const btTransform& pose) {
   return part;
 }
 
-void add_parts(const btCollisionShape& shape, const btTransform& pose, std::vector<ShapePart>& parts) {
-  if (shape.isCompound()) {
-    const auto& compound = static_cast<const btCompoundShape&>(shape);
-    for (int k = 0; k < compound.getNumChildShapes(); ++k)
-      add_parts(*compound.getChildShape(k), pose * compound.getChildTransform(k), parts);
-  } else if (shape.getShapeType() == CONVEX_HULL_SHAPE_PROXYTYPE) {
+void add_part(const btCollisionShape& shape, const btTransform& pose, std::vector<ShapePart>& parts) {
+  if (shape.getShapeType() == CONVEX_HULL_SHAPE_PROXYTYPE) {
     parts.push_back(hull_at(static_cast<const btConvexHullShape&>(shape), pose));
   } else if (const auto convex =
                  shape.isConvex() ? convex_of(static_cast<const btConvexShape&>(shape)) : std::nullopt) {
     parts.push_back({*convex, {}});
-    parts.back().shape.offset = from_bullet(pose.getOrigin());
-    parts.back().shape.turn = turn_of(pose) * convex->turn;
+    Shape& placed = parts.back().shape;
+    placed.offset = from_bullet(pose.getOrigin()), placed.turn = turn_of(pose) * convex->turn;
+    placed.radius = placed.reach + norm(placed.offset);
   } else if (shape.getShapeType() != EMPTY_SHAPE_PROXYTYPE) {
     parts.push_back(ball_around(shape, pose));
   }
@@ -59,7 +57,8 @@ LinkShapes link_shapes(btDiscreteDynamicsWorld& world, int body) {
     if (name.body != body) continue;
     require_rigid(*objects[k]);
     std::vector<ShapePart> parts;
-    add_parts(*objects[k]->getCollisionShape(), btTransform::getIdentity(), parts);
+    for_each_part(*objects[k]->getCollisionShape(), btTransform::getIdentity(),
+                  [&](const btCollisionShape& part, const btTransform& pose) { add_part(part, pose, parts); });
     if (!parts.empty()) found[name.link] = std::move(parts);
   }
   return found;

@@ -4,12 +4,22 @@
 #include <map>
 #include <vector>
 
+#include <BulletCollision/CollisionShapes/btCompoundShape.h>
+
 #include "bullet/convert.h"
 
-class btCollisionShape;
 class btDiscreteDynamicsWorld;
 
 namespace smartmesh {
+
+// Calls `use(part, pose)` for the parts of a shape at a pose.
+template <class Use>
+void for_each_part(const btCollisionShape& shape, const btTransform& pose, const Use& use) {
+  if (!shape.isCompound()) return use(shape, pose);
+  const auto& compound = static_cast<const btCompoundShape&>(shape);
+  for (int k = 0; k < compound.getNumChildShapes(); ++k)
+    for_each_part(*compound.getChildShape(k), pose * compound.getChildTransform(k), use);
+}
 
 // A convex part of a body's shape, in the frame of its centre of mass; `points`: of a hull, in that frame [m].
 struct ShapePart {

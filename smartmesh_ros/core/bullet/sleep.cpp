@@ -34,7 +34,7 @@ void BulletWorld::note_asleep(Slot& slot) {
   rest.is_first = moving_slot(of_body(slot.body)) == &slot;
   rest.pose = slot.object->getWorldTransform();
   rest.bounds = bounds_of(*slot.object);
-  surface.ground_under(rest.bounds, time, rest.ground);
+  terrain->ground_under(rest.bounds, time, rest.ground);
   rest.calm = false, rest.corrected = 0.0, rest.samples = 0;
   Sleeper& sleeper = of_body(slot.body).sleeper;
   sleeper.motors = motors_of(*slot.object), sleeper.followed = 0.0;
@@ -79,6 +79,7 @@ void BulletWorld::note_rest() {
     if (body.driven || slot.belt.speed != 0.0 || is_on_carrier(slot)) slot.rest.still = 0.0;
     body.still = std::min(body.still, slot.rest.still);
   }
+  if (may_sleep) put_resting_to_sleep();
 }
 
 // Notes which awake bodies are driven in the coming step, and lets those stay awake that are no longer still but were
@@ -139,23 +140,22 @@ void BulletWorld::find_supported() {
 }
 
 // Returns true if a body that is still may sleep: all its slots have ground, and it rests on something.
-bool BulletWorld::can_sleep(const OfBody& body, const std::vector<bool>& is_trusted) const {
+bool BulletWorld::can_sleep(const OfBody& body) const {
   bool is_borne = body.supported;
   for (const Role& role : body.roles) {
     const Slot& slot = slots_[role.slot];
     if (role.is_proxy || slot.object == nullptr || slot.ground == nullptr) return false;
     btMultiBody* robot = robot_of(*slot.object);
     if (std::find(joined_.begin(), joined_.end(), robot) != joined_.end()) return false;
-    is_borne |= role.slot < static_cast<int>(is_trusted.size()) && is_trusted[role.slot];
+    is_borne |= slot.kind.is_remote;
     is_borne |= robot != nullptr && robot->getBaseCollider()->isStaticOrKinematicObject();
   }
   return is_borne && joints_rest(*slots_[body.roles.front().slot].object, rules_.joint);
 }
 
-std::vector<int> BulletWorld::find_resting(const std::vector<bool>& is_trusted) {
-  std::vector<int> still, found;
+void BulletWorld::put_resting_to_sleep() {
+  std::vector<int> still;
   const double after = time_still(rules_, world_->getGravity().length());
-  find_objects();
   list_slots();
   for (int k : awake_) {
     const Slot& slot = slots_[k];
@@ -163,21 +163,14 @@ std::vector<int> BulletWorld::find_resting(const std::vector<bool>& is_trusted) 
     const OfBody& body = bodies_[slot.body];
     if (!body.wanted && body.still >= after && std::isfinite(body.still)) still.push_back(slot.body);
   }
-  if (still.empty()) return found;
+  if (still.empty()) return;
   find_supported();
-  for (int body : still)
-    if (can_sleep(bodies_[body], is_trusted)) found.push_back(body);
-  return found;
-}
-
-void BulletWorld::put_to_sleep(const std::vector<int>& bodies) {
-  find_objects();
-  for (int body : bodies) {
-    OfBody& it = of_body(body);
-    const Slot* slot = moving_slot(it);
-    if (slot == nullptr || it.wanted || sleeps(*slot->object)) continue;
-    it.sleeper.before = let_sleep(*slot->object);
-    it.wanted = true;
+  for (int number : still) {
+    OfBody& body = bodies_[number];
+    btCollisionObject& object = *moving_slot(body)->object;
+    if (!can_sleep(body) || sleeps(object)) continue;
+    body.sleeper.before = let_sleep(object);
+    body.wanted = true;
   }
 }
 

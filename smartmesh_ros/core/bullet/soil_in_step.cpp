@@ -110,7 +110,7 @@ void SoilInStep::touch(const Convex& convex, const Pose& pose, const OnSoil& on,
     contact.point.z += on.soil.rise;
     contact.ground.velocity = on.soil.velocity;
     ContactRow row;
-    row.at = contact.point;
+    row.at = contact.point, row.normal = contact.normal;
     row.speed = speed + dot(spring.normal, contact.ground.velocity);
     row.softness = 1.0 / (spring.slope * dt);
     row.slide = contact.ground.velocity;

@@ -84,8 +84,8 @@ void BulletWorld::wake_disturbed() {
     return;
   }
   wake_beside_others();
-  ground_stands_ = surface.revision() == revision_ && !surface.moves(time);
-  revision_ = surface.revision();
+  ground_stands_ = terrain->revision() == revision_ && !terrain->moves(time);
+  revision_ = terrain->revision();
   std::vector<int> disturbed;
   for (int k : asleep_)
     if (slots_[k].rest.asleep && is_disturbed(slots_[k])) disturbed.push_back(k);
@@ -134,12 +134,12 @@ bool BulletWorld::is_disturbed(Slot& slot) {
 bool BulletWorld::is_another_ground(Slot& slot) {
   Rest& rest = slot.rest;
   if (rest.calm && ground_stands_) return false;
-  const bool same_tiles = rest.layout == surface.layout();
-  if (!same_tiles) surface.blocks_under(rest.bounds, time, rest.blocks), rest.layout = surface.layout();
-  const Updates now = surface.updates_of(rest.blocks, time);
+  const bool same_tiles = rest.layout == terrain->layout();
+  if (!same_tiles) terrain->blocks_under(rest.bounds, time, rest.blocks), rest.layout = terrain->layout();
+  const Updates now = terrain->updates_of(rest.blocks, time);
   if (rest.calm && same_tiles && rest.updates == now.count) return false;
   GroundUnder& found = ground_;
-  surface.ground_under(rest.bounds, time, found);
+  terrain->ground_under(rest.bounds, time, found);
   rest.updates = now.count;
   rest.calm = !now.settles;
   rest.samples = 0;
@@ -148,7 +148,7 @@ bool BulletWorld::is_another_ground(Slot& slot) {
   if (differs(rest.ground, found, rules_.tolerance)) return true;
   if (!now.moves) return false;
   GroundUnder& next = next_;
-  surface.ground_under(rest.bounds, time + duration, next);
+  terrain->ground_under(rest.bounds, time + duration, next);
   rest.calm = rest.calm && next.heights == found.heights && next.vertices == found.vertices;
   return differs(rest.ground, next, rules_.tolerance);
 }

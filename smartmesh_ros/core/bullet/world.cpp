@@ -26,10 +26,12 @@ void BulletWorld::look() {
 
 void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   world_ = world;
-  surface.set_tiles({}, {});
+  terrain = &nothing_;
   soil = nullptr;
   ++worlds_;
   owned = drawn = false;
+  shapes = nullptr;
+  rescues_ = 0;
   slots_.clear();
   bodies_.clear();
   gone_ = 0;
@@ -71,9 +73,9 @@ btCollisionObject* BulletWorld::find(int body, int link) const {
 void BulletWorld::release() {
   for (std::size_t k = 0; k < slots_.size(); ++k)
     if (slots_[k].used) detach(static_cast<int>(k));
-  surface.set_tiles({}, {});
+  terrain = &nothing_;
   rules_ = {};
-  soil = nullptr;
+  soil = nullptr, shapes = nullptr;
   owned = drawn = false;
 }
 
@@ -95,6 +97,7 @@ bool BulletWorld::attach(int index, int body, int link, int proxy) {
   slot.used = true, slot.is_robot = robot_of(*object) != nullptr;
   slot.body = body, slot.link = link, slot.proxy = proxy;
   slot.object = object, slot.ground = ground;
+  slot.kind.is_solid = ground != nullptr;
   slot.rest.radius = bounding_radius(*object);
   of_body(body).roles.push_back({index, false});
   ++sleep_changes_, objects_known_ = -1;
@@ -151,19 +154,6 @@ std::vector<int> BulletWorld::find_gone() const {
   return found;
 }
 
-std::vector<bool> BulletWorld::find_touching() {
-  std::vector<bool> found(slots_.size(), false);
-  btDispatcher& dispatcher = *world_->getDispatcher();
-  for (int k = 0; k < dispatcher.getNumManifolds(); ++k) {
-    const btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(k);
-    if (manifold.getNumContacts() == 0) continue;
-    const Slot* slot = slot_of(*manifold.getBody0());
-    if (slot == nullptr) slot = slot_of(*manifold.getBody1());
-    if (slot != nullptr) found[slot - slots_.data()] = true;
-  }
-  return found;
-}
-
 bool BulletWorld::keep_apart(int body) {
   btCollisionObject* object = find(body, -1);
   if (object != nullptr) untouchable_.keep_apart(*world_, *object);
@@ -208,9 +198,7 @@ bool BulletWorld::read(int index, BodyState& state) {
   Slot& slot = slots_[index];
   if (slot.object == nullptr) return false;
   read_velocity(slot);
-  const btTransform& pose = slot.object->getWorldTransform();
-  const btQuaternion turn = pose.getRotation();
-  state = {{from_bullet(pose.getOrigin()), {turn.x(), turn.y(), turn.z(), turn.w()}}, slot.linear, slot.angular};
+  state = {body_pose(slot.object->getWorldTransform()), slot.linear, slot.angular};
   return true;
 }
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <exception>
-#include <memory>
 #include <optional>
 #include <unordered_map>
 #include <utility>
@@ -13,24 +12,12 @@
 #include "bullet/bounds_hook.h"
 #include "bullet/contact_points.h"
 #include "bullet/ground_algorithm.h"
-#include "bullet/ground_shape.h"
-#include "bullet/rest.h"
 #include "bullet/server_world.h"
-#include "bullet/soil_in_step.h"
+#include "bullet/slot.h"
 #include "bullet/untouchable.h"
 #include "contact/contact_search.h"
-#include "contact/deck_contacts.h"
-#include "shape/solid.h"
 
 namespace smartmesh {
-
-// Motion of a link's surface, as of a track: where the ground touches it with a normal n, the surface moves along
-// n x axis, at a speed [m/s]. A positive speed drives the link as a wheel that turns about `axis`, which is given in
-// the frame of the link's centre of mass.
-struct Belt {
-  Vec3 axis;
-  double speed = 0.0;
-};
 
 // PyBullet's numbers of a body and its link, -1 = the base; `body` is -1 for what PyBullet did not make.
 struct ObjectName {
@@ -40,33 +27,6 @@ ObjectName name_of(const btCollisionObject& object);
 // Throws `std::invalid_argument` if a body is soft.
 void require_rigid(const btCollisionObject& object);
 
-// A convex part of a body, as of its margin; without `convex` it is of unknown kind.
-struct KnownPart {
-  double margin;  // [m]
-  std::optional<Convex> convex;
-};
-
-// An attached body or link, by PyBullet's numbers, and its proxy, a body without mass.
-struct Slot {
-  bool used = false, is_robot = false;
-  int body = -1, link = -1;
-  int proxy = -1;                            // -1 = the body is only read
-  btCollisionObject* object = nullptr;       // found anew in each step; null = it is gone
-  btRigidBody* ground = nullptr;             // of the proxy, likewise
-  btCollisionShape* shape_before = nullptr;  // of the proxy
-  std::unique_ptr<GroundShape> shape;
-  Vec3 linear, angular;           // of the body [m/s], [rad/s]
-  NearbyGround near;              // in this step
-  std::vector<NearbyDeck> decks;  // likewise
-  Vec3 pull;     // what gravity and applied forces added to a rigid body's velocity in the last step [m/s]
-  Vec3 turning;  // of the ground at a contact that has friction against turning, in the last step [rad/s]
-  Belt belt;
-  Rest rest;
-  std::unordered_map<const btCollisionShape*, KnownPart> parts;
-  std::vector<const btCollisionShape*> leaves;  // convex parts of its shape, found when one first touches soil
-  SoilParts on_soil;
-};
-
 // What the ground reads of a world's solver: `duration` [s] of the last step, shares of a penetration and of a friction
 // anchor's distance that a step corrects, and the penetration [m] that is left.
 struct SolverSettings {
@@ -74,20 +34,18 @@ struct SolverSettings {
   double duration, erp, friction_erp, slop;
 };
 
-// What a slot knows of the past beside contacts, as numbers of Python; see Rest and Slot.
-struct SlotMemory {
-  double still = 0.0;
-  Pose anchor;
-  Vec3 pull, turning;
+// Slots of bodies that began to fall, and of those that are lost.
+struct Falls {
+  std::vector<int> begun, lost;
 };
-static_assert(sizeof(SlotMemory) == 19 * sizeof(double));
 
 class BulletWorld {
  public:
-  Surface surface;
-  double time = 0.0;      // at the start of the next step [s]
-  double duration = 0.0;  // of a step [s]
-  double margin = 0.001;  // distance up to which contacts are found beside the motion of a step [m]
+  Surface* terrain = &nothing_;        // belongs to Python
+  const ShapeTable* shapes = nullptr;  // of the bodies by slot; belongs to Python
+  double time = 0.0;                   // at the start of the next step [s]
+  double duration = 0.0;               // of a step [s]
+  double margin = 0.001;               // distance up to which contacts are found beside the motion of a step [m]
 
   // Finds its Bullet world at a `place` of the server's memory.
   explicit BulletWorld(WorldPlace place);
@@ -106,6 +64,7 @@ class BulletWorld {
 
   // Puts a body's link and its `proxy` (-1 = none) into an unused slot; false if PyBullet has no such objects.
   bool attach(int slot, int body, int link, int proxy);
+  void set_kind(int slot, const SlotKind& kind) { slots_[slot].kind = kind; }
   void detach(int slot);
   bool has(int slot) const { return slot >= 0 && slot < static_cast<int>(slots_.size()) && slots_[slot].used; }
   // Lets nothing touch a body from now on, which rays still meet; false if PyBullet has no such body.
@@ -115,25 +74,15 @@ class BulletWorld {
   void drive(int slot, const Belt& belt);
 
   // Wakes the body in a slot, or all that sleep. None sleeps before it has been still for the whole time of the rules.
-  void wake(int slot) { wake_body(slots_[slot].body); }
+  void wake(int slot) {
+    if (slots_[slot].body >= 0) wake_body(slots_[slot].body);
+  }
   void wake_all();
 
   // Sets when bodies fall asleep and wake, after waking all.
   void set_rules(const SleepRules& rules);
-  // Returns the PyBullet bodies that are still and rest on something, or whose slot `is_trusted` (S,), and which were
-  // not put to sleep yet.
-  std::vector<int> find_resting(const std::vector<bool>& is_trusted);
-  // Lets bodies fall asleep in the next step, if their islands are then still. An island keeps its contacts.
-  void put_to_sleep(const std::vector<int>& bodies);
-  // Wakes the sleeping bodies that something disturbed beside a contact: that are moved, pushed or driven, whose ground
-  // is another one, or beside which something moved or went. It is done in each step, too.
-  void wake_disturbed();
   bool is_asleep(int slot) const { return slots_[slot].rest.asleep; }
-  // Returns a number that changes when a body falls asleep, wakes or is moved asleep.
-  long sleep_changes() const { return sleep_changes_; }
-
-  // Returns true for the slots that have contacts with the ground.
-  std::vector<bool> find_touching();
+  const std::vector<int>& find_asleep() { return list_slots(), asleep_; }
 
   // Returns the parts of the body in a slot that came near the soil.
   const SoilParts& parts_on_soil(int slot) const { return slots_[slot].on_soil; }
@@ -144,12 +93,28 @@ class BulletWorld {
   // number to another.
   void note_added() { objects_known_ = -1; }
   void note_removed(int body);
+  bool has_gone() const { return gone_ > 0; }
   // Returns the slots whose bodies were removed from PyBullet.
   std::vector<int> find_gone() const;
   // Writes the state of the body in a slot; false if it is gone.
   bool read(int slot, BodyState& state);
 
-  // Places the proxies under their bodies, before a step of the world.
+  // Brings bodies and ground to the time of the next step: bodies move with corrections of maps, sleeping ones wake
+  // that something disturbed, proxies are placed, and bodies that are below the ground are put back onto it.
+  void update();
+  // How often that was done so far.
+  long rescues() const { return rescues_; }
+  // Returns the slots whose bodies are below the ground, of those that are lifted out of it; and those of awake bodies
+  // that are at no place or farther away than some distance [m].
+  std::vector<int> find_below();
+  std::vector<int> find_nowhere(double farthest) const;
+  // Looks at the awake bodies of this world's own for ground over or under them at an instant [s]. A body falls that is
+  // below the last ground by more than its radius, and is lost below it by more than a `depth` [m].
+  Falls check_falls(double now, double depth);
+  std::vector<int> find_falling() const;
+  // Returns the last ground over or under the body in a slot [m], or where it was first looked at.
+  Vec3 last_ground(int slot) const { return slots_[slot].last_ground; }
+  // Does it before a step of the world, and what comes after it.
   void before_step();
   void after_step();
   // Places the proxies for a collision query between steps.
@@ -167,11 +132,15 @@ class BulletWorld {
     }
   }
   // Returns the last exception since the call before; null if there was none.
+  bool has_fault() const { return fault_ != nullptr; }
   std::exception_ptr take_fault() { return std::exchange(fault_, nullptr); }
 
   // Finds the contacts of a body's shape with the ground of its proxy.
   void touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground,
              btPersistentManifold& manifold, double duration);
+
+  // Returns the deepest contact of the body in a slot with the ground beside decks now; none if it does not touch it.
+  std::optional<Contact> deepest_contact(int slot);
 
   // What is known of the past of the body in a slot, for a saved state: of its rest and pull, and as numbers of its
   // parts on the soil. `recall_parts` returns false if they are none of this body.
@@ -210,6 +179,14 @@ class BulletWorld {
   void read_velocity(Slot& slot) const;
   void place_proxies();
   void place(Slot& slot);
+  // Returns the shape of the body in a slot; null if it is not known.
+  const Shape* shape_of(int slot) const;
+  GroundPoint ground_above_middle(int slot, SurfaceReader& reader) const;
+  void move_with_corrections();
+  void lift_bodies();
+  void lift_body(int body, double by, double rate);
+  // Returns true for the slots that have contacts with the ground.
+  std::vector<bool> find_touching();
   void find_carriers();
   void move_carried();
   double find_decks(Slot& slot, const Bounds& swept);
@@ -229,6 +206,9 @@ class BulletWorld {
   void note_awake(Slot& slot);
   void wake_body(int body);
   void wake_in(const Bounds& bounds);
+  // Wakes the sleeping bodies that something disturbed beside a contact: that are moved, pushed or driven, whose ground
+  // is another one, or beside which something moved or went.
+  void wake_disturbed();
   bool is_disturbed(Slot& slot);
   bool is_another_ground(Slot& slot);
   void wake_beside_others();
@@ -241,7 +221,10 @@ class BulletWorld {
   Slot* moving_slot(const OfBody& body);
   void find_joined();
   void find_supported();
-  bool can_sleep(const OfBody& body, const std::vector<bool>& is_trusted) const;
+  bool can_sleep(const OfBody& body) const;
+  // Lets those bodies fall asleep in the next step that are still and rest on something, if their islands are then
+  // still. An island keeps its contacts.
+  void put_resting_to_sleep();
   bool is_attached(const btCollisionObject& object) const;
   // Returns `margin` and the way that gravity adds to the motion of a body in a step.
   double margin_in(double step) const;
@@ -268,9 +251,10 @@ class BulletWorld {
   ContactSearch search_;
   DeckSearch deck_search_;
 
-  // What carries a deck; null = nothing. `start`: of its centre of mass in this step. `last`, `change`: its change in
-  // the last step [m/s^2], and as far as it agrees with the step before.
+  // What carries a deck, by PyBullet's numbers; null = nothing. `start`: of its centre of mass in this step. `last`,
+  // `change`: its change in the last step [m/s^2], and as far as it agrees with the step before.
   struct Carried {
+    int body = -1, link = -1;
     btCollisionObject* object = nullptr;
     FrameVelocity start, last, change;
   };
@@ -302,6 +286,11 @@ class BulletWorld {
   bool ground_stands_ = false;                   // it is that of the last look, and does not move
   int constraints_ = 0, rigid_constraints_ = 0;  // at the last look, all and those of rigid bodies
   GroundUnder ground_, next_;
+  Surface nothing_;  // the ground without tiles
+  std::vector<MapCorrection> corrections_;
+  std::vector<int> maybe_below_;  // slots of bodies that may be below the ground
+  BodySolid solid_;
+  long rescues_ = 0;
   std::vector<int> corrected_;  // bodies on ground that may have been corrected, in a step
   btVector3 gravity_{0.0, 0.0, 0.0};
 };

@@ -10,6 +10,7 @@
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
 #include "bullet/contact_points.h"
+#include "bullet/shape_parts.h"
 #include "contact/foundation.h"
 #include "step/step_lock.h"
 
@@ -29,13 +30,27 @@ double mass_of(const btCollisionObject& object) {
   return mass;
 }
 
+// Returns the pose of a shape that is turned in Bullet's frame of it.
+Pose pose_of(const Convex& shape, const btTransform& at) {
+  Pose pose = from_bullet(at);
+  for (Vec3& row : pose.turn.row) row = rotated(shape.turn.inverse(), row);
+  return pose;
+}
+
 }  // namespace
 
 void BulletWorld::before_step() {
   if (world_ == nullptr) return;
   stepping_ = true;
   told_.clear();
+  update();
+}
+
+void BulletWorld::update() {
+  find_objects();
+  move_with_corrections();
   place_proxies();
+  lift_bodies();
 }
 
 void BulletWorld::before_query() {
@@ -47,11 +62,16 @@ void BulletWorld::before_query() {
 
 void BulletWorld::place_proxies() {
   find_objects();
-  if (!surface.decks().empty()) move_carried();
+  if (!terrain->decks().empty()) move_carried();
   wake_disturbed();
   list_slots();
-  for (int k : awake_)
-    if (slots_[k].ground != nullptr) guarded([&] { place(slots_[k]); });
+  maybe_below_.clear();
+  for (int k : awake_) {
+    if (slots_[k].ground != nullptr)
+      guarded([&] { place(slots_[k]); });
+    else if (slots_[k].kind.is_own)
+      maybe_below_.push_back(k);
+  }
 }
 
 void BulletWorld::after_step() {
@@ -59,9 +79,9 @@ void BulletWorld::after_step() {
   if (world_ == nullptr) return;
   duration = world_->getDispatchInfo().m_timeStep;
   time += duration;
-  surface.note_shown(time);
+  terrain->note_shown(time);
   press_soil();
-  if (!surface.decks().empty()) react();
+  if (!terrain->decks().empty()) react();
   for (const TruePoint& point : told_) restore(point);
   told_.clear();
   note_rest();
@@ -118,9 +138,16 @@ void BulletWorld::place(Slot& slot) {
   low.setMin(low + travel), high.setMax(high + travel);
   const double grown = margin_in(duration) + turn * size;
   const Bounds swept = Bounds{from_bullet(low), from_bullet(high)}.grown(grown);
-  const NearbyGround& near = slot.near = surface.near(swept, time, duration);
+  const NearbyGround& near = slot.near = terrain->near(swept, time, duration);
+  if (slot.kind.is_own) {
+    const int index = static_cast<int>(&slot - slots_.data());
+    const Shape* shape = shape_of(index);
+    const bool has_decks = !terrain->decks().empty();  // which are ground above bodies that are far below
+    if (shape != nullptr && (has_decks || near.highest > Solid(*shape, body_pose(pose)).centre.z))
+      maybe_below_.push_back(index);
+  }
   double moved = (norm(near.velocity) + near.spread) * duration;
-  const double by_decks = surface.decks().empty() ? -1.0 : find_decks(slot, swept);
+  const double by_decks = terrain->decks().empty() ? -1.0 : find_decks(slot, swept);
   moved = std::max(moved, by_decks);
   low = to_bullet(swept.grown(moved).low), high = to_bullet(swept.grown(moved).high);
   if (near.highest < low.z() && by_decks < 0.0) high = low -= btVector3(0, 0, APART);  // so that they are no pair
@@ -164,8 +191,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   }
   const Convex* shape = convex_of_part(slot, *body.getCollisionShape());
   if (shape == nullptr) return;
-  Pose pose = from_bullet(body.getWorldTransform());
-  for (Vec3& row : pose.turn.row) row = rotated(shape->turn.inverse(), row);
+  const Pose pose = pose_of(*shape, body.getWorldTransform());
   read_contacts(manifold, before_);
   const Approach approach = approach_of(slot, step);
   const btContactSolverInfo& solver = world_->getSolverInfo();
@@ -178,14 +204,14 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
     SoilPart& part = slot.on_soil[part_number(slot, *body.getCollisionShape())];
     soil->touch(*shape, pose, on_soil(slot, step), before_, part, contacts_, rows_);
   } else {
-    search_.run(*shape, pose, surface, time, approach, contacts_);
+    search_.run(*shape, pose, *terrain, time, approach, contacts_);
     contacts_.insert(contacts_.end(), on_decks_.begin(), on_decks_.end());
     choose_contacts(*shape, pose, approach, before_, contacts_);
     if (!on_decks_.empty()) let_decks_yield();
-    const bool has_material = surface.has_material();
+    const bool has_material = terrain->has_material();
     if (has_material)
       for (Contact& contact : contacts_)
-        if (contact.deck < 0) contact.material = surface.material(contact.point.x, contact.point.y, time);
+        if (contact.deck < 0) contact.material = terrain->material(contact.point.x, contact.point.y, time);
     BodySurface own;
     read_surface(*slot.object, *slot.ground, own);
     if (slot.belt.speed != 0.0) own.belt = belt_of(slot), own.mass = mass_of(*slot.object);
@@ -207,6 +233,24 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   write_contacts(contacts_, rows_, before_,
                  {*slot.object, *slot.ground, ground_is_b, step, solver.m_linearSlop, anchor_time(step)}, manifold,
                  told_);
+}
+
+std::optional<Contact> BulletWorld::deepest_contact(int index) {
+  find_objects();
+  Slot& slot = slots_[index];
+  std::optional<Contact> deepest;
+  if (slot.object == nullptr) return deepest;
+  const auto look = [&](const btCollisionShape& part, const btTransform& at) {
+    const Convex* shape = part.isConvex() ? convex_of_part(slot, part) : nullptr;
+    if (shape == nullptr) return;
+    Approach still;
+    still.centre = from_bullet(at.getOrigin());
+    search_.run(*shape, pose_of(*shape, at), *terrain, time, still, contacts_);
+    for (const Contact& contact : contacts_)
+      if (contact.distance <= 0.0 && (!deepest || contact.distance < deepest->distance)) deepest = contact;
+  };
+  for_each_part(*slot.object->getCollisionShape(), slot.object->getWorldTransform(), look);
+  return deepest;
 }
 
 Vec3 BulletWorld::belt_of(const Slot& slot) const {

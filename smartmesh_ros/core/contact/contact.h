@@ -11,10 +11,15 @@
 
 namespace smartmesh {
 
+// What the normal of a contact turns with: the ground whose facet touches, the body whose face touches, or both, whose
+// edges cross.
+enum class NormalOf { Ground, Body, Edges };
+
 // Contact point. `point`: on the ground [m]. `normal`: unit, from the ground into the body. `distance` [m]: negative
 // inside the ground. `body_feature`, `ground_feature`: names of the two features, equal from step to step. `material`,
 // `ground`: material of the ground there, and its motion, mean over the step. `deck`: number of the deck that it is on,
-// -1 = none. `yields` [1/kg]: change of the ground's velocity by an impulse along the normal.
+// -1 = none. `yields` [1/kg]: change of the ground's velocity by an impulse along the normal. `body_edge`,
+// `ground_edge`: unit directions of edges that cross.
 struct Contact {
   Vec3 point, normal;
   double distance;
@@ -23,6 +28,8 @@ struct Contact {
   GroundMotion ground{};
   int deck = -1;
   double yields = 0.0;
+  NormalOf normal_of = NormalOf::Ground;
+  Vec3 body_edge{}, ground_edge{};
 };
 
 // Largest speed of a point of a shape after an impact elsewhere, in terms of the speeds before. The end of a rod whose

@@ -73,15 +73,21 @@ class CylinderTouch {
  private:
   double reach_at(const Vec3& p) const { return approach_.reach(approach_.velocity_at(p)); }
 
-  void add(const Vec3& on_ground, const Vec3& n, double distance, int name, int ground) {
-    if (distance <= reach_at(on_ground)) contacts_.push_back({on_ground, n, distance, name, ground});
+  void add(const Vec3& on_ground, const Vec3& n, double distance, int name, int ground,
+           NormalOf normal_of = NormalOf::Ground, const Vec3& edge = {}) {
+    if (distance > reach_at(on_ground)) return;
+    contacts_.push_back({on_ground, n, distance, name, ground});
+    contacts_.back().normal_of = normal_of, contacts_.back().body_edge = axis_, contacts_.back().ground_edge = edge;
   }
 
-  // The point of each rim that is lowest over a facet, in the direction of its normal to the side of the cylinder, and
-  // the one that will be lowest at the end of the step.
+  // The point of each rim that is lowest over a facet, in the direction of its normal to the side of the cylinder, the
+  // one that will be lowest at the end of the step, and the one that the cylinder may tip over to in the step.
   void touch_facet(const Facet& facet, const Vec3& normal) {
     touch_facet(facet, normal, normal, 0);
     if (norm(tilting_) * radius_ > approach_.margin) touch_facet(facet, normal, normal - cross(tilting_, normal), 10);
+    const double along = dot(normal, axis_);
+    if (std::abs(along) > std::cos(std::min(approach_.turn(normal), 0.5 * M_PI)))
+      touch_facet(facet, normal, axis_ * (2.0 * along) - normal, 20);
   }
 
   // `seen`: the normal in the frame of the cylinder. `name`: of the first rim.
@@ -153,7 +159,7 @@ class CylinderTouch {
     // Inside, out by the nearer of cap and side that the ground can touch.
     const bool inside = over_cap <= 0.0 && over_side <= 0.0;
     if (by_cap && over_side <= 0.0 && (!inside || !by_side || over_cap >= over_side))
-      add(at, from_cap, over_cap, name_of(BodyFeature::Face, cap), ground);
+      add(at, from_cap, over_cap, name_of(BodyFeature::Face, cap), ground, NormalOf::Body);
     else if (by_side && over_cap <= 0.0)
       add(at, from_side, over_side, name_of(BodyFeature::Side, 0), ground);
   }
@@ -172,7 +178,8 @@ class CylinderTouch {
       return;
     const Crossing crossing{on_ground + n * distance, axis_, distance};
     if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, crossing)) return;
-    add(on_ground, n, distance, name_of(BodyFeature::Side, 1), ground_name(patch_, edge.end[0], edge.end[1]));
+    add(on_ground, n, distance, name_of(BodyFeature::Side, 1), ground_name(patch_, edge.end[0], edge.end[1]),
+        NormalOf::Edges, unit(q - p));
   }
 
   static bool is_on_edge(double t, double distance, double length2) {

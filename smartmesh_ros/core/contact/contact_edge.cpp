@@ -1,6 +1,7 @@
 // An edge of a polytope against the convex edges of the ground.
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "contact/cones.h"
 #include "contact/contact_pairs.h"
@@ -30,19 +31,21 @@ bool is_below(const Crossing& line, const Vec3& a, const Vec3& between, const Pa
   return way_out(deepest, patch, below) >= 0;
 }
 
-// Returns the normal of a pair of edges, that of the face or facet beside them if `n` lies beyond it.
-Vec3 seated(const Polytope& core, const PolyEdge& edge, const Pose& pose, const Patch& patch, const Edge& ground,
-            const Vec3& n) {
+// Returns the normal of a pair of edges, that of the face or facet beside them if `n` lies beyond it, and what it turns
+// with.
+std::pair<Vec3, NormalOf> seated(const Polytope& core, const PolyEdge& edge, const Pose& pose, const Patch& patch,
+                                 const Edge& ground, const Vec3& n) {
   const Vec3 local = transposed(pose.turn, n);
   for (int k = 0; k < 2; ++k)
-    if (edge.faces[k] >= 0 && dot(local, edge.into[k]) < 0.0) return pose.turn * -core.faces[edge.faces[k]].normal;
+    if (edge.faces[k] >= 0 && dot(local, edge.into[k]) < 0.0)
+      return {pose.turn * -core.faces[edge.faces[k]].normal, NormalOf::Body};
   const Vec3 &a = patch.points[ground.end[0]], &b = patch.points[ground.end[1]];
   for (int k : ground.opposite) {
     if (k < 0 || !(dot(n, patch.points[k] - a) > 0.0)) continue;
     const Vec3 normal = unit(cross(b - a, patch.points[k] - a));
-    return dot(normal, n) < 0.0 ? -normal : normal;
+    return {dot(normal, n) < 0.0 ? -normal : normal, NormalOf::Ground};
   }
-  return n;
+  return {n, NormalOf::Edges};
 }
 
 }  // namespace
@@ -111,10 +114,12 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
     const double slack = cone_slack(approach, n, distance, SEAT);
     if (!in_cone(edge, transposed(pose.turn, n), slack) || !in_cone(patch, other, n, slack)) return;
     if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, {on_edge, b - a, distance})) return;
-    const Vec3 normal = seated(shape.core, edge, pose, patch, other, n);
+    const auto [normal, normal_of] = seated(shape.core, edge, pose, patch, other, n);
     if (!(dot(normal, n) > 0.0)) return;  // the edge is so sharp that it seems to lie in its cone either way
     contacts.push_back({on_ground, normal, dot(normal, on_edge - on_ground) - shape.rounding,
                         name_of(BodyFeature::Edge, index), ground_name(patch, other.end[0], other.end[1])});
+    contacts.back().normal_of = normal_of;
+    contacts.back().body_edge = unit(b - a), contacts.back().ground_edge = unit(q - p);
   };
   for (int r = near.top; r < std::min(near.bottom + 1, cells.rows); ++r) {
     const int end = cells.edges[cells.at(r, std::min(near.right, cells.columns - 1)) + 1];

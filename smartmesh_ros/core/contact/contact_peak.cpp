@@ -29,8 +29,10 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
   const Vec3 q = pose.to_local(at), moved = transposed(pose.turn, velocity) * -approach.duration;
   if (!shape.bounds.grown(reach).meets({q, q})) return;
   const int ground = ground_name(patch, peak.point);
-  const auto add = [&](const Vec3& n_world, double distance, int name) {
-    if (distance <= reach) contacts.push_back({at, n_world, distance, name, ground});
+  const auto add = [&](const Vec3& n_world, double distance, int name, NormalOf kind = NormalOf::Body) {
+    if (distance > reach) return;
+    contacts.push_back({at, n_world, distance, name, ground});
+    contacts.back().normal_of = kind;
   };
   bool inside = !core.faces.empty();
   for (const PolyFace& face : core.faces) {
@@ -75,7 +77,7 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
     const Vec3 n = away * (1.0 / distance), n_world = pose.turn * n;
     const double slack = cone_slack(approach, n_world, distance - shape.rounding);
     if (in_cone(edge, n, slack) && in_cone(patch, peak, n_world, slack))
-      add(n_world, distance - shape.rounding, name_of(BodyFeature::Edge, static_cast<int>(k)));
+      add(n_world, distance - shape.rounding, name_of(BodyFeature::Edge, static_cast<int>(k)), NormalOf::Ground);
   }
 }
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "math/triangle.h"
+
 namespace smartmesh {
 
 namespace {
@@ -49,19 +51,43 @@ double correcting(double distance, double duration, const Correction& solver) {
   return std::min(-gap * std::min(solver.erp / duration, 1.0 / PUSH_OUT_TIME), PUSH_OUT);
 }
 
+// Moves the row of a contact whose normal turns with the shape: a face of the shape slides over a point of the ground,
+// or an edge over an edge, and turns.
+void slide_to_mid_step(const Convex& shape, const Contact& contact, const Approach& approach, ContactRow& row) {
+  const double half = 0.5 * approach.duration;
+  const Vec3& n = contact.normal;
+  const auto slid = [&](const Vec3& p) {  // way of a point of the shape along the ground until then
+    const Vec3 v = approach.velocity_at(p) + approach.ground - contact.ground.velocity;
+    return (v - n * dot(n, v)) * half;
+  };
+  const auto turned = [&](const Vec3& way, const Vec3& turning) { return way + cross(turning, way) * half; };
+  Vec3 at = contact.point, normal = turned(n, approach.angular);
+  if (contact.normal_of == NormalOf::Edges) {
+    const Vec3 on_core = contact.point + n * (contact.distance + shape.rounding), then = on_core + slid(on_core);
+    const Vec3 edge = turned(contact.body_edge, approach.angular),
+               other = turned(contact.ground_edge, contact.ground.turning);
+    double s, t;
+    if (!nearest_on_lines(then, then + edge, at, at + other, s, t)) return;
+    at = at + other * t, normal = cross(edge, other);
+    if (norm(at - approach.centre) > shape.reach) return;  // they cross no more
+    if (dot(normal, n) < 0.0) normal = -normal;
+  }
+  row.at = at - slid(approach.centre), row.normal = unit(normal);
+  row.speed += dot(row.normal - n, contact.ground.velocity);
+}
+
 ContactRow row_of(const Contact& contact, const Approach& approach, const BodySurface& body, const Correction& solver) {
   const double dt = approach.duration, stiffness = body.stiffness;
   ContactRow row;
-  row.at = contact.point;
+  row.at = contact.point, row.normal = contact.normal;
   const double bounce =
       bounce_of(contact, approach, body.restitution * contact.material.restitution, solver.slowest_bounce);
   const double distance = bounce > 0.0 ? std::min(0.0, contact.distance) : contact.distance;
-  row.speed = dot(contact.normal, contact.ground.velocity) + bounce;
   // Of a spring, the force is that of its depth and its speed at the end of the step.
-  if (body.is_soft && distance < 0.0)
-    row.speed -= distance * stiffness / (dt * stiffness + body.damping);
-  else
-    row.speed += correcting(distance, dt, solver);
+  const double leaves = body.is_soft && distance < 0.0 ? -distance * stiffness / (dt * stiffness + body.damping)
+                                                       : correcting(distance, dt, solver);
+  // What bounces out of the ground needs no push besides: the sum would gain energy.
+  row.speed = dot(contact.normal, contact.ground.velocity) + (bounce > 0.0 ? std::max(bounce, leaves) : leaves);
   if (body.is_soft) row.softness = 1.0 / (dt * (dt * stiffness + body.damping));
   row.slide = contact.ground.velocity;
   if (norm2(body.belt) > 0.0) {
@@ -91,12 +117,16 @@ Vec3 surface_velocity(const Vec3& belt, const Vec3& normal) {
 
 void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<Contact>& contacts,
                        const Approach& approach, std::vector<ContactRow>& rows) {
-  // A point of a body that turns moves along an arc, and the solver takes its velocity for all of the step: that of the
-  // middle is right to second order.
+  // The solver takes the velocity of a contact for all of the step: that of the middle is right to second order. A
+  // point of a body that turns moves along an arc.
   const bool is_round = shape.kind == ShapeKind::Cylinder || shape.kind == ShapeKind::Capsule;
   const Vec3 axis = pose.turn * Vec3{0.0, 0.0, 1.0};
   for (std::size_t k = 0; k < contacts.size(); ++k) {
     const Contact& contact = contacts[k];
+    if (contact.normal_of != NormalOf::Ground) {
+      slide_to_mid_step(shape, contact, approach, rows[k]);
+      continue;
+    }
     if (contact.distance <= 0.0) continue;
     Vec3 turns = approach.angular;
     // A round shape stays where it is if it spins: only what tilts its axis in the plane of the normal moves its

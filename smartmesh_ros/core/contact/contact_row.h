@@ -34,10 +34,10 @@ struct Slip {
   double across = 1.0;
 };
 
-// At the end of a step the body moves at a place `at` on the ground [m] along the normal at least at `speed` [m/s],
+// At the end of a step the body moves at a place `at` on the ground [m] along the `normal` at least at `speed` [m/s],
 // less `softness` [1/kg] times the impulse of the contact. Without slip it moves along the ground at `slide` [m/s].
 struct ContactRow {
-  Vec3 at;
+  Vec3 at, normal;
   double speed = 0.0, softness = 0.0;
   Vec3 slide;
   Slip slip;
@@ -51,7 +51,8 @@ void find_rows(const std::vector<Contact>& contacts, const Approach& approach, c
 // Returns the velocity of the ground against a belt at a contact: at which the body moves where it does not slip.
 Vec3 surface_velocity(const Vec3& belt, const Vec3& normal);
 
-// Moves the places of the rows of a shape at `pose` to where its points are in the middle of the step.
+// Moves the places and normals of the rows of a shape at `pose` to those of the middle of the step, relative to its
+// centre there.
 void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<Contact>& contacts,
                        const Approach& approach, std::vector<ContactRow>& rows);
 

@@ -40,7 +40,12 @@ void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch
                   std::vector<Contact>& contacts) {
   const Polytope& core = shape.core;
   const Vec3 at = pose.to_world(core.vertices[vertex]), velocity = approach.velocity_at(at);
-  const MovingPoint point{at, velocity, shape.rounding, approach.reach(velocity), pose.to_world(shape.centre)};
+  const MovingPoint point{at,
+                          velocity,
+                          shape.rounding,
+                          approach.reach(velocity),
+                          pose.to_world(shape.centre),
+                          approach.turn(unit(-approach.linear))};
   if (at.z - point.radius - point.reach > patch.highest) return;
   const int name = name_of(BodyFeature::Vertex, vertex);
   const auto touch = patch.is_mesh ? touch_sheets : touch_facets;

@@ -50,7 +50,7 @@ void DeckSearch::add(const Convex& shape, const Pose& pose, Deck& deck, const Ne
     const Vec3 p = contact.point;
     if (has_material) contact.material = deck.surface.material(p.x, p.y, time);
     contact.point = frame.pose.to_world(p);
-    contact.normal = frame.pose.turn * contact.normal;
+    for (Vec3* way : {&contact.normal, &contact.body_edge, &contact.ground_edge}) *way = frame.pose.turn * *way;
     contact.deck = near.number;
     contact.ground_feature ^= static_cast<int>(SPREAD * (near.number + 1u));
     const Vec3 chord = (end.to_world(p) - contact.point) * (1.0 / body.ahead);

@@ -28,7 +28,7 @@ MeshPoint SurfaceReader::meshes_at(double x, double y, double z, const MeshReade
   return found;
 }
 
-GroundPoint SurfaceReader::at(double x, double y, double z, double of_decks) {
+GroundPoint SurfaceReader::at(double x, double y, double z, double of_decks, int body) {
   const GridFacet tile = tiles.at(x, y).facet;
   const MeshReader* highest = nullptr;
   const MeshPoint mesh = meshes_at(x, y, z, highest);
@@ -36,6 +36,7 @@ GroundPoint SurfaceReader::at(double x, double y, double z, double of_decks) {
                                                    : GroundPoint{tile.height, {0.0, 0.0, tile.velocity}};
   if (decks == nullptr) return found;
   for (DeckReader& deck : *decks) {
+    if (deck.deck->body == body) continue;
     const GroundSample here = deck.below({x, y, of_decks + deck.deck->thickness});
     if (here.is_above(found.height)) found = {here.height, here.velocity};
   }
@@ -85,6 +86,16 @@ void Surface::set_tiles(const std::vector<HeightGrid*>& tiles, const std::vector
   widest_cell_ = 0.0;
   for (const HeightGrid* grid : tiles_) widest_cell_ = std::max(widest_cell_, grid->resolution);
   layout_ += NEW_LAYOUT;
+  placed_revision_ = -1;
+}
+
+void Surface::show_corrections(double time, std::vector<MapCorrection>& found) {
+  for (HeightGrid* map : tiles_) {
+    if (map->mode != Mode::Correct) continue;
+    const double shown = map->shown;
+    if (shown < map->settled) found.push_back({map, shown});
+    map->show(std::isinf(shown) ? time : std::max(shown, time));
+  }
 }
 
 void Surface::note_shown(double time) {
@@ -149,7 +160,7 @@ void Surface::gather_meshes(const Bounds& bounds, double time, double ahead, con
 }
 
 void Surface::place_tiles(double time) {
-  const long now = revision();
+  const long now = last_revision();
   if (time == placed_at_ && now == placed_revision_) return;
   placed_at_ = time, placed_revision_ = now;
   placed_.clear();

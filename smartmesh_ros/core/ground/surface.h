@@ -35,6 +35,7 @@ struct GroundSample {
 };
 
 // The height maps, the meshes and the decks of a surface at one instant; `decks` is null if there are none.
+constexpr int NOBODY = -2;
 struct SurfaceReader {
   TileReader tiles;
   std::vector<MeshReader> meshes;
@@ -44,14 +45,20 @@ struct SurfaceReader {
   // ground.
   MeshPoint meshes_at(double x, double y, double z, const MeshReader*& highest);
   // Returns the highest ground at (x, y). Ground of meshes above `z` [m] does not count, nor that of decks farther
-  // above `of_decks` [m] than they are thick.
-  GroundPoint at(double x, double y, double z = ABOVE_ALL, double of_decks = ABOVE_ALL);
+  // above `of_decks` [m] than they are thick, nor of those that a PyBullet `body` carries, NOBODY = all count.
+  GroundPoint at(double x, double y, double z = ABOVE_ALL, double of_decks = ABOVE_ALL, int body = NOBODY);
 
   // Returns the highest ground of maps, meshes and decks that is not above `p`, as sensors see it.
   GroundSample below(const Vec3& p);
 
   // Computes what pays for `count` points or rays.
   void prepare(std::size_t count);
+};
+
+// A map that is being corrected, and the instant up to which its corrections were shown before [s].
+struct MapCorrection {
+  HeightGrid* map;
+  double shown;
 };
 
 class Surface {
@@ -73,6 +80,8 @@ class Surface {
   // Returns the ground beside decks that comes under `bounds` within the time `ahead` [s], as it is at `time` [s].
   NearbyGround near(const Bounds& bounds, double time, double ahead);
 
+  // Blends corrections of the maps beside decks in up to `time` [s], and adds those of which something was left.
+  void show_corrections(double time, std::vector<MapCorrection>& found);
   // Notes that bodies met the ground up to the instant `time` [s].
   void note_shown(double time);
   // Returns a number that grows with every change of the tiles or their samples.
@@ -105,7 +114,7 @@ class Surface {
   std::vector<MeshSurface*> meshes_;
   std::vector<Deck*> decks_;
   double widest_cell_ = 0.0;          // [m]
-  std::vector<MapAtInstant> placed_;  // as of a time [s] and a revision
+  std::vector<MapAtInstant> placed_;  // as of a time [s] and the last change of any map
   double placed_at_ = 0.0;
   long placed_revision_ = -1;
   std::vector<const MapAtInstant*> under_;  // a body

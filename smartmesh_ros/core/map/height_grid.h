@@ -67,7 +67,7 @@ struct Sample {
 // (0, 0) at the last map; z is added to every height. `yaw` [rad]: of the grid. `max_velocity` [m/s], `settle` [s]: see
 // MotionConfig in terrain/motion.py. `noise` [m]: standard deviation of the heights for the estimation of velocities.
 // `smoothing` [map intervals]: see MotionConfig. `shown` [s]: instant up to which the ground was shown to bodies,
-// infinity before; corrections are blended in up to then. `variances` (rows, columns) [m^2]: of fused heights; null:
+// infinity before; corrections are blended in up to then, all of them at `settled` [s]. `variances` (rows, columns) [m^2]: of fused heights; null:
 // exact.
 struct HeightGrid {
   float* heights = nullptr;
@@ -82,6 +82,7 @@ struct HeightGrid {
   Mode mode = Mode::Extrapolate;
   double max_velocity = 0.0, settle = 0.0, noise = 0.0, smoothing = 0.0;
   double shown = std::numeric_limits<double>::infinity();
+  double settled = -std::numeric_limits<double>::infinity();
   GridTrack track;
   long revision = next_revision();  // changes with every update, with the settings, and with what is shown
 

@@ -65,6 +65,7 @@ void take_corrected(HeightGrid& map, const Region& place, const NewEstimate& est
       ++clocks[k].updates;
     }
   }
+  if (estimate.shown != NEVER) map.settled = estimate.shown + estimate.settle;
   map.revision = next_revision();
 }
 

@@ -232,7 +232,8 @@ class CellAdder {
     for (int k = 0; k < 2; ++k) {
       const Side& side = kind.sides[k];
       const bool is_rim = std::isnan(third(side));
-      const int corner = edge.opposite[k] = is_rim ? foot(r, c) : point(r + side.row, c + side.column);
+      int& corner = edge.opposite[k] = is_rim ? foot(r, c) : point(r + side.row, c + side.column);
+      if (is_rim && corner < 0) corner = foot(r2, c2);  // the wall begins where the edge comes into reach
       if (corner < 0) patch_.steepest = -1.0;
       if (corner < 0) continue;
       const Vec3 normal = normal_of(edge.end[k], edge.end[1 - k], corner);

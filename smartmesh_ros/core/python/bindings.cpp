@@ -71,6 +71,12 @@ NB_MODULE(_core, m) {
       .def("move", &Grid::move, "time"_a, "interval"_a, "x"_a, "y"_a, "spin"_a)
       .def("show", &Grid::show, "instant"_a)
       .def_prop_ro("shown", [](const Grid& g) { return g.grid.shown; })
+      .def_prop_rw(
+          "settled", [](const Grid& g) { return g.grid.settled; },
+          [](Grid& g, double instant) {
+            const StepLock lock;
+            g.grid.settled = instant;
+          })
       .def("set_layer", &Grid::set_layer, "layer"_a, "samples"_a.noconvert().none(), "uniform"_a)
       .def("set_motion", &Grid::set_motion, "mode"_a, "max_velocity"_a, "settle"_a, "noise"_a, "smoothing"_a)
       .def(

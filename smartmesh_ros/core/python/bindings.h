@@ -227,6 +227,12 @@ struct DeckOfTiles {
   nb::list tiles;
 };
 
+// The tiles of a terrain of Python, which `kept` keeps alive.
+struct Tiles {
+  Surface surface;
+  nb::list kept;
+};
+
 // Sets the tiles of a surface: grids, meshes and decks of Python. Returns what must outlive the surface: a copy of the
 // list, which Python may change.
 inline nb::list set_tiles_of(Surface& surface, const nb::list& tiles) {

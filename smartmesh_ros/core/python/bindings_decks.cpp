@@ -1,4 +1,4 @@
-// What Python sees of decks.
+// What Python sees of terrains and their decks.
 #include "python/tables.h"
 
 namespace smartmesh {
@@ -41,6 +41,10 @@ void set_tiles(DeckOfTiles& deck, const nb::list& tiles) {
 }  // namespace
 
 void add_decks(nb::module_& m) {
+  nb::class_<Tiles>(m, "Tiles")
+      .def(nb::init<>())
+      .def(
+          "set_tiles", [](Tiles& t, const nb::list& tiles) { t.kept = set_tiles_of(t.surface, tiles); }, "tiles"_a);
   nb::class_<DeckOfTiles>(m, "Deck")
       .def(nb::init<>())
       .def("set_tiles", &set_tiles, "tiles"_a)

@@ -8,8 +8,8 @@
 
 #include "bullet/shape_parts.h"
 #include "bullet/world.h"
+#include "python/body_tables.h"
 #include "python/soil_binding.h"
-#include "python/tables.h"
 #include "step/step_lock.h"
 
 namespace smartmesh {
@@ -23,10 +23,8 @@ struct HeldWorld {
   BulletWorld* world;
   BulletWorld* operator->() const { return world; }
 };
-// Kind, half extents, rounding, offset and turn of a convex part of a shape, as in SHAPE, and the points (n, 3) of a
-// hull.
-using PartOfShape =
-    std::tuple<std::int64_t, std::vector<double>, double, std::vector<double>, std::vector<double>, NewTable>;
+// The record of SHAPE of a convex part of a shape, as bytes, and the points (n, 3) of a hull.
+using PartOfShape = std::tuple<nb::bytes, NewTable>;
 
 // Returns the parts of the shapes of a PyBullet body by link; see link_shapes.
 std::map<int, std::vector<PartOfShape>> shapes_of(int number, int body) {
@@ -35,15 +33,9 @@ std::map<int, std::vector<PartOfShape>> shapes_of(int number, int body) {
   std::map<int, std::vector<PartOfShape>> found;
   for (const auto& [link, parts] : link_shapes(world->bullet(), body)) {
     for (const auto& [shape, points] : parts) {
-      const auto& [half, offset, turn] = std::tie(shape.half, shape.offset, shape.turn);
       NewTable corners = new_array<double, 2>({points.size(), 3});
       std::copy(points.begin(), points.end(), reinterpret_cast<Vec3*>(corners.data()));
-      found[link].push_back({static_cast<std::int64_t>(shape.kind),
-                             {half.x, half.y, half.z},
-                             shape.rounding,
-                             {offset.x, offset.y, offset.z},
-                             {turn.x, turn.y, turn.z, turn.w},
-                             corners});
+      found[link].emplace_back(nb::bytes(&shape, sizeof(Shape)), corners);
     }
   }
   return found;
@@ -52,8 +44,7 @@ std::map<int, std::vector<PartOfShape>> shapes_of(int number, int body) {
 // The ground in the client of one PyBullet server, by the number that its plugin gave.
 struct Ground {
   int number, of_world;
-  nb::list tiles;  // keeps the grids and meshes alive
-  nb::object soil;
+  nb::object tiles, shapes, soil;  // which must outlive the world's use of them
 
   explicit Ground(int of) : number(of) {
     const HeldWorld found{{}, world_of(number)};
@@ -94,9 +85,21 @@ struct Ground {
     }
     return {};
   }
-  void set_tiles(nb::list parts) {
-    BulletWorld* found = world().world;
-    tiles = set_tiles_of(found->surface, parts);
+  // Lets the bodies stand on the tiles of a terrain, also those that come later.
+  void set_tiles(nb::object of) {
+    Tiles& wanted = nb::cast<Tiles&>(of);
+    {
+      const HeldWorld found = world();
+      found->terrain = &wanted.surface;
+      found->wake_all();
+    }
+    tiles = of;
+  }
+  // Takes the shapes of the bodies by slot.
+  void set_shapes(nb::object of) {
+    const Shapes& wanted = nb::cast<Shapes&>(of);
+    world()->shapes = &wanted.table;
+    shapes = of;
   }
   void set_soil(nb::object of) {
     Soil* wanted = of.is_none() ? nullptr : &nb::cast<Soil&>(of);
@@ -128,6 +131,11 @@ struct Ground {
     if (!found->has(slot)) throw std::invalid_argument("no attached body has this slot");
     found->detach(slot);
   }
+  // Sets what a slot is; see SlotKind.
+  void set_kind(int slot, bool solid, bool own, bool remote) {
+    const HeldWorld found = world();
+    found->set_kind(checked_slot(*found.world, slot), {solid, own, remote});
+  }
   void keep_apart(int body) {
     if (body < 0 || !world()->keep_apart(body)) throw std::invalid_argument("PyBullet has no such body");
   }
@@ -137,36 +145,34 @@ struct Ground {
       throw std::invalid_argument("the rules of sleep must be numbers, and the time not negative");
     world()->set_rules({after, distance, joint, {change, noise, most}});
   }
-  // Returns the PyBullet bodies that rest; see find_resting. `trusted` (S,).
-  auto find_resting(Flags trusted) {
-    return world()->find_resting(std::vector<bool>(trusted.data(), trusted.data() + trusted.shape(0)));
-  }
-  void put_to_sleep(const std::vector<int>& bodies) {
-    for (int body : bodies)
-      if (body < 0 || body > MOST_SLOTS) throw std::invalid_argument("PyBullet has no such body");
-    world()->put_to_sleep(bodies);
-  }
   void wake(int slot) {
     const HeldWorld found = world();
     if (!found->has(slot)) throw std::invalid_argument("no attached body has this slot");
     found->find_objects();
     found->wake(slot);
   }
-  void wake_disturbed() {
+  bool is_asleep(int slot) const {
     const HeldWorld found = world();
-    found->find_objects();
-    found->wake_disturbed();
+    return found->is_asleep(checked_slot(*found.world, slot));
   }
-  // Writes for the slots (S,) whether a body sleeps.
-  void read_asleep(Array<bool, 1> asleep) const {
+  // Sets the time [s] and duration [s] of the next step. Returns false and sets nothing if somebody has to look before:
+  // the client is gone, a step failed, bodies are gone, or the last step had another duration.
+  bool begin(double start, double duration) {
+    const HeldWorld found = find_world();
+    if (found.world == nullptr || found->has_fault() || found->has_gone() || found->duration != duration) return false;
+    found->time = start;
+    return true;
+  }
+  void update() { world()->update(); }
+  // Returns the slots of bodies that began to fall, and of those that are lost; see BulletWorld::check_falls.
+  auto check_falls(double time, double depth) {
+    const Falls found = world()->check_falls(finite(time, "the time"), depth);
+    return std::tuple(found.begun, found.lost);
+  }
+  auto last_ground(int slot) const {
     const HeldWorld found = world();
-    for (std::size_t k = 0; k < asleep.shape(0); ++k)
-      asleep.data()[k] = found->has(static_cast<int>(k)) && found->is_asleep(static_cast<int>(k));
-  }
-  // Writes which slots (S,) have contacts with the ground.
-  void read_touching(Array<bool, 1> touching) const {
-    const std::vector<bool> found = world()->find_touching();
-    for (std::size_t k = 0; k < touching.shape(0); ++k) touching.data()[k] = k < found.size() && found[k];
+    const Vec3 place = found->last_ground(checked_slot(*found.world, slot));
+    return std::tuple(place.x, place.y, place.z);
   }
   // Moves the surface of the body in a slot about an axis (3,) at a `speed` [m/s]; see Belt.
   void drive(int slot, std::tuple<double, double, double> axis, double speed) {
@@ -178,7 +184,7 @@ struct Ground {
     if (!(size > 0.0 && std::isfinite(size))) throw std::invalid_argument("the axis must have a length");
     found->drive(slot, {{x, y, z}, speed});
   }
-  // Returns what the `slots` (n,) know of the past, (n, 19) as SlotMemory.
+  // Returns what the `slots` (n,) know of the past, (n, 23) as SlotMemory.
   auto memory_of(Slots slots) const {
     std::vector<SlotMemory> rows;
     {
@@ -229,6 +235,15 @@ struct Ground {
       if (!found->has(static_cast<int>(slot)) || !found->read(static_cast<int>(slot), rows_of<BodyState>(states)[slot]))
         std::fill_n(states.data() + BODY_COLUMNS * slot, BODY_COLUMNS, std::numeric_limits<double>::quiet_NaN());
     }
+  }
+  // Returns the point [m], the normal and the depth [m] of the deepest contact of a slot now, None if there is none.
+  auto deepest_contact(int slot) {
+    using Vector = std::tuple<double, double, double>;
+    const HeldWorld held = world();
+    const auto found = held->deepest_contact(checked_slot(*held.world, slot));
+    const auto vector = [](const Vec3& v) { return Vector(v.x, v.y, v.z); };
+    return found ? std::optional(std::tuple(vector(found->point), vector(found->normal), -found->distance))
+                 : std::nullopt;
   }
   // Returns gravity (3) [m/s^2], duration [s], erp, friction erp and slop [m] of the world's solver (7,).
   auto settings() const {
@@ -289,18 +304,26 @@ void add_ground(nb::module_& m) {
       .def_prop_ro("is_there", [](const Ground& g) { return g.find_world().world != nullptr; })
       .def("take_fault", &Ground::take_fault)
       .def("set_tiles", &Ground::set_tiles, "tiles"_a)
+      .def("set_shapes", &Ground::set_shapes, "shapes"_a)
+      .def("set_kind", &Ground::set_kind, "slot"_a, "solid"_a, "own"_a, "remote"_a)
       .def("attach", &Ground::attach, "slot"_a, "body"_a, "link"_a, "proxy"_a)
       .def("detach", &Ground::detach, "slot"_a)
       .def("set_sleep", &Ground::set_sleep, "after"_a, "distance"_a, "joint"_a, "change"_a, "noise"_a, "most"_a)
-      .def("find_resting", &Ground::find_resting, "trusted"_a.noconvert())
-      .def("put_to_sleep", &Ground::put_to_sleep, "bodies"_a)
       .def("wake", &Ground::wake, "slot"_a)
       .def("wake_all", [](const Ground& g) { g.world()->wake_all(); })
-      .def("wake_disturbed", &Ground::wake_disturbed)
+      .def("begin", &Ground::begin, "time"_a, "duration"_a)
+      .def("update", &Ground::update)
+      .def_prop_ro("rescues", [](const Ground& g) { return g.world()->rescues(); })
+      .def("check_falls", &Ground::check_falls, "time"_a, "depth"_a)
+      .def("find_falling", [](const Ground& g) { return g.world()->find_falling(); })
+      .def("last_ground", &Ground::last_ground, "slot"_a)
+      .def("find_below", [](const Ground& g) { return g.world()->find_below(); })
+      .def(
+          "find_nowhere", [](const Ground& g, double farthest) { return g.world()->find_nowhere(farthest); },
+          "farthest"_a)
       .def("find_gone", [](const Ground& g) { return g.world()->find_gone(); })
-      .def("read_asleep", &Ground::read_asleep, "asleep"_a.noconvert())
-      .def("read_touching", &Ground::read_touching, "touching"_a.noconvert())
-      .def_prop_ro("sleep_changes", [](const Ground& g) { return g.world()->sleep_changes(); })
+      .def("is_asleep", &Ground::is_asleep, "slot"_a)
+      .def("find_asleep", [](const Ground& g) { return g.world()->find_asleep(); })
       .def("drive", &Ground::drive, "slot"_a, "axis"_a, "speed"_a)
       .def("memory_of", &Ground::memory_of, "slots"_a.noconvert())
       .def("recall", &Ground::recall, "slots"_a.noconvert(), "memory"_a.noconvert())
@@ -310,6 +333,7 @@ void add_ground(nb::module_& m) {
       .def("forget", [](const Ground& g) { g.world()->forget(); })
       .def("keep_apart", &Ground::keep_apart, "body"_a)
       .def("settings", &Ground::settings)
+      .def("deepest_contact", &Ground::deepest_contact, "slot"_a)
       .def("contacts_of", &Ground::contacts_of, "slot"_a)
       .def("read", &Ground::read, "slots"_a.noconvert(), "states"_a.noconvert());
   add_number<&BulletWorld::time>(ground, "time");

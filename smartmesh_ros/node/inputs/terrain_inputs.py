@@ -68,7 +68,7 @@ class TerrainInputs:
             self._listen_to_occupancy_updates(updates)
         session.terrain_subscriptions = session.subscriptions[before:]
         if settings.file:
-            self._load(settings.file)
+            self.load(files.load(settings.file, settings.raster, MOST_SAMPLES))
 
     def forget_stamps(self) -> None:
         """Accepts any stamps from now on, after a reset."""
@@ -141,13 +141,19 @@ class TerrainInputs:
                 "no ~/occupancy_grid_update: it needs map_msgs, which is not installed; apt install ros-jazzy-map-msgs"
             )
 
-    def _load(self, path: str) -> None:
-        """Loads the terrain of a file, at the start."""
-        settings = self._session.settings
-        raster = files.load(path, settings.raster, MOST_SAMPLES)
-        start = Stamped(0, 0, settings.frame_id, "")
+    def load(self, raster: Raster) -> None:
+        """Takes the terrain of a file."""
+        start = Stamped(0, 0, self._session.settings.frame_id, "")
         with self._ingesting(start) as placed:
             self._take_map(self._target(start), raster, None, placed)
+
+    def clear(self) -> None:
+        """Removes all maps and meshes, also those of decks."""
+        for of in (self._terrain, *self._decks.decks.values()):
+            for tile in list(of.tiles):
+                of.remove(tile)
+        self._rivals.clear()
+        self._session.last_map_time, self._session.frame_id = None, self._session.settings.frame_id
 
     def _on_mesh(self, data: bytes) -> None:
         settings = self._session.settings

@@ -32,7 +32,7 @@ from smartmesh_ros.ground.quaternions import conjugate, rotate
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, by_length, floats, stamp_fields, text_rows
 from smartmesh_ros.node.parameters.entries import ScanEntry
-from smartmesh_ros.node.services.robot_files import urdf_text
+from smartmesh_ros.node.services.files import urdf_text
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.terrain.height_scan import HeightScan
 from smartmesh_ros.world.bodies import Body

@@ -21,7 +21,7 @@ from smartmesh_ros.node.outputs.body_outputs import LATCHED, PERIOD
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, stamp_fields
 from smartmesh_ros.node.outputs.ground_view import GroundView, ground_points, window_around
 from smartmesh_ros.node.outputs.patch_outputs import NO_ID
-from smartmesh_ros.node.services.robot_files import urdf_text
+from smartmesh_ros.node.services.files import urdf_text
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.terrain.grid import FloatArray, IntArray

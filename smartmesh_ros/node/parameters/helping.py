@@ -109,14 +109,22 @@ def mismatch(file: Path, node: str) -> str | None:
     return f"parameter file {file} has no effect: it is for {', '.join(names)}, and this node is {node}"
 
 
-def parameters_by_node(content: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the fully qualified names of the nodes that a file has parameters for, as of `pattern`, and these, grouped
-    as in the file; namespaces may be nested."""
+def parameters_by_node(content: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the fully qualified names of the nodes that a file has parameters for, as of `pattern`, and these by name;
+    namespaces and groups may be nested."""
     for key, value in content.items() if isinstance(content, dict) else ():
         if key == PARAMETERS:
-            yield path, value
+            yield path, dict(_flat(value))
         else:
             yield from parameters_by_node(value, f"{path}/{str(key).strip('/')}")
+
+
+def _flat(content: Any, group: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in content.items() if isinstance(content, dict) else ():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{group}{key}.")
+        else:
+            yield f"{group}{key}", value
 
 
 def pattern(name: str) -> str:

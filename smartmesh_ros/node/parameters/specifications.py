@@ -124,8 +124,8 @@ SPECS = (
     _fixed("bodies.spawn", "Bodies spawned at start, each a YAML mapping; see config/."),
     _param("bodies.command_timeout", "Joints and tracks that velocities drive stop after this long without a command, "
         "in simulated time [s]; 0 = never. Positions and efforts stay in force.", 0.0, 3600.0),
-    _param("bodies.urdf_folders", "Folders from which services may load robot descriptions and their meshes; empty = "
-        "pybullet_data and the share folders of the installed packages."),
+    _param("bodies.urdf_folders", "Folders from which services may load robot descriptions, their meshes, and worlds; "
+        "empty = pybullet_data and the share folders of the installed packages."),
     _fixed("bodies.poses", "Topics of geometry_msgs/PoseStamped, each for one tracked body: 'name=topic', or a topic "
         "alone, which also names the body."),
     _fixed("bodies.odometry",

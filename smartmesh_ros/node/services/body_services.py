@@ -45,7 +45,7 @@ class BodyServices:
             shape = conversions.shape_of_primitive(body.shape)
             standing = {"on_ground": body.on_ground, "clearance": body.clearance, "align": body.align}
             return self._told(body, state, lambda: world.spawn(body.id, shape, body.mass, state, **standing))
-        robot = await session.robots.prepared(body.urdf, session.settings)
+        robot = await session.files.prepared(body.urdf, session.settings)
         if not body.on_ground:
             return self._told(body, state, lambda: world.spawn_robot(body.id, robot, state))
         stance = await in_turns(world.stance_of_robot(body.id, robot, state, align=body.align), session.lock)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from itertools import product
 from typing import Any
 
@@ -10,40 +11,61 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import rotate
+from smartmesh_ros.node.services.standard import tagged
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.bodies import Body, bounds_of
 from smartmesh_ros.world.world import World
 
+# The classes of characters in POSIX regular expressions, which Python's lack.
+CLASSES = {
+    "alnum": "a-zA-Z0-9", "alpha": "a-zA-Z", "blank": r" \t", "cntrl": r"\x00-\x1f\x7f", "digit": "0-9",
+    "graph": r"\x21-\x7e", "lower": "a-z", "print": r"\x20-\x7e", "punct": r"!-/:-@\[-`{-~", "space": r"\s",
+    "upper": "A-Z", "xdigit": "0-9a-fA-F",
+}  # fmt: skip
 
-def select(world: World, filters: Any, bounds: Any) -> list[str]:
+
+def select(world: World, filters: Any, bounds: Any, info: Callable[[Body], Any]) -> list[str]:
     """Return the names of the bodies that pass all filters. ``bounds``: the message class Bounds, for its constants.
+    ``info``: returns the EntityInfo message of a body.
 
-    The name filter is a Python regular expression, a superset of POSIX except for bracketed classes. The bounds filter
-    uses the axis-aligned bounds of bodies. Raises `InputError` for filters by category or tag, which bodies lack.
+    The name filter is a regular expression, which is found in names as Python does. The bounds filter uses the
+    axis-aligned bounds of bodies. Raises `InputError`.
     """
-    if filters.categories or filters.tags.tags:
-        raise InputError("unsupported", "entities have no categories and no tags here; leave those filters empty")
     try:
-        pattern = re.compile(filters.filter)
-    except re.error as error:
-        raise InputError("filter", f"{filters.filter!r} is not a regular expression: {error}") from None
-    names = [body.name for body in world.bodies.values() if not body.owner and pattern.search(body.name)]
-    if filters.bounds.type == bounds.TYPE_EMPTY:
-        return names
-    points = np.array([(point.x, point.y, point.z) for point in filters.bounds.points])
-    if filters.bounds.type not in (bounds.TYPE_BOX, bounds.TYPE_SPHERE):
-        raise InputError("unsupported", f"bounds of type {filters.bounds.type} are not supported; use a box or sphere")
+        pattern = re.compile(re.sub(r"\[:(\w+):\]", lambda found: CLASSES.get(found[1], found[0]), filters.filter))
+    except (re.error, OverflowError, RecursionError) as error:
+        raise InputError("filter", f"{filters.filter[:200]!r} is not a regular expression: {error}") from None
+    near = _bounds_filter(world, filters.bounds, bounds)
+    categories = {wanted.category for wanted in filters.categories}
+    names = []
+    for body in world.bodies.values():
+        if body.owner or not pattern.search(body.name):
+            continue
+        known = info(body)
+        fits = known.category.category in categories or not categories
+        if fits and tagged(known.tags, filters.tags) and near(body):
+            names.append(body.name)
+    return names
+
+
+def _bounds_filter(world: World, wanted: Any, bounds: Any) -> Callable[[Body], bool]:
+    """Return the test of the bounds of a body against a Bounds message. Raises `InputError`."""
+    if wanted.type == bounds.TYPE_EMPTY:
+        return lambda _: True
+    points = np.array([(point.x, point.y, point.z) for point in wanted.points])
+    if wanted.type not in (bounds.TYPE_BOX, bounds.TYPE_SPHERE):
+        raise InputError("unsupported", f"bounds of type {wanted.type} are not supported; use a box or sphere")
     if len(points) != 2 or not np.isfinite(points).all():
         raise InputError("geometry", "bounds must have two finite points: corners, or a centre and a radius")
-    box = filters.bounds.type == bounds.TYPE_BOX
+    box = wanted.type == bounds.TYPE_BOX
     low, high, reach = (points.min(axis=0), points.max(axis=0), 0.0) if box else (points[0], points[0], points[1, 0])
-    return [name for name in names if _gap(world, name, low, high) <= reach]
 
+    def near(body: Body) -> bool:
+        body_low, body_high = bounds_of(world.client, body)
+        gaps = np.maximum(np.maximum(body_low - high, low - body_high), 0.0)
+        return bool(np.linalg.norm(gaps) <= reach)
 
-def _gap(world: World, name: str, low: FloatArray, high: FloatArray) -> float:
-    """Return the distance [m] of a body's bounds from a box with these corners (3,)."""
-    body_low, body_high = bounds_of(world.client, world.bodies[name])
-    return float(np.linalg.norm(np.maximum(np.maximum(body_low - high, low - body_high), 0.0)))
+    return near
 
 
 def own_bounds(body: Body) -> tuple[FloatArray, FloatArray]:

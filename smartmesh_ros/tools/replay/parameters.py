@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +41,9 @@ def read_file(path: Path, node: str) -> dict[str, Any]:
         raise InputError("file", f"{path} is no parameter file: {error}") from None
     if wrong := mismatch(path, node):
         raise InputError("file", wrong)
-    groups = [values for name, values in parameters_by_node(content) if re.fullmatch(pattern(name), node)]
-    found = dict(entry for values in groups for entry in _flat(values, ""))
+    found: dict[str, Any] = {}
+    for name, values in parameters_by_node(content):
+        found |= values if re.fullmatch(pattern(name), node) else {}
     if not found:
         raise InputError("file", f"{path} has no {PARAMETERS}; it must read '/**: {{{PARAMETERS}: {{name: value}}}}'")
     return found
@@ -90,11 +91,3 @@ def require_known(names: Iterable[str]) -> None:
             raise InputError("parameter", f"{name} is gone: {REMOVED[name]}")
         if name not in NAMES and name != "use_sim_time" and not name.startswith(QOS):
             raise InputError("parameter", f"parameter {name!r} is unknown{nearest(name, SPECS)}")
-
-
-def _flat(content: Any, group: str) -> Iterator[tuple[str, Any]]:
-    for key, value in content.items() if isinstance(content, dict) else ():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{group}{key}.")
-        else:
-            yield f"{group}{key}", value

@@ -35,7 +35,6 @@ MINUTE, PERIOD = 60.0, 1.0
 # Stages of a step in the chart, and their colours.
 STAGES = {
     "total": "#222222", "step": "#1f77b4", "search": "#2ca02c", "collect": "#ff7f0e", "publish": "#9467bd",
-    "bodies": "#8c564b",
 }  # fmt: skip
 # Times above this many times what a stage rarely exceeds are cut, so that a stall does not flatten the rest. Rarely: in
 # this share of the messages.

@@ -1,10 +1,9 @@
-"""``make tax``: what the ground costs beyond PyBullet's own plane; fills docs/terrain_tax.md."""
+"""Terrain tax of `World`: processor time of a step on a map, over that of the same bodies on PyBullet's plane."""
 
 from __future__ import annotations
 
-import argparse
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from time import thread_time
@@ -15,22 +14,17 @@ import pybullet as pb
 from smartmesh_ros import BodyState, Box, HeightMap, Sphere, World
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.world.world import WorldConfig
-from studies.machine import describe, measured_on
 from studies.markdown import number, table
-from studies.pages import ROOT, fill
-from studies.progress import Progress
-from studies.results_file import save_results
 from studies.robots.robot import HUSKY
 
-PAGE, RESULTS = ROOT / "docs" / "terrain_tax.md", ROOT / "docs" / "terrain_tax.json"
 RATE, MAP_RATE = 240, 60  # of physics and of maps [Hz]
 SIDE, CELL = 121, 0.25  # samples and resolution [m] of the map
 SPACING = 1.2  # between bodies [m]
 ROBOT_SPACING = 3.0
 BALL, BOX = Sphere(0.2), Box(0.4, 0.3, 0.2)
 RISE, RISE_RATE = 0.05, 2.0  # of the moving ground: amplitude [m], angular frequency [rad/s]
-# Time of one measurement [s], how many there are of each column, and how long bodies settle before [steps].
-BLOCK, ROUNDS, SETTLE = 0.03, 25, 240
+# Time of one measurement [s], and how long bodies settle before [steps].
+BLOCK, SETTLE = 0.03, 240
 
 
 @dataclass(frozen=True)
@@ -74,16 +68,21 @@ def level() -> HeightMap:
     return HeightMap(np.zeros((SIDE, SIDE)), resolution=CELL, origin=(edge, edge))
 
 
+def places(crowd: Crowd) -> list[tuple[float, float]]:
+    """Return where the members of a crowd stand, in a square [m]."""
+    side = int(np.ceil(np.sqrt(crowd.count)))
+    spacing = ROBOT_SPACING if crowd.kind == "husky" else SPACING
+    middle = 0.5 * (side - 1)
+    return [(spacing * (k // side - middle) + 0.03, spacing * (k % side - middle) + 0.03) for k in range(crowd.count)]
+
+
 def world_with(crowd: Crowd, ground: HeightMap | None) -> World:
     """Return a world in which a crowd stands in a square. No body may sleep, since sleep costs nothing anywhere."""
     world = World(ground, WorldConfig(physics=PhysicsConfig(rate=RATE, sleep=False)))
     if ground is None:
         plane = world.client.createMultiBody(0.0, world.client.createCollisionShape(pb.GEOM_PLANE))
         world.client.changeDynamics(plane, -1, lateralFriction=1.0)
-    side = int(np.ceil(np.sqrt(crowd.count)))
-    spacing = ROBOT_SPACING if crowd.kind == "husky" else SPACING
-    for k in range(crowd.count):
-        x, y = (spacing * (np.array(divmod(k, side)) - 0.5 * (side - 1)) + 0.03).tolist()
+    for k, (x, y) in enumerate(places(crowd)):
         if crowd.kind == "husky":
             world.spawn_robot(f"husky_{k}", HUSKY.urdf, BodyState((x, y, HUSKY.height + 0.15)))
             continue
@@ -124,7 +123,7 @@ def stages_of(crowd: Crowd) -> dict[str, Stage]:
     }
 
 
-def measure(crowd: Crowd, rounds: int = ROUNDS) -> dict[str, list[float]]:
+def measure(crowd: Crowd, rounds: int) -> dict[str, list[float]]:
     """Return for each column the processor time of a step [us] in turn with the others (rounds,)."""
     stages = stages_of(crowd)
     try:
@@ -141,35 +140,19 @@ def measure(crowd: Crowd, rounds: int = ROUNDS) -> dict[str, list[float]]:
             stage.world.close()
 
 
-def row_of(crowd: Crowd, found: dict[str, list[float]]) -> list[str]:
+def row_of(name: str, found: dict[str, list[float]]) -> list[str]:
     """Return a row: the plane's time, and of the others the ratio to it: median, 10th and 90th percentile."""
     plane = np.array(found["plane"])
-    cells = [crowd.name, number(float(np.median(plane)))]
-    for name in ("own", "still", "moving"):
-        low, middle, high = np.percentile(np.array(found[name]) / plane, (10, 50, 90)).tolist()
+    cells = [name, number(float(np.median(plane)))]
+    for column in ("own", "still", "moving"):
+        low, middle, high = np.percentile(np.array(found[column]) / plane, (10, 50, 90)).tolist()
         cells.append(f"{middle:.2f} ({low:.2f} to {high:.2f})")
     return cells
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure all crowds, print the table and write the page."""
-    parser = argparse.ArgumentParser(prog="python -m studies tax", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="a fifth of the measurements, and no page")
-    quick = parser.parse_args(arguments).quick
+def world_table(rounds: int) -> tuple[str, dict[str, dict[str, list[float]]]]:
+    """Return the table, and the times of all rounds by crowd and column."""
     logging.getLogger("smartmesh_ros").setLevel(logging.ERROR)  # what the husky's description lacks is known
-    say, rows, results = Progress(), [], {}
-    for crowd in CROWDS:
-        say(crowd.name)
-        results[crowd.name] = measure(crowd, ROUNDS // 5 if quick else ROUNDS)
-        rows.append(row_of(crowd, results[crowd.name]))
-    text = table(
-        ["bodies", "plane [us]", "your own `stepSimulation`", "`World.step`, still", "`World.step`, moving"], rows
-    )
-    print(f"\n{text}")
-    if not quick:
-        save_results(RESULTS, {"machine": describe(), "step_us": results})
-        fill(PAGE, {"tax": f"{text}\n\n{measured_on(describe())}."})
-
-
-if __name__ == "__main__":
-    main()
+    results = {crowd.name: measure(crowd, rounds) for crowd in CROWDS}
+    header = ["bodies", "plane [us]", "your own `stepSimulation`", "`World.step`, still", "`World.step`, moving"]
+    return table(header, [row_of(name, found) for name, found in results.items()]), results

@@ -1,0 +1,73 @@
+// What is known of an attached body or link.
+#pragma once
+
+#include <limits>
+#include <memory>
+#include <optional>
+#include <unordered_map>
+#include <vector>
+
+#include <BulletDynamics/Dynamics/btRigidBody.h>
+
+#include "bullet/ground_shape.h"
+#include "bullet/rest.h"
+#include "bullet/soil_in_step.h"
+#include "contact/deck_contacts.h"
+#include "ground/surface.h"
+
+namespace smartmesh {
+
+// Motion of a link's surface, as of a track: where the ground touches it with a normal n, the surface moves along
+// n x axis, at a speed [m/s]. A positive speed drives the link as a wheel that turns about `axis`, which is given in
+// the frame of the link's centre of mass.
+struct Belt {
+  Vec3 axis;
+  double speed = 0.0;
+};
+
+// A convex part of a body, as of its margin; without `convex` it is of unknown kind.
+struct KnownPart {
+  double margin;  // [m]
+  std::optional<Convex> convex;
+};
+
+// `is_solid`: its body collides with the ground. `is_own`: the body is lifted out of the ground. `is_remote`: another
+// node simulates it, and says whether it rests.
+struct SlotKind {
+  bool is_solid = false, is_own = false, is_remote = false;
+};
+
+// An attached body or link, by PyBullet's numbers, and its proxy, a body without mass.
+struct Slot {
+  bool used = false, is_robot = false;
+  SlotKind kind;
+  int body = -1, link = -1;
+  int proxy = -1;                            // -1 = the body is only read
+  btCollisionObject* object = nullptr;       // found anew in each step; null = it is gone
+  btRigidBody* ground = nullptr;             // of the proxy, likewise
+  btCollisionShape* shape_before = nullptr;  // of the proxy
+  std::unique_ptr<GroundShape> shape;
+  Vec3 linear, angular;           // of the body [m/s], [rad/s]
+  NearbyGround near;              // in this step
+  std::vector<NearbyDeck> decks;  // likewise
+  Vec3 pull;     // what gravity and applied forces added to a rigid body's velocity in the last step [m/s]
+  Vec3 turning;  // of the ground at a contact that has friction against turning, in the last step [rad/s]
+  Vec3 last_ground{0.0, 0.0, std::numeric_limits<double>::quiet_NaN()};  // as of `check_falls`; z NaN = none yet
+  bool falls = false;
+  Belt belt;
+  Rest rest;
+  std::unordered_map<const btCollisionShape*, KnownPart> parts;
+  std::vector<const btCollisionShape*> leaves;  // convex parts of its shape, found when one first touches soil
+  SoilParts on_soil;
+};
+
+// What a slot knows of the past beside contacts, as numbers of Python; see Rest and Slot.
+struct SlotMemory {
+  double still = 0.0;
+  Pose anchor;
+  Vec3 pull, turning, last_ground;
+  double falls = 0.0;
+};
+static_assert(sizeof(SlotMemory) == 23 * sizeof(double));
+
+}  // namespace smartmesh

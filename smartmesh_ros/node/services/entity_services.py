@@ -1,0 +1,204 @@
+"""The services of simulation_interfaces for entities, which are the bodies of the world, including tracked bodies.
+
+Only URDF robots can be spawned.
+"""
+
+from __future__ import annotations
+
+from itertools import chain, count
+from typing import Any
+
+from geometry_msgs.msg import Vector3
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.node.inputs import conversions
+from smartmesh_ros.node.inputs.frames import Transform
+from smartmesh_ros.node.outputs.body_outputs import pose_message, twist_message
+from smartmesh_ros.node.services.entities import own_bounds, select
+from smartmesh_ros.node.services.files import allowed_folders, files_in, robot_name, urdf_text, with_package_paths
+from smartmesh_ros.node.services.standard import Standard, refuse_unsupported, tagged
+from smartmesh_ros.node.session import REFUSED, require_name
+from smartmesh_ros.world.bodies import Body
+from smartmesh_ros.world.link_frames import centre_state
+
+_POSE_REASONS = dict.fromkeys(("frame", "non_finite", "quaternion"), "INVALID_POSE")
+_SPAWN_REASONS = {
+    "duplicate_id": "NAME_NOT_UNIQUE",
+    "empty_id": "NAME_INVALID",
+    "urdf_format": "UNSUPPORTED_FORMAT",
+    "no_resource": "NO_RESOURCE",
+    "urdf": "RESOURCE_PARSE_ERROR",
+    "urdf_package": "MISSING_ASSETS",
+    **_POSE_REASONS,
+}
+# Tag of the places where bodies of parameters and worlds start.
+START = "start"
+
+
+class EntityServices:
+    """Answers each service from the world. ``node``: the collider, whose ``initial`` bodies give the named poses."""
+
+    def __init__(self, standard: Standard, node: Any) -> None:
+        self._standard, self._session, self._node = standard, standard.session, node
+        self._messages, self._bounds = standard.messages, standard.messages.Bounds
+        serve = standard.serve
+        serve("SpawnEntity", self._spawn, _SPAWN_REASONS)
+        serve("SpawnEntities", self._spawn_all, {"entities": "ENTITIES_SPAWN_FAILED"})
+        serve("DeleteEntity", self._delete)
+        serve("GetSpawnables", self._get_spawnables)
+        serve("GetNamedPoses", self._get_poses)
+        serve("GetNamedPoseBounds", refuse_unsupported("named poses have no bounds here"))
+        serve("GetEntities", self._get_entities)
+        serve("GetEntitiesStates", self._get_entities_states)
+        serve("GetEntityBounds", self._get_bounds)
+        serve("GetEntityInfo", self._get_info)
+        serve("SetEntityInfo", self._set_info)
+        serve("GetEntityState", lambda asked, found: self._write_state(asked.entity, found.state))
+        serve("SetEntityState", self._set_state, _POSE_REASONS)
+
+    async def _spawn(self, request: Any, response: Any) -> None:
+        response.entity_name = await self._spawn_entity(request)
+
+    async def _spawn_all(self, request: Any, response: Any) -> None:
+        failed = 0
+        for wanted in request.spawn_requests:
+            result = self._messages.SpawnResult()
+            try:
+                result.entity_name = await self._spawn_entity(wanted)
+                result.result.result = self._messages.Result.RESULT_OK
+            except REFUSED as error:
+                failed += 1
+                result.result.result = self._standard.code(error, _SPAWN_REASONS, result)
+                result.result.error_message = str(error)
+            response.results.append(result)
+        if failed:
+            raise InputError("entities", f"{failed} of {len(response.results)} entities are not spawned; see results")
+
+    async def _spawn_entity(self, request: Any) -> str:
+        """Spawn the entity of a request, and return its name. Raises `InputError`."""
+        session = self._session
+        given = _urdf_of(getattr(request, "entity_resource", request))
+        if request.entity_namespace:
+            raise InputError("unsupported", "entity_namespace is not supported; leave it empty")
+        state = self._placed(request.initial_pose.header, conversions.state_from(request.initial_pose.pose))
+        robot = await session.files.prepared(given, session.settings)
+        name = request.name or robot_name(urdf_text(robot.given))
+        with session.lock:
+            if request.allow_renaming:
+                name = self._free_name(name)
+            require_name(name)
+            session.require_room([name])
+            session.world.spawn_robot(name, robot, state)
+            body = session.world.bodies[name]
+            body.initial = centre_state(state, body.inertial)  # the pose is that of the base link
+            session.world.move(name, body.initial)
+            session.start_of(name, body.initial)
+        return name
+
+    def _free_name(self, wanted: str) -> str:
+        wanted = wanted.replace("/", "_") or "entity"
+        names = chain([wanted], (f"{wanted}_{number}" for number in count(1)))
+        return next(name for name in names if name not in self._session.world.bodies)
+
+    def _delete(self, request: Any, _: Any) -> None:
+        self._session.remove(request.entity)
+        self._standard.infos.pop(request.entity, None)
+
+    async def _get_spawnables(self, request: Any, response: Any) -> None:
+        sources, settings = list(request.sources), self._session.settings
+        found, wrong = await self._session.files.done(
+            lambda: files_in(allowed_folders(settings), sources, (".urdf",), settings)
+        )
+        for path in found:
+            response.spawnables.append(self._messages.Spawnable(description=path.stem))
+            item = response.spawnables[-1]
+            getattr(item, "entity_resource", item).uri = path.as_uri()
+        response.result.error_message = "; ".join(wrong)
+
+    def _get_poses(self, request: Any, response: Any) -> None:
+        for name, start in self._node.initial.starts.items() if tagged([START], request.tags) else ():
+            words = f"where {name} starts"
+            pose = self._messages.NamedPose(name=name, description=words, tags=[START], pose=pose_message(start))
+            response.poses.append(pose)
+
+    def _get_entities(self, request: Any, response: Any) -> None:
+        response.entities = select(self._session.world, request.filters, self._bounds, self._info_of)
+
+    def _get_entities_states(self, request: Any, response: Any) -> None:
+        self._get_entities(request, response)
+        for name in response.entities:
+            response.states.append(self._messages.EntityState())
+            self._write_state(name, response.states[-1])
+
+    def _body(self, name: str) -> Body:
+        if (body := self._session.world.bodies.get(name)) is None:
+            raise InputError("unknown_body", f"there is no body {name!r}")
+        return body
+
+    def _get_bounds(self, request: Any, response: Any) -> None:
+        body = self._body(request.entity)
+        low, high = (Vector3(x=x, y=y, z=z) for x, y, z in (corner.tolist() for corner in own_bounds(body)))
+        response.bounds.type, response.bounds.points = self._bounds.TYPE_BOX, [high, low]
+
+    def _get_info(self, request: Any, response: Any) -> None:
+        response.info = self._info_of(self._body(request.entity))
+
+    def _set_info(self, request: Any, _: Any) -> None:
+        name = self._body(request.entity).name
+        category = request.info.category
+        known = [value for key, value in vars(type(category)).items() if key.startswith("CATEGORY_")]
+        if category.category not in known:
+            raise InputError("category", f"there is no category {category.category}")
+        self._standard.infos[name] = request.info
+
+    def _info_of(self, body: Body) -> Any:
+        """Return what was set of a body, or else what the node knows of it."""
+        if body.name in self._standard.infos:
+            return self._standard.infos[body.name]
+        info = self._messages.EntityInfo()
+        category = info.category
+        category.category = category.CATEGORY_ROBOT if body.is_robot else category.CATEGORY_OBJECT
+        info.description = "its pose is dictated by a topic" if body.tracked else "simulated"
+        return info
+
+    def _write_state(self, name: str, message: Any) -> None:
+        session = self._session
+        state = session.world.base_state(name)
+        message.header.stamp, message.header.frame_id = session.stamp_now(), session.frame_id
+        message.pose, message.twist = pose_message(state), twist_message(state)
+
+    def _set_state(self, request: Any, _: Any) -> None:
+        world, name = self._session.world, request.entity
+        now, wanted = world.base_state(name), request.state
+        given = self._placed(wanted.header, conversions.state_from(wanted.pose, wanted.twist))
+        if not getattr(request, "set_pose", True):
+            given = BodyState(now.position, now.orientation, given.linear, given.angular)
+        if not getattr(request, "set_twist", True):
+            given = BodyState(given.position, given.orientation, now.linear, now.angular)
+        if world.bodies[name].fixed and any((*given.linear, *given.angular)):
+            raise InputError("fixed", f"the base of {name!r} is fixed and takes no velocity; leave the twist at zero")
+        world.move(name, centre_state(given, world.bodies[name].inertial))
+
+    def _placed(self, header: Any, state: BodyState) -> BodyState:
+        """Return a state that is given in the frame of a header, of the terrain or of a body, in the terrain's frame.
+        Raises `InputError`."""
+        session, frame = self._session, header.frame_id
+        if frame == session.frame_id or frame not in session.world.bodies:
+            session.require_frame(frame)
+            return state
+        base = session.world.base_state(frame)
+        return Transform(base.position, base.orientation).apply(state)
+
+
+def _urdf_of(resource: Any) -> str:
+    """Return the path of a resource's URI, or else its URDF text. Raises `InputError` if neither is URDF."""
+    if not resource.uri:
+        if not resource.resource_string:
+            raise InputError("no_resource", "both uri and resource_string are empty; give a URDF file or its text")
+        robot_name(resource.resource_string)  # must be URDF
+        return with_package_paths(resource.resource_string)
+    path = with_package_paths(resource.uri)
+    if not path.endswith(".urdf"):
+        raise InputError("urdf_format", f"{resource.uri!r} does not end in .urdf, the only supported format")
+    return path

@@ -1,0 +1,84 @@
+"""How a service of simulation_interfaces is served by the installed definitions, 1.x (ROS 2 Jazzy) or 2.x."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.refusals import reason_of, shortened
+from smartmesh_ros.node.services.world_files import WorldFile
+from smartmesh_ros.node.session import Session
+
+# Result code by the reason of an `InputError`. Codes of a service's own take precedence.
+_REASONS = {
+    "unknown_body": "RESULT_NOT_FOUND",
+    "not_found": "RESULT_NOT_FOUND",
+    "unsupported": "RESULT_FEATURE_UNSUPPORTED",
+    "loading": "RESULT_INCORRECT_STATE",
+}
+
+
+class Standard:
+    """Serves services by their names in the standard, and keeps what the standard knows of worlds.
+
+    ``services``, ``messages``: the modules of simulation_interfaces. ``served``: names of the services that the
+    installed package has. ``world``: the one that was loaded last; ``unloaded``: True if it was unloaded since;
+    ``loading``: True while one is loaded; ``stopped``: True if the simulation was stopped, and not paused since.
+    ``infos``: EntityInfo messages that clients set, by the names of entities, until the simulation begins again.
+    """
+
+    def __init__(self, session: Session, services: Any, messages: Any) -> None:
+        self.session, self.services, self.messages = session, services, messages
+        self.served: set[str] = set()
+        self.world: WorldFile | None = None
+        self.unloaded = self.loading = self.stopped = False
+        self.infos: dict[str, Any] = {}
+
+    def leave_world(self) -> None:
+        """Forget the world, before it is replaced or unloaded; the simulation stops."""
+        self.world, self.unloaded, self.stopped = None, True, True
+        self.infos.clear()
+
+    def serve(
+        self, name: str, act: Callable[[Any, Any], Any], reasons: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
+        """Serve the service of this ``name``, below the node's as ``spawn_entity`` for SpawnEntity, by ``act``, which
+        may return an awaitable, if the installed package has it. ``reasons``: result code by reason of an `InputError`
+        of ``act``."""
+        if (kind := getattr(self.services, name, None)) is None:
+            return
+        self.served.add(name)
+
+        def conclude(response: Any, error: Exception | None) -> None:
+            if error is not None:
+                response.result.result = self.code(error, reasons, kind.Response)
+                response.result.error_message = shortened(str(error))
+            elif hasattr(response, "result"):
+                response.result.result = self.messages.Result.RESULT_OK
+
+        self.session.serve(kind, re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower(), act, conclude)
+
+    def code(self, error: Exception, reasons: Mapping[str, str], codes: Any) -> int:
+        """Return the result code of an error: one of ``codes`` by its reason, or else a general one."""
+        reason = reason_of(error)
+        if (own := reasons.get(reason)) is not None:
+            return int(getattr(codes, own))
+        return int(getattr(self.messages.Result, _REASONS.get(reason, "RESULT_OPERATION_FAILED")))
+
+
+def refuse_unsupported(words: str) -> Callable[[Any, Any], None]:
+    """Return what a service does that is always refused, with ``words`` that say why."""
+
+    def act(_: Any, __: Any) -> None:
+        raise InputError("unsupported", words)
+
+    return act
+
+
+def tagged(tags: list[str], wanted: Any) -> bool:
+    """Return True if there are no tags in a TagsFilter message, or if ``tags`` have any or all of them, as it says."""
+    hits = [tag in tags for tag in wanted.tags]
+    return not hits or (all(hits) if wanted.filter_mode == wanted.FILTER_MODE_ALL else any(hits))

@@ -1,0 +1,138 @@
+"""Worlds of simulation_interfaces: terrain files, and parameter files of the node with the ground and the bodies of a
+scene.
+
+Of a parameter file, ``terrain.file``, ``raster.*`` and ``bodies.spawn`` make the world, as they do at the start of the
+node; relative paths begin at the file. Other parameters are no part of a world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.io import files
+from smartmesh_ros.io.rasters import Raster, RasterConfig
+from smartmesh_ros.io.urdf import require_inside
+from smartmesh_ros.node.inputs.cdr_reader import MOST_SAMPLES
+from smartmesh_ros.node.parameters.declaring import checked_value
+from smartmesh_ros.node.parameters.helping import PARAMETERS, parameters_by_node
+from smartmesh_ros.node.parameters.settings import Settings
+from smartmesh_ros.node.parameters.specifications import SPECS
+from smartmesh_ros.node.services.body_entries import LOADER, Entry, entries_from
+from smartmesh_ros.node.services.files import allowed_folders, files_in, with_package_paths
+
+SCENES = (".yaml", ".yml")
+RASTER = "raster."
+# The parameters that make a world.
+ELEMENTS = {
+    spec.name: spec for spec in SPECS if spec.name in ("terrain.file", "bodies.spawn") or spec.name.startswith(RASTER)
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorldFile:
+    """A world that can be loaded: its ``uri`` or else its ``text``. ``terrain``: file of the ground, "" = no ground;
+    ``raster``: how that file is read; relative paths begin in ``folder``. ``ignored``: parameters that are no part of
+    a world."""
+
+    name: str
+    uri: str = ""
+    text: str = ""
+    folder: Path = Path()
+    terrain: str = ""
+    raster: RasterConfig
+    bodies: Mapping[str, Entry] = field(default_factory=dict)
+    ignored: tuple[str, ...] = ()
+
+    @property
+    def plain(self) -> bool:
+        """True if the world is a terrain file alone."""
+        return self.uri.lower().endswith(files.KINDS)
+
+    @property
+    def description(self) -> str:
+        """What the world is made of."""
+        return f"ground: {Path(self.terrain).name or 'none'}; bodies: {', '.join(self.bodies) or 'none'}"
+
+
+def folders_of_worlds(settings: Settings) -> tuple[Path, ...]:
+    """Return the folders that the parameters name: those of ``bodies.urdf_folders``, and that of ``terrain.file``."""
+    named = [Path(folder).expanduser() for folder in settings.urdf_folders]
+    return *named, *([Path(settings.file).expanduser().resolve().parent] if settings.file else [])
+
+
+def world_of(resource: Any, settings: Settings) -> WorldFile:
+    """Return the world of a resource, by its ``uri`` or else its ``resource_string``. Raises `InputError`."""
+    if resource.uri:
+        return world_of_file(_allowed(Path(with_package_paths(resource.uri)), settings), settings)
+    if not resource.resource_string:
+        raise InputError("no_resource", "both uri and resource_string are empty; give a file, or a text of parameters")
+    return _world_of_text(resource.resource_string, settings, name="world")
+
+
+def world_of_file(path: Path, settings: Settings) -> WorldFile:
+    """Return the world of a terrain file or a parameter file. Raises `InputError`."""
+    suffix = path.suffix.lower()
+    if suffix in files.KINDS:
+        return WorldFile(name=path.stem, uri=path.as_uri(), terrain=str(path), raster=settings.raster)
+    if suffix not in SCENES:
+        known = ", ".join((*files.KINDS, *SCENES))
+        raise InputError("world_format", f"{path} is no world; the files of worlds end in {known}")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except ValueError as error:
+        raise InputError("world", f"{path} cannot be read: {error}") from None
+    found = _world_of_text(text, settings, name=path.stem, folder=path.parent)
+    return replace(found, uri=path.as_uri(), text="")
+
+
+def worlds_in(sources: list[str], settings: Settings) -> tuple[list[WorldFile], list[str]]:
+    """Return the worlds in the folders of the parameters and of ``sources``, and what is wrong with ``sources``."""
+    found, wrong = files_in(folders_of_worlds(settings), sources, (*files.KINDS, *SCENES), settings)
+    worlds = []
+    for path in found:
+        with suppress(InputError):  # other YAML
+            worlds.append(world_of_file(path, settings))
+    return worlds, wrong
+
+
+def _world_of_text(text: str, settings: Settings, *, name: str, folder: Path = Path()) -> WorldFile:
+    """Return the world of a parameter file in a ``folder``. Raises `InputError`."""
+    try:
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=LOADER)):
+            raise InputError("world", f"world {name!r} has aliases (*name), which ROS does not read either")
+        found = [values for _, values in parameters_by_node(yaml.load(text, Loader=LOADER))]
+        given = {name: value for values in found for name, value in values.items()}
+    except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError("world", f"world {name!r} is no YAML: {str(error)[:300]}") from None
+    known = {key: checked_value(spec, given[key]) for key, spec in ELEMENTS.items() if key in given}
+    raster = {key.removeprefix(RASTER): value for key, value in known.items() if key.startswith(RASTER)}
+    fields: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in raster.items()}
+    terrain, spawn = known.get("terrain.file", ""), known.get("bodies.spawn", [])
+    if not terrain and not spawn:
+        raise InputError(
+            "world", f"world {name!r} has neither ground nor bodies; it must be a parameter file (/**: "
+            f"{PARAMETERS}: ...) with terrain.file or bodies.spawn"
+        )  # fmt: skip
+    return WorldFile(
+        name=name, text=text, folder=folder, terrain=terrain, raster=replace(settings.raster, **fields),
+        bodies=entries_from(spawn), ignored=tuple(sorted(given.keys() - ELEMENTS.keys())),
+    )  # fmt: skip
+
+
+def load_raster(path: Path, config: RasterConfig, settings: Settings) -> Raster:
+    """Return the ground of a world in a file. Raises `InputError`."""
+    return files.load(_allowed(path, settings), config, MOST_SAMPLES)
+
+
+def _allowed(path: Path, settings: Settings) -> Path:
+    folders = dict.fromkeys((*allowed_folders(settings), *folders_of_worlds(settings)))
+    return require_inside(path, [*folders], f"{str(path)[:200]!r}")

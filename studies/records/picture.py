@@ -1,0 +1,55 @@
+"""One picture of the three records, for the README."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+from studies.records.entrants import OURS, colour_of
+
+TAXED = ("1 ball", "1 box", "100 balls", "100 boxes")
+BOUNCE = "0.6"
+
+
+def draw(path: Path, tax: Mapping[str, Any], touchdown: Mapping[str, Any], cells: Mapping[str, Any]) -> None:
+    """Draw tax by crowd, rebound by phase, and force by size of cells, a line or bar for each engine."""
+    figure = Figure(figsize=(13.0, 3.8), layout="constrained", dpi=90)
+    left, middle, right = figure.subplots(1, 3)
+    names = list(touchdown)
+    for index, name in enumerate(names):
+        colour, width = colour_of(name), 2.4 if name == OURS else 1.4
+        bars = [float(np.median(tax[crowd][name]["still"])) for crowd in TAXED]
+        left.bar(np.arange(len(TAXED)) + 0.16 * (index - 0.5 * (len(names) - 1)), bars, 0.15, color=colour, label=name)
+        angles = np.arange(len(touchdown[name][BOUNCE])) * 360.0 / len(touchdown[name][BOUNCE])
+        middle.plot(angles, touchdown[name][BOUNCE], "o-", color=colour, linewidth=width, markersize=4)
+        sizes = [cell for cell in cells["boxes"][name] if "seam" not in cell]
+        forces = [max(cells[kind][name][cell].force for kind in cells) for cell in sizes]
+        right.plot([float(cell.removesuffix(" cm")) for cell in sizes], forces, "o-", color=colour, linewidth=width)
+    left.set_xticks(range(len(TAXED)), TAXED)
+    left.set_yscale("log")
+    ticks(left.yaxis, (1, 2, 3, 5))
+    left.axhline(1.0, color="0.3", linewidth=0.8)
+    left.set_title("Terrain tax: a step on a field over one on a plane", fontsize=10)
+    middle.axhline(float(BOUNCE), color="0.3", linewidth=0.8, linestyle="--")
+    middle.set_xlabel("phase of the heaving deck at touchdown [deg]")
+    middle.set_title(f"Touchdown: rebound of a ball, e = {BOUNCE}", fontsize=10)
+    right.set_xscale("log")
+    right.set_yscale("log")
+    ticks(right.xaxis, (2.5, 5, 10, 20))
+    right.set_xlabel("size of the cells [cm]")
+    right.set_title("Force off on one slope, rms [% of the weight]", fontsize=10)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=len(names), frameon=False)
+    figure.savefig(path)
+
+
+def ticks(axis: Axis, values: Sequence[float]) -> None:
+    """Name these values alone on a logarithmic axis."""
+    axis.set_major_locator(FixedLocator(values))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())

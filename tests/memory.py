@@ -1,0 +1,25 @@
+"""Memory of this process, by what is allocated: resident memory also depends on what the machine has left for it."""
+
+import ctypes
+import gc
+import sys
+
+BLOCK = 64  # of one object of Python, about [bytes]
+
+
+class Mallinfo(ctypes.Structure):
+    """The ``mallinfo2`` of glibc."""
+
+    _fields_ = [
+        (name, ctypes.c_size_t)
+        for name in ("arena", "free", "small", "maps", "mapped", "most", "free_small", "used", "unused", "releasable")
+    ]
+
+
+def allocated() -> int:
+    """Return what C, C++ and Python have allocated and not freed [bytes]."""
+    asked = ctypes.CDLL(None).mallinfo2
+    asked.restype = Mallinfo
+    gc.collect()
+    found = asked()
+    return int(found.used + found.mapped) + BLOCK * sys.getallocatedblocks()

@@ -1,0 +1,289 @@
+"""Worlds of the standard services of simulation_interfaces, and what these services make of nonsense, over real DDS."""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from geometry_msgs.msg import Twist, Vector3
+from simulation_interfaces import msg, srv
+from simulation_interfaces.msg import Bounds, EntityFilters, Resource, Result, SimulationState, TagsFilter
+from smartmesh_msgs.srv import QueryGround, StartEpisode
+
+from smartmesh_ros.node.services import simulation_services
+from smartmesh_ros.node.services.turns import Work
+from smartmesh_ros.node.terrain_collider import TerrainCollider
+from smartmesh_ros.tools.testing import Probe, heightmap_message
+from tests.node.shared import changed, fed, made_with
+from tests.node.test_simulation_services import OK, ROVER, ask, entities, placed, pose_of, set_state, spawn, state
+
+SHARED = {"simulation_interfaces": True, "frame_id": "map", "raster.resolution": 0.25}
+L = srv.LoadWorld.Response
+BALL = "{id: ball, shape: sphere, size: [0.2], mass: 1.0, xy: [2.0, 1.0], above: 0.5}"
+SLOPE = 0.1 * np.arange(20.0)[None, :] + np.zeros((20, 1))  # 0.1 m more in each column
+
+
+@pytest.fixture
+def worlds(shared: Probe, tmp_path: Path) -> Iterator[Path]:
+    """A folder of worlds in which the shared node may read: a slope, and the same with a ball and a robot."""
+    folder = tmp_path / "worlds"
+    folder.mkdir()
+    np.save(folder / "slope.npy", SLOPE)
+    (folder / "rover.urdf").write_text(ROVER.read_text())
+    rover = "{id: rover, urdf: rover.urdf, xy: [3.0, 1.0]}"
+    parameters = {"terrain.file": "slope.npy", "raster": {"resolution": 0.5}, "bodies.spawn": [BALL, rover]}
+    scene(folder / "scene.yaml", **parameters, **{"physics.rate": 120.0})
+    (folder / "other.yaml").write_text("{a: [1, 2]}")
+    with changed(shared, {"bodies.urdf_folders": [str(folder)]}):
+        yield folder
+
+
+def scene(path: Path, **parameters: Any) -> None:
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
+
+
+def load(probe: Probe, path: Path | str, **options: bool) -> Any:
+    return ask(probe, "load_world", uri=str(path), **options)
+
+
+def height(probe: Probe, x: float) -> float:
+    """Height of the ground at (x, 1) [m]."""
+    set_state(probe, SimulationState.STATE_PLAYING)
+    answer = probe.call("query_ground", QueryGround, x=[x], y=[1.0])
+    assert answer.success, answer.message
+    return float(answer.z[0])
+
+
+def test_a_world_takes_the_place_of_another(shared: Probe, worlds: Path) -> None:
+    s, none = SimulationState, srv.GetCurrentWorld.Response.NO_WORLD_LOADED
+    assert ask(shared, "get_current_world").result.result == none
+    assert ask(shared, "unload_world").result.result == none
+    shared.publish_map(np.zeros((9, 9)))
+    shared.wait_for(lambda: ask(shared, "get_current_world").world.name == "topics")
+    available = ask(shared, "get_available_worlds")
+    assert available.result.result == OK
+    assert [world.name for world in available.worlds] == ["scene", "slope"]
+    spawn(shared, uri=str(worlds / "rover.urdf"), name="old", initial_pose=placed(1.0, 1.0, 1.0))
+
+    answer = load(shared, available.worlds[0].world_resource.uri)
+    assert (answer.result.result, answer.result.error_message) == (OK, "")
+    assert (answer.world.name, state(shared)) == ("scene", s.STATE_STOPPED)
+    assert ask(shared, "get_current_world").world == answer.world
+    assert set(entities(shared)) == {"ball", "rover"}
+    assert pose_of(shared, "ball") == pytest.approx((2.0, 1.0, 0.4 + 0.5), abs=1e-6), "cells of 0.5 m, by its file"
+    starts = {pose.name: pose.pose.position for pose in ask(shared, "get_named_poses").poses}
+    assert starts.keys() == {"ball", "rover"}
+    assert (starts["rover"].x, starts["rover"].y, starts["rover"].z) == pytest.approx(pose_of(shared, "rover"))
+    assert ask(shared, "get_named_poses", tags=TagsFilter(tags=["parking"])).poses == []
+    assert height(shared, 4.0) == pytest.approx(0.8, abs=1e-6)
+
+    assert ask(shared, "load_world", uri=f"file://{worlds}/slope.npy").world.name == "slope"
+    assert (entities(shared), state(shared)) == ([], s.STATE_STOPPED)
+    assert height(shared, 4.0) == pytest.approx(1.6, abs=1e-6), "cells of 0.25 m, by the parameter"
+    assert shared.call("start_episode", StartEpisode, seed=1).success
+    assert height(shared, 4.0) == pytest.approx(1.6, abs=1e-6), "an episode begins with the new world"
+
+    assert ask(shared, "unload_world").result.result == OK
+    assert ask(shared, "get_current_world").result.result == none
+    assert state(shared) == s.STATE_NO_WORLD
+    r = srv.SetSimulationState.Response
+    assert set_state(shared, s.STATE_PLAYING) == r.INCORRECT_TRANSITION
+    assert set_state(shared, s.STATE_NO_WORLD) == r.ALREADY_IN_TARGET_STATE
+    assert ask(shared, "step_simulation", steps=1).result.result == Result.RESULT_OPERATION_FAILED
+    shared.publish_map(np.zeros((9, 9)))
+    shared.wait_for(lambda: state(shared) == s.STATE_STOPPED)
+    assert set_state(shared, s.STATE_PLAYING) == OK
+
+
+def test_a_world_that_is_refused_changes_nothing(shared: Probe, worlds: Path) -> None:
+    scene(worlds / "no_terrain.yaml", **{"terrain.file": "no_such.npy", "bodies.spawn": [BALL]})
+    scene(worlds / "no_mesh.yaml", **{"bodies.spawn": ["{id: a, urdf: bad.urdf, xyz: [0, 0, 1]}", BALL]})
+    scene(worlds / "nul.yaml", **{"terrain.file": "a\0b.npy"})
+    (worlds / "bad.urdf").write_text("<robot")
+    scene(worlds / "twice.yaml", **{"bodies.spawn": [BALL, BALL]})
+    scene(worlds / "type.yaml", **{"terrain.file": "slope.npy", "raster.resolution": "fine"})
+    bomb = "".join(f"  a{k}: &a{k} {{l: *a{k - 1}, r: *a{k - 1}}}\n" for k in range(1, 40))
+    (worlds / "alias.yaml").write_text(f"ros__parameters:\n  a0: &a0 {{x: 1}}\n{bomb}")
+    (worlds / "text.npy").write_text("no array")
+    (worlds / "flat.npy").write_bytes((worlds / "slope.npy").read_bytes()[:-8])
+    np.save(worlds / "line.npy", np.zeros(9))
+    np.save(worlds / "dot.npy", np.zeros((1, 1)))
+    (worlds / "sub.npy").mkdir()
+    assert load(shared, worlds / "scene.yaml").result.result == OK
+    before = ask(shared, "get_current_world").world
+    for code, fields in (
+        (L.NO_RESOURCE, {}),
+        (L.UNSUPPORTED_FORMAT, {"uri": f"{worlds}/rover.urdf"}),
+        (L.UNSUPPORTED_FORMAT, {"uri": str(worlds)}),
+        (Result.RESULT_OPERATION_FAILED, {"uri": "/etc/slope.npy"}),
+        (Result.RESULT_OPERATION_FAILED, {"uri": f"{worlds}/../../slope.npy"}),
+        (Result.RESULT_OPERATION_FAILED, {"uri": "http://host/slope.npy"}),
+        (L.RESOURCE_PARSE_ERROR, {"uri": "package://no_such_pkg/slope.npy"}),
+        (L.RESOURCE_PARSE_ERROR, {"uri": f"file://{worlds}/no_such.npy"}),
+        (L.RESOURCE_PARSE_ERROR, {"uri": f"file://{worlds}/no_such.yaml"}),
+        (L.RESOURCE_PARSE_ERROR, {"uri": f"file://{worlds}/{'long' * 999}.npy"}),
+        (L.RESOURCE_PARSE_ERROR, {"uri": f"package://{'long' * 999}/a.npy"}),
+        *((L.RESOURCE_PARSE_ERROR, {"uri": f"{worlds}/{name}.npy"}) for name in ("text", "flat", "line", "dot", "sub")),
+        *((L.RESOURCE_PARSE_ERROR, {"uri": f"{worlds}/{name}.yaml"}) for name in ("other", "twice", "type", "alias")),
+        (L.MISSING_ASSETS, {"uri": f"{worlds}/no_terrain.yaml"}),
+        (L.MISSING_ASSETS, {"uri": f"{worlds}/nul.yaml"}),
+        (L.UNSUPPORTED_ASSETS, {"uri": f"{worlds}/no_mesh.yaml"}),
+        (L.UNSUPPORTED_ELEMENTS, {"uri": f"{worlds}/scene.yaml", "fail_on_unsupported_element": True}),
+        *((L.RESOURCE_PARSE_ERROR, {"resource_string": text}) for text in ("{", "3", "<sdf/>", "[" * 5000, "a: b: c")),
+    ):
+        result = ask(shared, "load_world", **fields).result
+        assert (result.result, bool(result.error_message)) == (code, True), (fields, result.error_message)
+    assert ask(shared, "get_current_world").world == before
+    assert set(entities(shared)) == {"ball", "rover"}
+    assert height(shared, 4.0) == pytest.approx(0.8, abs=1e-6)
+
+    text = (worlds / "no_mesh.yaml").read_text().replace("bad.urdf", "package://no_such_pkg/a.urdf")
+    answer = ask(shared, "load_world", resource_string=text, ignore_missing_or_unsupported_assets=True)
+    assert answer.result.result == OK
+    assert all(words in answer.result.error_message for words in ("no_such_pkg", "ball")), "what is left out, and waits"
+    assert answer.world.world_resource.resource_string == text
+    assert entities(shared) == []
+    shared.publish_map(np.zeros((50, 50)))
+    shared.wait_for(lambda: entities(shared) == ["ball"])
+
+
+def test_what_is_there_is_listed(shared: Probe, worlds: Path) -> None:
+    [rover] = ask(shared, "get_spawnables").spawnables
+    assert (rover.uri, rover.description) == ((worlds / "rover.urdf").as_uri(), "rover")
+    assert spawn(shared, uri=rover.uri, initial_pose=placed(1.0, 1.0, 1.0)).result.result == OK
+    elsewhere = ask(shared, "get_spawnables", sources=[str(worlds), "/etc", "http://host"])
+    assert (elsewhere.result.result, len(elsewhere.spawnables)) == (OK, 1)
+    assert all(source in elsewhere.result.error_message for source in ("/etc", "http://host"))
+    r, gone = srv.GetAvailableWorlds.Response, [str(worlds / "gone"), str(worlds)]
+    for code, count, fields in (
+        (OK, 2, {"additional_sources": [worlds.as_uri()], "offline_only": True}),
+        (Result.RESULT_NOT_FOUND, 0, {"additional_sources": ["/etc"]}),
+        (OK, 2, {"additional_sources": ["/etc"], "continue_on_error": True}),
+        (Result.RESULT_FEATURE_UNSUPPORTED, 0, {"filter": TagsFilter(tags=["indoor"])}),
+    ):
+        answer = ask(shared, "get_available_worlds", **fields)
+        assert (answer.result.result, len(answer.worlds)) == (code, count), fields
+    with changed(shared, {"bodies.urdf_folders": gone}):
+        assert ask(shared, "get_available_worlds").result.result == r.DEFAULT_SOURCES_FAILED
+        assert len(ask(shared, "get_available_worlds", continue_on_error=True).worlds) == 2
+
+
+def test_nonsense_is_refused_with_the_codes_of_the_standard(shared: Probe) -> None:
+    bad = placed(0.0, 0.0, math.nan)
+    bad_filters = [EntityFilters(filter=text) for text in ("(", "(" * 9999, "a{9999999999}")]
+    bad_filters.append(EntityFilters(bounds=Bounds(type=Bounds.TYPE_SPHERE, points=[Vector3(x=math.nan)] * 2)))
+    unknown = srv.SetSimulationState.Response.STATE_TRANSITION_ERROR
+    found, failed, r = Result.RESULT_NOT_FOUND, Result.RESULT_OPERATION_FAILED, srv.SpawnEntity.Response
+    for code, service, fields in (
+        *((found, name, {"entity": ""}) for name in ("delete_entity", "get_entity_state", "set_entity_state")),
+        *((found, f"{name}_entity_info", {"entity": "é" * 300}) for name in ("get", "set")),
+        (found, "get_entity_bounds", {"entity": "a/b"}),
+        (Result.RESULT_FEATURE_UNSUPPORTED, "get_named_pose_bounds", {"name": "ball"}),
+        *((failed, "get_entities", {"filters": one}) for one in bad_filters),
+        (failed, "step_simulation", {"steps": 2**63}),
+        (failed, "step_simulation", {"steps": 0}),
+        (r.INVALID_POSE, "spawn_entity", {"uri": str(ROVER), "initial_pose": bad}),
+        (r.RESOURCE_PARSE_ERROR, "spawn_entity", {"uri": f"{ROVER.parent}/{'long' * 999}.urdf"}),
+        (r.RESOURCE_PARSE_ERROR, "spawn_entity", {"uri": f"package://{'long' * 999}/a.urdf"}),
+        (r.UNSUPPORTED_FORMAT, "spawn_entity", {"uri": "\n"}),
+        (r.NAME_INVALID, "spawn_entity", {"resource_string": ROVER.read_text().replace(' name="rover"', "")}),
+        (unknown, "set_simulation_state", {"state": SimulationState(state=99)}),
+    ):
+        result = ask(shared, service, **fields).result
+        assert (result.result, bool(result.error_message)) == (code, True), (service, fields, result.error_message)
+
+
+@contextmanager
+def node_with(folder: Path, *, without: tuple[str, ...] = (), later: tuple[str, ...] = ()) -> Iterator[TerrainCollider]:
+    """A node in this process with definitions other than those of Jazzy (1.5): ``without`` those whose names contain
+    one of some words, and with those of 2.1 for ``later`` names, which the tests' package has as Name2."""
+    found = {}
+    for kind, module in (("msg", msg), ("srv", srv)):
+        names = {name: made for name, made in vars(module).items() if not any(word in name for word in without)}
+        names |= {name: names[f"{name}2"] for name in later if f"{name}2" in names}
+        found[kind] = SimpleNamespace(**names)
+    parameters = {"simulation_interfaces": True, "bodies.urdf_folders": [str(folder)]}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(simulation_services, "find_interfaces", lambda _, kind: found.get(kind))
+        with made_with(TerrainCollider, parameters) as node:
+            yield node
+
+
+def begin(node: TerrainCollider, service_name: str, **fields: Any) -> list[Any]:
+    """Calls a service of a node in this process; returns a list that gets its response."""
+    [service] = [one for one in node.services if one.srv_name.endswith(f"/{service_name}")]
+    found = service.callback(service.srv_type.Request(**fields), service.srv_type.Response())
+    if not isinstance(found, Work):
+        return [found]
+    answers: list[Any] = []
+    node.session.turns.add(found, answers.append)
+    return answers
+
+
+def answer(node: TerrainCollider, service_name: str, **fields: Any) -> Any:
+    """The response of a service of a node in this process."""
+    answers = begin(node, service_name, **fields)
+    while not answers:
+        node.turn()
+    return answers[0]
+
+
+def test_one_world_is_loaded_at_a_time(domain: int, worlds: Path) -> None:
+    with node_with(worlds) as node:
+        answers = begin(node, "load_world", uri=f"{worlds}/scene.yaml")
+        assert answer(node, "get_simulation_state").state.state == SimulationState.STATE_LOADING_WORLD
+        playing = SimulationState(state=SimulationState.STATE_PLAYING)
+        refused = answer(node, "set_simulation_state", state=playing).result.result
+        assert refused == srv.SetSimulationState.Response.INCORRECT_TRANSITION
+        for service, fields in (("load_world", {"uri": f"{worlds}/slope.npy"}), ("unload_world", {})):
+            assert answer(node, service, **fields).result.result == Result.RESULT_INCORRECT_STATE
+        while not answers:
+            node.turn()
+        assert answers[0].world.name == "scene"
+
+
+@pytest.mark.parametrize("turns", [0, 2])
+def test_a_robot_on_its_way_onto_the_ground_is_no_part_of_another_scene(domain: int, turns: int) -> None:
+    ground = heightmap_message(np.zeros((30, 30)), resolution=0.1)
+    with fed({"bodies.spawn": [f"{{id: rover, urdf: {ROVER}, xy: [1, 1]}}"]}) as run:
+        run.give("heightmap", ground, steps=0)
+        for _ in range(turns):
+            run.node.turn()
+        assert run.node.initial.placing
+        run.node.set_scene(None, {})
+        run.give("heightmap", ground, steps=0)
+        while run.node.turn():
+            pass
+        assert not run.node.initial.placing
+        assert not run.world.bodies
+
+
+def test_the_definitions_of_2_are_served(domain: int, worlds: Path) -> None:
+    changes = ("SpawnEntity", "SetEntityState", "LoadWorld", "GetSpawnables", "Spawnable")
+    with node_with(worlds, later=changes) as node:
+        [spawnable] = answer(node, "get_spawnables").spawnables
+        resource = Resource(uri=(worlds / "scene.yaml").as_uri())
+        assert answer(node, "load_world", world_resource=resource).world.world_resource == resource
+        given = {"entity_resource": spawnable.entity_resource, "initial_pose": placed(1.0, 2.0, 9.0)}
+        assert answer(node, "spawn_entity", name="a", **given).entity_name == "a"
+        moved = msg.EntityState(pose=placed(0.0, 0.0, 5.0).pose, twist=Twist(linear=Vector3(x=1.5)))
+        assert answer(node, "set_entity_state", entity="a", state=moved, set_twist=True).result.result == OK
+        found = answer(node, "get_entity_state", entity="a").state
+        assert (found.pose.position.z, found.twist.linear.x) == pytest.approx((9.0, 1.5), abs=1e-6)
+        features = answer(node, "get_simulator_features").features
+        assert features.STEP_SIMULATION_ACTION not in features.features, "this package has no action"
+        assert features.WORLD_LOADING in features.features
+
+
+def test_the_definitions_of_1_0_are_served(domain: int, tmp_path: Path) -> None:
+    """They have neither worlds nor SpawnEntities."""
+    with node_with(tmp_path, without=("World", "SpawnEntities", "Resource")) as node:
+        features = answer(node, "get_simulator_features").features
+        assert {features.WORLD_LOADING, features.SPAWNING_ENTITIES} & set(features.features) == set()
+        assert features.NAMED_POSES in features.features
+        assert answer(node, "get_named_poses").result.result == OK
