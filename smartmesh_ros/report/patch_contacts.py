@@ -24,6 +24,7 @@ from smartmesh_ros.report.made import Field, MeshCollider, make_field, make_mesh
 from smartmesh_ros.report.supports import Support
 from smartmesh_ros.report.whole_mesh import WholeMesh
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
 
 
@@ -190,7 +191,9 @@ class PatchContacts:
         solid, served = set(self._followers.solid.tolist()), set()
         for batch in batches:
             feet = np.column_stack([supports[name][batch.bodies] for name in ("foot_x", "foot_y")])
-            friction = self._terrain.friction_at(feet).tolist()
+            friction = np.nan_to_num(
+                ground_samples(self._terrain, checked_points(feet), self.time).friction, nan=1.0
+            ).tolist()
             for row, slot in enumerate(batch.bodies.tolist()):
                 if slot in solid and batch.kind != "whole":
                     self._apply_patch(self._followers[slot], batch, row, supports[slot])

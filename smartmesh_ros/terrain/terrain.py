@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.corrections import FusedMap
 from smartmesh_ros.terrain.deck import Deck
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.grid_track import GridTrack, RigidMotion
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples, ground_heights
 from smartmesh_ros.terrain.material import Material
@@ -155,26 +154,6 @@ class Terrain(Tiles):
         height maps are ground, too. Decks are ground where they are highest.
         """
         return ground_heights(self.readers, xy_w, time)
-
-    def friction_at(self, xy_w: FloatArray) -> FloatArray:
-        """Return the coefficients of friction of the ground at points (N, 2) [m], shape (N,).
-
-        They are those of the nearest sample of the first height map that has ground there, and 1 elsewhere; decks do
-        not count.
-        """
-        found = np.full(len(xy_w), np.nan)
-        unknown = np.ones(len(xy_w), np.bool_)
-        maps = [mesh for mesh in self.tiles.values() if isinstance(mesh, HeightMap)]
-        for heightmap in maps if any(heightmap.material.friction is not None for heightmap in maps) else ():
-            chosen = np.flatnonzero(unknown & (heightmap.beyond(xy_w) <= 0.0))
-            rows, columns = np.rint(heightmap.geometry.to_grid(xy_w[chosen])).astype(np.int64).T
-            ground = ~np.isnan(heightmap.heights[rows, columns])
-            here = chosen[ground]
-            unknown[here] = False
-            friction = heightmap.friction
-            found[here] = friction if isinstance(friction, float) else friction[rows[ground], columns[ground]]
-        found[np.isnan(found)] = 1.0
-        return found
 
 
 def _replace_contents(mesh: Any, contents: dict[str, Any]) -> None:
