@@ -113,6 +113,9 @@ ENTRIES = {
     "Deck.put": Entry(lambda **given: deck().put(**given), lambda: {
         "time": 1.0, "pose": pose(), "velocity": np.ones(6),
     }, optional=("velocity",), finite=("time", "pose", "velocity")),
+    "Deck.recall": Entry(lambda **given: deck().recall(**given), lambda: {
+        "memory": deck().memory(),
+    }, finite=("memory",)),
     "Deck.carry": Entry(lambda **given: deck().carry(**given), lambda: {
         "body": 1, "link": -1, "place": pose(),
     }, finite=("place",)),

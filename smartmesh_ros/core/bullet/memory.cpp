@@ -6,6 +6,7 @@
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
 #include "bullet/broadphase.h"
+#include "bullet/carrier.h"
 #include "bullet/world.h"
 
 namespace smartmesh {
@@ -118,7 +119,7 @@ void BulletWorld::forget() {
     slot.on_soil.clear();
   }
   auto& objects = world_->getCollisionObjectArray();
-  for (int k = 0; k < objects.size(); ++k) objects[k]->setDeactivationTime(0.0);
+  for (int k = 0; k < objects.size(); ++k) objects[k]->setDeactivationTime(0.0), renew_inertia(*objects[k]);
 }
 
 }  // namespace smartmesh
