@@ -71,13 +71,15 @@ def patches() -> Any:
     """Of bodies below a map."""
     found, given = CORE.Patches(), bodies()
     found.set_tiles([grid()])
-    found.search(given["shapes"], given["states"], given["slots"], np.ones(BODIES, bool), 0.0, 0.1, 1.0)
+    found.search(
+        given["shapes"], given["states"], given["slots"], np.ones(BODIES, bool), np.arange(BODIES), 0.0, 0.1, 1.0
+    )
     found.collect(given["slots"], 0.0)
     return found
 
 
-def search_patches(shapes: Any, states: Any, slots: Any, always: Any, time: float) -> Any:
-    return patches().search(shapes, states, slots, always, time, 0.1, 1.0)
+def search_patches(shapes: Any, states: Any, slots: Any, always: Any, owners: Any, time: float) -> Any:
+    return patches().search(shapes, states, slots, always, owners, time, 0.1, 1.0)
 
 
 def collect_patches(slots: Any, time: float) -> Any:
@@ -96,7 +98,8 @@ ENTRIES = {
         "tiles": [(grid(), 0.0)], "owners": np.array([0, 1, 1]), "standing": np.ones(BODIES, bool), "time": 0.0,
         "poses": np.tile([0.0] * 6 + [1.0], (2, 1)),
     }, written=("poses",), rows=("slots", "poses"), within=(*OF_SLOTS, ("owners", 2)), finite=("time",)),
-    "search_patches": Entry(search_patches, lambda: bodies() | {"always": np.ones(BODIES, bool), "time": 0.0},
+    "search_patches": Entry(search_patches, lambda: bodies() | {
+        "always": np.ones(BODIES, bool), "owners": np.arange(BODIES), "time": 0.0},
         rows=("slots",), within=OF_SLOTS, finite=("time",)),
     "collect_patches": Entry(collect_patches, lambda: {"slots": np.arange(BODIES), "time": 0.0},
         rows=("slots",), within=OF_SLOTS, finite=("time",)),

@@ -21,7 +21,8 @@ class Reaching:
 
     def __init__(self, ground: MainMesh | Terrain, shapes: Iterable[BodyShape], solid: BoolArray | bool = True) -> None:
         table = shapes_of(shapes)
-        followers: Any = SimpleNamespace(table=np.zeros(len(table.table), FOLLOWER), shape_table=table)
+        count = len(table.table)
+        followers: Any = SimpleNamespace(table=np.zeros(count, FOLLOWER), shape_table=table, bodies=np.arange(count))
         followers.table["alive"], followers.table["solid"] = True, solid
         self.patches = ShownPatches(Terrain.of(ground), followers, Stopwatch())
 

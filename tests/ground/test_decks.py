@@ -426,7 +426,7 @@ def test_a_deck_is_as_thick_as_it_is() -> None:
         heights = [world.state(name).position[2] for name in ("above", "below", "beside")]
         assert heights == pytest.approx([2.2, 0.2, 0.2], abs=1e-4)
         assert world.rescues == 0
-        assert {*world.patches().table().tiles} == {""}
+        assert world.patches().table().tiles == ["bridge", "", "", ""]
         world.spawn("inside", Sphere(0.2), 1.0, BodyState((-1.0, 0.0, 1.9)))
         world.step(240)
         assert world.state("inside").position[2] == pytest.approx(2.2, abs=1e-4)
