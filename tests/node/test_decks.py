@@ -105,6 +105,10 @@ def test_a_body_of_the_simulation_carries_a_deck_with_maps_updates_and_meshes(do
         node.world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.1, 0.1, 0.7)))
         node.run(240)
         assert node.world.state("ball").position[2] == pytest.approx(0.6, abs=2e-3)
+        [odometry], frame = node.node._outputs._make_odometry(), node.world.terrain.deck("cage").frame(node.world.time)
+        assert (odometry.header.frame_id, odometry.child_frame_id) == ("map", "cage")
+        at = odometry.pose.pose.position
+        assert [at.x, at.y, at.z] == frame.position.tolist()
         update = HeightmapUpdate(tile="cage", x=8, y=8, width=5, height=5)
         update.header.frame_id, update.heights = "cage", floats(np.full(25, 0.25, np.float32))
         node.give("heightmap_update", stamped(node, update, "cage"))

@@ -27,11 +27,12 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.quaternions import conjugate, rotate
+from smartmesh_ros.ground.quaternions import conjugate, quaternion_of, rotate
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, by_length, stamp_fields, text_rows
 from smartmesh_ros.node.services.robot_files import urdf_text
 from smartmesh_ros.node.session import Session
+from smartmesh_ros.terrain.deck import Frame
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.contacts import GroundContact
 from smartmesh_ros.world.state_table import StateTable
@@ -130,6 +131,15 @@ def odometry(header: Header, world: World, robot: str, prefix: str) -> Odometry:
     message.twist.twist = Twist(
         linear=_vector(rotate(back, state.linear)), angular=_vector(rotate(back, state.angular))
     )
+    return message
+
+
+def deck_odometry(header: Header, name: str, frame: Frame) -> Odometry:
+    """Return the pose of a deck's frame in the terrain's, and its twist in its own, which has the deck's name."""
+    message = Odometry(header=header, child_frame_id=name)
+    message.pose.pose = pose_message(BodyState(tuple(frame.position.tolist()), quaternion_of(frame.rotation)))
+    linear, angular = ((vector @ frame.rotation).tolist() for vector in (frame.velocity, frame.spin))
+    message.twist.twist = Twist(linear=_vector(linear), angular=_vector(angular))
     return message
 
 

@@ -238,8 +238,12 @@ class Publishing:
         return [body_outputs.joint_states(self._header(), self._world, prefixes)] if prefixes else []
 
     def _make_odometry(self) -> list[Odometry]:
-        header, world, names = self._header(), self._world, self._session.robot_names
-        return [body_outputs.odometry(header, world, robot, prefix) for robot, prefix in names.prefixes().items()]
+        header, world, prefixes = self._header(), self._world, self._session.robot_names.prefixes()
+        decks = ((name, deck.frame(world.time)) for name, deck in world.terrain.decks.items())
+        return [
+            *(body_outputs.odometry(header, world, robot, prefix) for robot, prefix in prefixes.items()),
+            *(body_outputs.deck_odometry(header, name, frame) for name, frame in decks),
+        ]
 
     def _make_pressed_ground(self) -> list[HeightmapUpdate]:
         """Return the message of what changed in the soil, if any did."""
