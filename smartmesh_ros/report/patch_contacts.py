@@ -22,6 +22,7 @@ from smartmesh_ros.report.config import ReportConfig, is_mesh, is_whole
 from smartmesh_ros.report.made import Field, MeshCollider, make_field, make_mesh
 from smartmesh_ros.report.whole_mesh import WholeMesh
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
 
 
@@ -154,7 +155,9 @@ class PatchContacts(MapContacts):
         solid, served = set(self._followers.solid.tolist()), set()
         for batch in batches:
             feet = np.column_stack([supports[name][batch.bodies] for name in ("foot_x", "foot_y")])
-            friction = self._terrain.friction_at(feet).tolist()
+            friction = np.nan_to_num(
+                ground_samples(self._terrain, checked_points(feet), self.time).friction, nan=1.0
+            ).tolist()
             for row, slot in enumerate(batch.bodies.tolist()):
                 if slot in solid and batch.kind != "whole":
                     self._apply_patch(self._followers[slot], batch, row, supports[slot])
