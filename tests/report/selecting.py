@@ -29,10 +29,9 @@ class Selecting:
         self._count = len(shapes.table)
         solid = np.ones(self._count, bool) if solid is None else solid
         self._followers: Any = SimpleNamespace(
-            tables=[], shape_table=shapes, solid=np.flatnonzero(solid), tracked=np.flatnonzero(~solid)
+            shape_table=shapes, solid=np.flatnonzero(solid), tracked=np.flatnonzero(~solid)
         )
         self._patches = ChosenPatches(terrain, config, self._followers, Stopwatch())
-        self._patches.grow(self._count)
 
     @property
     def supports(self) -> Any:
