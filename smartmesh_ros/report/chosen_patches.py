@@ -32,7 +32,6 @@ class ChosenPatches:
         self._terrain = terrain
         self._config = config
         self._followers = followers
-        followers.tables.append(self)
         self._supports = no_supports(0)  # as of the last choice, NONE for unused slots
         self._mesh_patches: dict[int, PatchBatch] = {}
         self._fixed = FixedPatches(terrain, stopwatch)
@@ -43,13 +42,10 @@ class ChosenPatches:
         self._duration = 0.0  # until the next one [s]
         self._chosen = self._tracked_chosen = True
 
-    def grow(self, slots: int) -> None:
-        """Make room for ``slots`` slots."""
-        self._supports = with_rows(self._supports, slots, no_supports(1)[0])
-        self._fixed.grow(slots)
-
     def clear(self, slot: int) -> None:
         """Discard all data of a slot, whose body was removed."""
+        if slot >= len(self._supports):  # added since the last update
+            return
         self._supports[slot] = no_supports(1)[0]
         self._mesh_patches.pop(slot, None)
         self._fixed.forget(np.array([slot]))
@@ -59,6 +55,8 @@ class ChosenPatches:
         """Forget the choice: the next reader chooses patches at ``time`` [s] for a ``duration`` [s], of bodies with
         ``states`` (S, 13)."""
         self._time, self._duration, self._states = time, duration, states
+        self._supports = with_rows(self._supports, len(states), no_supports(1)[0])
+        self._fixed.grow(len(states))
         self._chosen = self._tracked_chosen = False
 
     @property

@@ -112,6 +112,7 @@ class PatchContacts(MapContacts):
         """Remove the colliders of followers. If PyBullet fails, the next `refresh` makes those that are missing."""
         for slot in slots:
             self._release(self._followers[slot])
+            self._patches.clear(slot)
         super().detach(slots)
 
     def set_soil(self, soil: Any) -> None:

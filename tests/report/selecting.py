@@ -24,11 +24,8 @@ class Selecting:
     def __init__(self, terrain: Terrain, config: ReportConfig, shapes: ShapeTable) -> None:
         self.terrain = terrain
         self._count = len(shapes.table)
-        self._followers: Any = SimpleNamespace(
-            tables=[], shape_table=shapes, solid=np.arange(self._count), tracked=np.arange(0)
-        )
+        self._followers: Any = SimpleNamespace(shape_table=shapes, solid=np.arange(self._count), tracked=np.arange(0))
         self._patches = ChosenPatches(terrain, config, self._followers, Stopwatch())
-        self._patches.grow(self._count)
 
     @property
     def supports(self) -> Any:
