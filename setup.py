@@ -148,7 +148,7 @@ setup(
         "bags": ["rosbags"],
         "files": ["pillow", "rasterio"],
         "test": ["hypothesis", "pytest"],
-        "replay": ["mcap", "rosbags"],
+        "replay": ["rosbags"],
         "tune": ["matplotlib", "rosbags"],
         "view": ["viser[urdf]"],
     },

@@ -133,7 +133,6 @@ def test_a_fleet_shares_terrain_and_patches_and_knows_its_peers(fleet: Launch, r
         assert ("~/heightmap", "/site/fleet/heightmap") in node.kwargs["remappings"]
         for topic in ("patches", "scene"):
             assert (f"~/{topic}", f"/site/fleet/{topic}") in node.kwargs["remappings"]
-    assert len({node.kwargs["parameters"][1]["publish.marker_namespace"] for node in colliders}) == 3
     assert front.kwargs["parameters"][0]["nodes"] == names
     assert front.kwargs["namespace"] == source.kwargs["namespace"] == "site"
     assert ("terrain_collider/heightmap", "/site/fleet/heightmap") in source.kwargs["remappings"]

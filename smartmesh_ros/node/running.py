@@ -11,10 +11,10 @@ import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import monotonic
-from typing import Any, Literal
+from typing import Any
 
 import rclpy
-from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logging_directory
@@ -32,15 +32,6 @@ MOST_WHEN_LATE = 8
 
 # Expected time of one turn of a long answer [s]. With less time until the next step, only one turn is done.
 TURN = 1e-3
-
-ExecutorKind = Literal["events", "single_threaded", "multi_threaded"]
-
-
-def executor_of(kind: ExecutorKind) -> Executor:
-    """Return the executor for a value of the parameter ``executor``."""
-    if kind == "multi_threaded":
-        return MultiThreadedExecutor(num_threads=2)
-    return EventsExecutor() if kind == "events" else SingleThreadedExecutor()
 
 
 class Stop:
@@ -105,7 +96,7 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
     """Makes a node, calls its ``tick(skipped)`` at each deadline of its ``pacer``, and handles messages in between.
 
     The node's ``restart()`` sets the first deadline as soon as the node is ready. This loop keeps the deadlines and
-    calls the executor's ``spin_once``; at 240 Hz the events executor costs a tenth of the others. Long answers continue
+    calls ``spin_once`` of the events executor, which costs a tenth of the others at 240 Hz. Long answers continue
     in between by the node's ``turn()``. Input that rclpy rejects (a malformed request, a parameter without a type) is
     counted in the node's ``refusals``. Returns after SIGINT or SIGTERM; exits with 2 if the node's settings are
     invalid.
@@ -127,7 +118,7 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
             print(f"cannot start: no security, which ROS_SECURITY_ENABLE asks for: {error}", file=sys.stderr)
             sys.exit(2)
         warn_of_unused_overrides(node)
-        executor = executor_of(node.settings.executor)
+        executor = EventsExecutor()
         executor.add_node(node)
         gc.collect()
         gc.freeze()  # the objects so far live as long as the node; each collection of them would take 20 ms

@@ -16,11 +16,11 @@ from rclpy.qos import QoSProfile
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.endpoints import EndpointNames, OwnTopics
-from smartmesh_ros.node.inputs.checked_messages import MOST_ITEMS, message_from
+from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.node.inputs.conversions import BodyInput, RobotNames
 from smartmesh_ros.node.inputs.tracked_solids import TrackedSolids
 from smartmesh_ros.node.inputs.tracking import Tracking
-from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings
+from smartmesh_ros.node.parameters.settings import LONGEST_NAME, MOST_BODIES, Settings
 from smartmesh_ros.node.refusals import LOG_PERIOD, Refusals, shortened
 from smartmesh_ros.node.services.files import FileWork
 from smartmesh_ros.node.services.turns import Turns, Work
@@ -104,6 +104,11 @@ class Session:
         self.lost: dict[str, str] = {}
 
     @property
+    def marker_namespace(self) -> str:
+        """The field ``ns`` of markers, which tells those of several nodes on one topic apart: the node's namespace."""
+        return self.node.get_namespace().strip("/") or "patches"
+
+    @property
     def paused(self) -> bool:
         """True if the physics is paused."""
         return self.pacer.paused
@@ -117,18 +122,17 @@ class Session:
         *,
         raw: bool = False,
         private: bool = True,
-        most: Callable[[], int] = lambda: MOST_ITEMS,
     ) -> None:
         """Subscribes to ``~/topic``, or to ``topic`` if not ``private``; counts and logs what ``take`` refuses.
 
-        ``raw``: ``take`` gets the message's bytes. ``most``: most elements in each of the message's sequences.
+        ``raw``: ``take`` gets the message's bytes.
         """
 
         def callback(data: bytes) -> None:
             try:
                 with self.lock:
                     self.handled += 1
-                    take(data if raw else message_from(data, kind, most()))
+                    take(data if raw else message_from(data, kind))
             except REFUSED as error:
                 self.refusals.add(topic, error)
 
@@ -222,9 +226,9 @@ class Session:
 
     def require_room(self, names: Iterable[str]) -> None:
         """Raises `InputError` if bodies of these names would be too many with those of the world."""
-        count, most = len({*self.world.bodies, *names}), self.settings.most_bodies
-        if count > most:
-            raise InputError("size", f"{count} bodies are more than bodies.most = {most}")
+        count = len({*self.world.bodies, *names})
+        if count > MOST_BODIES:
+            raise InputError("size", f"{count} bodies; at most {MOST_BODIES} are possible")
 
     def remove(self, name: str) -> None:
         """Removes a simulated or tracked body from the world."""

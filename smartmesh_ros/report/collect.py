@@ -15,30 +15,69 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.terrain.grid import IntArray
-from smartmesh_ros.terrain.mesh_shape import TriangleGraph
-from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 
 class GridGraph:
     """The graph of a grid: eight neighbours around each vertex, independent of the triangles (Figure 6).
 
-    Edges are computed, not stored: a map of 4096 x 4096 has 134 million. ``stride`` > 1 joins every stride-th vertex.
+    Edges are computed, not stored: a map of 4096 x 4096 has 134 million.
     """
 
-    def __init__(self, rows: int, columns: int, stride: int = 1) -> None:
-        self.rows, self.columns, self.stride = rows, columns, stride
+    def __init__(self, rows: int, columns: int) -> None:
+        self.rows, self.columns = rows, columns
 
     def neighbours(self, vertex: int) -> list[int]:
         """Return the vertices around ``vertex``: eight inside, five at an edge, three in a corner."""
         row, column = divmod(vertex, self.columns)
-        stride = self.stride
         return [
             r * self.columns + c
-            for r in (row - stride, row, row + stride)
+            for r in (row - 1, row, row + 1)
             if 0 <= r < self.rows
-            for c in (column - stride, column, column + stride)
+            for c in (column - 1, column, column + 1)
             if 0 <= c < self.columns and (r, c) != (row, column)
         ]
+
+
+class TriangleGraph:
+    """The graph of ``triangles`` (T, 3) among ``count`` vertices, as two compact arrays: vertices that share a triangle
+    are neighbours (Figures 4 and 9).
+
+    The neighbours of vertex v are ``targets[offsets[v] : offsets[v + 1]]``.
+    """
+
+    def __init__(self, triangles: NDArray[np.integer], count: int) -> None:
+        self.triangles = np.asarray(triangles, np.int64)
+        edges = np.concatenate([self.triangles[:, [0, 1]], self.triangles[:, [1, 2]], self.triangles[:, [2, 0]]])
+        keys = np.unique(np.concatenate([edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0]]))
+        self.targets: IntArray = keys % count
+        self.offsets: IntArray = np.searchsorted(keys // count, np.arange(count + 1))
+        # Reading one number from a memoryview is several times faster than from an array.
+        self._targets = memoryview(self.targets)  # type: ignore[arg-type]  # NumPy arrays are buffers
+        self._offsets = memoryview(self.offsets)  # type: ignore[arg-type]
+        corners = np.argsort(self.triangles.ravel(), kind="stable")
+        self._incident = corners // 3  # triangles, sorted by vertex
+        self._incident_at = np.searchsorted(self.triangles.ravel()[corners], np.arange(count + 1))
+
+    def neighbours(self, vertex: int) -> list[int]:
+        """Return the vertices that share a triangle with ``vertex``."""
+        return self._targets[self._offsets[vertex] : self._offsets[vertex + 1]].tolist()
+
+    def padded(self) -> IntArray:
+        """Return the neighbours as one row per vertex (V, largest number of neighbours), padded with the vertex."""
+        counts = np.diff(self.offsets)
+        table = np.repeat(np.arange(len(counts))[:, None], int(counts.max(initial=0)), axis=1)
+        column = np.arange(len(self.targets)) - np.repeat(self.offsets[:-1], counts)
+        table[np.repeat(np.arange(len(counts)), counts), column] = self.targets
+        return table
+
+    def triangles_within(self, vertices: IntArray) -> IntArray:
+        """Return the triangles (n,), ascending, whose corners are all among ``vertices`` (k,)."""
+        starts, ends = self._incident_at[vertices], self._incident_at[vertices + 1]
+        touched = np.unique(
+            np.concatenate([self._incident[start:end] for start, end in zip(starts, ends, strict=True)])
+        )
+        inside: IntArray = touched[np.isin(self.triangles[touched], vertices).all(axis=1)]
+        return inside
 
 
 # Graphs, whose `neighbours` are in ascending order.
@@ -73,9 +112,6 @@ def union_bfs(graph: Graph, start: int, rings: int) -> list[int]:
     return sorted(found)
 
 
-BFS: dict[str, Collect] = {"queue_bfs": queue_bfs, "union_bfs": union_bfs}
-
-
 class PatchTopology(NamedTuple):
     """A patch of a general mesh: its vertices (k,) as indices into the mesh, ascending, and triangles (t, 3) as indices
     into ``vertices``."""
@@ -84,14 +120,14 @@ class PatchTopology(NamedTuple):
     triangles: NDArray[np.int32]
 
 
-def topology_around(mesh: TriangleMesh, vertex: int, rings: int, collect: Collect = union_bfs) -> PatchTopology:
+def topology_around(graph: TriangleGraph, vertex: int, rings: int, collect: Collect = union_bfs) -> PatchTopology:
     """The patch of ``rings`` steps around a vertex: all triangles whose three corners were collected (Figure 5)."""
-    vertices = np.array(collect(mesh.graph, vertex, rings), np.int64)
-    corners = mesh.triangles[mesh.triangles_within(vertices)]
+    vertices = np.array(collect(graph, vertex, rings), np.int64)
+    corners = graph.triangles[graph.triangles_within(vertices)]
     return PatchTopology(vertices, np.searchsorted(vertices, corners).astype(np.int32))
 
 
-def cached_topology(mesh: TriangleMesh) -> Callable[[int, int], PatchTopology]:
-    """Return `topology_around` of a mesh, by nearest vertex and rings, that remembers patches. They stay valid while
+def cached_topology(graph: TriangleGraph) -> Callable[[int, int], PatchTopology]:
+    """Return `topology_around` of a graph, by nearest vertex and rings, that remembers patches. They stay valid while
     vertices move, because the triangles stay the same."""
-    return lru_cache(MOST_CACHED)(partial(topology_around, mesh))
+    return lru_cache(MOST_CACHED)(partial(topology_around, graph))

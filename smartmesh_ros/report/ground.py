@@ -10,9 +10,9 @@ import numpy as np
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.map_contacts import MapContacts
-from smartmesh_ros.report.chosen_patches import ChosenPatches
-from smartmesh_ros.report.config import ReportConfig, require_usable
+from smartmesh_ros.report.config import ReportConfig, is_whole, require_whole
 from smartmesh_ros.report.patch_contacts import PatchContacts
+from smartmesh_ros.report.patches import ChosenPatches
 from smartmesh_ros.stopwatch import STAGES, Stopwatch
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.world.settings import WorldConfig
@@ -24,8 +24,8 @@ CONTACT_BREAKING = 2e-4
 
 
 class ReportGround(Ground):
-    """A ground of colliders of PyBullet's own. No body sleeps, no surface moves, and there are neither
-    soil nor decks.
+    """A ground of colliders of PyBullet's own on one main mesh. No body sleeps, no surface moves, and there are neither
+    soil nor decks. Raises `InputError` for any other terrain.
 
     ``chosen``: the patches that the report's search and collecting chose at the last `refresh`; ``colliders``: those
     of the patches.
@@ -37,11 +37,13 @@ class ReportGround(Ground):
         self.config = config
         self._age, self._lifetime, self._revision = 0, 0, -1  # steps since the last refresh, and until the next
         super().__init__(client, terrain, stopwatch or Stopwatch((*STAGES, "collider")))
-        self._require_usable()
 
     def _new_contacts(self) -> Any:
-        self.chosen = ChosenPatches(self.terrain, self.config, self.followers, self.stopwatch)
-        self.colliders = PatchContacts(self._client, self.followers, self.terrain, self.config, self.chosen)
+        self._mesh = self._main_mesh()
+        self.chosen = ChosenPatches(self._mesh, self.config, self.followers, self.stopwatch)
+        self.colliders = PatchContacts(
+            self._client, self.followers, self.terrain, self.config, self.chosen, self.stopwatch
+        )
         return self.colliders
 
     def _begin(self, time: float, dt: float) -> None:
@@ -53,12 +55,14 @@ class ReportGround(Ground):
 
     def refresh(self, time: float, dt: float) -> None:
         """Move bodies with corrections of maps, put bodies below the ground back onto it, and replace the colliders."""
-        self._require_usable()
+        if (mesh := self._main_mesh()) is not self._mesh:
+            self._mesh = mesh
+            self.chosen.take(mesh)
         self._lifetime = 0  # until the end: a refresh that failed is made again before the next step
         self.contacts.begin(time, dt)
         self.contacts.update()
         steps = max(round(1.0 / (self.config.rate * dt)), 1) if self.config.rate else 1
-        self.chosen.begin(time, dt * steps, self.contacts.states_of(np.arange(self.followers.capacity)))
+        self.chosen.refresh(time, dt * steps, self.contacts.states_of(np.arange(self.followers.capacity)))
         self.colliders.refresh()
         self._age, self._lifetime, self._revision = 0, steps, self.terrain.revision
 
@@ -79,11 +83,13 @@ class ReportGround(Ground):
     def _exact_contacts(self) -> MapContacts:
         raise InputError("state", "a state is saved and restored only where contacts come from the map itself")
 
-    def _require_usable(self) -> None:
-        if self.terrain.decks:
-            raise InputError("deck", "the report's colliders know no decks; use Ground")
-        for mesh in self.terrain.tiles.values():
-            require_usable(self.config, mesh)
+    def _main_mesh(self) -> MainMesh:
+        meshes = self.terrain.meshes
+        if self.terrain.decks or len(meshes) != 1:
+            raise InputError("terrain", "the report's colliders are those of one main mesh; use Ground")
+        if is_whole(self.config.kind):
+            require_whole(self.config.kind, meshes[0])
+        return meshes[0]
 
 
 class ReportWorld(World):

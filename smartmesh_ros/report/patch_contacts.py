@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pybullet as pb
+from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import undone
@@ -17,10 +18,11 @@ from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.height_field import quarter_turn
 from smartmesh_ros.ground.map_contacts import MapContacts
 from smartmesh_ros.report.batch import PatchBatch
-from smartmesh_ros.report.chosen_patches import ChosenPatches
-from smartmesh_ros.report.config import ReportConfig, is_mesh, is_whole
+from smartmesh_ros.report.config import MeshKind, ReportConfig, is_whole
 from smartmesh_ros.report.made import Field, MeshCollider, make_field, make_mesh
+from smartmesh_ros.report.patches import ChosenPatches
 from smartmesh_ros.report.whole_mesh import WholeMesh
+from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
@@ -87,15 +89,15 @@ class PatchContacts(MapContacts):
     """
 
     def __init__(
-        self, client: Any, followers: Followers, terrain: Terrain, config: ReportConfig, patches: ChosenPatches
-    ) -> None:
+        self, client: Any, followers: Followers, terrain: Terrain, config: ReportConfig, patches: ChosenPatches,
+        stopwatch: Stopwatch,
+    ) -> None:  # fmt: skip
         super().__init__(client, followers, terrain)
         self.replacements = self.leaked = 0
-        self._config = config
-        self._patches = patches
+        self._config, self._patches, self._stopwatch = config, patches, stopwatch
         self._pairs = Pairs(client)
         self._held: dict[Follower, Field | MeshCollider] = {}
-        self._whole = WholeMesh(client, terrain)
+        self._whole = WholeMesh(client, config.kind) if is_whole(config.kind) else None
 
     def attach(self, follower: Follower) -> None:
         """The core only reads and moves a follower, which gets its collider in the next `refresh`."""
@@ -128,44 +130,33 @@ class PatchContacts(MapContacts):
         """Nobody sleeps on colliders."""
 
     def refresh(self) -> None:
-        """Set the colliders to the patches of the followers."""
-        if not len(self._followers):
-            return
-        batches, supports = self._patches.batches, self._patches.supports
-        with self._patches.stopwatch.stage("collider"):
-            if is_whole(self._config.kind):
-                self._whole.update(self._config.kind, self.time)
-            else:
-                self._whole.release()
-            self._apply(batches, supports)
+        """Set the colliders to the patches of the followers, or the collider of the whole mesh to the ground."""
+        with self._stopwatch.stage("collider"):
+            if self._whole is not None:
+                self._whole.update(next(iter(self._terrain.tiles.values())), self.time)
+                return
+            served = set()
+            for batch in self._patches.batches:
+                found = ground_samples(self._terrain, checked_points(batch.feet_w[:, :2]), self.time)
+                friction = np.nan_to_num(found.friction, nan=1.0).tolist()
+                for row, slot in enumerate(batch.slots.tolist()):
+                    self._apply(self._followers[slot], batch, row)
+                    self._set_friction(self._followers[slot], friction[row])
+                    served.add(slot)
+            for slot in set(self._followers.solid.tolist()) - served:
+                self._release(self._followers[slot])
 
     def is_ground(self, body: int) -> bool:
         """Return True if a PyBullet body is a collider of this ground."""
-        return self._pairs.has(body) or self._whole.has(body)
+        return self._pairs.has(body) or (self._whole is not None and self._whole.has(body))
 
     def close(self) -> None:
         """Remove all colliders."""
         for follower in self._followers:
             self._release(follower)
-        self._whole.release()
+        if self._whole is not None:
+            self._whole.release()
         super().close()
-
-    def _apply(self, batches: list[PatchBatch], supports: Any) -> None:
-        """Give the awake followers that are solid the colliders of their patches, and take the colliders of those
-        without a patch."""
-        solid, served = set(self._followers.solid.tolist()), set()
-        for batch in batches:
-            feet = np.column_stack([supports[name][batch.bodies] for name in ("foot_x", "foot_y")])
-            friction = np.nan_to_num(
-                ground_samples(self._terrain, checked_points(feet), self.time).friction, nan=1.0
-            ).tolist()
-            for row, slot in enumerate(batch.bodies.tolist()):
-                if slot in solid and batch.kind != "whole":
-                    self._apply_patch(self._followers[slot], batch, row, supports[slot])
-                    self._set_friction(self._followers[slot], friction[row])
-                    served.add(slot)
-        for slot in solid - served:
-            self._release(self._followers[slot])
 
     def _release(self, follower: Follower) -> None:
         """Remove a follower's collider."""
@@ -178,52 +169,50 @@ class PatchContacts(MapContacts):
         self._pairs.retire(uid)
         self._client.removeBody(uid)
 
-    def _apply_patch(self, follower: Follower, batch: PatchBatch, row: int, support: Any) -> None:
-        vertices = batch.vertices_w[row]
-        if is_mesh(batch.kind):
-            base = np.array([*batch.centres_w[row, :2], support.foot_z])
-            triangles = batch.triangles
-            if batch.may_have_holes:
-                triangles = triangles[~np.isnan(vertices[:, 2])[triangles].any(axis=1)]
+    def _apply(self, follower: Follower, batch: PatchBatch, row: int) -> None:
+        """Give a follower the collider of its patch, the ``row`` of a batch."""
+        vertices, foot = batch.vertices_w[row], batch.feet_w[row]
+        kind: Any = "trimesh" if self._config.kind == "heightfield" else self._config.kind
+        if self._config.kind == "heightfield" and batch.shape[0]:
+            base = np.array([*(0.5 * (vertices[0, :2] + vertices[-1, :2])), batch.centres_w[row, 2]])
+            turn = self._apply_field(follower, vertices, base, batch.shape)
+        else:
+            base, turn = np.array([*batch.centres_w[row, :2], foot[2]]), (0.0, 0.0, 0.0, 1.0)
+            triangles = batch.triangles[~np.isnan(vertices[:, 2])[batch.triangles].any(axis=1)]
             if not len(triangles):
                 self._release(follower)
                 return
-            surface = np.nan_to_num(vertices, nan=float(base[2])) - base
-            held = self._held.get(follower)
-            if not (isinstance(held, MeshCollider) and held.fits(batch.kind, surface, triangles)):
-                self._hold(follower, make_mesh(self._client, batch.kind, surface, triangles))
-                self.leaked += 1
-                self.replacements += 1
-            turn = (0.0, 0.0, 0.0, 1.0)
-        else:
-            base = np.array([*(0.5 * (vertices[0, :2] + vertices[-1, :2])), batch.centres_w[row, 2]])
-            turn = self._apply_field(follower, vertices, base, support)
+            self._apply_mesh(follower, kind, np.nan_to_num(vertices, nan=float(base[2])) - base, triangles)
         uid = follower.collider = self._held[follower].uid
         self._client.resetBasePositionAndOrientation(uid, base.tolist(), turn)
         if self._config.carry_velocity:
-            self._push(uid, base, support)
+            angular = batch.angular_w[row]
+            linear = batch.linear_w[row] + np.cross(angular, base - foot)
+            self._client.resetBaseVelocity(uid, linear.tolist(), angular.tolist())
+
+    def _apply_mesh(
+        self, follower: Follower, kind: MeshKind, surface: FloatArray, triangles: NDArray[np.int32]
+    ) -> None:
+        """Give a follower a collider of ``triangles`` (T, 3) among vertices (K, 3) relative to its base [m]."""
+        held = self._held.get(follower)
+        if not (isinstance(held, MeshCollider) and held.fits(kind, surface, triangles)):
+            self._hold(follower, make_mesh(self._client, kind, surface, triangles))
+            self.leaked += 1
+            self.replacements += 1
 
     def _apply_field(
-        self, follower: Follower, vertices: FloatArray, base: FloatArray, support: Any
+        self, follower: Follower, vertices: FloatArray, base: FloatArray, shape: tuple[int, int]
     ) -> tuple[float, float, float, float]:
         """Give a follower the field of a patch's vertices (K, 3) [m]; returns its orientation (x, y, z, w)."""
-        rows, columns = int(support.rows), int(support.columns)
         x, y = (vertices[1, :2] - vertices[0, :2]).tolist()
         spacing = math.hypot(x, y)
         held = self._held.get(follower)
-        if not (isinstance(held, Field) and held.fits(rows, columns, spacing)):
-            held = make_field(self._client, rows, columns, spacing)
+        if not (isinstance(held, Field) and held.fits(*shape, spacing)):
+            held = make_field(self._client, *shape, spacing)
             self._hold(follower, held)
-        if held.replace(self._client, vertices[:, 2].reshape(rows, columns) - base[2]):
+        if held.replace(self._client, vertices[:, 2].reshape(shape) - base[2]):
             self.replacements += 1
         return quarter_turn(math.atan2(y, x))
-
-    def _push(self, uid: int, base: FloatArray, support: Any) -> None:
-        """Move a collider with the ground under its follower."""
-        away = base - (support.foot_x, support.foot_y, support.foot_z)
-        turn = np.array([support.turn_x, support.turn_y, support.turn_z])
-        linear = np.array([support.slide_x, support.slide_y, support.rise]) + np.cross(turn, away)
-        self._client.resetBaseVelocity(uid, linear.tolist(), turn.tolist())
 
     def _set_friction(self, follower: Follower, friction: float) -> None:
         """Give a follower's collider a coefficient, by which PyBullet multiplies that of the body."""

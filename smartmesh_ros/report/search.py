@@ -1,28 +1,27 @@
 """The report's nearest-vertex searches (Chapter 3), on height maps without their rim, and on general meshes.
 
 Distances are horizontal (the report's h(n) = |N - P|), but those of brute force on a general mesh. Ties go to the lower
-index. Each search is valid on some meshes, see `require_search`:
+index.
 
 - *Grid traversal* computes the nearest vertices of a uniform grid by rounding, for all bodies at once.
-- *Best-first search* walks from the previous nearest vertex to the nearest neighbour, until no neighbour is nearer.
+- *Best-first search* walks from the previous nearest vertex to the nearest neighbour, until no neighbour is nearer. It
+  reaches the nearest vertex from any start exactly on Delaunay triangulations of convex regions (Bose and Morin,
+  *Online routing in triangulations*, 2004). The report's weaker condition, x and y ascending along rows and columns, is
+  not enough: on a sheared grid the search gets stuck.
 - *Brute force* compares the distances to all vertices. Correct on every mesh, and O(n).
-- *Ray cast*, the report's first implementation, casts a vertical ray from the body onto its previous patch. If the ray
-  misses, brute force follows, as in the report. The ray is intersected with the patch's triangles here and not by the
-  engine, because patches collide with their own body only and so are invisible to the engine's rays.
+- *Ray cast*, the report's first implementation, casts a vertical ray from the body onto its previous patch, and is only
+  timed here. The ray is intersected with the patch's triangles and not by the engine, because patches collide with
+  their own body only and so are invisible to the engine's rays.
 """
 
 from __future__ import annotations
 
-import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.report.batch import PatchBatch
-from smartmesh_ros.report.config import SearchMethod
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
-from smartmesh_ros.terrain.mesh_shape import UniformGrid
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 # The eight neighbours of a grid vertex, in ascending order of their index, and the vertex itself first.
@@ -54,18 +53,6 @@ def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray) -> Cells:
     np.minimum(cells, [[geometry.rows - 2], [geometry.columns - 2]], out=cells)
     np.maximum(cells, 1, out=cells)
     return Cells(cells[0], cells[1])
-
-
-def uniform_grid_vertices(grid: UniformGrid, positions_w: FloatArray) -> IntArray:
-    """Return the vertices (N,) of an evenly spaced general mesh horizontally nearest to positions (N, 2+) [m].
-
-    The rim is included, because patches of a general mesh may lie there. Ties go to the lower row and column.
-    """
-    offset = positions_w[:, :2] - grid.origin
-    row = np.ceil(offset @ (grid.per_row / (grid.per_row @ grid.per_row)) - 0.5)
-    column = np.ceil(offset @ (grid.per_column / (grid.per_column @ grid.per_column)) - 0.5)
-    row = np.clip(row, 0, grid.rows - 1).astype(np.int64)
-    return row * grid.columns + np.clip(column, 0, grid.columns - 1).astype(np.int64)
 
 
 def best_first_vertices(mesh: TriangleMesh, table: IntArray, positions_w: FloatArray, starts: IntArray) -> IntArray:
@@ -157,48 +144,3 @@ def ray_cast(positions_w: FloatArray, vertices_w: FloatArray, triangles: NDArray
     place = vertices_w[row[:, None], options, :2]
     distance = ((place - positions_w[:, None, :2]) ** 2).sum(axis=2)
     return np.where(hit[row, first], options[row, distance.argmin(axis=1)], -1)
-
-
-def nearest_cells(
-    method: SearchMethod, geometry: GridGeometry, bodies: IntArray, grid: FloatArray, positions_w: FloatArray,
-    before: list[PatchBatch], supports: Any,
-) -> Cells:  # fmt: skip
-    """Return the vertices nearest to points given as fractional (row, column) (n, 2).
-
-    ``positions_w`` (n, 3) [m]: origins of the rays of the ray-cast search; ``before``: the patches that its rays are
-    cast at. ``supports`` (n,): of the last update; best-first search starts in their middle.
-    """
-    if method in ("auto", "grid_traversal"):
-        return nearest_vertices(geometry, grid)
-    if method == "brute_force":
-        return brute_force_cells(geometry, grid)
-    if method == "ray_cast":
-        row, column = _hits(bodies, positions_w, before)
-        missed = row < 0
-        if missed.any():
-            row[missed], column[missed] = brute_force_cells(geometry, grid[missed])
-        # A ray on a strided patch hits a vertex near the nearest one; best-first search refines the hit.
-    else:
-        row = supports["row"] + supports["rows"] // 2 * supports["stride"]
-        column = supports["column"] + supports["columns"] // 2 * supports["stride"]
-    start = Cells(np.clip(row, 1, geometry.rows - 2), np.clip(column, 1, geometry.columns - 2))
-    return best_first_cells(geometry, grid, start)
-
-
-def _hits(bodies: IntArray, positions_w: FloatArray, before: list[PatchBatch]) -> tuple[IntArray, IntArray]:
-    """Rows and columns of the vertices that rays from the bodies hit on their last patches, -1 = missed or no patch."""
-    place = {body: index for index, body in enumerate(bodies.tolist())}
-    rows, columns = np.full(len(bodies), -1), np.full(len(bodies), -1)
-    for batch in before:
-        if batch.vertices is not None:
-            continue  # of a general mesh
-        members = [i for i, body in enumerate(batch.bodies.tolist()) if body in place]
-        if not members:
-            continue
-        mine = np.array([place[body] for body in batch.bodies[members].tolist()])
-        vertex = ray_cast(positions_w[mine], batch.vertices_w[members], batch.triangles)
-        hit, side = vertex >= 0, math.isqrt(batch.vertices_w.shape[1])
-        stride = batch.stride[members]
-        rows[mine[hit]] = (batch.rows[members] + (vertex // side - side // 2) * stride)[hit]
-        columns[mine[hit]] = (batch.columns[members] + (vertex % side - side // 2) * stride)[hit]
-    return rows, columns

@@ -138,11 +138,6 @@ class Tiles:
         return max([self.layout_revision, *(mesh.revision for mesh in self.tiles.values())])
 
     @property
-    def widest_cell(self) -> float:
-        """Coarsest resolution of all height maps [m], the widest gap between tiles that is bridged."""
-        return max((m.geometry.resolution for m in self.tiles.values() if isinstance(m, HeightMap)), default=0.0)
-
-    @property
     def readers(self) -> list[Any]:
         """The core's readers of all tiles."""
         return [mesh.core_reader for mesh in self.tiles.values()]

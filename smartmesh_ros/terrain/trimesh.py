@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +12,6 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.checked_heights import checked_next_time, checked_time, unmasked
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
-from smartmesh_ros.terrain.mesh_shape import MeshShape, TriangleGraph, count_parts, shape_of
 from smartmesh_ros.terrain.motion import CLOCK, INSTANT, KEPT, MotionConfig, MovingGround, next_revision
 from smartmesh_ros.terrain.state_file import filled
 
@@ -56,13 +54,6 @@ class TriangleMesh(MovingGround):
         )
         self._motion = motion or MotionConfig()
         self._set_motion()
-        self.graph = TriangleGraph(self.triangles, self.size)
-        first, second = self._now[:, self.triangles[:, 0]], self._now[:, self.triangles[:, 1]]
-        self.edge_length = float(np.linalg.norm(first - second, axis=0).mean())
-        corners = np.argsort(self.triangles.ravel(), kind="stable")
-        self._incident = corners // 3  # triangles, sorted by vertex
-        self._incident_at = np.searchsorted(self.triangles.ravel()[corners], np.arange(self.size + 1))
-        self._shape: MeshShape | None = None
         self.version = 0
         self._revision = next_revision()
         if velocities is not None:
@@ -115,18 +106,6 @@ class TriangleMesh(MovingGround):
         """Positions at the last update, by coordinate (3, V) [m]."""
         return self._now
 
-    @property
-    def shape(self) -> MeshShape:
-        """Properties that the searches rely on; recomputed after vertices have moved sideways."""
-        if self._shape is None:
-            self._shape = shape_of(self._now, self.triangles)
-        return self._shape
-
-    @cached_property
-    def parts(self) -> int:
-        """Number of parts that share no vertices."""
-        return count_parts(self.triangles, self.size)
-
     def move(
         self,
         vertices: ArrayLike,
@@ -142,12 +121,9 @@ class TriangleMesh(MovingGround):
         count = self.size if chosen is None else len(chosen)
         new = _checked_vectors(vertices, count, "vertices").T
         speeds = None if velocities is None else _checked_vectors(velocities, count, "velocities").T
-        target = slice(None) if chosen is None else chosen
-        shape = self._shape if np.array_equal(self._now[:2, target], new[:2]) else None
         given = None if speeds is None else np.ascontiguousarray(speeds)
         intervals = self.motion.min_interval, self.motion.max_interval
         CORE.move_vertices(self.core_reader, chosen, np.ascontiguousarray(new), given, time, intervals)
-        self._shape = shape
         self.version += 1
         self._revision = next_revision()
 
@@ -179,15 +155,6 @@ class TriangleMesh(MovingGround):
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Return the highest ground at N points (N, 2) [m] at ``time`` [s]; NaN where there is no triangle."""
         return ground_heights([self.core_reader], xy_w, time)
-
-    def triangles_within(self, vertices: IntArray) -> IntArray:
-        """Return the triangles (n,), ascending, whose corners are all among ``vertices`` (k,)."""
-        starts, ends = self._incident_at[vertices], self._incident_at[vertices + 1]
-        touched = np.unique(
-            np.concatenate([self._incident[start:end] for start, end in zip(starts, ends, strict=True)])
-        )
-        inside: IntArray = touched[np.isin(self.triangles[touched], vertices).all(axis=1)]
-        return inside
 
 
 def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:

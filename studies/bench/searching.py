@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.report.collect import GridGraph, queue_bfs, topology_around, union_bfs
+from smartmesh_ros.report.collect import GridGraph, TriangleGraph, queue_bfs, topology_around, union_bfs
 from smartmesh_ros.report.search import (
     best_first_cells,
     best_first_vertices,
@@ -30,16 +30,16 @@ REPORT_SIDES, MAP_SIDES = tuple(SEARCH["brute_force"]), (50, 100, 200, *LARGER)
 REPEATS = 10
 
 
-def best_first_vertex(mesh: TriangleMesh, position_w: FloatArray, start: int) -> int:
+def best_first_vertex(mesh: TriangleMesh, graph: TriangleGraph, position_w: FloatArray, start: int) -> int:
     """Return the vertex of a general mesh horizontally nearest to a position (3,) [m], walking from ``start``.
 
-    Requires a mesh whose `TriangleMesh.shape` gives no reason against it. The cost is proportional to the number of
-    steps: one or two for a body that moves continuously, up to the width of the mesh for one that teleports.
+    The cost is proportional to the number of steps: one or two for a body that moves continuously, up to the width of
+    the mesh for one that teleports.
     """
     coordinates = mesh.coordinates
     xs, ys = memoryview(coordinates[0]), memoryview(coordinates[1])
     x, y = float(position_w[0]), float(position_w[1])
-    neighbours = mesh.graph.neighbours
+    neighbours = graph.neighbours
     best = start
     least = (xs[start] - x) ** 2 + (ys[start] - y) ** 2
     while True:
@@ -55,9 +55,11 @@ def best_first_vertex(mesh: TriangleMesh, position_w: FloatArray, start: int) ->
 def measure_general(bench: Bench, side: int) -> None:
     """One body on a general mesh, a vertex at a time, as in the report; grid traversal on a height map."""
     mesh = general_mesh(Waves(side))
-    _measure(bench, "search", side, partial(brute_force_vertex, mesh.coordinates), partial(best_first_vertex, mesh))
+    graph = TriangleGraph(mesh.triangles, mesh.size)
+    walk = partial(best_first_vertex, mesh, graph)
+    _measure(bench, "search", side, partial(brute_force_vertex, mesh.coordinates), walk)
     vertex = brute_force_vertex(mesh.coordinates, np.full(3, 0.3 * (side - 1) * RESOLUTION))
-    patch = topology_around(mesh, vertex, 1)
+    patch = topology_around(graph, vertex, 1)
     corners, above = mesh.vertices[patch.vertices][None], mesh.vertices[vertex][None] + (0.01, 0.02, 1.0)
     bench.time(Case("search", "ray_cast", side), lambda: ray_cast(above, corners, patch.triangles))
 
@@ -104,7 +106,7 @@ def measure_batches(bench: Bench) -> None:
             )
         bench.race(runs)
     mesh = general_mesh(Waves(200))
-    table = mesh.graph.padded()
+    table = TriangleGraph(mesh.triangles, mesh.size).padded()
     for count in BATCHES:
         positions = np.zeros((count, 3))
         positions[:, :2] = crowd_positions(count, 200)

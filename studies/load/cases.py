@@ -34,7 +34,6 @@ class Case:
     mode: Mode
     map_rate: float
     physics_rate: float
-    executor: str = "events"
     markers: bool = True
     seconds: float = 6.0
     resting: int = 0
@@ -43,7 +42,7 @@ class Case:
     def name(self) -> str:
         """Short and distinct."""
         bodies = f"{self.bodies}-{self.resting}" if self.resting else str(self.bodies)
-        return f"{self.executor}-{self.side}-{bodies}-{self.mode}-{self.map_rate:g}-{self.physics_rate:g}"
+        return f"{self.side}-{bodies}-{self.mode}-{self.map_rate:g}-{self.physics_rate:g}"
 
     @property
     def row(self) -> int:
@@ -82,13 +81,12 @@ class Case:
             "publish.patches": float(self.marker_rate),
             "terrain.max_velocity": MAX_VELOCITY,
             "bodies.spawn": spawn,
-            "executor": self.executor,
         }
 
 
 def groups(*, quick: bool) -> dict[str, list[Case]]:
     """Return all cases by the table that they are in."""
-    return {"grid": _grid(quick), "executors": _executors(quick), "memory": _memory(quick), "rest": _rest(quick)}
+    return {"grid": _grid(quick), "memory": _memory(quick), "rest": _rest(quick)}
 
 
 def _grid(quick: bool) -> list[Case]:
@@ -108,14 +106,6 @@ def _grid(quick: bool) -> list[Case]:
     cases += [replace(many, side=side) for side in (256, 4096)]
     cases += [replace(many, mode="full", map_rate=rate) for rate in (10.0, 30.0)]
     return list({case.name: case for case in cases}.values())
-
-
-def _executors(quick: bool) -> list[Case]:
-    """Ways to run the loop while maps stream in; nobody listens to markers, so that only the loop differs."""
-    base = Case(side=1024, bodies=100, mode="full", map_rate=30.0, physics_rate=240.0, markers=False)
-    kinds = ["events", "single_threaded"] if quick else ["events", "single_threaded", "multi_threaded"]
-    seconds = 4.0 if quick else 8.0
-    return [replace(base, executor=kind, seconds=seconds) for kind in kinds]
 
 
 def _rest(quick: bool) -> list[Case]:

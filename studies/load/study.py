@@ -81,7 +81,6 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     tables.draw(summaries, data["machine"], out)
     blocks = {
         "grid": tables.runs(summaries["grid"]),
-        "executors": tables.executors(summaries["executors"]),
         "memory": tables.memory(summaries["memory"]),
         "rest": tables.runs(summaries["rest"]),
         "machine": f"Machine: {data['machine']}.",

@@ -117,22 +117,6 @@ def runs(summaries: list[Summary]) -> str:
     return table(head, [_run(summary) for summary in summaries])
 
 
-def executors(summaries: list[Summary]) -> str:
-    """Ways to run the loop, side by side."""
-    head = ["way", "bodies", "map", "physics [Hz]", "real-time factor", "missed", "late 50 / 99 / 100 % [ms]",
-            "markers [ms]", "ingest [ms]", "in to out 50 / 99 / 100 % [ms]", "CPUs", "lost"]  # fmt: skip
-    rows = [
-        [
-            s.case.executor, str(s.case.bodies), f"{s.case.side}^2", f"{s.case.physics_rate:g}",
-            f"{s.real_time_factor:.2f}", f"{100 * s.missed:.2f} %", _three(s.stage("lateness")),
-            _ms(s.stage("publish")[0]), _ms(s.stage("ingest")[0]), _three(s.latency),
-            f"{s.result['cpus']['node']:.2f}", _lost(s),
-        ]
-        for s in summaries
-    ]  # fmt: skip
-    return table(head, rows)
-
-
 def memory(summaries: list[Summary]) -> str:
     """Memory against the map's size."""
     head = ["map", "input", "map's bytes [MiB]", "resident [MiB]", "of that shared with DDS", "peak [MiB]"]  # fmt: skip
@@ -176,7 +160,7 @@ STAGES = {
 def draw(groups: dict[str, list[Summary]], machine: str, folder: Path) -> None:
     """Draws every picture there are runs for."""
     for name, group, draw_into in (
-        ("bodies", "grid", _bodies), ("latency", "grid", _latency), ("executors", "executors", _executors)
+        ("bodies", "grid", _bodies), ("latency", "grid", _latency)
     ):  # fmt: skip
         if groups[group]:
             figure = Figure(layout="constrained")
@@ -205,29 +189,6 @@ def _bodies(figure: Figure, summaries: list[Summary]) -> None:
         axis.set_ylabel("time a step [ms]")
         axis.set_title(f"{rate:g} Hz physics, regions of a 1024$^2$ map at 60 Hz")
     axes[0].legend(fontsize=8)
-
-
-def _executors(figure: Figure, summaries: list[Summary]) -> None:
-    """Lateness, real-time factor and processor time of the ways to run the loop."""
-    figure.set_size_inches(13, 4.2)
-    axes = figure.subplots(1, 3)
-    place = np.arange(len(summaries))
-    late = np.array([s.stage("lateness") for s in summaries]) + 1e-3
-    axes[0].bar(place, late[:, 1], color="#084594")
-    axes[0].plot(place, late[:, 2], "k_", markersize=14, label="maximum")
-    axes[0].set_yscale("log")
-    axes[0].set_ylabel("start of a step after its deadline, 99 % [ms]")
-    axes[0].legend(fontsize=8)
-    axes[1].bar(place, [s.real_time_factor for s in summaries], color="#084594")
-    axes[1].axhline(1.0, color="black", linestyle="--", linewidth=1)
-    axes[1].set_ylabel("real-time factor")
-    axes[2].bar(place, [s.cpu_per_step for s in summaries], color="#084594")
-    axes[2].set_ylabel("processor time a step, all in [ms]")
-    for axis in axes:
-        axis.set_xticks(
-            place, [s.case.executor for s in summaries], fontsize=7, rotation=30, ha="right", rotation_mode="anchor"
-        )
-    figure.suptitle("Ways to run the loop: 100 bodies, full 1024$^2$ maps at 30 Hz")
 
 
 def _latency(figure: Figure, summaries: list[Summary]) -> None:

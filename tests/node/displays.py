@@ -19,7 +19,7 @@ class Display:
     def _take(self, message: MarkerArray) -> None:
         keys = [(marker.ns, marker.id) for marker in message.markers]
         assert len(set(keys)) == len(keys), "RViz reports an id that comes twice in one array"
-        self.without_ground = 0 if any(ns == "ground" for ns, _ in keys) else self.without_ground + 1
+        self.without_ground = 0 if any(ns.rpartition("/")[2] == "ground" for ns, _ in keys) else self.without_ground + 1
         for key, marker in zip(keys, message.markers, strict=True):
             if marker.action == Marker.DELETEALL:
                 kept = {ns for ns, _ in self.shown} - {marker.ns} if self._by_namespace and marker.ns else set()
@@ -29,6 +29,6 @@ class Display:
             else:
                 self.shown[key] = marker
 
-    def of(self, namespace: str) -> list[Marker]:
-        """Return the markers of a namespace."""
-        return [marker for (own, _), marker in self.shown.items() if own == namespace]
+    def of(self, what: str) -> list[Marker]:
+        """Return the markers of the ground, or of the bodies, in the namespace of the node."""
+        return [marker for (own, _), marker in self.shown.items() if own.rpartition("/")[2] == what]

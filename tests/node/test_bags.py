@@ -68,7 +68,7 @@ def test_a_played_bag_puts_patches_on_its_maps(probe: Probe, tmp_path: Path) -> 
 
 def test_the_shipped_bag_of_an_elevation_mapper_is_taken(probe: Probe) -> None:
     maps = [record for record in bags.read(MAPPER) if record.topic == "/elevation_map"]
-    last = raster_from(deserialize_message(maps[-1].data, GridMap), RasterConfig(), 10_000)
+    last = raster_from(deserialize_message(maps[-1].data, GridMap), RasterConfig())
     truth = HeightMap(last.heights, geometry=last.geometry)
     with probe.running(parameters={**PARAMETERS, "terrain.input": "grid_map"}):
         remap = {"/elevation_map": "/terrain_collider/grid_map"}

@@ -13,7 +13,7 @@ from smartmesh_ros.tools.client import Patch, PatchClient, TrackedLink
 from smartmesh_ros.tools.testing import COLLIDER, Probe
 from tests.node.shared import changed
 
-SHARED = {"publish.collider_patches": 60.0}
+SHARED = {"publish.patches": 60.0}
 RESOLUTION = 0.1
 LEFT = TrackedLink(name="left", position=(1.0, 1.0, 0.2), radius=0.2)
 RIGHT = TrackedLink(name="right", position=(4.0, 4.0, 0.2), radius=0.2)

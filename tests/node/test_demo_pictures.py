@@ -34,6 +34,12 @@ def pixels(picture: np.ndarray, kind: str) -> int:
     return int(((away < 0.06) & (brightness > 0.4) & (brightness < 1.1)).sum())
 
 
+def frames_of(picture: np.ndarray) -> list[np.ndarray]:
+    """The six plans, without title and legend."""
+    rows = np.array_split(picture[40:-60], 2)
+    return [frame for row in rows for frame in np.array_split(row, 3, axis=1)]
+
+
 def test_the_ground_is_not_cut_off_by_the_edge_of_the_picture(pictures: dict[str, np.ndarray]) -> None:
     picture = pictures["demo.png"]
     for edge in (picture[0], picture[-1], picture[:, 0], picture[:, -1]):
@@ -41,13 +47,11 @@ def test_the_ground_is_not_cut_off_by_the_edge_of_the_picture(pictures: dict[str
 
 
 def test_a_body_that_went_far_is_in_every_picture(pictures: dict[str, np.ndarray]) -> None:
-    """The legend's mark has some 70 pixels, and the plan's dot a dozen."""
-    assert pixels(pictures["demo.png"], "husky") > 150
-    for row in np.split(pictures["demo_frames.png"], 2):
-        for frame in np.split(row, 3, axis=1):
-            assert pixels(frame, "husky") > 30
+    for frame in frames_of(pictures["demo.png"]):
+        assert pixels(frame, "husky") > 30
 
 
 def test_the_legend_names_no_body_that_is_not_there(pictures: dict[str, np.ndarray]) -> None:
-    assert pixels(pictures["demo.png"], "ball") > 100
+    legend = pictures["demo.png"][-60:]
+    assert pixels(legend, "ball") > 5 and pixels(legend, "husky") > 30
     assert pixels(pictures["demo.png"], "can") == 0

@@ -16,7 +16,7 @@ from tests.urdfs import link, robot
 # Beside the ground of `show_level_ground`, which is 6 m wide from the origin on.
 SHARED = {
     "bodies.spawn": ["{id: outside, shape: sphere, size: [0.2], xyz: [-1.0, 3.0, 0.5]}"],
-    "bodies.lost_depth": 5.0,
+    "physics.gravity": [0.0, 0.0, -200.0],  # so that it is soon far below
 }
 
 
@@ -42,7 +42,7 @@ def test_a_body_that_falls_beside_the_ground_is_named_once_removed_and_back_afte
     assert shared.call("reset", Trigger).success
     shared.wait_for(lambda: "fell off the ground: outside at (-1.00, 3.00)" in shared.diagnostics("bodies")["message"])
     shared.wait_for(lambda: "lost, outside" in shared.diagnostics("bodies"))
-    shared.wait_for(lambda: log.lines("'outside' was 5 m below the ground at (-1.00, 3.00"))
+    shared.wait_for(lambda: log.lines("'outside' was 100 m below the ground at (-1.00, 3.00"))
     [told] = log.lines("'outside' at (-1.00, 3.00")
     assert "[WARN]" in told and "falls: there is no ground there" in told
     assert "outside" not in body_names(shared)

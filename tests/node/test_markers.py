@@ -52,12 +52,10 @@ def test_nodes_that_share_a_topic_keep_each_others_patches(domain: int) -> None:
                 publish(probe, (0.0,))
             return {namespace for namespace, _ in display.shown} == set(wanted)
 
-        def parameters(name: str) -> dict[str, Any]:
-            return {"publish.marker_namespace": name, "publish.incremental": True}
-
+        parameters = {"publish.incremental": True}
         remapped = ["--ros-args", "-r", "__ns:=/two", "-r", f"~/patches:={one.topic('patches')}", "--"]
-        with one.running(parameters=parameters("one")):
+        with one.running(parameters=parameters):
             one.wait_for(lambda: shown("one"))
-            with Process("terrain_collider", parameters("two"), remapped):
+            with Process("terrain_collider", parameters, remapped):
                 one.wait_for(lambda: shown("one", "two"))
             one.wait_for(lambda: shown("one"))

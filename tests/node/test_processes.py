@@ -25,7 +25,6 @@ pytestmark = pytest.mark.usefixtures("executables")
 SLOW_START = """
 import signal
 from time import monotonic
-from types import SimpleNamespace
 
 from rclpy.node import Node
 
@@ -34,7 +33,7 @@ from smartmesh_ros.node.running import run
 
 
 class Slow(Node):
-    handled, settings = 0, SimpleNamespace(executor="events")
+    handled = 0
 
     def __init__(self):
         super().__init__("slow")
@@ -61,11 +60,11 @@ run(Slow)
 
 
 @pytest.mark.parametrize(
-    ("executor", "number"),
-    [("events", signal.SIGINT), ("single_threaded", signal.SIGTERM), ("multi_threaded", signal.SIGINT)],
+    "number",
+    [signal.SIGINT, signal.SIGTERM],
 )
-def test_a_signal_ends_the_node_cleanly(probe: Probe, executor: str, number: signal.Signals) -> None:
-    with probe.running(parameters={"executor": executor}) as process:
+def test_a_signal_ends_the_node_cleanly(probe: Probe, number: signal.Signals) -> None:
+    with probe.running() as process:
         probe.publish_map(np.zeros((50, 50)))
         probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "2500")
         # A long answer, which is given in turns, comes after short ones; each gets its own.

@@ -13,19 +13,20 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseArray
 from rclpy.serialization import serialize_message
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import HeightmapUpdate, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
 from smartmesh_ros import BodyState, Sphere
+from smartmesh_ros.node import session
+from smartmesh_ros.node.inputs import cdr_reader, terrain_inputs
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, floats, heightmap_message, layer_message, pose_message
+from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import (
     BALL,
     Fed,
     body_names,
     fed,
     refusal_at_start,
-    require_refused,
-    show_map,
     spawn,
     stamped,
     wait_until,
@@ -252,31 +253,35 @@ def test_services_open_no_file_outside_the_folders(probe: Probe, tmp_path: Path)
         spawn(probe, "text", urdf=ROBOT)
 
 
-def test_sizes_are_capped_by_parameters(probe: Probe) -> None:
-    with probe.running(parameters={"bodies.most": 3, "terrain.max_samples": 2000}):
-        show_map(probe, np.zeros((30, 30)))
+def test_sizes_are_capped(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In all, and of each message; the caps are lowered here."""
+    monkeypatch.setattr(session, "MOST_BODIES", 3)
+    for module in (terrain_inputs, cdr_reader):
+        monkeypatch.setattr(module, "MOST_SAMPLES", 2000)
 
-        def refused(side: int, tile: str) -> None:
-            message = heightmap_message(np.zeros((side, 30)), tile=tile, origin=(50.0, 0.0, 0.0))
-            require_refused(probe, [(probe.publishers["heightmap"], "size", lambda: stamped(probe, message))])
+    def tile(side: int, name: str) -> Heightmap:
+        return heightmap_message(np.zeros((side, 30)), tile=name, origin=(50.0, 0.0, 0.0))
 
-        refused(40, "large")  # more samples in all tiles together than allowed
-        refused(10, "x" * 257)
+    with replayed([("heightmap", 0.0, tile(30, ""))]) as run:
+        run.run()
+        assert not run.refused
+        for side, name in ((40, "large in all tiles together"), (67, "large"), (10, "x" * 257)):
+            run.give("heightmap", tile(side, name))
+        assert run.refused == {"heightmap: size": 3}
 
-        def answer(name: str, **fields: Any) -> str:
+        def answer(name: str) -> str:
             """What is wrong with a body; empty if it was spawned."""
-            given = {"shape": BALL, "mass": 1.0, "pose": pose_message((1, 1, 1)), **fields}
-            return str(probe.call("spawn_body", SpawnBody, id=name, **given).message)
+            request = SpawnBody.Request(id=name, shape=BALL, mass=1.0, pose=pose_message((1, 1, 1)))
+            return str(run.call("spawn_body", request).message)
 
         assert "at most 256" in answer("x" * 257)
         # Bodies, by service and by topic.
         assert [answer(name) for name in "abc"] == [""] * 3
-        assert "bodies.most" in answer("d")
-        poses = probe.publishers["body_poses"]
+        assert "4 bodies; at most 3 are possible" in answer("d")
         for count in (1, 4):
-            many = PoseArray(poses=[pose_message((1.0, 1.0, 0.3))] * count)
-            require_refused(probe, [(poses, "size", lambda many=many: stamped(probe, many))])
-        assert probe.call("remove_body", RemoveBody, id="a").success
+            run.give("body_poses", PoseArray(poses=[pose_message((1.0, 1.0, 0.3))] * count))
+        assert run.refused["body_poses: size"] == 2
+        assert run.call("remove_body", RemoveBody.Request(id="a")).success
         assert answer("d") == ""
 
 

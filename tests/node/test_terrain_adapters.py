@@ -27,6 +27,8 @@ ROWS, COLUMNS = 24, 32  # along y and along x
 HOLD = {"terrain.motion": "hold", "terrain.settle": 0.001}
 CORNER = (1.0 - 0.5 * RESOLUTION, -2.0 - 0.5 * RESOLUTION)  # of a grid whose samples lie where they do elsewhere
 PLACED = {"raster.resolution": RESOLUTION, "raster.origin": [1.0, -2.0, 0.0]}
+# Of images, whose pixels are millimetres above -5 m.
+RAISED = {**PLACED, "raster.scale": 0.001, "raster.origin": [1.0, -2.0, -5.0]}
 
 
 def surface(x: Any, y: Any) -> Any:
@@ -160,9 +162,7 @@ def test_the_length_of_a_grid_map_is_rounded_to_cells(domain: int, excess: float
 
 
 def test_images_are_placed_by_parameters(domain: int) -> None:
-    parameters = {
-        **HOLD, **PLACED, "terrain.input": "image", "raster.scale": 0.001, "raster.offset": -5.0, "frame_id": "map",
-    }  # fmt: skip
+    parameters = {**HOLD, **RAISED, "terrain.input": "image", "frame_id": "map"}
     with fed(parameters) as node:
         heights = surface(*places())
         node.give("image", stamped(node, image(heights)))

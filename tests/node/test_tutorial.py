@@ -247,7 +247,7 @@ def cupy_map(layers: tuple[list[str], list[str]], x: float, y: float, *, seen: b
 def test_heights_of_elevation_mapping_cupy_are_where_it_says(layers: Any, place: tuple[float, float]) -> None:
     """Within the half cell by which the middle that it sends is off."""
     form, name = layers
-    geometry, heights, *_ = raster_from(cupy_map(form, *place), RasterConfig(layer=name), 10**6)
+    geometry, heights, *_ = raster_from(cupy_map(form, *place), RasterConfig(layer=name))
     rows, columns = np.mgrid[:SIDE, :SIDE]
     off = np.abs(heights - ground(*np.moveaxis(geometry.to_world(rows, columns), -1, 0))).max()
     on_grid = np.allclose(np.round(place, 1), place)

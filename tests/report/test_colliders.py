@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, InputError, Sphere
+from smartmesh_ros import BodyState, Box, HeightMap, InputError, Sphere, Terrain
 from smartmesh_ros.report.batch import PatchBatch
 from smartmesh_ros.report.config import PatchKind, ReportConfig, SearchMethod
 from smartmesh_ros.report.ground import ReportGround, ReportWorld
@@ -38,7 +38,7 @@ def bowl_mesh() -> TriangleMesh:
     return TriangleMesh(*mesh_parts.sheet(side, SIZE - 1, lambda x, y: 0.15 * (x * x + y * y)))
 
 
-def world_on(terrain: MainMesh, kind: PatchKind, **more: Any) -> ReportWorld:
+def world_on(terrain: MainMesh | Terrain, kind: PatchKind, **more: Any) -> ReportWorld:
     return ReportWorld(terrain, report=ReportConfig(kind=kind, **more))
 
 
@@ -99,7 +99,7 @@ def test_mesh_colliders_carry_the_grounds_velocity(kind: PatchKind) -> None:
         assert 2.0 * world.time + 0.2 - world.state("ball").position[2] < 1e-3
 
 
-@pytest.mark.parametrize("search", ["brute_force", "ray_cast", "best_first", "grid_traversal"])
+@pytest.mark.parametrize("search", ["brute_force", "best_first"])
 def test_patches_of_a_moving_mesh_of_40000_vertices_are_right_after_every_update(search: SearchMethod) -> None:
     rng = np.random.default_rng(2)
     side = 200
@@ -119,13 +119,12 @@ def test_patches_of_a_moving_mesh_of_40000_vertices_are_right_after_every_update
             world.time = float(step)  # long after: no motion is left
             world.refresh()
             for batch in batches_of(world):
-                body = bodies[int(batch.bodies[0])]
+                body = bodies[int(batch.slots[0])]
                 from_above = int(np.argmin(((moved[:, :2] - body) ** 2).sum(axis=1)))
                 in_space = int(np.argmin(((moved - (*body, 2.0)) ** 2).sum(axis=1)))
-                # Brute force is three-dimensional, and what a ray falls back to.
-                allowed = {"brute_force": {in_space}, "ray_cast": {in_space, from_above}}.get(search, {from_above})
-                assert int(batch.columns[0]) in allowed
-                np.testing.assert_array_equal(batch.vertices_w[0], moved[batch.vertices])
+                nearest = in_space if search == "brute_force" else from_above  # brute force is three-dimensional
+                np.testing.assert_array_equal(batch.centres_w[0], moved[nearest])
+                assert {*map(tuple, batch.vertices_w[0])} <= {*map(tuple, moved)}
 
 
 def test_what_a_terrain_does_not_allow_is_refused() -> None:
@@ -133,6 +132,14 @@ def test_what_a_terrain_does_not_allow_is_refused() -> None:
         world_on(bowl_mesh(), "whole_heightfield", search="brute_force")
     with pytest.raises(InputError, match="PyBullet takes no trimesh"):
         world_on(HeightMap(np.zeros((600, 600)), resolution=1.0), "whole_trimesh")
+    tiles = Terrain()
+    with pytest.raises(InputError, match="one main mesh"):
+        world_on(tiles, "heightfield")
+    tiles.put("", level(21, 0.25))
+    with world_on(tiles, "heightfield") as world:
+        tiles.put("other", level(21, 0.25))
+        with pytest.raises(InputError, match="one main mesh"):
+            world.refresh()
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.4, 2.0, -3.0])
@@ -152,11 +159,9 @@ def test_the_collider_has_the_surface_that_sampling_gives(client: Any, yaw: floa
     client.setCollisionFilterGroupMask(follower.collider, -1, 1, -1)  # rays see no patch otherwise
     client.setCollisionFilterGroupMask(body, -1, 0, 0)
     client.performCollisionDetection()
-    support = ground.chosen.supports[0]
-    assert support.stride == 1
-    rows = support.row + rng.uniform(0.01, support.rows - 1.01, 200)
-    columns = support.column + rng.uniform(0.01, support.columns - 1.01, 200)
-    points = heightmap.geometry.to_world(rows, columns)
+    [vertices] = ground.chosen.batches[0].vertices_w
+    (low, high) = (heightmap.geometry.to_grid(vertices[end, :2]) for end in (0, -1))
+    points = heightmap.geometry.to_world(*rng.uniform(low + 0.01, high - 0.01, (200, 2)).T)
     expected = heightmap.at(points, 0.0).heights
     hits = client.rayTestBatch([(x, y, 9.0) for x, y in points], [(x, y, -9.0) for x, y in points])
     assert {hit[0] for hit in hits} == {follower.collider}

@@ -45,8 +45,6 @@ SPECS = (
 )  # fmt: skip
 # Period of the checks of the nodes, and of publishing diagnostics and timing [s].
 CHECK_PERIOD, REPORT_PERIOD = 0.25, 1.0
-# Upper bounds of bodies in a node's message and of characters in a name. The nodes have narrower bounds.
-MAX_BODIES, MAX_NAME = 1_000_000, 65_535
 # Maximum number of body names in a log line.
 MOST_NAMED = 10
 
@@ -114,7 +112,7 @@ class Front(ParameterNode):
                 continue
             self.ledger.hear(node, monotonic())
             try:
-                self.ledger.update_states(node, self._readers[node].read(data, MAX_BODIES, MAX_NAME).bodies)
+                self.ledger.update_states(node, self._readers[node].read(data).bodies)
             except InputError as error:
                 self.get_logger().warning(f"{node}: {error}", throttle_duration_sec=5.0)
         duties = self.ledger.check(monotonic())

@@ -40,12 +40,11 @@ def node_names(count: int, namespace: str = "") -> list[str]:
 
 
 def parameters_of(index: int, count: int, namespace: str = "") -> dict[str, Any]:
-    """Return a node's parameters beside its preset: its peers and the namespace of its markers."""
+    """Return a node's parameters beside its preset: its peers, and its states in every step."""
     names = node_names(count, namespace)
     return {
         "bodies.peers": [*names[:index], *names[index + 1 :]] or ["auto"],
         "publish.body_states": EVERY_STEP,
-        "publish.marker_namespace": marker_namespace(names[index]),
     }
 
 

@@ -19,7 +19,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.node.inputs.conversions import require_distinct
-from smartmesh_ros.node.parameters.settings import AUTO, LONGEST_NAME
+from smartmesh_ros.node.parameters.settings import AUTO, LONGEST_NAME, MOST_BODIES
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.stamps import StampClock, stamp_seconds
 from smartmesh_ros.world.state_table import StateTable
@@ -62,17 +62,17 @@ class PeerReader:
         self._content = b""  # the names as in the message, each closed by a zero
         self._names: list[str] = []
 
-    def read(self, data: bytes, max_bodies: int, max_name: int) -> PeerStates:
-        """Return the content of a TrackedBodyArray's bytes. Raises `InputError` if the message is malformed, has more
-        than ``max_bodies`` bodies or a name of more than ``max_name`` characters, or two bodies of one name."""
+    def read(self, data: bytes) -> PeerStates:
+        """Return the content of a TrackedBodyArray's bytes. Raises `InputError` if the message is malformed, has too
+        many bodies or too long a name, or two bodies of one name."""
         reader = CdrReader(data)
         if data[1] != 1:
             raise InputError("malformed", "big-endian body states; only little-endian ones are read")
         sec, nanosec, frame_id = reader.number("i"), reader.number("I"), reader.text()
         ahead, rate, *gravity = reader.numbers("f", 5)
         count = reader.count(MIN_BODY_BYTES)
-        if count > max_bodies:
-            raise InputError("size", f"{count} bodies are more than bodies.most = {max_bodies}")
+        if count > MOST_BODIES:
+            raise InputError("size", f"{count} bodies; at most {MOST_BODIES} are possible")
         if not np.isfinite([ahead, rate, *gravity]).all():
             raise InputError("non_finite", f"ahead, rate, gravity are {ahead}, {rate}, {gravity}; all must be finite")
         if abs(ahead) > MAX_AHEAD:
@@ -84,7 +84,7 @@ class PeerReader:
         if content is None:
             raise InputError("malformed", f"the message ends after {len(data)} bytes; {count} bodies need more")
         if content != self._content or count != len(self._names):
-            self._names, self._content = _names_in(content, count, max_name), content
+            self._names, self._content = _names_in(content, count), content
         bodies = rows.view(BODY_RECORD)[:, 0]
         table = StateTable(
             self._names, np.ascontiguousarray(bodies["numbers"]), bodies["radius"].astype(np.float64),
@@ -95,7 +95,7 @@ class PeerReader:
         return PeerStates(sec, nanosec, frame_id, ahead, rate, (x, y, z), table)
 
 
-def _names_in(content: bytes, count: int, max_name: int) -> list[str]:
+def _names_in(content: bytes, count: int) -> list[str]:
     try:
         names = content.decode().split("\0")[:-1]
     except UnicodeDecodeError:
@@ -103,8 +103,8 @@ def _names_in(content: bytes, count: int, max_name: int) -> list[str]:
     if len(names) != count:  # C code would read a shorter name than this one
         raise InputError("empty_id", "a body's name has a zero byte in it")
     require_distinct(names)
-    if (longest := max(map(len, names), default=0)) > max_name:
-        raise InputError("size", f"a name of {longest} characters; at most {max_name} are possible")
+    if (longest := max(map(len, names), default=0)) > LONGEST_NAME:
+        raise InputError("size", f"a name of {longest} characters; at most {LONGEST_NAME} are possible")
     return names
 
 
@@ -218,9 +218,8 @@ class PeerBodies:
     def _on_states(self, name: str, data: bytes) -> None:
         peer, session = self._peers[name], self._session
         try:
-            settings = session.settings
             with session.world.stopwatch.stage("ingest"):
-                new = peer.reader.read(data, settings.most_bodies, LONGEST_NAME)
+                new = peer.reader.read(data)
                 if not self._fits(name, new):
                     return
                 stamp = stamp_seconds(new)

@@ -40,7 +40,7 @@ def require_length(what: str, actual: int, wanted: int) -> None:
         raise InputError("length", f"{what} has {actual} values; its sizes say {wanted}")
 
 
-def grid_map_raster(message: Any, config: RasterConfig, max_samples: int) -> Raster:
+def grid_map_raster(message: Any, config: RasterConfig) -> Raster:
     """Convert a grid_map_msgs/GridMap: the layer ``config.layer`` and, unless empty, ``config.variance_layer``, and
     those of the material, ``config.layers``.
 
@@ -56,7 +56,7 @@ def grid_map_raster(message: Any, config: RasterConfig, max_samples: int) -> Ras
     require_resolution(info.resolution)
     along_x = _cells_of(info.length_x, info.resolution)
     along_y = _cells_of(info.length_y, info.resolution)
-    require_cells(along_x * along_y, max_samples)
+    require_cells(along_x * along_y)
 
     def cells(name: str) -> NDArray[np.float32]:
         return _layer(message.data[layers.index(name)], along_x, along_y)
@@ -98,14 +98,14 @@ def _layer(data: Any, along_x: int, along_y: int) -> NDArray[np.float32]:
     return cells if labels[0] == "row_index" else cells.T
 
 
-def image_raster(message: Any, config: RasterConfig, max_samples: int) -> Raster:
+def image_raster(message: Any, config: RasterConfig) -> Raster:
     """Convert a sensor_msgs/Image: its pixels are heights, placed and scaled by the parameters ``raster.*``. Those of a
     32FC1 image that are not finite become holes."""
     if message.encoding not in ENCODINGS:
         raise InputError(
             "encoding", f"encoding {message.encoding!r} holds no heights; use one of {', '.join(ENCODINGS)}"
         )
-    require_cells(message.height * message.width, max_samples)
+    require_cells(message.height * message.width)
     dtype = np.dtype((">" if message.is_bigendian else "<") + ENCODINGS[message.encoding])
     if message.step < message.width * dtype.itemsize:
         raise InputError("length", f"{message.step} bytes a row cannot hold {message.width} pixels of {dtype.itemsize}")
@@ -118,35 +118,35 @@ def image_raster(message: Any, config: RasterConfig, max_samples: int) -> Raster
     return from_image(np.ndarray(shape, dtype, message.data, strides=strides), config)
 
 
-def occupancy_raster(message: Any, config: RasterConfig, max_samples: int) -> Raster:
+def occupancy_raster(message: Any, config: RasterConfig) -> Raster:
     """Convert a nav_msgs/OccupancyGrid: occupied cells stand ``raster.scale`` metres high. ``info.origin`` is the outer
     corner of the first cell."""
     info = message.info
     require_resolution(info.resolution)
     corner, turn = info.origin.position, info.origin.orientation
     return from_cells(
-        occupancy_heights(_cells(message.data, info.height, info.width, max_samples), config),
+        occupancy_heights(_cells(message.data, info.height, info.width), config),
         corner=(corner.x, corner.y, corner.z),
         yaw=yaw_from(turn.x, turn.y, turn.z, turn.w),
         resolution=float(info.resolution),
     )
 
 
-def occupancy_region(message: Any, config: RasterConfig, max_samples: int) -> tuple[int, int, FloatGrid]:
+def occupancy_region(message: Any, config: RasterConfig) -> tuple[int, int, FloatGrid]:
     """Return first row, first column and heights [m] of a map_msgs/OccupancyGridUpdate."""
     if message.x < 0 or message.y < 0:
         raise InputError("region", f"the update starts at ({message.x}, {message.y}), outside the map")
-    cells = _cells(message.data, message.height, message.width, max_samples)
+    cells = _cells(message.data, message.height, message.width)
     return message.y, message.x, occupancy_heights(cells, config)
 
 
-def _cells(data: Any, rows: int, columns: int, max_samples: int) -> Any:
-    require_cells(rows * columns, max_samples)
+def _cells(data: Any, rows: int, columns: int) -> Any:
+    require_cells(rows * columns)
     require_length("the grid", len(data), rows * columns)
     return np.frombuffer(data, np.int8).reshape(rows, columns)
 
 
-def cloud_raster(message: Any, config: RasterConfig, max_samples: int) -> Raster:
+def cloud_raster(message: Any, config: RasterConfig) -> Raster:
     """Convert an organised sensor_msgs/PointCloud2, which has rows and columns of equally spaced points: their x and y
     give the grid, their z the heights."""
     if message.height < 2 or message.width < 2:
@@ -154,7 +154,7 @@ def cloud_raster(message: Any, config: RasterConfig, max_samples: int) -> Raster
             "not_a_grid",
             f"a cloud of {message.height} x {message.width} points is not organised in rows and columns",
         )
-    require_cells(message.height * message.width, max_samples)
+    require_cells(message.height * message.width)
     if message.row_step < message.width * message.point_step or len(message.data) != message.height * message.row_step:
         raise InputError(
             "length",
@@ -178,11 +178,11 @@ def cloud_raster(message: Any, config: RasterConfig, max_samples: int) -> Raster
 
 
 class Adapter(NamedTuple):
-    """A message type by package and name, and its conversion, whose last argument is the most samples allowed."""
+    """A message type by package and name, and its conversion."""
 
     package: str
     message: str
-    convert: Callable[[Any, RasterConfig, int], Raster]
+    convert: Callable[[Any, RasterConfig], Raster]
 
 
 # Keys: values of the parameter ``terrain.input``, also the names of the topics in the node's namespace.

@@ -46,11 +46,8 @@ class BodyInputs:
         if session.settings.frames:
             transforms.listen(SOURCE)
 
-        def most() -> int:
-            return session.settings.most_bodies
-
-        session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT, most=most)
-        session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT, most=most)
+        session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT)
+        session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT)
         session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
         if session.tracked_solids.robots:
             session.listen(JointState, "tracked_joint_states", self._on_tracked_joints, BEST_EFFORT)

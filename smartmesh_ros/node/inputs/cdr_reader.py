@@ -20,6 +20,8 @@ from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.material import NAMES, Material, require_layer, usual
 
 FloatGrid = NDArray[np.float32]
+# Most samples in all maps together.
+MOST_SAMPLES = 16_384**2
 
 
 class Stamped(NamedTuple):
@@ -137,7 +139,7 @@ class MeshUpdateInput(NamedTuple):
     velocities: NDArray[np.float64] | None
 
 
-def map_from(data: bytes, max_samples: int) -> MapInput:
+def map_from(data: bytes) -> MapInput:
     """Read a Heightmap message. Checks sizes before any allocation; the arrays are views of ``data``."""
     reader = CdrReader(data)
     start = reader.stamped()
@@ -148,44 +150,44 @@ def map_from(data: bytes, max_samples: int) -> MapInput:
     layers = [("friction", friction), ("soil", reader.sequence("u1")), *_layers(reader)]
     if not rows and not columns and not len(heights):
         return MapInput(start, None, heights, None)
-    _require_count(columns, rows, len(heights), len(velocities), max_samples)
+    _require_count(columns, rows, len(heights), len(velocities))
     geometry = GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=(x, y, z),
                             yaw=yaw_from(*orientation))  # fmt: skip
     shape = rows, columns
     return MapInput(start, geometry, *_grids(heights, velocities, shape), _material(layers, shape))
 
 
-def region_from(data: bytes, max_samples: int) -> RegionInput:
+def region_from(data: bytes) -> RegionInput:
     """Read a HeightmapUpdate message; the arrays are views of ``data``."""
     reader = CdrReader(data)
     start = reader.stamped()
     column, row, columns, rows = (reader.number("I") for _ in range(4))
     heights, velocities = reader.sequence("f4"), reader.sequence("f4")
     layers, shape = _layers(reader), (rows, columns)
-    _require_count(columns, rows, len(heights), len(velocities), max_samples)
+    _require_count(columns, rows, len(heights), len(velocities))
     return RegionInput(start, row, column, *_grids(heights, velocities, shape), _material(layers, shape))
 
 
-def mesh_from(data: bytes, max_samples: int) -> MeshInput:
+def mesh_from(data: bytes) -> MeshInput:
     """Read a TerrainMesh message; the arrays are views of ``data``."""
     reader = CdrReader(data)
     start = reader.stamped()
     triangles = reader.sequence("u4", 3)
-    vertices, velocities = _vertices(reader, max_samples)
+    vertices, velocities = _vertices(reader)
     return MeshInput(start, vertices, triangles, velocities)
 
 
-def mesh_update_from(data: bytes, max_samples: int) -> MeshUpdateInput:
+def mesh_update_from(data: bytes) -> MeshUpdateInput:
     """Read a TerrainMeshUpdate message; the arrays are views of ``data``."""
     reader = CdrReader(data)
     start = reader.stamped()
     indices = reader.sequence("u4")
-    return MeshUpdateInput(start, indices if len(indices) else None, *_vertices(reader, max_samples))
+    return MeshUpdateInput(start, indices if len(indices) else None, *_vertices(reader))
 
 
-def _vertices(reader: CdrReader, max_samples: int) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+def _vertices(reader: CdrReader) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
     vertices, velocities = reader.sequence("f8", 3), reader.sequence("f8", 3)
-    require_cells(len(vertices), max_samples)
+    require_cells(len(vertices))
     return vertices, velocities if len(velocities) else None
 
 
@@ -221,9 +223,9 @@ def _material(layers: list[tuple[str, NDArray[Any]]], shape: tuple[int, int]) ->
     return Material(**found)
 
 
-def _require_count(width: int, height: int, heights: int, velocities: int, max_samples: int) -> None:
+def _require_count(width: int, height: int, heights: int, velocities: int) -> None:
     count = width * height
-    require_cells(count, max_samples)
+    require_cells(count)
     if heights != count:
         raise InputError("length", f"{heights} heights for {height} rows x {width} columns; there must be {count}")
     if velocities not in (0, count):
@@ -240,7 +242,7 @@ def yaw_from(x: float, y: float, z: float, w: float) -> float:
     return 2.0 * math.atan2(z, w)
 
 
-def require_cells(count: int, max_samples: int) -> None:
+def require_cells(count: int) -> None:
     """Raise `InputError` if there are more samples than allowed. Called before memory is allocated."""
-    if count > max_samples:
-        raise InputError("size", f"{count} samples are more than terrain.max_samples = {max_samples}")
+    if count > MOST_SAMPLES:
+        raise InputError("size", f"{count} samples; at most {MOST_SAMPLES} are possible in all maps")

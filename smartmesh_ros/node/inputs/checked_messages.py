@@ -13,46 +13,46 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.node.outputs.cdr import DTYPES
 
-# Default of the most elements in a sequence of messages or strings.
+# Most elements in a sequence of messages or strings.
 MOST_ITEMS = 100_000
 
 
-def message_from(data: bytes, kind: Any, most: int = MOST_ITEMS) -> Any:
+def message_from(data: bytes, kind: Any) -> Any:
     """Decode a message of type ``kind`` from its bytes.
 
-    Raises `InputError` if the bytes are no such message, or if a sequence of messages or strings has more than ``most``
-    elements, which is checked before anything is allocated.
+    Raises `InputError` if the bytes are no such message, or if a sequence of messages or strings has more than
+    `MOST_ITEMS` elements, which is checked before anything is allocated.
     """
-    _check(CdrReader(data), _fields_to_check(kind), most, last=True)
+    _check(CdrReader(data), _fields_to_check(kind), last=True)
     try:
         return deserialize_message(data, kind)
     except Exception as error:  # noqa: BLE001  # the decoder's errors have no common base
         raise InputError("malformed", f"{len(data)} bytes are no {kind.__name__}: {error}") from None
 
 
-def _check(reader: CdrReader, fields: list[Any], most: int, *, last: bool) -> None:
+def _check(reader: CdrReader, fields: list[Any], *, last: bool) -> None:
     """Skip fields, checking the sequences in them. ``last``: no check follows, so the last one need not be skipped."""
     for index, field in enumerate(fields):
-        _check_field(reader, field, most, last=last and index == len(fields) - 1)
+        _check_field(reader, field, last=last and index == len(fields) - 1)
 
 
-def _check_field(reader: CdrReader, field: Any, most: int, *, last: bool) -> None:
+def _check_field(reader: CdrReader, field: Any, *, last: bool) -> None:
     if isinstance(field, BasicType):
         reader.skip(DTYPES[field.typename].itemsize)
     elif isinstance(field, AbstractString):
         reader.skip(1, reader.count(1))
     elif isinstance(field, NamespacedType):
         kind = _class_of(*field.namespaced_name())
-        _check(reader, _fields_to_check(kind) if last else kind.SLOT_TYPES, most, last=last)
+        _check(reader, _fields_to_check(kind) if last else kind.SLOT_TYPES, last=last)
     else:
         items = field.value_type
         count = field.size if isinstance(field, Array) else reader.count(1)
         if isinstance(items, BasicType):
             reader.skip(DTYPES[items.typename].itemsize, count)
-        elif count > most:
-            raise InputError("size", f"{count} elements in one sequence are more than the {most} allowed")
+        elif count > MOST_ITEMS:
+            raise InputError("size", f"{count} elements in one sequence are more than the {MOST_ITEMS} allowed")
         elif not last or _needs_check(items):
-            _check(reader, [items] * count, most, last=False)
+            _check(reader, [items] * count, last=False)
 
 
 def _needs_check(field: Any) -> bool:

@@ -15,6 +15,7 @@ from smartmesh_ros.io import files
 from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_region
 from smartmesh_ros.node.inputs.cdr_reader import (
+    MOST_SAMPLES,
     FloatGrid,
     RegionInput,
     Stamped,
@@ -67,7 +68,7 @@ class TerrainInputs:
             self._listen_to_occupancy_updates(updates)
         session.terrain_subscriptions = session.subscriptions[before:]
         if settings.file:
-            self.load(files.load(settings.file, settings.raster, settings.max_samples))
+            self.load(files.load(settings.file, settings.raster, MOST_SAMPLES))
 
     def forget_stamps(self) -> None:
         """Accepts any stamps from now on, after a reset."""
@@ -76,7 +77,7 @@ class TerrainInputs:
         self._session.map_warning = ""
 
     def _on_map(self, data: bytes) -> None:
-        new = map_from(data, self._session.settings.max_samples)
+        new = map_from(data)
         target = self._target(new.start)
         if self._overtaken("heightmap", new.start):
             return
@@ -93,7 +94,7 @@ class TerrainInputs:
         if self._overtaken(settings.input, start):
             return
         with self._ingesting(start) as placed:
-            raster = convert(message, settings.raster, settings.max_samples)
+            raster = convert(message, settings.raster)
             self._take_map(self._target(start), raster, None, placed)
 
     def _take_map(self, target: Target, raster: Raster, velocities: FloatGrid | None, placed: Placed) -> None:
@@ -110,11 +111,11 @@ class TerrainInputs:
             self._checks.take(tile, taken, placed.source_time, given=velocities is not None)
 
     def _on_region(self, data: bytes) -> None:
-        self._take_region(region_from(data, self._session.settings.max_samples))
+        self._take_region(region_from(data))
 
     def _on_occupancy_update(self, message: Any) -> None:
         settings = self._session.settings
-        row, column, heights = occupancy_region(message, settings.raster, settings.max_samples)
+        row, column, heights = occupancy_region(message, settings.raster)
         self._take_region(RegionInput(_start_of(message.header), row, column, heights, None))
 
     def _take_region(self, new: RegionInput) -> None:
@@ -156,21 +157,20 @@ class TerrainInputs:
 
     def _on_mesh(self, data: bytes) -> None:
         settings = self._session.settings
-        new = mesh_from(data, settings.max_samples)
+        new = mesh_from(data)
         with self._ingesting(new.start) as placed:
             target = self._target(new.start)
             if not len(new.vertices) and not len(new.triangles):
                 target.tiles.remove(target.tile)
                 return
-            require_tile_fits(target, len(new.vertices), self._terrain, settings)
+            require_tile_fits(target, len(new.vertices), self._terrain)
             mesh = TriangleMesh(
                 new.vertices, new.triangles, time=placed.time, velocities=new.velocities, motion=settings.motion
             )
             target.tiles.put(target.tile, mesh)
 
     def _on_mesh_update(self, data: bytes) -> None:
-        settings = self._session.settings
-        new = mesh_update_from(data, settings.max_samples)
+        new = mesh_update_from(data)
         with self._ingesting(new.start, update=True) as placed:
             target = self._target(new.start)
             mesh = target.tiles.tile(target.tile)
@@ -238,15 +238,15 @@ def _start_of(header: Any) -> Stamped:
     return Stamped(header.stamp.sec, header.stamp.nanosec, header.frame_id, "")
 
 
-def require_tile_fits(target: Target, samples: int, terrain: Terrain, settings: Settings) -> None:
+def require_tile_fits(target: Target, samples: int, terrain: Terrain) -> None:
     """Raises `InputError` if the terrain with this tile would have too many tiles, or too many samples in all tiles."""
     replaced: MainMesh | None = target.tiles.tiles.get(target.tile)
     others = [mesh for mesh in terrain.meshes if mesh is not replaced]
     if len(others) >= MOST_TILES:
         raise InputError("size", f"{len(others) + 1} tiles are more than {MOST_TILES}; remove some, or join them")
     total = samples + sum(mesh.size for mesh in others)
-    if total > settings.max_samples:
-        raise InputError("size", f"{total} samples in all are more than terrain.max_samples = {settings.max_samples}")
+    if total > MOST_SAMPLES:
+        raise InputError("size", f"{total} samples in all maps; at most {MOST_SAMPLES} are possible")
 
 
 def require_soils(material: Material, settings: Settings) -> None:
@@ -272,7 +272,7 @@ def take_map(
     if isinstance(known, HeightMap) and known.geometry == geometry and time >= known.time:
         known.replace(heights, time=time, velocities=velocities, variance=variances, material=material)
         return
-    require_tile_fits(target, geometry.size, terrain, settings)
+    require_tile_fits(target, geometry.size, terrain)
     new = HeightMap(
         heights, geometry=geometry, time=time, velocities=velocities, variance=variances, material=material,
         motion=settings.motion,

@@ -76,7 +76,7 @@ class Publishing:
     def __init__(self, session: Session, peers: PeerBodies, transforms: TransformInput) -> None:
         self._session = session
         self._node, self._world, self._now = session.node, session.world, session.clock.steady
-        self._markers = patch_outputs.PatchMarkers(session.settings.marker_namespace)
+        self._markers = patch_outputs.PatchMarkers(session.marker_namespace)
         self._collider_patches = patch_outputs.ColliderPatches()
         self._scene = SceneMarkers(session)
         self._states = SimulatedStates(session.world)
@@ -122,7 +122,7 @@ class Publishing:
         self._time = RateTime(session)
         # Staggered, so that no step publishes all outputs.
         self._due = {
-            name: place / (len(self._outputs) * max(getattr(session.settings.publish, name), 1.0))
+            name: place / (len(self._outputs) * max(session.settings.publish.of(name), 1.0))
             for place, name in enumerate(self._outputs)
         }
         self._handled = 0  # messages and calls at the last time
@@ -176,7 +176,7 @@ class Publishing:
     def _publish(self, names: Iterable[str], time: float, *, now: bool = False, idle: bool = False) -> None:
         rates = self._session.settings.publish
         for name in names:
-            output, rate = self._outputs[name], getattr(rates, name)
+            output, rate = self._outputs[name], rates.of(name)
             due = now or time >= self._due[name] or (idle and self._has_joined(name, output))
             if rate > 0.0 and due:
                 # Keeps the phase, unless a message was missed or came before it was due.

@@ -61,7 +61,7 @@ class SceneMarkers:
     def __init__(self, session: Session, view: GroundView | None = None) -> None:
         self._session, self._world = session, session.world
         self._view = view or GroundView()
-        own = session.settings.marker_namespace
+        own = session.marker_namespace
         self._bodies, self._ground = ("bodies", "ground") if own == "patches" else (f"{own}/bodies", f"{own}/ground")
         self._message, self._states = ArrayMessage(), SimulatedStates(session.world)
         self._ids: dict[str, int] = {}

@@ -103,19 +103,20 @@ def mismatch(file: Path, node: str) -> str | None:
         content = yaml.safe_load(file.read_text())
     except (OSError, ValueError, yaml.YAMLError):
         return None
-    names = list(_node_names(content))
+    names = [name for name, _ in parameters_by_node(content)]
     if not names or any(re.fullmatch(pattern(name), node) for name in names):
         return None
     return f"parameter file {file} has no effect: it is for {', '.join(names)}, and this node is {node}"
 
 
-def _node_names(content: Any, path: str = "") -> Iterator[str]:
-    """Yield the fully qualified names of the nodes that a file has parameters for; namespaces may be nested."""
+def parameters_by_node(content: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the fully qualified names of the nodes that a file has parameters for, as of `pattern`, and these, grouped
+    as in the file; namespaces may be nested."""
     for key, value in content.items() if isinstance(content, dict) else ():
         if key == PARAMETERS:
-            yield path
+            yield path, value
         else:
-            yield from _node_names(value, f"{path}/{str(key).strip('/')}")
+            yield from parameters_by_node(value, f"{path}/{str(key).strip('/')}")
 
 
 def pattern(name: str) -> str:

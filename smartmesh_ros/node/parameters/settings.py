@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import Literal
 
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_full_topic_name import validate_full_topic_name
@@ -18,7 +18,6 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.parameters.deck_entries import DeckEntry
 from smartmesh_ros.node.parameters.entries import BaseEntry, GroundMapEntry, ImuEntry, ScanEntry, ShapeEntry
-from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
 from smartmesh_ros.soil.soils import soils_from
 from smartmesh_ros.terrain.motion import MotionConfig
@@ -92,6 +91,10 @@ def full_names(parameter: str, entries: Sequence[str]) -> tuple[str, ...]:
 
 # Longest name of a body, tile or frame [characters].
 LONGEST_NAME = 256
+# Most bodies, tracked and simulated.
+MOST_BODIES = 100_000
+# Outputs that show the ground.
+GROUND_OUTPUTS = ("patches", "collider_patches", "pressed_ground", "scene")
 Introspection = Literal["disabled", "metadata", "contents"]
 # Meaning of a change of height between maps; *auto*: a correction if sensors or mappers provide the terrain.
 TerrainChanges = Literal["auto", "motion", "correction"]
@@ -99,41 +102,19 @@ TerrainChanges = Literal["auto", "motion", "correction"]
 
 @dataclass(frozen=True, kw_only=True)
 class PublishRates:
-    """Rate of each output while it has subscribers [Hz]; 0 = never."""
+    """Rates of outputs while they have subscribers [Hz]; 0 = never. ``patches``: of what shows the ground.
+    ``body_states``: of what bodies do. ``tf``, ``clock``: of these topics."""
 
     patches: float = 30.0
-    collider_patches: float = 30.0
     body_states: float = 60.0
-    contacts: float = 30.0
     clock: float = 0.0
-    joint_states: float = 60.0
     tf: float = 0.0
-    timing: ClassVar[float] = 1.0
 
-    @property
-    def odometry(self) -> float:
-        """Odometry is published with the joints."""
-        return self.joint_states
-
-    @property
-    def contact_wrenches(self) -> float:
-        """Wrenches are published with the joints."""
-        return self.joint_states
-
-    @property
-    def pressed_ground(self) -> float:
-        """Prints are published with the patches that stand in them."""
-        return self.patches
-
-    @property
-    def sinkage(self) -> float:
-        """The whole map is published once a second at most."""
-        return min(self.patches, 1.0)
-
-    @property
-    def scene(self) -> float:
-        """The scene is published with the patches."""
-        return self.patches
+    def of(self, output: str) -> float:
+        """Return the rate of an output [Hz]. ``~/timing`` and the whole map of ``~/sinkage`` come once a second."""
+        if output in ("timing", "sinkage"):
+            return min(self.patches, 1.0) if output == "sinkage" else 1.0
+        return self.patches if output in GROUND_OUTPUTS else self.body_states
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,12 +134,10 @@ class Settings:
     motion: MotionConfig = field(default_factory=MotionConfig)
     publish: PublishRates = field(default_factory=PublishRates)
     frame_id: str = ""
-    max_samples: int = 16_384**2
     input: str = "heightmap"
     file: str = ""
     soil: tuple[str, ...] = ()
     slip_sinkage: bool = True
-    most_bodies: int = 10_000
     command_timeout: float = 0.5
     urdf_folders: tuple[str, ...] = ()
     raster: RasterConfig = field(default_factory=RasterConfig)
@@ -176,14 +155,12 @@ class Settings:
     bases: tuple[BaseEntry, ...] = ()
     decks: tuple[DeckEntry, ...] = ()
     incremental: bool = False
-    marker_namespace: str = "patches"
     robot_prefix: bool = False
     body_timeout: float = 1.0
     default_radius: float = 0.25
     max_velocity: float = 10.0
     spawn: tuple[str, ...] = ()
     deadline: DeadlinePolicy = "catch_up"
-    executor: ExecutorKind = "events"
 
     def __post_init__(self) -> None:
         if not self.soil:

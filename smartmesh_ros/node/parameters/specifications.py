@@ -14,15 +14,16 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.limits import FARTHEST_BODY
 from smartmesh_ros.io.urdf import UrdfRules
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
+from smartmesh_ros.node.inputs.cdr_reader import MOST_SAMPLES
 from smartmesh_ros.node.parameters import declaring, entries
 from smartmesh_ros.node.parameters.deck_entries import deck_entries
 from smartmesh_ros.node.parameters.declaring import Spec
 from smartmesh_ros.node.parameters.helping import files_of, mismatch
 from smartmesh_ros.node.parameters.settings import (
     LONGEST_NAME,
+    MOST_BODIES,
     Settings,
     TerrainChanges,
     body_sources,
@@ -70,7 +71,6 @@ SPECS = (
         "ground changes."),
     _param("physics.solver_residual", "The solver stops iterating once the squared change of every contact's velocity "
         "is below this [m^2/s^2]; higher is faster and less accurate.", 0.0, 1.0),
-    _param("physics.contact_erp", "Fraction of a penetration that the solver corrects in one step.", 0.01, 1.0),
     _param("physics.deadline", "What happens to late steps. skip: leave them out; catch_up: run them as soon as "
         "possible; slow_down: delay all later steps, so that simulated time runs slower than real time.",
         place="deadline"),
@@ -92,8 +92,6 @@ SPECS = (
     _param("terrain.settle", "Time over which a correction is applied [s].", 0.001, 10.0),
     _param("terrain.noise", "Standard deviation of a map's heights [m]; 0 = exact. Weights the fusion of corrected "
         "heights over time, and reduces estimated velocities by the share that noise explains.", 0.0, 10.0),
-    _param("terrain.max_samples", "Most samples in all maps together; maps that exceed them are refused.",
-        9, 2**31, place="max_samples"),
     Spec("terrain.input", DEFAULTS.input,
         "Additional terrain topic, ~/<input>; the node always subscribes to the heightmap and mesh topics.",
         choices=("heightmap", *ADAPTERS), read_only=True, place="input"),
@@ -109,9 +107,8 @@ SPECS = (
     _param("raster.material_layers", "Layers of a grid map that hold the material of the ground, docs/materials.md: "
         "friction, stiffness, damping, restitution, rolling, soil. friction=slip: the friction in the layer slip; "
         "friction: in the layer of this name. Empty = none."),
-    _param("raster.scale", "Height = scale x value + offset [m per unit]. Values are pixel values, metres, or "
-        "occupancies from 0 to 1.", -1_000_000.0, 1_000_000.0),
-    _param("raster.offset", "Height at value zero [m].", -1_000_000.0, 1_000_000.0),
+    _param("raster.scale", "Height = scale x value [m per unit]. Values are pixel values, metres, or occupancies from "
+        "0 to 1.", -1_000_000.0, 1_000_000.0),
     _param("raster.resolution", "Distance between the samples of images and plain files [m].", 0.0001, 10_000.0),
     _param("raster.origin", "Position of the bottom left sample of images and plain files [m], three numbers.",
         -1e9, 1e9),
@@ -124,11 +121,8 @@ SPECS = (
         "faster change counts as a jump, without velocity, and is reported.", 0.01, 1000.0),
     _param("bodies.default_radius", "Radius of tracked bodies whose messages give none [m].", 0.001, 100.0),
     _fixed("bodies.spawn", "Bodies spawned at start, each a YAML mapping; see config/."),
-    _param("bodies.most", "Most bodies, tracked and simulated; more are refused.", 1, 1_000_000, place="most_bodies"),
     _param("bodies.command_timeout", "Joints and tracks that velocities drive stop after this long without a command, "
         "in simulated time [s]; 0 = never. Positions and efforts stay in force.", 0.0, 3600.0),
-    _param("bodies.lost_depth", "Depth below the ground that it left at which a body that fell off is removed [m].",
-        1.0, FARTHEST_BODY, place="world.falls.depth"),
     _param("bodies.urdf_folders", "Folders from which services may load robot descriptions, their meshes, and worlds; "
         "empty = pybullet_data and the share folders of the installed packages."),
     _fixed("bodies.poses", "Topics of geometry_msgs/PoseStamped, each for one tracked body: 'name=topic', or a topic "
@@ -146,17 +140,13 @@ SPECS = (
         "~/robot_description, if any."),
     _fixed("robot.start", "Name of that robot and where it starts, a YAML mapping as of bodies.spawn: {id: rover, "
         "xy: [0, 0], yaw: 0, above: 0.5}, or clearance and align in place of above."),
-    _param("publish.patches", "Rate of ~/patches, ~/scene and ~/pressed_ground, and of ~/sinkage up to 1 Hz [Hz]; "
-        "0 = never.", 0.0, 1000.0),
-    _param("publish.collider_patches", "Rate of ~/collider_patches [Hz].", 0.0, 1000.0),
-    _param("publish.body_states", "Rate of ~/body_states [Hz].", 0.0, 1000.0),
-    _param("publish.contacts", "Rate of ~/contacts [Hz].", 0.0, 1000.0),
+    _param("publish.patches", "Rate of ~/patches, ~/collider_patches, ~/scene and ~/pressed_ground, and of ~/sinkage "
+        "up to 1 Hz [Hz]; 0 = never.", 0.0, 1000.0),
+    _param("publish.body_states", "Rate of ~/body_states, ~/contacts, ~/contact_wrenches, ~/joint_states and "
+        "~/odometry [Hz]; 0 = never.", 0.0, 1000.0),
     _param("publish.incremental", "Publish only changed patches on ~/patches and ~/collider_patches, and all patches "
         "when a subscriber joins and every 5 s.", place="incremental"),
-    _fixed("publish.marker_namespace", "Field ns of the markers on ~/patches, to distinguish several nodes on one "
-        "topic.", place="marker_namespace"),
     _param("publish.clock", "Rate of /clock, which carries simulated time [Hz]; 0 = never.", 0.0, 10_000.0),
-    _param("publish.joint_states", "Rate of ~/joint_states, ~/odometry and ~/contact_wrenches [Hz].", 0.0, 1000.0),
     _fixed("publish.robot_prefix", "Joints and frames of every robot are named <robot>/<name>. false: a robot has the "
         "names of its URDF, as robot_state_publisher expects, unless another has one of them already. Names do not "
         "change while their robot is there.", place="robot_prefix"),
@@ -176,31 +166,40 @@ SPECS = (
     _fixed("decks", "Ground that rides on a TF frame, an odometry topic or a body, each a YAML mapping such as {deck: "
         "ferry, frame: ferry/deck, thickness: 0.5}; its maps come with its name as tile; see docs/decks.md."),
     _fixed("frame_id", "Frame of the terrain; empty = the frame of the first map."),
-    _fixed("executor", "The rclpy executor that waits for messages."),
 )  # fmt: skip
 NAMES = frozenset(spec.name for spec in SPECS)
 # Parameters of earlier versions, and what replaces them.
+_BODIES, _GROUND = "it is that of publish.body_states", "it is that of publish.patches"
 _IN = "set qos_overrides.<full name of the topic>.subscription."
 _FROM_MAP = "bodies collide with the map itself; leave it out"
 _PATCHES = "patches on topics come at the rates publish.*"
 _START = "set it in robot.start, a mapping such as {id: rover, xy: [0, 0], above: 0.5, yaw: 0}"
 REMOVED = {
+    "bodies.lost_depth": "bodies that fell off are removed 100 m below the ground; leave it out",
     "bodies.longest_urdf": f"robot descriptions have at most {UrdfRules.longest:,} bytes; leave it out",
     "bodies.longest_name": f"names have at most {LONGEST_NAME} characters; leave it out",
+    "bodies.most": f"there may be {MOST_BODIES:,} bodies; leave it out",
     "collect.method": _FROM_MAP,
+    "executor": "messages are waited for by rclpy's events executor; leave it out",
     "patch.carry_velocity": "contacts have the velocity of ground that moves; terrain.motion hold is ground without",
     "patch.edge_filter": "contacts from the map have no inner edges; leave it out",
     "patch.kind": _FROM_MAP,
     "patch.rate": f"contacts are those of each step, and {_PATCHES}",
     "patch.rings": f"contacts come from the map in reach, and {_PATCHES}",
     "patch.tolerance": "contacts from the map are exact; leave it out",
+    "physics.contact_erp": "a step corrects 0.3 of a penetration; raise physics.rate for more",
     "physics.guard": "bodies below the ground are always put back onto it; leave it out",
     "physics.landing": "contacts from the map stop bodies at the surface; leave it out",
-    "publish.contact_wrenches": "it is that of publish.joint_states",
+    "publish.collider_patches": _GROUND,
+    "publish.contact_wrenches": _BODIES,
+    "publish.contacts": _BODIES,
     "publish.depth": "set qos_overrides.<full name of the topic>.publisher.depth",
     "publish.durability": "set qos_overrides.<full name of the topic>.publisher.durability",
-    "publish.odometry": "it is that of publish.joint_states",
+    "publish.joint_states": _BODIES,
+    "publish.marker_namespace": "markers have the namespace of their node: start it with -r __ns:=/NAME",
+    "publish.odometry": _BODIES,
     "publish.timing": "~/timing is published once a second; leave it out",
+    "raster.offset": "set the z of raster.origin, or let a static transform move the frame of the terrain, frame_id",
     "raster.yaw": "let a static transform turn the frame of the terrain, frame_id",
     "robot.above": _START,
     "robot.name": _START,
@@ -209,6 +208,7 @@ REMOVED = {
     "search.method": _FROM_MAP,
     "terrain.durability": f"{_IN}durability",
     "terrain.map_depth": f"{_IN}depth",
+    "terrain.max_samples": f"there may be {MOST_SAMPLES:,} samples in all maps; leave it out",
     "terrain.max_tiles": "there may be 1000 tiles; leave it out",
     "terrain.min_interval": "maps within 4 ms are parts of one map; leave it out",
     "terrain.reliability": f"{_IN}reliability",
@@ -285,7 +285,7 @@ def summary(settings: Settings) -> str:
     """Return the most important settings in one line."""
     physics = settings.world.physics
     terrain = f"~/{settings.input}" + (f" and {settings.file}" if settings.file else "")
-    return f"terrain from {terrain}; physics {physics.rate:g} Hz; executor {settings.executor}"
+    return f"terrain from {terrain}; physics {physics.rate:g} Hz"
 
 
 def announce_changes(node: Node, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:

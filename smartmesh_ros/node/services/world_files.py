@@ -19,6 +19,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.io import files
 from smartmesh_ros.io.rasters import Raster, RasterConfig
 from smartmesh_ros.io.urdf import require_inside
+from smartmesh_ros.node.inputs.cdr_reader import MOST_SAMPLES
 from smartmesh_ros.node.parameters.declaring import checked_value
 from smartmesh_ros.node.parameters.helping import PARAMETERS
 from smartmesh_ros.node.parameters.settings import Settings
@@ -143,7 +144,7 @@ def _flat(tree: Any, prefix: str) -> Iterator[tuple[str, Any]]:
 
 def load_raster(path: Path, config: RasterConfig, settings: Settings) -> Raster:
     """Return the ground of a world in a file. Raises `InputError`."""
-    return files.load(_allowed(path, settings), config, settings.max_samples)
+    return files.load(_allowed(path, settings), config, MOST_SAMPLES)
 
 
 def _allowed(path: Path, settings: Settings) -> Path:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.parameters.settings import MOST_BODIES
 from smartmesh_ros.node.services.body_entries import Entry
 from smartmesh_ros.node.services.files import with_package_paths
 from smartmesh_ros.node.services.standard import Standard
@@ -65,8 +66,8 @@ class WorldServices:
         world = await session.files.done(lambda: world_of(resource, settings))
         if world.ignored and request.fail_on_unsupported_element:
             raise InputError("elements", f"parameters are no part of a world: {', '.join(world.ignored)}")
-        if len(world.bodies) > settings.most_bodies:
-            raise InputError("size", f"{len(world.bodies)} bodies are more than bodies.most = {settings.most_bodies}")
+        if len(world.bodies) > MOST_BODIES:
+            raise InputError("size", f"{len(world.bodies)} bodies; at most {MOST_BODIES} are possible")
         notes: list[str] = []
         left = notes if request.ignore_missing_or_unsupported_assets else None
 

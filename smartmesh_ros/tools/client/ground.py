@@ -13,7 +13,7 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TerrainMesh, TerrainM
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs import cdr_reader
 from smartmesh_ros.terrain.deck import Deck
-from smartmesh_ros.terrain.grid import MOST_SAMPLES, FloatArray
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.scrolling import carry_material
@@ -23,7 +23,7 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.tools.client.sight import Pose
 
 # The node's topics of terrain: their types, and what reads their messages.
-MAPS: dict[str, tuple[Any, Callable[[bytes, int], Any]]] = {
+MAPS: dict[str, tuple[Any, Callable[[bytes], Any]]] = {
     "heightmap": (Heightmap, cdr_reader.map_from),
     "heightmap_update": (HeightmapUpdate, cdr_reader.region_from),
     "pressed_ground": (HeightmapUpdate, cdr_reader.region_from),
@@ -94,7 +94,7 @@ class Ground:
         return RayCaster(self.terrain()).cast(checked_rays(origins, directions, reach), 0.0).distances
 
     def _apply(self, topic: str, tile: str, data: bytes) -> None:
-        known, new = self.tiles.get(tile), MAPS[topic][1](data, MOST_SAMPLES)
+        known, new = self.tiles.get(tile), MAPS[topic][1](data)
         if isinstance(new, cdr_reader.RegionInput):
             if isinstance(known, HeightMap):
                 known.update_region(new.row, new.column, new.heights, time=0.0, material=new.material)

@@ -21,15 +21,17 @@ from typing import Any
 import numpy as np
 import rclpy
 from ament_index_python.packages import get_package_prefix
+from geometry_msgs.msg import Point, Pose
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import MarkerArray
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.scenes.eight import robot_file
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.tools.client.command import Caller
 from smartmesh_ros.tools.client.remote import OUTPUTS, Remote
 from smartmesh_ros.tools.demo import demo_pictures
 from smartmesh_ros.tools.demo.demo_pictures import Frame
@@ -38,9 +40,9 @@ SOURCE = {
     "scene": "elevation", "rate": 30.0, "resolution": 0.25, "relief": 3.0,
     "wave.amplitude": 0.1, "wave.number": 1.2, "wave.frequency": 4.0,
 }  # fmt: skip
-# Outputs whose rate is lowered to 10 Hz, so that two cores suffice for three processes.
 WATCHED = ("patches", "collider_patches", "body_states", "contacts", "joint_states", "odometry")
-COLLIDER = {f"publish.{topic}": 10.0 for topic in WATCHED if topic != "odometry"}  # which has the rate of joint_states
+# Rates are lowered to 10 Hz, so that two cores suffice for three processes.
+COLLIDER = {"publish.patches": 10.0, "publish.body_states": 10.0}
 ROBOT = "husky"
 WHEELS = [f"{ROBOT}/{place}_wheel" for place in ("front_left", "front_right", "rear_left", "rear_right")]
 SHAPES = (
@@ -60,8 +62,7 @@ class Demo:
     """Spawns bodies, drives the robot and tells the state, over a ``remote`` of the collider."""
 
     def __init__(self, remote: Remote) -> None:
-        self.remote = remote
-        self._spawner = remote.node.create_client(SpawnBody, f"{remote.name}/spawn_body")
+        self.remote, self._caller = remote, Caller(remote, START_TIMEOUT)
         self._commands = remote.node.create_publisher(JointState, f"{remote.name}/joint_commands", 10)
 
     @property
@@ -84,17 +85,11 @@ class Demo:
         )  # fmt: skip
 
     def wait_for(self, condition: Callable[[], Any], what: str) -> None:
-        """Spin until the condition holds. Raises `TimeoutError`, which names ``what``."""
-        end = monotonic() + START_TIMEOUT
-        while not condition():
-            if monotonic() > end:
-                raise TimeoutError(f"no {what} after {START_TIMEOUT:.0f} s; received {self.counts}")
-            self.remote.spin(0.01)
+        """Spin until the condition holds. Raises `InputError`, which names ``what``."""
+        self._caller.wait_for(condition, what)
 
     def spawn_all(self) -> None:
         """Spawn two dozen bodies of three shapes in rings, and a wheeled robot."""
-        self.wait_for(lambda: self.remote.counts["heightmap"], "map")
-        self.wait_for(self._spawner.service_is_ready, "spawn service")
         # Bodies spawned before the node has a map would fall, and be below the ground when the map arrives.
         self.wait_for(lambda: self.remote.tasks and int(self._value("terrain", "tiles")), "map in the node")
         for index in range(BODIES):
@@ -133,12 +128,8 @@ class Demo:
         return ", ".join([*words, *(f"{count} {what}" for what, count in counts.items() if count)])
 
     def _spawn(self, name: str, x: float, y: float, clearance: float, **what: Any) -> None:
-        request = SpawnBody.Request(id=name, mass=5.0, on_ground=True, clearance=clearance, **what)
-        request.pose.position.x, request.pose.position.y = x, y
-        future = self._spawner.call_async(request)
-        self.wait_for(future.done, f"answer to the spawning of {name}")
-        if not future.result().success:
-            raise RuntimeError(f"{name} was not spawned: {future.result().message}")
+        pose = Pose(position=Point(x=x, y=y))
+        self._caller.call("spawn_body", id=name, mass=5.0, pose=pose, on_ground=True, clearance=clearance, **what)
 
 
 @contextmanager
@@ -198,7 +189,7 @@ def main(args: list[str] | None = None) -> None:
     try:
         with isolated_unless_chosen():
             frames, lost, counts = run(options.seconds)
-        print("drawing a picture, a strip and a clip, which takes up to a minute", flush=True)
+        print("drawing a picture and a clip, which takes up to a minute", flush=True)
         for path in demo_pictures.draw(frames, options.out, say=lambda words: print(words, flush=True)):
             print(f"wrote {path}", flush=True)
     except KeyboardInterrupt:
@@ -221,7 +212,7 @@ def run(seconds: float) -> tuple[list[Frame], int, dict[str, int]]:
             )
             demo.wait_for(lambda: all(demo.counts.values()), "message on some output")
             return *watch(demo, seconds), demo.counts
-    except (TimeoutError, RuntimeError) as error:
+    except InputError as error:
         sys.exit(f"demo failed: {error}")
     finally:
         rclpy.shutdown()

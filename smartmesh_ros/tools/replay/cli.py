@@ -11,11 +11,11 @@ import argparse
 import math
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.replay.bag import Bag
@@ -34,18 +34,28 @@ PERIOD, BAR = 0.2, 30
 def main(arguments: Sequence[str] | None = None) -> int:
     """Replay a bag; return the exit code: 0 = done, 1 = not the digest of ``--check``, 2 = cannot start, 130 =
     interrupted."""
+    return ended(parser(), arguments, _run, needs="rosbags")
+
+
+def ended(
+    parser: argparse.ArgumentParser,
+    arguments: Sequence[str] | None,
+    run: Callable[[argparse.Namespace], int],
+    *,
+    needs: str,
+) -> int:
+    """Run a command by its ``arguments``, None = those of the process; return its exit code, 2 if it refuses them or
+    one of the packages that it ``needs`` is missing."""
     given = [word for word in (sys.argv[1:] if arguments is None else arguments) if word != "--ros-args"]
-    options = parser().parse_args(given)
+    options = parser.parse_args(given)
     try:
-        return _run(options)
+        return run(options)
     except ModuleNotFoundError as error:
-        if error.name not in ("mcap", "rosbags"):
+        if error.name not in needs.split():
             raise
-        print(f"replay needs {error.name}: pip install rosbags mcap", file=sys.stderr)
+        print(f"{parser.prog} needs {error.name}: pip install {needs}", file=sys.stderr)
     except InputError as error:
-        print(f"replay: {error}", file=sys.stderr)
-    except OSError as error:
-        print(f"replay: {options.output} cannot be written: {error.strerror}", file=sys.stderr)
+        print(f"{parser.prog}: {error}", file=sys.stderr)
     return 2
 
 
@@ -55,17 +65,22 @@ def parser() -> argparse.ArgumentParser:
         prog="replay", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     found.add_argument("bag", metavar="BAG", type=Path, help="a recorded bag")
-    found.add_argument("--params-file", type=Path, action="append", default=[], metavar="FILE", help="parameter file")
-    found.add_argument("-p", "--param", action="append", default=[], metavar="NAME:=VALUE", help="a parameter")
-    found.add_argument(
-        "-r", "--remap", action="append", default=[], metavar="FROM:=TO",
-        help="a topic or service under another name, as in -r ~/heightmap:=/maps; also __node and __ns",
-    )  # fmt: skip
+    add_node_arguments(found)
     found.add_argument("-o", "--output", type=Path, metavar="OUT.mcap", help="file for the outputs (none)")
     found.add_argument("--topics", nargs="+", metavar="TOPIC", help="outputs to write, such as body_states (all)")
     found.add_argument("--until", type=float, metavar="T", help="end after T seconds (with the bag)")
     found.add_argument("--check", metavar="SHA256", help="exit with 1 unless this is the digest")
     return found
+
+
+def add_node_arguments(parser: Any) -> None:
+    """Add the arguments that are as for the node."""
+    parser.add_argument("--params-file", type=Path, action="append", default=[], metavar="FILE", help="parameter file")
+    parser.add_argument("-p", "--param", action="append", default=[], metavar="NAME:=VALUE", help="a parameter")
+    parser.add_argument(
+        "-r", "--remap", action="append", default=[], metavar="FROM:=TO",
+        help="a topic or service under another name, as in -r ~/heightmap:=/maps; also __node and __ns",
+    )  # fmt: skip
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -96,13 +111,13 @@ def _run(options: argparse.Namespace) -> int:
                     break
             line.clear()
             if file is not None:
-                file.notes["digest"] = replay.digest
+                file.note("smartmesh_ros_digest", replay.digest)
         speed = replay.time / max(monotonic() - begun, 1e-9)
         return report(replay, speed, file, options.check, interrupted=bool(asked))
 
 
 def new_file(path: Path) -> McapFile:
-    """Return a file for outputs. Only it needs the package mcap."""
+    """Return a file for outputs."""
     from smartmesh_ros.tools.replay.mcap_file import McapFile
 
     return McapFile(path)

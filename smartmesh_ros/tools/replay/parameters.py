@@ -12,7 +12,7 @@ import yaml
 import smartmesh_ros
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.declaring import QOS, nearest
-from smartmesh_ros.node.parameters.helping import PARAMETERS, mismatch, pattern
+from smartmesh_ros.node.parameters.helping import PARAMETERS, mismatch, parameters_by_node, pattern
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.parameters.specifications import NAMES, REMOVED, SPECS, settings_from
 
@@ -41,7 +41,8 @@ def read_file(path: Path, node: str) -> dict[str, Any]:
         raise InputError("file", f"{path} is no parameter file: {error}") from None
     if wrong := mismatch(path, node):
         raise InputError("file", wrong)
-    found = dict(_of_node(content, node, ""))
+    groups = [values for name, values in parameters_by_node(content) if re.fullmatch(pattern(name), node)]
+    found = dict(entry for values in groups for entry in _flat(values, ""))
     if not found:
         raise InputError("file", f"{path} has no {PARAMETERS}; it must read '/**: {{{PARAMETERS}: {{name: value}}}}'")
     return found
@@ -89,15 +90,6 @@ def require_known(names: Iterable[str]) -> None:
             raise InputError("parameter", f"{name} is gone: {REMOVED[name]}")
         if name not in NAMES and name != "use_sim_time" and not name.startswith(QOS):
             raise InputError("parameter", f"parameter {name!r} is unknown{nearest(name, SPECS)}")
-
-
-def _of_node(content: Any, node: str, path: str) -> Iterator[tuple[str, Any]]:
-    """Yield names and values of the parameters of ``node``; namespaces may be nested."""
-    for key, value in content.items() if isinstance(content, dict) else ():
-        if key != PARAMETERS:
-            yield from _of_node(value, node, f"{path}/{str(key).strip('/')}")
-        elif re.fullmatch(pattern(path), node):
-            yield from _flat(value, "")
 
 
 def _flat(content: Any, group: str) -> Iterator[tuple[str, Any]]:

@@ -38,8 +38,8 @@ SPECS = (
     fixed("longest_lag", _CONFIG.longest_lag, "Longest lag that is tried [s]: above the true lag, and below the "
           "period of ground that oscillates.", 0.01, 60.0),
 )  # fmt: skip
-# Time after which a source of maps is silent [s], period of the diagnostics [s], and most cells of a map.
-SILENT, PERIOD, MOST_CELLS = 3.0, 1.0, 2**24
+# Time after which a source of maps is silent [s], and period of the diagnostics [s].
+SILENT, PERIOD = 3.0, 1.0
 
 
 class TerrainScore(ParameterNode):
@@ -78,7 +78,7 @@ class TerrainScore(ParameterNode):
                 stamp = stamp_seconds(message.header.stamp)
                 if stamp is None:
                     raise InputError("stamp", "a map has no stamp, so the truth of its time is unknown; stamp the maps")
-                take(message.header.frame_id, stamp, grid_map_raster(message, config, MOST_CELLS))
+                take(message.header.frame_id, stamp, grid_map_raster(message, config))
             except InputError as error:
                 self._refused = f"{self.resolve_topic_name(topic)}: {error}"
                 self._refusals[f"{topic}: {error.reason}"] += 1

@@ -14,11 +14,9 @@ from rclpy.node import Node
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from smartmesh_ros.tools.replay.bag import Bag, Record, class_of, recorded
-from smartmesh_ros.tools.replay.definitions import definition_of, hash_of
+from smartmesh_ros.tools.replay.mcap_file import VERSION, add_topic
 
 Storage = Literal["sqlite3", "mcap"]
-# Version of the bag format that Jazzy writes.
-VERSION: Literal[9] = 9
 
 
 def write(path: Path, messages: Iterable[tuple[str, float, Any]], storage: Storage = "mcap") -> None:
@@ -29,10 +27,7 @@ def write(path: Path, messages: Iterable[tuple[str, float, Any]], storage: Stora
         for record in (recorded(*message) for message in messages):
             key = record.topic, record.type_name
             if key not in connections:
-                kind = class_of(record.type_name)
-                connections[key] = writer.add_connection(
-                    *key, msgdef=definition_of(kind), rihs01=hash_of(kind) or "none"
-                )
+                connections[key] = add_topic(writer, *key, [])
             writer.write(connections[key], round(record.time * 1e9), record.data)
 
 

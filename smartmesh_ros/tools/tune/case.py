@@ -136,24 +136,22 @@ class RecordedGround:
     def __init__(self) -> None:
         self._maps: dict[str, list[Kept]] = defaultdict(list)  # by tile, in order of time
         self._revisions: dict[str, int] = {}
-        self._shown: dict[float, list[Kept]] = {}  # by the time of a snapshot
 
     def note(self, world: World) -> None:
         """Keep the maps that have come."""
-        for name, tile in _height_maps(world):
-            if not tile.motion.corrects and self._revisions.get(name) != tile.revision:
+        for name, tile in _height_maps(world, corrects=False):
+            if self._revisions.get(name) != tile.revision:
                 self._revisions[name] = tile.revision
                 self._maps[name].append(Kept(tile.time, tile.geometry, tile.heights.copy()))
 
     def keep(self, world: World) -> None:
         """Keep the ground that is shown now where changes are corrections."""
-        tiles = [tile for _, tile in _height_maps(world) if tile.motion.corrects]
-        self._shown[world.time] = [Kept(world.time, tile.geometry, _shown(tile, world.time)) for tile in tiles]
+        for name, tile in _height_maps(world, corrects=True):
+            self._maps[name].append(Kept(world.time, tile.geometry, _shown(tile, world.time)))
 
     def at(self, time: float) -> list[Surface]:
         """Return the surfaces at ``time`` [s]."""
-        shown = [Surface(one.geometry, one.heights.astype(np.float64)) for one in self._shown.get(time, [])]
-        return [*shown, *(_between(maps, time) for maps in self._maps.values() if maps[0].time <= time)]
+        return [_between(maps, time) for maps in self._maps.values() if maps[0].time <= time]
 
 
 class Kept(NamedTuple):
@@ -164,8 +162,9 @@ class Kept(NamedTuple):
     heights: NDArray[np.float32]
 
 
-def _height_maps(world: World) -> Iterator[tuple[str, HeightMap]]:
-    return ((name, tile) for name, tile in world.terrain.tiles.items() if isinstance(tile, HeightMap))
+def _height_maps(world: World, *, corrects: bool) -> Iterator[tuple[str, HeightMap]]:
+    maps = ((name, tile) for name, tile in world.terrain.tiles.items() if isinstance(tile, HeightMap))
+    return ((name, tile) for name, tile in maps if tile.motion.corrects == corrects)
 
 
 def _between(maps: list[Kept], time: float) -> Surface:

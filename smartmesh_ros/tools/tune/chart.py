@@ -11,10 +11,7 @@ from matplotlib.figure import Figure
 
 from smartmesh_ros.tools.tune.figures import Figures
 from smartmesh_ros.tools.tune.grid import front
-from smartmesh_ros.tools.tune.report import NAMES, Result
-
-# Colours of settings that exceed a limit which the axes do not show.
-UNSEEN = {"failed": "tab:brown", "hover": "tab:purple", "deviation": "tab:pink", "longest": "tab:olive"}
+from smartmesh_ros.tools.tune.report import Result
 
 
 def draw(path: Path, result: Result) -> Any:
@@ -22,13 +19,8 @@ def draw(path: Path, result: Result) -> Any:
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     FigureCanvasAgg(figure)
     axes: Any = figure.subplots()
-    groups: dict[str, list[Figures]] = {}
-    for point in result.measured.points:
-        exceeded = next(iter(result.limits.excess(point.figures)), "")
-        groups.setdefault(exceeded if exceeded in UNSEEN else "", []).append(point.figures)
-    _draw(axes, groups.pop("", []), "o", label="tried", color="0.75", markersize=4)
-    for name, tried in groups.items():
-        _draw(axes, tried, "x", label=f"exceeds the limit of {NAMES[name]}", color=UNSEEN[name], markersize=4)
+    tried = [point.figures for point in result.measured.points]
+    _draw(axes, tried, "o", label="tried", color="0.75", markersize=4)
     best = [point.figures for point in front(result.measured.points)]
     _draw(axes, best, "o-", label="front", color="tab:blue", markersize=4, linewidth=1.0)
     for line, value in ((axes.axvline, result.limits.cost), (axes.axhline, 1e3 * result.limits.penetration)):

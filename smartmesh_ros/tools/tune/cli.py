@@ -13,49 +13,47 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.replay.cli import ProgressLine, rules_of
+from smartmesh_ros.tools.replay.cli import INTERRUPTED, ProgressLine, add_node_arguments, ended, rules_of
 from smartmesh_ros.tools.replay.parameters import preset_values, read_parameters
 from smartmesh_ros.tools.replay.transport import Names
 from smartmesh_ros.tools.tune.case import open_case
-from smartmesh_ros.tools.tune.figures import Asked, require_positive
+from smartmesh_ros.tools.tune.figures import require_positive
 from smartmesh_ros.tools.tune.grid import measure_all
 from smartmesh_ros.tools.tune.report import Result, closing_lines, parameter_file
+
+# Figures that options limit.
+LIMITS = {"budget": "cost", "penetration": "penetration", "deadline": "longest"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Search, and return the exit code: 0 = limits met, 1 = limits not met, 2 = cannot start, 130 = interrupted."""
-    given = [word for word in (sys.argv[1:] if arguments is None else arguments) if word != "--ros-args"]
-    options = parser().parse_args(given)
     try:
-        result = find(options)
-        options.out.mkdir(parents=True, exist_ok=True)
-        file = options.out / f"{result.case.name}_{'tuned' if result.keeps else 'nearest'}.yaml"
-        file.write_text(parameter_file(result))
-        print("\n".join(closing_lines(result)))
-        print(f"Written: {file}")
-        from smartmesh_ros.tools.tune.chart import draw  # needs Matplotlib
-
-        draw(options.out / f"{result.case.name}.png", result)
-        print(f"The chart: {options.out / f'{result.case.name}.png'}")
-        return 0 if result.keeps else 1
-    except ModuleNotFoundError as error:
-        if error.name not in ("rosbags", "matplotlib"):
-            raise
-        print(f"tune needs {error.name}: pip install rosbags matplotlib", file=sys.stderr)
-    except InputError as error:
-        print(f"tune: {error}", file=sys.stderr)
+        return ended(parser(), arguments, _run, needs="rosbags matplotlib")
     except KeyboardInterrupt:
         print("\ninterrupted", file=sys.stderr)
-        return 130
-    return 2
+        return INTERRUPTED
+
+
+def _run(options: argparse.Namespace) -> int:
+    result = find(options)
+    options.out.mkdir(parents=True, exist_ok=True)
+    file = options.out / f"{result.case.name}_{'tuned' if result.keeps else 'nearest'}.yaml"
+    file.write_text(parameter_file(result))
+    print("\n".join(closing_lines(result)))
+    print(f"Written: {file}")
+    from smartmesh_ros.tools.tune.chart import draw  # needs Matplotlib
+
+    draw(options.out / f"{result.case.name}.png", result)
+    print(f"The chart: {options.out / f'{result.case.name}.png'}")
+    return 0 if result.keeps else 1
 
 
 def find(options: argparse.Namespace) -> Result:
     """Measure the grid for the options of a command line. Raises `InputError`."""
-    for name in ("jobs", "seconds"):
+    for name in ("jobs", "seconds", *LIMITS):
         require_positive(name, getattr(options, name))
-    asked = Asked(budget=options.budget, penetration=options.penetration, deadline=options.deadline)
+    given = {figure: getattr(options, option) for option, figure in LIMITS.items()}
+    asked = {figure: limit for figure, limit in given.items() if limit is not None}
     rules = rules_of(options.remap)
     preset = preset_values(options.preset) if options.preset else {}
     parameters = {**preset, **read_parameters(options.params_file, options.param, Names(rules=rules).node)}
@@ -72,10 +70,8 @@ def parser() -> argparse.ArgumentParser:
     )
     found.add_argument("source", metavar="SOURCE", help="a bag, a scene's name, or a scene file")
     given = found.add_argument_group("input")
-    given.add_argument("--params-file", type=Path, action="append", default=[], metavar="FILE", help="parameter file")
+    add_node_arguments(given)
     given.add_argument("--preset", default="", help="preset to start from, a name in config/")
-    given.add_argument("-p", "--param", action="append", default=[], metavar="NAME:=VALUE", help="a parameter")
-    given.add_argument("-r", "--remap", action="append", default=[], metavar="FROM:=TO", help="as for the node")
     given.add_argument("--seconds", type=float, help="length of a run (a scene's own; 5 s of a bag)")
     asked = found.add_argument_group("limits")
     asked.add_argument("--budget", type=float, help="maximum cost, as a share of a core")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 from smartmesh_ros.errors import InputError
@@ -43,23 +43,6 @@ class Figures:
         return math.inf if math.isnan(self.penetration) else max(self.penetration, FLOOR)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Asked:
-    """The user's limits; None = not given.
-
-    ``budget``: maximum share of a core. ``penetration``: maximum [m]. ``deadline``: maximum processor time of a step
-    [s].
-    """
-
-    budget: float | None = None
-    penetration: float | None = None
-    deadline: float | None = None
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            require_positive(field.name, getattr(self, field.name))
-
-
 def require_positive(option: str, value: float | None) -> None:
     """Raise `InputError` if the value of an option is given, and is no number greater than zero."""
     if value is not None and not 0.0 < value < math.inf:
@@ -82,7 +65,8 @@ ALLOWANCE = Allowance()
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Maximum of each figure; infinite = no limit. ``failed``: lost and rescued bodies together."""
+    """Maximum of each figure; infinite = no limit. ``failed``: lost and rescued bodies together. ``asked``: the figures
+    whose limits the user gave."""
 
     cost: float = math.inf
     penetration: float = math.inf
@@ -90,23 +74,22 @@ class Limits:
     hover: float = math.inf
     deviation: float = math.inf
     failed: int = 0
+    asked: frozenset[str] = frozenset()
 
     @classmethod
-    def of(cls, asked: Asked, defaults: Figures) -> Limits:
-        """Return the user's limits, and limits derived from the defaults' figures where the user gives none."""
-        free = asked.budget is None and asked.penetration is None and asked.deadline is None
+    def of(cls, asked: Mapping[str, float], defaults: Figures) -> Limits:
+        """Return the user's limits by figure, and limits derived from the defaults' figures where the user gives
+        none."""
         return cls(
-            cost=asked.budget or math.inf,
-            penetration=asked.penetration or (defaults.error if free else math.inf),
-            longest=asked.deadline or math.inf,
+            **(asked or {"penetration": defaults.error}),
             hover=max(ALLOWANCE.hover, ALLOWANCE.factor * defaults.hover),
             deviation=max(ALLOWANCE.deviation, ALLOWANCE.factor * defaults.deviation),
             failed=defaults.failed,
+            asked=frozenset(asked),
         )
 
     def excess(self, figures: Figures) -> dict[str, float]:
-        """Return the relative excess (figure / limit - 1) over each exceeded limit, by name; those that the axes of the
-        chart do not show come first."""
+        """Return the relative excess (figure / limit - 1) over each exceeded limit, by name."""
         found = {
             "failed": (1.0 + figures.failed) / (1.0 + self.failed),
             "hover": figures.hover / self.hover,

@@ -17,7 +17,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.tools.replay.parameters import DEFAULTS
 from smartmesh_ros.tools.tune.case import Case
-from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits, Point
+from smartmesh_ros.tools.tune.figures import Figures, Limits, Point
 from smartmesh_ros.tools.tune.measuring import measure
 
 # Values by parameter: what buys speed for accuracy. Each rate is a multiple of that of the measurements, 30 Hz.
@@ -86,25 +86,19 @@ def _with_deviation(figures: Figures, positions: Mapping[str, Vector], reference
     return replace(figures, deviation=float(np.median(apart)) if apart else math.nan)
 
 
-def ranked(points: Iterable[Point], asked: Asked, limits: Limits) -> list[Point]:
-    """Return the points within all limits, the best first.
+def ranked(points: Iterable[Point], limits: Limits) -> list[Point]:
+    """Return the points, the best first: those within all limits, and then the others by their maximum excess.
 
-    If only a budget or a deadline is given, the best is the one with the least penetration, otherwise the cheapest.
+    If only a budget or a deadline is asked for, the best is the one with the least penetration, otherwise the cheapest.
     """
-    truest = asked.penetration is None and (asked.budget is not None or asked.deadline is not None)
+    truest = limits.asked and "penetration" not in limits.asked
 
-    def order(point: Point) -> tuple[float, float]:
+    def order(point: Point) -> tuple[float, ...]:
         cost, error = point.figures.cost, point.figures.error
-        return (math.log(error) // math.log(SAME_PENETRATION), cost) if truest else (cost, error)
+        excess = max(limits.excess(point.figures).values(), default=0.0)
+        return (excess, math.log(error) // math.log(SAME_PENETRATION), cost) if truest else (excess, cost, error)
 
-    return sorted((point for point in points if not limits.excess(point.figures)), key=order)
-
-
-def nearest(points: Iterable[Point], limits: Limits) -> list[Point]:
-    """Return the points sorted by their maximum excess over the limits, equals by cost."""
-    return sorted(
-        points, key=lambda point: (max(limits.excess(point.figures).values(), default=0.0), point.figures.cost)
-    )
+    return sorted(points, key=order)
 
 
 def front(points: Iterable[Point]) -> list[Point]:

@@ -13,23 +13,22 @@ from typing import Any
 import yaml
 
 from smartmesh_ros.tools.tune.case import Case
-from smartmesh_ros.tools.tune.figures import ALLOWANCE, Asked, Limits, Point
-from smartmesh_ros.tools.tune.grid import KNOWN, Measured, nearest, ranked
+from smartmesh_ros.tools.tune.figures import ALLOWANCE, Limits, Point
+from smartmesh_ros.tools.tune.grid import KNOWN, Measured, ranked
 
-# Names of the limits, and the options that set them, by the field of `Limits`.
+# Names of the limits, by the field of `Limits`.
 NAMES = {
     "cost": "cost", "penetration": "penetration", "longest": "the longest step", "hover": "hover",
     "deviation": "deviation", "failed": "bodies lost or put back",
 }  # fmt: skip
-OPTIONS = {"cost": "budget", "penetration": "penetration", "longest": "deadline"}
 
 
 @dataclass(frozen=True)
 class Result:
-    """What was measured of a case, and what of it is chosen for what was ``asked``."""
+    """What was measured of a case, and what of it is chosen for the limits that were ``asked`` for, by figure."""
 
     case: Case
-    asked: Asked
+    asked: Mapping[str, float]
     measured: Measured
 
     @cached_property
@@ -40,8 +39,7 @@ class Result:
     @cached_property
     def chosen(self) -> Point:
         """The best point within all limits, or else the nearest."""
-        points = self.measured.points
-        return [*ranked(points, self.asked, self.limits), *nearest(points, self.limits)][0]
+        return ranked(self.measured.points, self.limits)[0]
 
     @property
     def keeps(self) -> bool:
@@ -56,10 +54,9 @@ class Result:
         }
 
 
-def asked_words(asked: Asked) -> str:
+def asked_words(asked: Mapping[str, float]) -> str:
     """Return the user's limits as a text."""
-    values = {name: getattr(asked, option) for name, option in OPTIONS.items()}
-    said = [f"{NAMES[name]} at most {_amount(name, value)}" for name, value in values.items() if value is not None]
+    said = [f"{NAMES[name]} at most {_amount(name, value)}" for name, value in asked.items()]
     return ", ".join(said) or "no more penetration than the defaults have"
 
 
@@ -104,7 +101,7 @@ def binding(points: Iterable[Point], limits: Limits) -> tuple[str, ...]:
 def _exceeded(result: Result, name: str) -> str:
     """Return a figure of the chosen settings with the limit that it exceeds, and the limit's origin."""
     limit = getattr(result.limits, name)
-    if name in OPTIONS and getattr(result.asked, OPTIONS[name]) is not None:
+    if name in result.asked:
         reason = ", as asked"
     elif name in ("hover", "deviation"):
         origin = "always allowed" if limit == getattr(ALLOWANCE, name) else f"{ALLOWANCE.factor:g} times the defaults'"

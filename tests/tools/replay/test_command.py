@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from mcap.reader import make_reader
 from rclpy.serialization import deserialize_message
 from rosbags.interfaces import QosDurability
@@ -59,8 +60,8 @@ def test_the_file_is_a_recording_and_the_same_each_time(bag: str, tmp_path: Path
     assert len(digest) == 64
     with files[0].open("rb") as stream:
         reader = make_reader(stream)
-        notes = {record.name: record.metadata for record in reader.iter_metadata()}
-        assert notes["smartmesh_ros"] == {"digest": digest}
+        [about] = (record.metadata["serialized_metadata"] for record in reader.iter_metadata())
+        assert yaml.safe_load(about)["custom_data"] == {"smartmesh_ros_digest": digest}
         schemas = {channel.topic: schema for schema, channel, _ in reader.iter_messages()}
     types = get_typestore(Stores.EMPTY)
     with Reader(files[0]) as opened:
@@ -106,13 +107,13 @@ def test_an_interrupted_run_leaves_a_whole_file(bag: str, tmp_path: Path, number
     out = tmp_path / "out.mcap"
     command = [executable("replay"), bag, *ARGUMENTS, "-o", out, "--until", "1000000"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    wait_until(lambda: out.exists() and out.stat().st_size > 500_000)
+    wait_until(lambda: any(file.stat().st_size > 500_000 for file in tmp_path.rglob("*.mcap")))
     process.send_signal(number)
     said, _ = process.communicate(timeout=TIMEOUT)
-    assert process.returncode == 130
+    assert process.returncode == 130 and [*tmp_path.iterdir()] == [out]
     assert "until interrupted" in said and said.splitlines()[-1].startswith("digest: ")
     with Reader(out) as opened:
-        assert sum(1 for _ in opened.messages()) == opened.message_count > 100
+        assert sum(1 for _ in opened.messages()) == opened.message_count > 10
 
 
 def test_a_parameter_file_is_that_of_the_node(bag: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

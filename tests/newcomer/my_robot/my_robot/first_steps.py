@@ -43,7 +43,7 @@ def main() -> None:
         assert probe.call("remove_bodies", RemoveBodies, ids=["ball", "more_0"]).success
         print("left:", bodies(probe, 1))
         print("unknown:", refusal(probe, "terrain.motoin"))
-        print("fixed:", refusal(probe, "executor"))
+        print("fixed:", refusal(probe, "frame_id"))
         with probe.running("idle", package="my_robot") as idle:
             assert idle.process.poll() is None
         print("ended:", idle.process.poll() is not None)
