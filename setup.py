@@ -163,6 +163,7 @@ setup(
         "console_scripts": [
             f"terrain_collider = {NAME}.startup.executables:terrain_collider",
             f"smartmesh-fleet = {NAME}.startup.executables:fleet",
+            f"terrain_score = {NAME}.startup.executables:terrain_score",
             f"terrain_sensor = {NAME}.startup.executables:terrain_sensor",
             f"terrain_source = {NAME}.startup.executables:terrain_source",
             f"smartmesh = {NAME}.startup.executables:smartmesh",

@@ -23,7 +23,7 @@ from smartmesh_ros.startup.executables import STDERR, STDOUT
 from smartmesh_ros.tools.testing.process import start_command
 
 # Executables by name, whose modules `tests.preloaded_modules` imports.
-ENTRY_POINTS = ("fleet_front", "terrain_collider", "terrain_sensor", "terrain_source")
+ENTRY_POINTS = ("fleet_front", "terrain_collider", "terrain_score", "terrain_sensor", "terrain_source")
 # Variables that are read when a participant of DDS is created, after the imports.
 READ_LATE = {"FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE"}
 

@@ -7,6 +7,7 @@ from smartmesh_ros.startup.executables import silence_pybullet
 silence_pybullet()
 for name in ("fleet.front", "sensor.terrain_sensor", "terrain_collider"):
     import_module(f"smartmesh_ros.node.{name}")
-import_module("smartmesh_ros.tools.demo.terrain_source")
+for name in ("demo.terrain_source", "score.terrain_score"):
+    import_module(f"smartmesh_ros.tools.{name}")
 # Tests wait for diagnostics, which a node publishes once a second [s].
 import_module("smartmesh_ros.node.outputs.diagnostics").DIAGNOSTICS_PERIOD = 0.2

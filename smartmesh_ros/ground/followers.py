@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -73,22 +73,11 @@ class Follower:
         return self.shape.radius
 
 
-class SlotTables(Protocol):
-    """What else has a row for each slot."""
-
-    def grow(self, slots: int) -> None:
-        """Make room for ``slots`` slots."""
-
-    def clear(self, slot: int) -> None:
-        """Discard what is known of a follower that is removed."""
-
-
 class Followers:
     """The attached bodies and links by slot; iteration is over those in use, by slot.
 
     Arrays with a row for each slot: ``table``, records of ``FOLLOWER``; ``radii``, about the centres of mass [m].
-    ``shape_table``: their shapes; ``tables``: what others know of a slot. ``epoch`` changes when a follower is added or
-    removed.
+    ``shape_table``: their shapes. ``epoch`` changes when a follower is added or removed.
     """
 
     def __init__(self) -> None:
@@ -96,7 +85,6 @@ class Followers:
         self.table: Any = np.zeros(0, FOLLOWER)
         self.shape_table = ShapeTable()
         self.radii: FloatArray = np.empty(0)
-        self.tables: list[SlotTables] = []
         self._items: list[Follower | None] = []
         self._unused: list[int] = []
         self._slots: dict[int, list[int]] = {}  # by PyBullet body
@@ -159,8 +147,6 @@ class Followers:
 
     def remove(self, slot: int) -> None:
         """Free a slot."""
-        for table in self.tables:
-            table.clear(slot)
         slots = self._slots[self[slot].body]
         slots.remove(slot)
         if not slots:
@@ -192,5 +178,3 @@ class Followers:
         self.table = with_rows(self.table, slots, False)
         self.shape_table.reserve(slots)
         self.radii = with_rows(self.radii, slots, 0.0)
-        for table in self.tables:
-            table.grow(self.capacity)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from smartmesh_ros.ground.state import Quaternion, Vector
 
 # Angle between two quaternions below which the arc equals a straight line in double precision [rad].
@@ -57,3 +60,22 @@ def slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
     x, y, z, w = (first * p + sign * second * q for p, q in zip(a, b, strict=True))
     length = math.hypot(x, y, z, w)
     return x / length, y / length, z / length, w / length
+
+
+def quaternion_of(rotation: NDArray[np.float64]) -> Quaternion:
+    """Return the unit quaternion of a rotation (3, 3), by its largest number (Shepperd, 1978)."""
+    r = rotation.tolist()
+    trace = r[0][0] + r[1][1] + r[2][2]
+    squares = [*(1.0 + 2.0 * r[k][k] - trace for k in range(3)), 1.0 + trace]
+    most = max(range(4), key=squares.__getitem__)
+    size = math.sqrt(squares[most])
+    found = [0.0, 0.0, 0.0, 0.0]
+    if most == 3:
+        found[:3] = [r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]]
+    else:
+        i, j, k = most, (most + 1) % 3, (most + 2) % 3
+        found[j], found[k], found[3] = r[j][i] + r[i][j], r[k][i] + r[i][k], r[k][j] - r[j][k]
+    found = [0.5 * value / size for value in found]
+    found[most] = 0.5 * size
+    x, y, z, w = found
+    return x, y, z, w

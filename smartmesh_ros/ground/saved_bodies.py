@@ -32,13 +32,12 @@ class SavedBodies(AttachedBodies):
         """Return the state of PyBullet's world and of the ground, and write it to a ``file`` unless it is None.
 
         It has what PyBullet's ``saveBullet`` has, poses, velocities, contacts and their impulses, and the terrain with
-        its motion and its soil, moving surfaces, the time, and for how long bodies were still. The world is put into
+        its motion, decks and soil, moving surfaces, the time, and for how long bodies were still. The world is put into
         this state, so that it goes on to the bit as one that is restored from it; what slept wakes, and sleeps again
         after a few steps. Not in it are what PyBullet saves nowhere: targets of joint motors, constraints,
         `changeDynamics`, and settings. Raises `InputError` if contacts do not come from the map, or the file cannot be
         written.
         """
-        self.terrain.require_savable()
         with self._hidden():
             data = self._state()
         if file is not None:
@@ -53,7 +52,6 @@ class SavedBodies(AttachedBodies):
         the restored ground in place. Raises `InputError` and changes nothing if the state is none, was damaged, was
         saved by another version, or has other bodies.
         """
-        self.terrain.require_savable()
         contacts, data = self._exact_contacts(), state_file.read(state)
         tree, terrain = state_file.from_bytes(
             data, KIND, TYPES, lambda tree: (tree, Terrain.from_state(tree["terrain"]))
@@ -70,6 +68,8 @@ class SavedBodies(AttachedBodies):
         with state_file.foreign_refused(), undone(lambda: self._recall(contacts, before)):
             undo = self.terrain.become(terrain)
             with undone(self._soil_undone()), undone(undo):
+                for name, (body, link, place) in tree["carriers"].items():
+                    self.terrain.decks[name].ride(body, link, place[:3], place[3:])
                 if self.soil is not None:
                     self.soil.become(self.terrain, tree["soil"], tree["tile"])
                 self._recall(contacts, tree)
@@ -91,6 +91,7 @@ class SavedBodies(AttachedBodies):
             **self._memory(self._exact_contacts()),
             "links": self._links,
             "terrain": self.terrain.state(),
+            "carriers": {name: deck.carrier for name, deck in self.terrain.decks.items()},
             "soil": None if self.soil is None else self.soil.state(),
             "tile": self.tile_of_soil,
         }

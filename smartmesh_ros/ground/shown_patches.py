@@ -13,6 +13,7 @@ from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.terrain.tiles import Tiles
 
 # Time in which a body may come to ground that its patch has [s]: that between two messages at 60 Hz.
 AHEAD = 1.0 / 60.0
@@ -24,8 +25,9 @@ FARTHEST = 50.0 * AHEAD
 class PatchTable:
     """Patches of n bodies.
 
-    ``slots``, ``tiles`` (n,): of the bodies, and the names of the tiles. ``is_mesh`` (n,): of a general mesh. ``rows``,
-    ``columns`` (n,): the sample in the middle; on a general mesh row 0 and the vertex in the middle. ``stride`` (n,):
+    ``slots``, ``tiles`` (n,): of the bodies, and the names of the tiles, those of decks as ``deck`` or ``deck/tile``.
+    ``is_mesh`` (n,): of a general mesh, or of a deck, whose samples are no grid in the world. ``rows``, ``columns``
+    (n,): the sample in the middle; on a general mesh row 0 and the vertex in the middle. ``stride`` (n,):
     samples of the map from one point to the next. ``counts``, ``triangle_counts`` (n,): numbers of points and
     triangles. ``revisions`` (n,): change with the patches. ``motion`` (n, 6): velocity [m/s] and angular velocity
     [rad/s] of the ground in the middle. ``points_w`` (N, 3) [m]: of all patches, one after the other; z is NaN in
@@ -60,7 +62,7 @@ class PatchTable:
 
 
 class ShownPatches:
-    """The patches of all followers but remote ones, whose owners show them. Decks have none."""
+    """The patches of all followers but remote ones, whose owners show them."""
 
     def __init__(self, terrain: Terrain, followers: Followers, stopwatch: Stopwatch) -> None:
         self.slots: IntArray = np.empty(0, np.int64)  # of the bodies that have a patch
@@ -73,13 +75,16 @@ class ShownPatches:
         their samples taken from a cache while neither body nor ground changed."""
         if self._layout != self._terrain.layout_revision:
             self._layout = self._terrain.layout_revision
-            self._core.set_tiles([mesh.core_reader for mesh in self._terrain.tiles.values()])
+            self._core.set_tiles(self._terrain.readers)
         followers = self._followers
         chosen = followers.table["alive"] & ~followers.table["remote"] & np.isfinite(states).all(axis=1)
         slots = np.flatnonzero(chosen)
+        bodies = np.full(len(states), -1, np.int64)  # that may carry decks, which they do not touch
+        if self._terrain.decks:
+            bodies[slots] = [followers[slot].body for slot in slots.tolist()]
         with self._stopwatch.stage("search"):
             tracked = followers.table["alive"] & ~followers.table["solid"]
-            self._core.search(followers.shape_table.core, states, slots, tracked, time, AHEAD, FARTHEST)
+            self._core.search(followers.shape_table.core, states, slots, tracked, bodies, time, AHEAD, FARTHEST)
         with self._stopwatch.stage("collect"):
             self.slots = self._core.collect(slots, time)
 
@@ -99,15 +104,22 @@ class ShownPatches:
 
     def table(self) -> PatchTable:
         """Return the patches of `slots`."""
-        tiles_of = self._terrain.tiles.items()
-        maps = [name for name, mesh in tiles_of if isinstance(mesh, HeightMap)]
-        meshes = [name for name, mesh in tiles_of if not isinstance(mesh, HeightMap)]
         numbers, motion = self._core.describe(self.slots)
         points, triangles = self._core.geometry(self.slots)
-        is_mesh, tiles, rows, columns, stride, counts, triangle_counts, revisions = numbers.T
-        names = [(meshes if mesh else maps)[tile] for mesh, tile in zip(is_mesh, tiles, strict=True)]
+        is_mesh, tiles, rows, columns, stride, counts, triangle_counts, revisions, decks, of_mesh = numbers.T
+        known = [_names("", self._terrain), *(_names(name, deck) for name, deck in self._terrain.decks.items())]
+        names = [known[deck + 1][mesh][tile] for deck, mesh, tile in zip(decks, of_mesh, tiles, strict=True)]
         return PatchTable(
             slots=self.slots, tiles=names, is_mesh=is_mesh.astype(bool), rows=rows, columns=columns, stride=stride,
             counts=counts, triangle_counts=triangle_counts, revisions=revisions, motion=motion, points_w=points,
             triangles=triangles,
         )  # fmt: skip
+
+
+def _names(deck: str, of: Tiles) -> tuple[list[str], list[str]]:
+    """Return the names of the height maps and of the meshes of a terrain, deck "", or of a deck."""
+    found: tuple[list[str], list[str]] = ([], [])
+    for name, mesh in of.tiles.items():
+        whole = "/".join(filter(None, (deck, name)))
+        found[not isinstance(mesh, HeightMap)].append(whole)
+    return found

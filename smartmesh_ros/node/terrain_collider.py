@@ -181,6 +181,7 @@ class Collider:
         session = self.session
         session.tracking.take(session.clock.pace())
         session.lost.clear()
+        self._decks.take_restored()
         self._stand_on_soil()
         self._forget_stamps()
 

@@ -24,8 +24,8 @@ CONTACT_BREAKING = 2e-4
 
 
 class ReportGround(Ground):
-    """A ground of colliders of PyBullet's own, on one main mesh. No body sleeps, no surface moves, and there are
-    neither soil nor decks. Raises `InputError` for any other terrain.
+    """A ground of colliders of PyBullet's own on one main mesh. No body sleeps, no surface moves, and there are neither
+    soil nor decks. Raises `InputError` for any other terrain.
 
     ``chosen``: the patches that the report's search and collecting chose at the last `refresh`; ``colliders``: those
     of the patches.
@@ -85,7 +85,7 @@ class ReportGround(Ground):
 
     def _main_mesh(self) -> MainMesh:
         meshes = self.terrain.meshes
-        if len(meshes) != 1:
+        if self.terrain.decks or len(meshes) != 1:
             raise InputError("terrain", "the report's colliders are those of one main mesh; use Ground")
         if is_whole(self.config.kind):
             require_whole(self.config.kind, meshes[0])

@@ -24,6 +24,7 @@ from smartmesh_ros.report.patches import ChosenPatches
 from smartmesh_ros.report.whole_mesh import WholeMesh
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
 
 
@@ -113,6 +114,7 @@ class PatchContacts(MapContacts):
         """Remove the colliders of followers. If PyBullet fails, the next `refresh` makes those that are missing."""
         for slot in slots:
             self._release(self._followers[slot])
+            self._patches.clear(slot)
         super().detach(slots)
 
     def set_soil(self, soil: Any) -> None:
@@ -135,7 +137,8 @@ class PatchContacts(MapContacts):
                 return
             served = set()
             for batch in self._patches.batches:
-                friction = self._terrain.friction_at(batch.feet_w[:, :2]).tolist()
+                found = ground_samples(self._terrain, checked_points(batch.feet_w[:, :2]), self.time)
+                friction = np.nan_to_num(found.friction, nan=1.0).tolist()
                 for row, slot in enumerate(batch.slots.tolist()):
                     self._apply(self._followers[slot], batch, row)
                     self._set_friction(self._followers[slot], friction[row])

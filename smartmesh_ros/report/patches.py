@@ -25,11 +25,10 @@ class ChosenPatches:
     def __init__(self, mesh: MainMesh, config: ReportConfig, followers: Followers, stopwatch: Stopwatch) -> None:
         self.batches: list[PatchBatch] = []
         self._config, self._followers, self._stopwatch = config, followers, stopwatch
-        self._time, self._states = 0.0, np.empty((0, BODY_COLUMNS))  # of the refresh [s]
-        self._duration = 0.0  # until the next one [s]
+        self._time = self._duration = 0.0  # of the refresh, and until the next one [s]
         self._tracked = True  # whether the patches of the tracked bodies are there
+        self._states = np.empty((0, BODY_COLUMNS))  # of the refresh
         self.take(mesh)
-        followers.tables.append(self)
 
     def take(self, mesh: MainMesh) -> None:
         """Choose patches on another main mesh from now on."""
@@ -39,20 +38,19 @@ class ChosenPatches:
             self._patches = MapPatches(mesh, self._config, self._stopwatch)
         else:
             self._patches = MeshPatches(mesh, self._config, self._stopwatch)
-        self._patches.grow(self._followers.capacity)
-
-    def grow(self, slots: int) -> None:
-        """Make room for ``slots`` slots."""
-        self._patches.grow(slots)
+        self._patches.grow(len(self._states))
 
     def clear(self, slot: int) -> None:
         """Discard what is known of a slot, whose body was removed."""
-        self._patches.clear(slot)
+        if slot < len(self._states):  # else it was added since the refresh
+            self._patches.clear(slot)
 
     def refresh(self, time: float, duration: float, states: FloatArray) -> None:
-        """Choose the patches of the solid bodies, by all ``states`` (S, 13), at ``time`` [s] for a ``duration`` [s];
-        none if bodies stand on one collider of the whole mesh."""
-        self._time, self._duration, self._states, self._tracked = time, duration, states, False
+        """Choose the patches of the solid bodies, with ``states`` (S, 13) by slot, at ``time`` [s] for a ``duration``
+        [s]; none if bodies stand on one collider of the whole mesh."""
+        self._states = states
+        self._patches.grow(len(states))
+        self._time, self._duration, self._tracked = time, duration, False
         self.batches = [] if is_whole(self._config.kind) else self._chosen(self._followers.solid)
 
     def choose_tracked(self) -> None:

@@ -100,6 +100,7 @@ def _start(module: str, before: Callable[[], None] | None = silence_pybullet) ->
 terrain_collider = partial(_start, "smartmesh_ros.node.terrain_collider")
 terrain_source = partial(_start, "smartmesh_ros.tools.demo.terrain_source", None)
 terrain_sensor = partial(_start, "smartmesh_ros.node.sensor.terrain_sensor")
+terrain_score = partial(_start, "smartmesh_ros.tools.score.terrain_score")
 fleet_front = partial(_start, "smartmesh_ros.node.fleet.front")
 fleet = partial(_start, "smartmesh_ros.node.fleet.command", None)
 replay = partial(_start, "smartmesh_ros.tools.replay.cli")
@@ -112,6 +113,7 @@ view = partial(_start, "smartmesh_ros.tools.view.main", import_pybullet_quietly)
 # Executables that `smartmesh run` starts.
 STARTED_BY_NAME: dict[str, Callable[[], None]] = {
     "terrain_collider": terrain_collider, "terrain_source": terrain_source, "terrain_sensor": terrain_sensor,
+    "terrain_score": terrain_score,
     "fleet_front": fleet_front, "fleet": fleet, "replay": replay, "rover": rover, "demo": demo, "view": view,
     "tune": tune,
 }  # fmt: skip

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,8 +17,6 @@ from smartmesh_ros.terrain.tiles import MainMesh, Tiles
 # Largest accepted difference between a quaternion's length and one.
 QUATERNION_SLACK = 1e-3
 LEVEL = (0.0, 0.0, 0.0, 1.0)
-# Samples of a frame's motion that tell its velocity and acceleration.
-KEPT = 4
 # Time for which a frame that was never moved has been at its place [s].
 LONG_AGO = -1e9
 
@@ -56,16 +53,37 @@ class Deck(Tiles):
             raise InputError("thickness", f"the thickness is {thickness} m; it must be zero or more")
         self.thickness = float(thickness)
         self.body, self.link, self._place = -1, -1, _pose((0.0, 0.0, 0.0), LEVEL)
-        self._samples: deque[tuple[float, FloatArray, FloatArray | None]] = deque(maxlen=KEPT)
+        self._last = -math.inf  # time of the last pose [s]; -infinity = it was never moved
         super().__init__(single)
         self._put(-math.inf, _pose(position, orientation))
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**super().__getstate__(), "motion": self.core.memory()}
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make a copy that moves on as the original does; nothing carries it."""
+        state = dict(state)
+        motion = state.pop("motion")
         super().__setstate__(state)
-        self.body = self.link = -1
-        for time, pose, given in self._samples:
-            self.core.move(max(time, LONG_AGO), pose, given)
+        self.core.recall(motion)
+        if self.body >= 0:
+            self.core.carry(self.body, self.link, self._place)
+            self.ride(-1, -1, (0.0, 0.0, 0.0), LEVEL)
+
+    def state(self) -> dict[str, Any]:
+        """Return all that the deck goes on from beside what carries it; see `Tiles.state`."""
+        return {
+            **super().state(), "thickness": self.thickness, "motion": self.core.memory(), "last": self._last
+        }  # fmt: skip
+
+    @classmethod
+    def from_state(cls, state: dict[str, Any]) -> Deck:
+        """Return the deck of such a state, carried by nobody; raises `InputError` if it is none."""
+        made = cls(thickness=state["thickness"])
+        made.take_state(state)
+        made._last = float(state["last"])
+        made.core.recall(state["motion"])
+        return made
 
     def move(
         self,
@@ -86,20 +104,19 @@ class Deck(Tiles):
         nothing, if a number is impossible, or the time is before that of the last call.
         """
         time = checked_time(time)
-        last = self._samples[-1][0]
-        if time < last:
-            raise InputError("time", f"the deck was moved at {last:g} s; a pose at {time:g} s is too late")
+        if time < self._last:
+            raise InputError("time", f"the deck was moved at {self._last:g} s; a pose at {time:g} s is too late")
         if (velocity is None) != (spin is None):
             raise InputError("deck", "give both the velocity and the spin of a deck, or none of them")
         given = None
         if velocity is not None and spin is not None:
             given = np.concatenate([_vector(velocity, "the velocity"), _vector(spin, "the spin")])
         pose = _pose(position, orientation)
-        if math.isinf(last):
+        if math.isinf(self._last):
             self._put(time, pose, given)
             return
         self.core.move(time, pose, given)
-        self._samples.append((time, pose, given))
+        self._last = time
 
     def place(self, position: ArrayLike, orientation: ArrayLike = LEVEL, *, time: float) -> None:
         """Put the frame somewhere else at ``time`` [s], at rest."""
@@ -111,6 +128,12 @@ class Deck(Tiles):
         place = _pose(position, orientation)
         self.body, self.link, self._place = body, link, place
         self.core.carry(body, link, place)
+
+    @property
+    def carrier(self) -> tuple[int, int, FloatArray]:
+        """The PyBullet body and link that carry the frame, -1 = nobody, and the place (7,) as of `ride`: position [m],
+        orientation."""
+        return self.body, self.link, self._place
 
     def frame(self, time: float) -> Frame:
         """Return the frame at ``time`` [s]."""
@@ -124,7 +147,7 @@ class Deck(Tiles):
 
     def shift_frame(self, by: float) -> None:
         """Add ``by`` [s] to the times of the frame alone."""
-        self._samples = deque(((time + by, pose, given) for time, pose, given in self._samples), maxlen=KEPT)
+        self._last += by
         self.core.shift_time(by)
 
     def moving(self, time: float) -> bool:
@@ -137,8 +160,7 @@ class Deck(Tiles):
         return made
 
     def _put(self, time: float, pose: FloatArray, given: FloatArray | None = None) -> None:
-        self._samples.clear()
-        self._samples.append((time, pose, given))
+        self._last = time
         self.core.put(max(time, LONG_AGO), pose, given)
 
 

@@ -20,13 +20,15 @@ class GroundSamples(NamedTuple):
 
     ``z`` (N,) [m], NaN = no ground. Where there is none, the other arrays are NaN too. ``normals`` (N, 3): unit normals
     of the facets, towards the side of the bodies. ``velocities`` (N, 3) [m/s]: of the ground itself, horizontal motion
-    included. ``ages`` (N,) [s]: time since the last map of the place, negative before it.
+    included. ``ages`` (N,) [s]: time since the last map of the place, negative before it. ``friction`` (N,):
+    coefficients, of the nearest sample of a height map.
     """
 
     z: FloatArray
     normals: FloatArray
     velocities: FloatArray
     ages: FloatArray
+    friction: FloatArray
 
 
 def checked_points(points: ArrayLike) -> FloatArray:
@@ -54,7 +56,7 @@ def ground_samples(terrain: Terrain, points_w: FloatArray, time: float) -> Groun
     are ground, as for bodies.
     """
     count, time = len(points_w), checked_time(time)
-    found = GroundSamples(*(np.full(shape, np.nan) for shape in (count, (count, 3), (count, 3), count)))
+    found = GroundSamples(*(np.full(shape, np.nan) for shape in (count, (count, 3), (count, 3), count, count)))
     CORE.ground_samples(terrain.readers, np.ascontiguousarray(points_w), time, *found)
     return found
 

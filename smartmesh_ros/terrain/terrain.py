@@ -5,24 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.corrections import FusedMap
 from smartmesh_ros.terrain.deck import Deck
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.grid_track import GridTrack, RigidMotion
-from smartmesh_ros.terrain.heightmap import HeightMap, Samples, ground_heights
+from smartmesh_ros.terrain.heightmap import Samples, ground_heights
 from smartmesh_ros.terrain.material import Material
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.tiles import MainMesh, Tiles
-from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 __all__ = ["MainMesh", "Terrain"]
 
 # What the saved state of a terrain is made of, by name.
-_KINDS: dict[str, type[HeightMap] | type[TriangleMesh]] = {kind.__name__: kind for kind in (HeightMap, TriangleMesh)}
 STATE_TYPES: dict[str, type] = {
     each.__name__: each for each in (GridGeometry, MotionConfig, GridTrack, RigidMotion, FusedMap, Material)
 }
@@ -36,48 +33,32 @@ class Terrain(Tiles):
         self.decks: dict[str, Deck] = {}
         super().__init__(single)
 
-    def require_savable(self) -> None:
-        """Raise `InputError` if there are decks, which no saved state has."""
-        if self.decks:
-            raise InputError("deck", f"states have no decks; remove {', '.join(map(repr, self.decks))} before")
-
     def state(self) -> dict[str, Any]:
-        """Return all that the terrain beside decks goes on from, as a tree for `state_file.to_bytes`; arrays are not
-        copied."""
-        tiles = {name: [type(mesh).__name__, mesh.__getstate__()] for name, mesh in self.tiles.items()}
-        return {"tiles": tiles, "numbers": self.numbers, "next_number": self._next_number}
+        """Return all that the terrain goes on from beside what carries its decks; see `Tiles.state`."""
+        return {**super().state(), "decks": {name: deck.state() for name, deck in self.decks.items()}}
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> Terrain:
-        """Return the terrain of such a state; raises `InputError` if it is none."""
+        """Return the terrain of such a state, whose decks nobody carries; raises `InputError` if it is none."""
         made = cls()
-        for name, (kind, kept) in state["tiles"].items():
-            mesh = made.tiles[name] = _KINDS[kind].__new__(_KINDS[kind])
-            mesh.__setstate__(kept)
-        made.numbers, made._next_number = dict(state["numbers"]), int(state["next_number"])
+        made.take_state(state)
+        made.decks = {name: Deck.from_state(kept) for name, kept in state["decks"].items()}
         made._changed()
-        if made.numbers.keys() != made.tiles.keys():
-            raise InputError("state", "the tiles of a saved terrain are not those that have numbers")
         return made
 
     def become(self, other: Terrain) -> Callable[[], None]:
-        """Take the tiles of another terrain, which must not be used any more; return what undoes it. Whoever holds a
-        tile of this one holds the restored one of the same name and kind."""
-        known = dict(vars(self)), [(mesh, dict(vars(mesh))) for mesh in self.tiles.values()]
+        """Take tiles and decks of another terrain, as `Tiles.become` does; nobody carries the decks. Grounds of this
+        terrain go on with it."""
+        known, decks, core = self.decks, other.decks, self.core
+        undos = [*(known[name].become(decks[name]) for name in known.keys() & decks.keys()), super().become(other)]
+        self.decks = {name: known.get(name, deck) for name, deck in decks.items()}
+        self.core = core
+        self._changed()
 
         def undo() -> None:
-            vars(self).update(known[0])
-            for mesh, kept in known[1]:
-                _replace_contents(mesh, kept)
-            self._changed()
+            for each in undos:
+                each()
 
-        tiles = dict(other.tiles)
-        for name, mesh in other.tiles.items():
-            if type(own := self.tiles.get(name)) is type(mesh):
-                _replace_contents(own, vars(mesh))
-                tiles[name] = own
-        vars(self).update(vars(other), tiles=tiles, decks=self.decks, core=self.core)
-        self._changed()
         return undo
 
     @classmethod
@@ -149,29 +130,3 @@ class Terrain(Tiles):
         height maps are ground, too. Decks are ground where they are highest.
         """
         return ground_heights(self.readers, xy_w, time)
-
-    def friction_at(self, xy_w: FloatArray) -> FloatArray:
-        """Return the coefficients of friction of the ground at points (N, 2) [m], shape (N,).
-
-        They are those of the nearest sample of the first height map that has ground there, and 1 elsewhere; decks do
-        not count.
-        """
-        found = np.full(len(xy_w), np.nan)
-        unknown = np.ones(len(xy_w), np.bool_)
-        maps = [mesh for mesh in self.tiles.values() if isinstance(mesh, HeightMap)]
-        for heightmap in maps if any(heightmap.material.friction is not None for heightmap in maps) else ():
-            chosen = np.flatnonzero(unknown & (heightmap.beyond(xy_w) <= 0.0))
-            rows, columns = np.rint(heightmap.geometry.to_grid(xy_w[chosen])).astype(np.int64).T
-            ground = ~np.isnan(heightmap.heights[rows, columns])
-            here = chosen[ground]
-            unknown[here] = False
-            friction = heightmap.friction
-            found[here] = friction if isinstance(friction, float) else friction[rows[ground], columns[ground]]
-        found[np.isnan(found)] = 1.0
-        return found
-
-
-def _replace_contents(mesh: Any, contents: dict[str, Any]) -> None:
-    """Let a mesh be another one of its kind."""
-    vars(mesh).clear()
-    vars(mesh).update(contents)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Self
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
@@ -13,6 +14,8 @@ from smartmesh_ros.terrain.scrolling import carry_material, follow_across
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 MainMesh = HeightMap | TriangleMesh
+# What the saved state of tiles is made of, by name.
+_KINDS: dict[str, type[HeightMap] | type[TriangleMesh]] = {kind.__name__: kind for kind in (HeightMap, TriangleMesh)}
 
 
 class Tiles:
@@ -45,6 +48,41 @@ class Tiles:
         """Tell the core of tiles that came or went."""
         self._layout = next_revision()
         self.core.set_tiles(self.readers)
+
+    def state(self) -> dict[str, Any]:
+        """Return all that the tiles go on from, as a tree for `state_file.to_bytes`; arrays are not copied."""
+        tiles = {name: [type(mesh).__name__, mesh.__getstate__()] for name, mesh in self.tiles.items()}
+        return {"tiles": tiles, "numbers": self.numbers, "next_number": self._next_number}
+
+    def take_state(self, state: dict[str, Any]) -> None:
+        """Have the tiles of such a state, and none besides; raises `InputError` if it is none."""
+        for name, (kind, kept) in state["tiles"].items():
+            mesh = self.tiles[name] = _KINDS[kind].__new__(_KINDS[kind])
+            mesh.__setstate__(kept)
+        self.numbers, self._next_number = dict(state["numbers"]), int(state["next_number"])
+        self._changed()
+        if self.numbers.keys() != self.tiles.keys():
+            raise InputError("state", "the tiles of a saved terrain are not those that have numbers")
+
+    def become(self, other: Self) -> Callable[[], None]:
+        """Take the tiles of another one, which must not be used any more; return what undoes it. Whoever holds a tile
+        of this one holds the restored one of the same name and kind."""
+        known = dict(vars(self)), [(mesh, dict(vars(mesh))) for mesh in self.tiles.values()]
+
+        def undo() -> None:
+            vars(self).update(known[0])
+            for mesh, kept in known[1]:
+                _replace_contents(mesh, kept)
+            self._changed()
+
+        tiles = dict(other.tiles)
+        for name, mesh in other.tiles.items():
+            if type(own := self.tiles.get(name)) is type(mesh):
+                _replace_contents(own, vars(mesh))
+                tiles[name] = own
+        vars(self).update(vars(other), tiles=tiles)
+        self._changed()
+        return undo
 
     @property
     def layout_revision(self) -> int:
@@ -103,3 +141,9 @@ class Tiles:
     def readers(self) -> list[Any]:
         """The core's readers of all tiles."""
         return [mesh.core_reader for mesh in self.tiles.values()]
+
+
+def _replace_contents(mesh: Any, contents: dict[str, Any]) -> None:
+    """Let a mesh be another one of its kind."""
+    vars(mesh).clear()
+    vars(mesh).update(contents)

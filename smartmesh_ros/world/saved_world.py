@@ -17,6 +17,7 @@ from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain import state_file
 from smartmesh_ros.terrain.terrain import STATE_TYPES, Terrain
 from smartmesh_ros.world.bodies import Body, Surface
+from smartmesh_ros.world.carrying import Carrier
 from smartmesh_ros.world.driving import links_of
 from smartmesh_ros.world.falling import Falls
 from smartmesh_ros.world.joints import JointCommand
@@ -32,6 +33,7 @@ Source = bytes | str | os.PathLike[str]
 class SavedWorld(Population):
     """The state of a world; see `World`."""
 
+    carried: dict[str, Carrier]
     config: WorldConfig
     falls: Falls
     seed: int
@@ -58,13 +60,13 @@ class SavedWorld(Population):
     def state_bytes(self, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state, as `save` does, and go on as before. ``extra``: what is saved with it."""
         self.ground.check_soil()
-        self.terrain.require_savable()
         soil, contacts, slots = self.ground.soil, self.ground.contacts, self._own_slots()
         return WorldState(
             snapshot=self.snapshot(),
             terrain=self.terrain,
             soil=None if soil is None else soil.state(),
             tile=self.ground.tile_of_soil,
+            carried=self.carried,
             config=self.config,
             seed=self.seed,
             first=self._first,
@@ -77,9 +79,10 @@ class SavedWorld(Population):
         """Return the whole state, and write it to a ``file`` unless it is None.
 
         It has bodies, robots by their description as it was given, joints, commands, moving surfaces, the terrain with
-        its motion, corrections and materials, the soil, the settings and the time. Not in it are remote bodies, which
-        their owners send again, and what was set through ``client``. This world is rebuilt from the state, so that it
-        goes on to the last bit as any that is restored from it: both start without the impulses of the contacts before,
+        its motion, corrections, materials and decks, the soil, the settings and the time. Not in it are remote bodies,
+        which their owners send again, and what was set through ``client``. This world is rebuilt from the state, so
+        that it goes on to the last bit as any that is restored from it: both start without the impulses of the contacts
+        before, carriers of decks without the acceleration before,
         and what slept wakes, and sleeps again after a few steps. Raises `InputError` if the file cannot be written.
         """
         data = self.state_bytes(extra)
@@ -98,8 +101,6 @@ class SavedWorld(Population):
         """
         if not isinstance(state, WorldState | Snapshot):
             state = WorldState.from_bytes(state_file.read(state))
-        if isinstance(state, WorldState):
-            self.terrain.require_savable()
         snapshot = state if isinstance(state, Snapshot) else state.snapshot
         robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
         before, drawn = dict(vars(self)), self.ground.drawn
@@ -107,6 +108,7 @@ class SavedWorld(Population):
             self._rescues = self.rescues
             if isinstance(state, WorldState):
                 self.config, self.seed, self._first = state.config, int(state.seed), state.first
+                self.carried = dict(state.carried)
             self._start()
             self.ground.set_soil(soil)
             self._fill(snapshot, robots)
@@ -166,7 +168,7 @@ class SavedWorld(Population):
 
     def _note_first_terrain(self) -> None:
         """Keep the terrain of the first step on it, for episodes."""
-        if self._first is None and self.terrain.tiles:
+        if self._first is None and not self.terrain.empty:
             data = state_file.to_bytes(TERRAIN, self.terrain.state())
             self._first = FirstTerrain(np.frombuffer(data, np.uint8), self.time)
 

@@ -21,6 +21,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain import state_file
 from smartmesh_ros.terrain.terrain import STATE_TYPES, Terrain
 from smartmesh_ros.world.bodies import Body
+from smartmesh_ros.world.carrying import Carrier
 from smartmesh_ros.world.falling import FallConfig
 from smartmesh_ros.world.guest_config import GuestConfig
 from smartmesh_ros.world.joints import JointCommand
@@ -86,13 +87,15 @@ class FirstTerrain(NamedTuple):
 @dataclass(frozen=True, kw_only=True)
 class WorldState:
     """All that a world goes on from, to be used once: its bodies, its ``terrain`` and ``soil`` (``tile``: which one
-    gives way), its settings and ``seed``, the ``first`` terrain, what the ground knows of the past of bodies
-    (``memory``), and when it was last looked which of them fall (``falls``) [s]. ``extra``: of whoever saved it."""
+    gives way), what its decks are ``carried`` by, its settings and ``seed``, the ``first`` terrain, what the ground
+    knows of the past of bodies (``memory``), and when it was last looked which of them fall (``falls``) [s].
+    ``extra``: of whoever saved it."""
 
     snapshot: Snapshot
     terrain: Terrain
     soil: dict[str, Any] | None
     tile: str
+    carried: dict[str, Carrier]
     config: WorldConfig
     seed: int
     first: FirstTerrain | None
@@ -117,7 +120,7 @@ class WorldState:
 
 KIND = "World"
 _MADE: tuple[type, ...] = (
-    *(Belt, BodySnapshot, BodyState, FallConfig, FirstTerrain, GuestConfig, JointCommand, PhysicsConfig),
+    *(Belt, BodySnapshot, BodyState, Carrier, FallConfig, FirstTerrain, GuestConfig, JointCommand, PhysicsConfig),
     *(SleepConfig, Snapshot, WorldConfig, Hull, *SHAPES.values()),
 )
 _TYPES = {**STATE_TYPES, **{made.__name__: made for made in _MADE}}

@@ -67,13 +67,15 @@ def patches() -> Any:
     """Of bodies below a map."""
     found, given = CORE.Patches(), bodies()
     found.set_tiles([grid()])
-    found.search(given["shapes"], given["states"], given["slots"], np.ones(BODIES, bool), 0.0, 0.1, 1.0)
+    found.search(
+        given["shapes"], given["states"], given["slots"], np.ones(BODIES, bool), np.arange(BODIES), 0.0, 0.1, 1.0
+    )
     found.collect(given["slots"], 0.0)
     return found
 
 
-def search_patches(shapes: Any, states: Any, slots: Any, always: Any, time: float) -> Any:
-    return patches().search(shapes, states, slots, always, time, 0.1, 1.0)
+def search_patches(shapes: Any, states: Any, slots: Any, always: Any, owners: Any, time: float) -> Any:
+    return patches().search(shapes, states, slots, always, owners, time, 0.1, 1.0)
 
 
 def collect_patches(slots: Any, time: float) -> Any:
@@ -87,7 +89,8 @@ def markers(slots: Any, ids: Any, gone: Any) -> Any:
 
 OF_SLOTS = (("slots", BODIES),)
 ENTRIES = {
-    "search_patches": Entry(search_patches, lambda: bodies() | {"always": np.ones(BODIES, bool), "time": 0.0},
+    "search_patches": Entry(search_patches, lambda: bodies() | {
+        "always": np.ones(BODIES, bool), "owners": np.arange(BODIES), "time": 0.0},
         rows=("slots",), within=OF_SLOTS, finite=("time",)),
     "collect_patches": Entry(collect_patches, lambda: {"slots": np.arange(BODIES), "time": 0.0},
         rows=("slots",), within=OF_SLOTS, finite=("time",)),

@@ -97,7 +97,8 @@ ENTRIES = {
     "ground_samples": Entry(CORE.ground_samples, lambda: {
         "tiles": tiles(), "points": np.ones((COUNT, 3)), "time": 0.0, "heights": np.zeros(COUNT),
         "normals": np.zeros((COUNT, 3)), "velocities": np.zeros((COUNT, 3)), "ages": np.zeros(COUNT),
-    }, written=("heights", "normals", "velocities", "ages"), finite=("time",)),
+        "friction": np.zeros(COUNT),
+    }, written=("heights", "normals", "velocities", "ages", "friction"), finite=("time",)),
     "cast": Entry(CORE.RayCaster().cast, lambda: {
         "tiles": tiles(), "origins": np.ones((COUNT, 3)), "directions": np.tile([0.0, 0.0, -1.0], (COUNT, 1)),
         "reach": 5.0, "time": 0.0, "distances": np.zeros(COUNT), "normals": np.zeros((COUNT, 3)),
@@ -112,6 +113,9 @@ ENTRIES = {
     "Deck.put": Entry(lambda **given: deck().put(**given), lambda: {
         "time": 1.0, "pose": pose(), "velocity": np.ones(6),
     }, optional=("velocity",), finite=("time", "pose", "velocity")),
+    "Deck.recall": Entry(lambda **given: deck().recall(**given), lambda: {
+        "memory": deck().memory(),
+    }, finite=("memory",)),
     "Deck.carry": Entry(lambda **given: deck().carry(**given), lambda: {
         "body": 1, "link": -1, "place": pose(),
     }, finite=("place",)),

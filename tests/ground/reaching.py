@@ -16,12 +16,20 @@ from smartmesh_ros.terrain.terrain import MainMesh
 from tests.bodies import shapes_of
 
 
+class Numbered(SimpleNamespace):
+    """Followers whose bodies have the numbers of their slots."""
+
+    def __getitem__(self, slot: int) -> Any:
+        return SimpleNamespace(body=slot)
+
+
 class Reaching:
     """Bodies of ``shapes`` (n,) in the first slots. Those that are not ``solid`` (n,) have patches at any height."""
 
     def __init__(self, ground: MainMesh | Terrain, shapes: Iterable[BodyShape], solid: BoolArray | bool = True) -> None:
         table = shapes_of(shapes)
-        followers: Any = SimpleNamespace(table=np.zeros(len(table.table), FOLLOWER), shape_table=table)
+        count = len(table.table)
+        followers: Any = Numbered(table=np.zeros(count, FOLLOWER), shape_table=table)
         followers.table["alive"], followers.table["solid"] = True, solid
         self.patches = ShownPatches(Terrain.of(ground), followers, Stopwatch())
 

@@ -1,6 +1,7 @@
 """One call of the ground saves and restores PyBullet's world, the terrain and the soil: in place, and to the bit."""
 
 import hashlib
+import math
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -16,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import Ground, HeightMap, InputError, Soil
+from smartmesh_ros import Deck, Ground, HeightMap, InputError, Soil
 from smartmesh_ros.ground.bullet import BulletCalls
 from tests.examples import examples
 from tests.spoilt_states import HOWS, spoilt
@@ -56,6 +57,11 @@ class Scene:
         self.bodies.append(client.loadURDF(f"{pybullet_data.getDataPath()}/husky/husky.urdf", [0.0, 0.0, 1.6]))
         for body in self.bodies:
             self.ground.attach(body)
+        for name, carrier in (("ship", None), ("bed", self.bodies[-1])):
+            tile = HeightMap(np.zeros((9, 9)), resolution=0.1, origin=(-0.4, -0.4))
+            self.ground.terrain.put(name, Deck(tile, thickness=0.1, position=(0.5, 0.5, 0.9)))
+            if carrier is not None:
+                self.ground.carry(name, carrier, position=(0.0, 0.0, 0.4))
         self.ground.drive(self.bodies[0], -1, (0.0, 1.0, 0.0), 0.3)
         self.ground.let_sleep()
         self.time = 0.0
@@ -70,6 +76,10 @@ class Scene:
         for _ in range(steps):
             if round(self.time / DT) % 8 == 0 and not self.soil:
                 self.map.replace(self.heights(self.time), time=self.time)
+            if round(self.time / DT) % 8 == 3:
+                roll = 0.1 * math.sin(3.0 * self.time)
+                turn = (math.sin(roll), 0.0, 0.0, math.cos(roll))
+                self.ground.terrain.deck("ship").move((0.5, 0.5, 0.9 + roll), turn, time=self.time)
             self.ground.step(self.time, DT)
             self.time += DT
             found.append(BulletCalls(self.client).states(self.bodies))

@@ -9,14 +9,16 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros import HeightMap, MotionConfig, Terrain
+from smartmesh_ros import Deck, HeightMap, MotionConfig, Terrain
 from smartmesh_ros.ground.shown_patches import PatchTable
 from smartmesh_ros.patches.shapes import BodyShape, ball, box
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.bodies import rotation
 from tests.core import mesh_parts
 from tests.examples import examples
 from tests.ground.reaching import Reaching, balls_on
+from tests.grounds import terrain_of
 
 HOLD = MotionConfig(mode="hold")
 
@@ -188,6 +190,43 @@ def test_on_a_mesh_triangles_in_reach_are_shown() -> None:
         if abs(far - 0.35) > 0.01:
             assert (corners.tobytes() in shown) == (far < 0.35)
     np.testing.assert_array_equal(vertices[table.columns[0]], table.points_of(0)[_middle(table.points_of(0))])
+
+
+@pytest.mark.parametrize("kind", ["map", "mesh"])
+def test_patches_on_a_deck_are_those_on_the_same_ground_at_rest_seen_from_the_world(kind: str) -> None:
+    vertices, triangles = mesh_parts.sheet(4.0, 20, lambda x, y: 0.1 * np.sin(3.0 * x))
+    ground = rough(holes=0.1) if kind == "map" else TriangleMesh(vertices + [3.0, 3.0, 0.3], triangles)
+    places = places_on(rough(), np.random.default_rng(0), 8, 0.1)
+    deck, sea = Deck(ground, thickness=0.5), HeightMap(np.zeros((3, 3)), resolution=40.0, origin=(-40.0, -40.0))
+    turn = np.array([0.1, -0.2, 0.3, 0.0])
+    turn[3] = np.sqrt(1.0 - turn @ turn)
+    at, velocity, spin = np.array([1.0, 2.0, 5.0]), np.array([0.3, 0.2, -0.1]), np.array([0.1, -0.05, 0.2])
+    deck.place(at, turn, time=0.0)
+    terrain, rotated = terrain_of(sea=sea), rotation(turn)
+    terrain.put("ferry", deck)
+    resting, riding = (balls_on(on, [0.3] * 8) for on in (ground, terrain))
+    known, table = resting.at(places), riding.at(places @ rotated.T + at)
+    assert table.slots.tolist() == known.slots.tolist()
+    assert len(table) > 2
+    assert set(table.tiles) == {"ferry"}
+    assert (table.rows.tolist(), table.columns.tolist()) == (known.rows.tolist(), known.columns.tolist())
+    for slot in table.slots.tolist():
+        expected = corners_of(resting, slot) @ rotated.T + at
+        np.testing.assert_allclose(corners_of(riding, slot), expected, atol=1e-9)
+    assert np.array_equal(riding.at(places @ rotated.T + at).revisions, table.revisions), "nothing has changed"
+    deck.move(at, turn, time=0.0, velocity=velocity, spin=spin)
+    moving = riding.at(places @ rotated.T + at)
+    assert not set(moving.revisions.tolist()) & set(table.revisions.tolist())
+    for index in range(len(moving)):
+        points = moving.points_of(index)
+        middle = points[_middle(points)]
+        np.testing.assert_allclose(moving.motion[index], [*(velocity + np.cross(spin, middle - at)), *spin], atol=1e-9)
+    below = riding.at(places @ rotated.T + at - [0.0, 0.0, 2.0])
+    assert not len(below), "they pass below the deck"
+    on_sea = riding.at(places * [1.0, 1.0, 0.0] + [0.0, 0.0, 0.2])
+    assert set(on_sea.tiles) == {"sea"}
+    deck.ride(3, -1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    assert 3 not in riding.at(places @ rotated.T + at).slots, "a carrier has no patch on its own deck"
 
 
 def _middle(points: FloatArray) -> int:

@@ -20,7 +20,8 @@ from tests.newcomer.conftest import LONG, ROOT, copy_of_this
 
 OWN = ("demo", "fleet", "fleet-front", "replay", "rover", "tune", "view")
 CONSTRAINTS = ROOT / "requirements" / "constraints.txt"
-COMMANDS = {"smartmesh", "terrain_collider", "terrain_sensor", "terrain_source", *(f"smartmesh-{name}" for name in OWN)}
+NODES = ("terrain_collider", "terrain_score", "terrain_sensor", "terrain_source")
+COMMANDS = {"smartmesh", *NODES, *(f"smartmesh-{name}" for name in OWN)}
 FORK, UPSTREAM = "pybullet-arm64", "pybullet"
 MACHINES = [("Linux", "x86_64"), ("Linux", "aarch64"), ("Darwin", "x86_64"), ("Darwin", "arm64"), ("Windows", "AMD64")]
 VERSIONS = ["3.10", "3.11", "3.12", "3.13", "3.14"]

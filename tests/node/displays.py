@@ -19,7 +19,7 @@ class Display:
     def _take(self, message: MarkerArray) -> None:
         keys = [(marker.ns, marker.id) for marker in message.markers]
         assert len(set(keys)) == len(keys), "RViz reports an id that comes twice in one array"
-        self.without_ground = 0 if any(ns.endswith("ground") for ns, _ in keys) else self.without_ground + 1
+        self.without_ground = 0 if any(ns.rpartition("/")[2] == "ground" for ns, _ in keys) else self.without_ground + 1
         for key, marker in zip(keys, message.markers, strict=True):
             if marker.action == Marker.DELETEALL:
                 kept = {ns for ns, _ in self.shown} - {marker.ns} if self._by_namespace and marker.ns else set()

@@ -105,6 +105,10 @@ def test_a_body_of_the_simulation_carries_a_deck_with_maps_updates_and_meshes(do
         node.world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.1, 0.1, 0.7)))
         node.run(240)
         assert node.world.state("ball").position[2] == pytest.approx(0.6, abs=2e-3)
+        [odometry], frame = node.node._outputs._make_odometry(), node.world.terrain.deck("cage").frame(node.world.time)
+        assert (odometry.header.frame_id, odometry.child_frame_id) == ("map", "cage")
+        at = odometry.pose.pose.position
+        assert [at.x, at.y, at.z] == frame.position.tolist()
         update = HeightmapUpdate(tile="cage", x=8, y=8, width=5, height=5)
         update.header.frame_id, update.heights = "cage", floats(np.full(25, 0.25, np.float32))
         node.give("heightmap_update", stamped(node, update, "cage"))
@@ -116,6 +120,18 @@ def test_a_body_of_the_simulation_carries_a_deck_with_maps_updates_and_meshes(do
         node.give("terrain_mesh", roof)
         assert node.heights(0.0, 0.0) == pytest.approx(3.5, abs=1e-3)
         assert set(node.world.terrain.decks["cage"].tiles) == {"", "roof"}
+        state = node.world.save()
+        node.node.take_restored()
+        node.world.step(60)
+        before = node.world.snapshot()
+        node.world.remove("ball")
+        node.world.terrain.remove("cage")
+        node.world.carry("cage", None)
+        node.world.restore(state)
+        node.node.take_restored()
+        node.world.step(60)
+        assert node.world.snapshot() == before
+        node.run(1)
         wrong = heightmap_message(FLAT, tile="cage", frame_id="map")
         node.require_refused("heightmap", [("frame", wrong)])
         removal = heightmap_message(np.zeros((0, 0)), tile="cage", frame_id="cage")
@@ -137,9 +153,9 @@ def test_maps_in_the_frame_of_a_deck_are_its_maps_and_a_reset_keeps_them(domain:
         node.node.reset()
         sail(3.0)
         assert node.heights(0.0, 0.0) == pytest.approx(3.5)
-        sail(4.0)
+        sail(3.1)
         node.run(240)
-        assert node.heights(0.0, 0.0) == pytest.approx(4.5, abs=0.5)
+        assert node.heights(0.0, 0.0) == pytest.approx(3.6, abs=0.5)  # a frame moves on for a while
         assert not node.world.terrain.decks["ferry"].moving(node.world.time)
 
 

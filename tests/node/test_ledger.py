@@ -34,6 +34,7 @@ class World:
         self.bodies: dict[str, list[str]] = {node: [] for node in NODES}
         self.alive = set(NODES)
         self.time = 0.0
+        self.lost: dict[str, list[str]] = {}
         self.go_on(0.5)
 
     def go_on(self, seconds: float) -> None:
@@ -47,6 +48,7 @@ class World:
             self.do(self.ledger.check(self.time))
 
     def do(self, duties: Duties) -> None:
+        self.lost |= duties.lost
         for again in duties.spawn:
             if again.node in self.alive and again.name not in self.bodies[again.node]:
                 self.bodies[again.node].append(again.name)
@@ -101,6 +103,20 @@ def test_bodies_of_one_tile_share_a_node() -> None:
     world = World(LedgerConfig(spread="tiles", tile_size=10.0))
     nodes = [world.spawn(f"body_{k}", x) for k, x in enumerate((1.0, 9.0, 11.0, 19.0, math.nan))]
     assert nodes[0] == nodes[1] != nodes[2] == nodes[3]
+
+
+def test_bodies_of_a_node_that_starts_anew_before_it_is_missed_are_spawned_again() -> None:
+    world = World()
+    for k in range(3):
+        world.spawn(f"body_{k}")
+    world.go_on(1.0)
+    world.die("c")
+    world.go_on(0.75)
+    world.alive.add("c")
+    world.go_on(1.0)
+    assert len(world.bodies["c"]) == 1
+    assert world.ledger.respawned == 1
+    assert world.lost == {"c": world.bodies["c"]}, "for the log, although nobody missed it"
 
 
 def test_nodes_are_not_taken_for_dead_because_the_front_stood_still() -> None:

@@ -140,7 +140,7 @@ def test_every_node_runs_without_a_folder_for_logs(
         monkeypatch.delenv(variable, raising=False)
     if home:
         monkeypatch.setenv("HOME", home)
-    nodes = {name: name for name in ("terrain_collider", "terrain_sensor", "terrain_source")}
+    nodes = {name: name for name in ("terrain_collider", "terrain_score", "terrain_sensor", "terrain_source")}
     nodes["fleet_front"] = "fleet"
     with contextlib.ExitStack() as stack:
         running = [stack.enter_context(Process(name)) for name in nodes]
@@ -198,6 +198,7 @@ def test_a_source_may_be_killed_and_started_again(udp_only: None, probe: Probe) 
     [
         ("terrain_collider", "bodies.spawn", ["{id: x}"], "cannot start: bodies.spawn"),
         ("terrain_source", "scene", "ocean", "cannot start: scene is 'ocean'; choose one of waves"),
+        ("terrain_score", "csv", "/nowhere/score.csv", "cannot start: csv cannot be written: [Errno 2]"),
         ("terrain_sensor", "rate", -1.0, "rate; it must be of type float, 0.01 to 200"),
         ("fleet_front", "spread", "widest", "cannot start: spread is 'widest'; choose one of fewest"),
         ("rover", "listeners", 0, "listeners; it must be of type int, 1 to 100"),

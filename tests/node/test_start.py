@@ -25,6 +25,7 @@ from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.sensor import terrain_sensor
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.demo import rover, terrain_source
+from smartmesh_ros.tools.score import terrain_score
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, executable
 from tests.node.shared import made_with, refusal_at_start, set_parameters
 
@@ -32,6 +33,7 @@ pytestmark = pytest.mark.usefixtures("executables")
 
 OTHER_NODES: dict[str, tuple[Any, Any]] = {
     "terrain_source": (terrain_source.TerrainSource, terrain_source.SPECS),
+    "terrain_score": (terrain_score.TerrainScore, terrain_score.SPECS),
     "terrain_sensor": (terrain_sensor.TerrainSensor, terrain_sensor.SPECS),
     "fleet_front": (front.Front, front.SPECS),
     "rover": (rover.Rover, rover.SPECS),
@@ -194,8 +196,11 @@ def is_numeric(spec: Any) -> bool:
 
 
 @pytest.mark.parametrize("name", OTHER_NODES)
-def test_a_node_takes_or_refuses_any_value_of_any_parameter(domain: int, name: str) -> None:
+def test_a_node_takes_or_refuses_any_value_of_any_parameter(
+    domain: int, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Some values are valid for some parameters; any other error than `InputError` would be a traceback."""
+    monkeypatch.chdir(tmp_path)  # some are names of files
     make, specs = OTHER_NODES[name]
     defaults = {spec.name: spec.default for spec in specs}
     for spec in specs:

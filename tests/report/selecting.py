@@ -22,8 +22,7 @@ class Selecting:
 
     def __init__(self, ground: HeightMap, radii: Iterable[float], config: ReportConfig = SOLID) -> None:
         shapes = shapes_of(ball(radius) for radius in radii)
-        count = len(shapes.table)
-        followers: Any = SimpleNamespace(tables=[], shape_table=shapes, capacity=count, solid=np.arange(count))
+        followers: Any = SimpleNamespace(shape_table=shapes, solid=np.arange(len(shapes.table)), tracked=np.arange(0))
         self.patches = ChosenPatches(ground, config, followers, Stopwatch())
 
     def update(

@@ -14,7 +14,7 @@ from smartmesh_ros.report.config import PatchKind, ReportConfig, SearchMethod
 from smartmesh_ros.report.ground import ReportGround, ReportWorld
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from tests.bodies import put
+from tests.bodies import height, put
 from tests.core import mesh_parts
 from tests.grounds import level, step_on_moving
 from tests.terrain.surfaces import highest
@@ -166,3 +166,17 @@ def test_the_collider_has_the_surface_that_sampling_gives(client: Any, yaw: floa
     hits = client.rayTestBatch([(x, y, 9.0) for x, y in points], [(x, y, -9.0) for x, y in points])
     assert {hit[0] for hit in hits} == {follower.collider}
     np.testing.assert_allclose([hit[3][2] for hit in hits], expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["heightfield", "trimesh", "hull", "prisms"])
+def test_a_patch_collides_with_its_own_body_only(client: Any, kind: PatchKind) -> None:
+    client.setGravity(0, 0, -9.81)
+    heightmap = HeightMap(np.zeros((50, 50)), resolution=0.1)
+    followed, other = put(client, BALL, (2.0, 2.0, 0.2)), put(client, Sphere(0.05), (2.0, 2.26, 0.05))
+    ground = ReportGround(client, heightmap, ReportConfig(kind=kind))
+    ground.attach(followed)
+    for step in range(120):
+        ground.update(step * DT, DT)
+        client.stepSimulation()
+    assert height(client, followed) == pytest.approx(0.2, abs=1e-3)
+    assert height(client, other) < -0.5

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from smartmesh_ros import HeightMap, Material, MotionConfig, Terrain
 from smartmesh_ros.terrain.material import NAMES
+from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.examples import examples
 
@@ -59,7 +60,7 @@ def change(ground: Terrain, what: str, time: float) -> None:
 def seen(ground: Terrain, time: float) -> list[np.ndarray]:
     points = np.stack(np.meshgrid(np.linspace(-0.2, 2.0, 25), np.linspace(-0.1, 0.9, 12)), axis=-1).reshape(-1, 2)
     layers = ground.tile("").material.layers
-    return [*ground.at(points, time), ground.friction_at(points), *(np.array(layers.get(name, 0.0)) for name in NAMES)]
+    return [*ground_samples(ground, checked_points(points), time), *(np.array(layers.get(name, 0.0)) for name in NAMES)]
 
 
 @pytest.mark.parametrize("how", COPIES)

@@ -61,6 +61,16 @@ def test_a_given_velocity_is_used_and_holds_for_one_map() -> None:
     assert velocity_at(heightmap, 5, 5, 0.2)[1] == pytest.approx(0.0, abs=1e-6)
 
 
+def test_jumps_and_old_maps_give_no_velocity() -> None:
+    motion = MotionConfig(max_interval=0.25, max_velocity=25.0)
+    jumped = HeightMap(np.zeros((5, 5)), resolution=1.0, time=0.0, motion=motion)
+    jumped.replace(np.full((5, 5), 3.0), time=0.1)
+    assert velocity_at(jumped, 2, 2, 0.1) == (3.0, 0.0)
+    late = HeightMap(np.zeros((5, 5)), resolution=1.0, time=0.0, motion=motion)
+    late.replace(np.full((5, 5), 3.0), time=0.3)
+    assert velocity_at(late, 2, 2, 0.35) == (3.0, 0.0)
+
+
 def resident() -> int:
     """Resident memory of this process [bytes]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * mmap.PAGESIZE

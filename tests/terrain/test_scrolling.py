@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import GridGeometry, HeightMap, Terrain
+from smartmesh_ros import Deck, GridGeometry, HeightMap, Terrain
 from smartmesh_ros.terrain.grid import overlap
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow, motion_between, moved_on
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.terrain.scrolling import cells_moved
+from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from tests.grounds import terrain_of
 
 
@@ -219,5 +220,13 @@ def test_friction_at_points_is_that_of_the_nearest_sample_of_the_first_map_with_
     holed = HeightMap(heights, resolution=1.0, friction=np.arange(25.0).reshape(5, 5))
     terrain = terrain_of(holed=holed, below=HeightMap(np.full((9, 9), -1.0), resolution=1.0, friction=0.5))
     points = np.array([[1.4, 0.6], [3.6, 4.0], [2.0, 2.0], [6.0, 6.0], [20.0, 0.0]])
-    np.testing.assert_allclose(terrain.friction_at(points), [6.0, 24.0, 0.5, 0.5, 1.0])
-    assert Terrain(HeightMap(np.zeros((5, 5)), resolution=1.0)).friction_at(points[:1]) == 1.0
+    np.testing.assert_allclose(friction_at(terrain, points), [6.0, 24.0, 0.5, 0.5, np.nan])
+    assert friction_at(Terrain(HeightMap(np.zeros((5, 5)), resolution=1.0)), points[:1]) == 1.0
+    turned = (0.0, 0.0, math.sin(math.pi / 4.0), math.cos(math.pi / 4.0))  # the deck's x is the terrain's y
+    terrain.put("deck", Deck(HeightMap(np.zeros((5, 5)), resolution=1.0, friction=holed.friction), position=(4, 0, 1),
+                             orientation=turned))  # fmt: skip
+    np.testing.assert_allclose(friction_at(terrain, points), [16.0, 4.0, 12.0, 0.5, np.nan])
+
+
+def friction_at(terrain: Terrain, points: np.ndarray) -> np.ndarray:
+    return ground_samples(terrain, checked_points(points), 0.0).friction

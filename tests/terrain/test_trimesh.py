@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from smartmesh_ros import InputError
+from smartmesh_ros import HeightMap, InputError
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 
 
@@ -75,3 +75,12 @@ def test_vertices_moved_in_parts_at_one_instant_all_move() -> None:
         mesh.move(grid()[[vertex]] + (0.0, 0.0, 0.2), time=0.1, indices=[vertex])
     samples = mesh.sample(np.array([3, 20, 21]), 0.15)
     np.testing.assert_allclose(samples.velocities, [[0.0, 0.0, 2.0]] * 2 + [[0.0, 0.0, 0.0]], atol=1e-9)
+
+
+def test_a_mesh_of_a_grid_samples_as_the_height_map_does() -> None:
+    heights = np.random.default_rng(0).normal(size=(6, 8))
+    vertices = grid()
+    vertices[:, 2] = heights.ravel()
+    mesh, heightmap = TriangleMesh(vertices, grid_triangles(6, 8)), HeightMap(heights, resolution=1.0)
+    points = np.random.default_rng(1).uniform((-0.5, -0.5), (7.5, 5.5), (200, 2))
+    np.testing.assert_allclose(mesh.at(points, 0.0).heights, heightmap.at(points, 0.0).heights, atol=1e-6)

@@ -17,6 +17,7 @@ from smartmesh_ros import (
     Box,
     Capsule,
     Cylinder,
+    Deck,
     HeightMap,
     Material,
     MotionConfig,
@@ -29,6 +30,7 @@ from smartmesh_ros import (
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from smartmesh_ros.world.carrying import Carrier
 from smartmesh_ros.world.joints import JointCommand
 from tests.urdfs import HUSKY, ROVER
 
@@ -50,6 +52,7 @@ class RandomWorld:
         self.every = int(rng.integers(3, 25))  # steps from map to map
         self.spacing = float(rng.choice([0.08, 0.15, 0.2]))
         self.height = float(rng.choice([0.0, 0.05, 0.15]))
+        self.decks = seed % 4 == 3  # not where there is soil
         self.soil = self.kind in ("still", "regions", "waves") and seed % 3 != 0
         self.tiles, self.folded = rng.random() < 0.4, rng.random() < 0.3
         self.robots = [robot for robot in (HUSKY, ROVER, str(robot_file())) if rng.random() < 0.3]
@@ -120,6 +123,13 @@ class RandomWorld:
             state = BodyState((x, y, rng.uniform(0.6, 1.5)), linear=tuple(rng.normal(0.0, 0.3, 3).tolist()))
             world.spawn(f"body_{index}", shapes[int(rng.integers(4))], float(rng.uniform(0.5, 30.0)), state)
         world.track("hand", 0.3, BodyState((1.5, 1.5, 0.4), linear=(-0.1, 0.0, 0.0)))
+        if not self.decks:
+            return
+        for deck, carrier in (("ship", ""), ("bed", "body_0"), ("palm", "hand")):
+            tile = HeightMap(np.zeros((9, 9)), resolution=0.1, origin=(-0.4, -0.4))
+            world.terrain.put(deck, Deck(tile, thickness=0.1, position=(0.0, 0.0, 1.0)))
+            if carrier:
+                world.carry(deck, Carrier(carrier, position=(0.0, 0.0, 0.5)))
 
     def _feed(self, step: int) -> None:
         """Give the inputs of a step."""
@@ -136,6 +146,10 @@ class RandomWorld:
                 tile.replace(self._heights(time), time=time)
             if self.folded:
                 world.terrain.tiles["folded"].move(self._vertices(time), time=time)
+        if self.decks and step % self.every == 1:
+            roll = 0.1 * np.sin(3.0 * time)
+            turn = (np.sin(roll), 0.0, 0.0, np.cos(roll))
+            world.terrain.deck("ship").move((0.3 * time, 0.0, 1.0 + roll), turn, time=time)
         if step % 50 == 10:
             for body in [body for body in world.bodies.values() if body.is_robot]:
                 for joint in (*body.joints, *body.surfaces):

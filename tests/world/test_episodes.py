@@ -1,11 +1,13 @@
 """An episode begins as the first one did: `World.reset` with a seed."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, HeightScan, InputError, Soil, Sphere, World
+from smartmesh_ros import BodyState, Box, Deck, HeightMap, HeightScan, InputError, Soil, Sphere, World
+from smartmesh_ros.world.carrying import Carrier
 from smartmesh_ros.world.joints import JointCommand
 from tests.memory import allocated
 from tests.urdfs import HUSKY, ROVER
@@ -19,16 +21,23 @@ def heights(time: float) -> np.ndarray:
     return np.asarray(0.1 * (x * x + y * y) + 0.04 * np.sin(3.0 * x - 4.0 * time))
 
 
-def environment(*, soil: bool = False) -> World:
-    """Two robots, boxes and balls in a bowl."""
+def environment(kind: str = "moving") -> World:
+    """Two robots, boxes and balls in a bowl; of soil, or with decks above it, one of which a robot carries."""
     world = World(HeightMap(heights(0.0), resolution=0.1, origin=(-2.0, -2.0)))
-    if soil:
+    if kind == "soil":
         world.ground.set_soil(Soil(world.terrain, "dry_sand", spacing=0.02))
     for name, urdf, x in (("husky", HUSKY, -0.6), ("rover", ROVER, 0.6)):
         world.spawn_robot(name, urdf, BodyState((x, 0.0, 0.6)))
     for index in range(6):
         shape = Box(0.2, 0.15, 0.2) if index % 2 else Sphere(0.1)
         world.spawn(f"body_{index}", shape, 2.0, BodyState((0.4 * index - 1.0, 0.7, 0.5)))
+    if kind == "decks":
+        for deck in ("ship", "bed"):
+            tile = HeightMap(np.zeros((9, 9)), resolution=0.1, origin=(-0.4, -0.4))
+            world.terrain.put(deck, Deck(tile, thickness=0.1, position=(-1.0, -1.0, 1.0)))
+        world.carry("bed", Carrier("husky", position=(0.0, 0.0, 0.3)))
+        world.spawn("load", Box(0.3, 0.3, 0.1), 3.0, BodyState((-0.6, 0.0, 1.0)))
+        world.spawn("passenger", Sphere(0.1), 3.0, BodyState((-1.0, -1.0, 1.101)))
     return world
 
 
@@ -40,6 +49,10 @@ def act(world: World, step: int) -> None:
                 world.command(name, joint, JointCommand(velocity=2.0))
     if step % 8 == 0 and world.ground.soil is None:
         world.terrain.tiles[""].replace(heights(world.time), time=world.time)  # type: ignore[union-attr]
+        if "ship" in world.terrain.decks:
+            roll = 0.05 * math.sin(3.0 * world.time)
+            turn = (math.sin(roll), 0.0, 0.0, math.cos(roll))
+            world.terrain.deck("ship").move((-1.0, -1.0, 1.0 + roll), turn, time=world.time)
 
 
 def episode(world: World, seed: int, steps: int) -> list[object]:
@@ -51,19 +64,24 @@ def episode(world: World, seed: int, steps: int) -> list[object]:
     return [world.snapshot(), world.contacts(), world.height_scan("husky", SCAN).tolist(), world.is_asleep("body_0")]
 
 
-@pytest.fixture(params=[False, True], ids=["moving", "soil"])
-def world(request: pytest.FixtureRequest) -> Iterator[World]:
-    with environment(soil=request.param) as made:
+@pytest.fixture(params=["moving", "soil", "decks"])
+def kind(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def world(kind: str) -> Iterator[World]:
+    with environment(kind) as made:
         yield made
 
 
-def test_episodes_are_equal_to_the_bit_whatever_was_before(world: World) -> None:
+def test_episodes_are_equal_to_the_bit_whatever_was_before(world: World, kind: str) -> None:
     first = episode(world, 1, 200)
     for more in (3, 61):
         world.step(more)
         world.wake()
         assert episode(world, 1, 200) == first
-    with environment(soil=world.ground.soil is not None) as other:
+    with environment(kind) as other:
         assert episode(other, 1, 200) == first, "in another world"
 
 
@@ -92,7 +110,7 @@ def test_without_a_seed_the_terrain_and_commands_stay(world: World) -> None:
 
 def main(count: int) -> None:
     """Print whether ``count`` episodes are equal, and how much memory they take."""
-    with environment(soil=True) as world:
+    with environment("soil") as world:
         first = episode(world, 1, 60)
         for _ in range(20):
             episode(world, 1, 60)

@@ -53,6 +53,16 @@ double yield_of(const btCollisionObject& object, const Vec3& point, const Vec3& 
   return btRigidBody::upcast(&object)->computeImpulseDenominator(to_bullet(point), to_bullet(along));
 }
 
+void renew_inertia(btCollisionObject& object) {
+  auto* collider = btMultiBodyLinkCollider::upcast(&object);
+  if (collider == nullptr) return;
+  btAlignedObjectArray<btScalar> scratch;
+  btAlignedObjectArray<btVector3> vectors;
+  btAlignedObjectArray<btMatrix3x3> matrices;
+  collider->m_multiBody->computeAccelerationsArticulatedBodyAlgorithmMultiDof(0.0, scratch, vectors, matrices, false,
+                                                                              false, false);
+}
+
 void push(btCollisionObject& object, const Vec3& point, const Vec3& impulse, double duration) {
   const double size = norm(impulse);
   if (!(size > 0.0)) return;

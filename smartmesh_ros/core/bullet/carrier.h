@@ -15,6 +15,9 @@ FrameVelocity velocity_of(const btCollisionObject& object);
 // along that vector [1/kg]; zero if it does not move by physics.
 double yield_of(const btCollisionObject& object, const Vec3& point, const Vec3& along);
 
+// Lets the robot of a link, if it is one's, know its inertia as it lies now, which else it knows from its last step.
+void renew_inertia(btCollisionObject& object);
+
 // Applies an impulse [N s] at a point of a body or link that moves by physics, after a step of `duration` [s]: as if it
 // had acted in that step.
 void push(btCollisionObject& object, const Vec3& point, const Vec3& impulse, double duration);

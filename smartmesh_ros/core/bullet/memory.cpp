@@ -4,6 +4,7 @@
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
 #include "bullet/broadphase.h"
+#include "bullet/carrier.h"
 #include "bullet/shape_parts.h"
 #include "bullet/world.h"
 
@@ -114,7 +115,7 @@ void BulletWorld::forget() {
     slot.on_soil.clear();
   }
   auto& objects = world_->getCollisionObjectArray();
-  for (int k = 0; k < objects.size(); ++k) objects[k]->setDeactivationTime(0.0);
+  for (int k = 0; k < objects.size(); ++k) objects[k]->setDeactivationTime(0.0), renew_inertia(*objects[k]);
 }
 
 }  // namespace smartmesh

@@ -154,14 +154,12 @@ void BulletWorld::place(Slot& slot) {
   // Bullet itself renews the bounds of awake objects only.
   world_->getBroadphase()->setAabb(ground.getBroadphaseHandle(), low, high, world_->getDispatcher());
   if (low == high) return;
-  btTransform foot;
-  foot.setIdentity();
-  foot.setOrigin(pose.getOrigin());
-  slot.shape->low = low - foot.getOrigin();
-  slot.shape->high = high - foot.getOrigin();
-  slot.shape->origin = foot.getOrigin();
-  ground.setWorldTransform(foot);
-  ground.setInterpolationWorldTransform(foot);
+  const btTransform frame(btQuaternion::getIdentity(), pose.getOrigin());
+  slot.shape->low = low - frame.getOrigin();
+  slot.shape->high = high - frame.getOrigin();
+  slot.shape->origin = frame.getOrigin();
+  ground.setWorldTransform(frame);
+  ground.setInterpolationWorldTransform(frame);
   ground.setLinearVelocity(to_bullet(near.velocity));
   ground.setAngularVelocity(to_bullet(slot.turning));
   if (moved > 0.0) stir(slot);

@@ -66,7 +66,7 @@ GroundSample DeckReader::below(const Vec3& p) {
   const Vec3 local = frame.pose.to_local(at);
   const GroundSample here = ground.below({local.x, local.y, local.z + ABOVE});
   const Vec3 own = std::isnan(here.height) ? Vec3{} : frame.pose.turn * here.velocity;
-  return {at.z, hit.normal, frame.velocity_at(at) + own, here.age};
+  return {at.z, hit.normal, frame.velocity_at(at) + own, here.age, here.friction};
 }
 
 }  // namespace smartmesh

@@ -162,4 +162,49 @@ bool FrameMotion::moves(double time) const {
          norm2(velocity_.linear) + norm2(velocity_.angular) + norm2(change_.linear) + norm2(change_.angular) > 0.0;
 }
 
+std::vector<double> FrameMotion::memory() const {
+  std::vector<double> found{static_cast<double>(known_), lasts_};
+  const auto add = [&](const Vec3& v) { found.insert(found.end(), {v.x, v.y, v.z}); };
+  const auto add_velocity = [&](const FrameVelocity& v) { add(v.linear), add(v.angular); };
+  add_velocity(velocity_), add_velocity(change_);
+  for (const FrameSample& sample : samples_) {
+    found.push_back(sample.time), add(sample.at);
+    found.insert(found.end(), {sample.turn.x, sample.turn.y, sample.turn.z, sample.turn.w});
+    found.push_back(sample.velocity.has_value()), add_velocity(sample.velocity.value_or(FrameVelocity{}));
+  }
+  return found;
+}
+
+bool FrameMotion::recall(const double* numbers, std::size_t count) {
+  FrameMotion made;
+  if (count != made.memory().size()) return false;
+  const double *at = numbers, *end = numbers + count;
+  const auto next = [&] { return *at++; };
+  const auto vector = [&] {
+    at += 3;
+    return Vec3{at[-3], at[-2], at[-1]};
+  };
+  const auto velocity = [&] {
+    const Vec3 linear = vector();
+    return FrameVelocity{linear, vector()};
+  };
+  const double known = next();
+  made.lasts_ = next();
+  if (!(known >= 0.0 && known <= 4.0 && made.lasts_ >= 0.0)) return false;
+  if (!std::all_of(at, end, [](double number) { return std::isfinite(number); })) return false;
+  made.known_ = static_cast<int>(known);
+  made.velocity_ = velocity(), made.change_ = velocity();
+  for (FrameSample& sample : made.samples_) {
+    sample.time = next(), sample.at = vector();
+    at += 4;
+    sample.turn = {at[-4], at[-3], at[-2], at[-1]};
+    const bool is_told = next() != 0.0;
+    const FrameVelocity told = velocity();
+    if (is_told) sample.velocity = told;
+  }
+  made.revision_ = revision_ + 1;
+  *this = made;
+  return true;
+}
+
 }  // namespace smartmesh

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <limits>
 #include <optional>
+#include <vector>
 
 #include "math/rotation.h"
 #include "math/vec3.h"
@@ -57,6 +59,11 @@ class FrameMotion {
   double time() const { return samples_[0].time; }
   // Returns a number that grows with each change.
   long revision() const { return revision_; }
+
+  // Returns all that the frame goes on from, as numbers.
+  std::vector<double> memory() const;
+  // Goes on from what `memory` returned; returns false, and changes nothing, if the numbers are none of a frame.
+  bool recall(const double* numbers, std::size_t count);
 
  private:
   void estimate();

@@ -24,11 +24,11 @@ struct NearbyGround {
 };
 
 // The ground at a point: height [m], NaN = none, unit normal towards the side of the bodies, velocity [m/s] with
-// horizontal motion, and age [s], the time since the last map of the place, negative before it.
+// horizontal motion, age [s], the time since the last map of the place, negative before it, and coefficient of friction.
 struct GroundSample {
   double height = std::numeric_limits<double>::quiet_NaN();
   Vec3 normal, velocity;
-  double age = std::numeric_limits<double>::quiet_NaN();
+  double age = std::numeric_limits<double>::quiet_NaN(), friction = Material{}.friction;
 
   // Returns true if there is ground, and none at an `other` height [m] that is as high; NaN = no ground there.
   bool is_above(double other) const { return !(height <= other) && !std::isnan(height); }

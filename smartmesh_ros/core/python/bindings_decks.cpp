@@ -4,11 +4,11 @@
 namespace smartmesh {
 namespace {
 
-using Pose7 = Array<const double, 1>;
+using Numbers = Array<const double, 1>;
 
 // Returns a sample of a pose (7,): position [m] and orientation (x, y, z, w), and of a velocity (6,): linear [m/s] and
 // angular [rad/s], none = not told.
-FrameSample sample_of(double time, const Pose7& pose, const std::optional<Pose7>& velocity) {
+FrameSample sample_of(double time, const Numbers& pose, const std::optional<Numbers>& velocity) {
   check_list(pose, 7, "a pose");
   FrameSample sample{finite(time, "the time"), vector_at(pose.data()), {}, {}};
   const double* q = pose.data() + 3;
@@ -25,7 +25,7 @@ FrameSample sample_of(double time, const Pose7& pose, const std::optional<Pose7>
 
 // Tells the motion of a deck's frame a sample.
 template <void (FrameMotion::*Way)(const FrameSample&)>
-void tell(DeckOfTiles& deck, double time, Pose7 pose, std::optional<Pose7> velocity) {
+void tell(DeckOfTiles& deck, double time, Numbers pose, std::optional<Numbers> velocity) {
   const FrameSample sample = sample_of(time, pose, velocity);
   const StepLock lock;
   (deck.deck.motion.*Way)(sample);
@@ -59,13 +59,26 @@ void add_decks(nb::module_& m) {
       .def("put", &tell<&FrameMotion::put>, "time"_a, "pose"_a.noconvert(), "velocity"_a.noconvert().none())
       .def(
           "carry",
-          [](DeckOfTiles& d, int body, int link, Pose7 place) {
+          [](DeckOfTiles& d, int body, int link, Numbers place) {
             const FrameSample sample = sample_of(0.0, place, {});
             const StepLock lock;
             if (d.deck.body >= 0) d.deck.motion.stop(d.deck.motion.time());
             d.deck.body = body, d.deck.link = link, d.deck.place = sample;
           },
           "body"_a, "link"_a, "place"_a.noconvert())
+      .def("memory", [](const DeckOfTiles& d) {
+        const std::vector<double> found = d.deck.motion.memory();
+        return array_of<double, 1>(found, {found.size()});
+      })
+      .def(
+          "recall",
+          [](DeckOfTiles& d, Numbers memory) {
+            check_list(memory, memory.shape(0), "the memory");
+            const StepLock lock;
+            if (!d.deck.motion.recall(memory.data(), memory.shape(0)))
+              throw std::invalid_argument("the memory is none of a frame");
+          },
+          "memory"_a.noconvert())
       .def(
           "shift_time",
           [](DeckOfTiles& d, double by) {

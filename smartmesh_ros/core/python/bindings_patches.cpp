@@ -3,6 +3,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "python/body_tables.h"
+#include "step/deck_patches.h"
 #include "step/marker_message.h"
 
 namespace smartmesh {
@@ -15,80 +16,116 @@ constexpr double MOST_REACH = 1e7;
 // Red, green, blue and alpha of a marker.
 using Colour = std::tuple<float, float, float, float>;
 
-struct Patches {
-  ShownPatches patches;
-  nb::list tiles;  // keeps the maps and meshes alive
+// The maps, meshes and decks of a list.
+struct Parts {
+  std::vector<HeightGrid*> maps;
+  std::vector<MeshSurface*> meshes;
+  std::vector<DeckOfTiles*> decks;
 
-  void set_tiles(const nb::list& parts) {
-    std::vector<HeightGrid*> maps;
-    std::vector<MeshSurface*> meshes;
-    nb::list kept;
+  explicit Parts(const nb::list& parts) {
     for (nb::handle part : parts) {
       if (nb::isinstance<Mesh>(part))
         meshes.push_back(&nb::cast<Mesh&>(part).surface);
+      else if (nb::isinstance<DeckOfTiles>(part))
+        decks.push_back(&nb::cast<DeckOfTiles&>(part));
       else
         maps.push_back(&nb::cast<Grid&>(part).grid);
-      kept.append(part);
     }
-    patches.set_tiles(maps, meshes);
-    tiles = kept;
+  }
+};
+
+struct Patches {
+  ShownPatches patches;
+  std::vector<DeckPatches> on_decks;
+  std::vector<nb::list> kept;  // keep the maps, meshes and decks alive
+
+  void set_tiles(const nb::list& parts) {
+    const Parts found(parts);
+    std::vector<nb::list> keep(1);
+    for (nb::handle part : parts) keep[0].append(part);
+    patches.set_tiles(found.maps, found.meshes);
+    on_decks.clear();
+    for (DeckOfTiles* deck : found.decks) {
+      const Parts tiles(deck->tiles);
+      on_decks.emplace_back(deck->deck, static_cast<int>(on_decks.size()), tiles.maps, tiles.meshes);
+      keep.push_back(deck->tiles);
+    }
+    kept = keep;
+  }
+  const ShownPatch& operator[](std::size_t slot) const {
+    const ShownPatch* found = &patches[slot];
+    for (const DeckPatches& deck : on_decks) found = &deck.first_of(slot, *found);
+    return *found;
   }
   // Searches for the cells under the bodies in `slots` (n,) with `states` (S, 13) at `time` [s]. Each may touch ground
   // within its bounding radius and the way that it moves in the time `ahead` [s], at most `farthest` [m]. `always`
-  // (S,): has a patch at any height.
+  // (S,): has a patch at any height. `owners` (S,): PyBullet's bodies, which have no patch on the decks that they
+  // carry.
   void search(const Shapes& shapes, const Doubles2& states, const Slots& slots, const Array<const bool, 1>& always,
-              double time, double ahead, double farthest) {
+              const Slots& owners, double time, double ahead, double farthest) {
     finite(time, "the time"), finite(ahead, "ahead"), finite(farthest, "farthest");
-    check_list(always, states.shape(0), "always");
+    check_list(always, states.shape(0), "always"), check_list(owners, states.shape(0), "owners");
     const Bodies bodies(shapes, states);
     require(states.shape(0) <= MOST_SLOTS, "there are at most 2^24 slots");
     const Slots1 chosen = slots_below(slots, states.shape(0));
     patches.resize(std::max<std::size_t>(patches.size(), states.shape(0)));
-    std::vector<ReachingBody> found;
+    const std::size_t surfaces = on_decks.size() + 1;
+    std::vector<FrameState> frames(1);  // the first is that of the ground at rest
+    for (const DeckPatches& each : on_decks) frames.push_back(each.deck().motion.at(time));
+    std::vector<std::vector<ReachingBody>> found(surfaces);
+    std::vector<std::vector<std::int64_t>> searched(surfaces);
     BodySolid body;
     for (std::int64_t slot : chosen) {
       bodies.place(slot, body);
       const BodyState& state = bodies.states[slot];
-      const double way = std::min(norm(state.linear) * ahead, farthest);
-      found.push_back(
-          {state.pose.at, body.lowest() - way, bodies.table.shapes[slot].radius + way, always.data()[slot]});
-      const Vec3& at = found.back().middle;
-      require(std::isfinite(at.x + at.y + at.z + found.back().lowest) && found.back().reach < MOST_REACH,
-              "a body is nowhere, or too large or fast for a patch");
+      for (std::size_t k = 0; k < surfaces; ++k) {
+        if (k > 0 && on_decks[k - 1].deck().body >= 0 && on_decks[k - 1].deck().body == owners.data()[slot]) continue;
+        const auto& [pose, velocity] = frames[k];
+        const double way = std::min(norm(state.linear - frames[k].velocity_at(state.pose.at)) * ahead, farthest);
+        const Vec3 up = pose.turn * Vec3{0.0, 0.0, 1.0}, middle = pose.to_local(state.pose.at);
+        const double lowest = body.lowest(up) - dot(up, pose.at) - way;
+        const double reach = bodies.table.shapes[slot].radius + way;
+        require(std::isfinite(middle.x + middle.y + middle.z + lowest) && reach < MOST_REACH,
+                "a body is nowhere, or too large or fast for a patch");
+        found[k].push_back({middle, lowest, reach, always.data()[slot]});
+        searched[k].push_back(slot);
+      }
     }
-    patches.search(chosen, found, time);
+    patches.search(searched[0], found[0], time);
+    for (std::size_t k = 1; k < surfaces; ++k) on_decks[k - 1].search(searched[k], found[k], patches.size(), time);
   }
   // Collects the samples of the bodies in `slots` (n,) at `time` [s]; returns those that have a patch.
   auto collect(const Slots& slots, double time) {
     const Slots1 chosen = slots_below(slots, patches.size());
     patches.collect(chosen, finite(time, "the time"));
+    for (DeckPatches& deck : on_decks) deck.collect(time);
     std::vector<std::int64_t> shown;
     for (std::int64_t slot : chosen)
-      if (patches[slot].is_shown) shown.push_back(slot);
+      if ((*this)[slot].is_shown) shown.push_back(slot);
     return array_of<std::int64_t, 1>(shown, {shown.size()});
   }
-  // Returns numbers of the patches of `slots` (n, 8): 1 if it is of a mesh, tile, row and column of its middle sample,
-  // stride, points, triangles, and revision; and the motion of the ground there (n, 6).
+  // Returns numbers of the patches of `slots` (n, 10): 1 if its points are no grid, tile, row and column of its
+  // middle sample, stride, points, triangles, revision, deck, -1 = none, and 1 if the tile is a mesh; and the motion of the ground there (n, 6).
   auto describe(const Slots& slots) const {
     std::vector<std::int64_t> rows;
     std::vector<double> motion;
     for (std::int64_t slot : slots_below(slots, patches.size())) {
-      const ShownPatch& it = patches[slot];
+      const ShownPatch& it = (*this)[slot];
       rows.insert(rows.end(), {it.is_mesh, it.tile, it.row, it.column, it.is_mesh ? 1 : it.square.stride,
                                static_cast<std::int64_t>(it.points.size()),
-                               static_cast<std::int64_t>(it.triangles.size()), it.points_revision});
+                               static_cast<std::int64_t>(it.triangles.size()), it.points_revision, it.deck, it.of_mesh});
       motion.insert(motion.end(), {it.linear.x, it.linear.y, it.linear.z, it.angular.x, it.angular.y, it.angular.z});
     }
-    const std::size_t count = rows.size() / 8;
-    return std::make_tuple(array_of<std::int64_t, 2>(rows, {count, 8}), array_of<double, 2>(motion, {count, 6}));
+    const std::size_t count = rows.size() / 10;
+    return std::make_tuple(array_of<std::int64_t, 2>(rows, {count, 10}), array_of<double, 2>(motion, {count, 6}));
   }
   // Returns the points (N, 3) [m] and triangles (T, 3) of the patches of `slots`, one patch after the other.
   auto geometry(const Slots& slots) const {
     std::vector<double> points;
     std::vector<std::int32_t> triangles;
     for (std::int64_t slot : slots_below(slots, patches.size())) {
-      for (const Vec3& p : patches[slot].points) points.insert(points.end(), {p.x, p.y, p.z});
-      for (const auto& corners : patches[slot].triangles)
+      for (const Vec3& p : (*this)[slot].points) points.insert(points.end(), {p.x, p.y, p.z});
+      for (const auto& corners : (*this)[slot].triangles)
         triangles.insert(triangles.end(), corners.begin(), corners.end());
     }
     return std::make_tuple(array_of<double, 2>(points, {points.size() / 3, 3}),
@@ -97,7 +134,7 @@ struct Patches {
   // Returns numbers that change with the markers of the patches of `slots` (n,).
   auto marker_revisions(const Slots& slots) const {
     std::vector<std::int64_t> found;
-    for (std::int64_t slot : slots_below(slots, patches.size())) found.push_back(patches[slot].near_revision);
+    for (std::int64_t slot : slots_below(slots, patches.size())) found.push_back((*this)[slot].near_revision);
     return array_of<std::int64_t, 1>(found, {found.size()});
   }
   // Returns the bytes of a MarkerArray: first a marker that deletes all if `clears`, then the patches of `slots` (n,)
@@ -113,7 +150,7 @@ struct Patches {
     bytes_.start(static_cast<std::uint32_t>(clears + shown.size() + gone.shape(0)));
     if (clears) put_marker(style, -1, MarkerAction::DeleteAll, nullptr, bytes_);
     for (std::size_t k = 0; k < shown.size(); ++k)
-      put_marker(style, static_cast<std::int32_t>(ids.data()[k]), MarkerAction::Add, &patches[shown[k]], bytes_);
+      put_marker(style, static_cast<std::int32_t>(ids.data()[k]), MarkerAction::Add, &(*this)[shown[k]], bytes_);
     for (std::size_t k = 0; k < gone.shape(0); ++k)
       put_marker(style, static_cast<std::int32_t>(gone.data()[k]), MarkerAction::Delete, nullptr, bytes_);
     return nb::bytes(bytes_.data().data(), bytes_.data().size());
@@ -130,7 +167,7 @@ void add_patches(nb::module_& m) {
       .def(nb::init<>())
       .def("set_tiles", &Patches::set_tiles, "tiles"_a)
       .def("search", &Patches::search, "shapes"_a, "states"_a.noconvert(), "slots"_a.noconvert(),
-           "always"_a.noconvert(), "time"_a, "ahead"_a, "farthest"_a)
+           "always"_a.noconvert(), "owners"_a.noconvert(), "time"_a, "ahead"_a, "farthest"_a)
       .def("collect", &Patches::collect, "slots"_a.noconvert(), "time"_a)
       .def("describe", &Patches::describe, "slots"_a.noconvert())
       .def("geometry", &Patches::geometry, "slots"_a.noconvert())

@@ -60,14 +60,15 @@ void ground_heights(const nb::list& tiles, Points points, double time, Rows heig
   }
 }
 
-// Writes the ground below points (N, 3) [m]: heights, normals (N, 3), velocities (N, 3) and ages. Rows of points
-// without ground stay as they are.
+// Writes the ground below points (N, 3) [m]: heights, normals (N, 3), velocities (N, 3), ages and coefficients of
+// friction. Rows of points without ground stay as they are.
 void ground_samples(const nb::list& tiles, Points points, double time, Rows heights, Table normals, Table velocities,
-                    Rows ages) {
+                    Rows ages, Rows friction) {
   const std::size_t count = points.shape(0);
   check_table(points, count, 3, "points"), check_list(heights, count, "heights"),
       check_table(normals, count, 3, "normals");
-  check_table(velocities, count, 3, "velocities"), check_list(ages, count, "ages");
+  check_table(velocities, count, 3, "velocities"), check_list(ages, count, "ages"),
+      check_list(friction, count, "friction");
   check_instant(time, INSTANT);
   Parts parts;
   SurfaceReader reader = parts.begin(tiles, time, count);
@@ -76,7 +77,7 @@ void ground_samples(const nb::list& tiles, Points points, double time, Rows heig
     if (!(std::isfinite(p[0]) && std::isfinite(p[1]))) continue;
     const GroundSample ground = reader.below({p[0], p[1], p[2]});
     if (std::isnan(ground.height)) continue;
-    heights.data()[k] = ground.height, ages.data()[k] = ground.age;
+    heights.data()[k] = ground.height, ages.data()[k] = ground.age, friction.data()[k] = ground.friction;
     write(normals.data() + 3 * k, ground.normal), write(velocities.data() + 3 * k, ground.velocity);
   }
 }
@@ -179,7 +180,7 @@ void add_queries(nb::module_& m) {
   m.def("ground_heights", &ground_heights, "tiles"_a, "points"_a.noconvert(), "time"_a, "heights"_a.noconvert(),
         "velocities"_a.noconvert());
   m.def("ground_samples", &ground_samples, "tiles"_a, "points"_a.noconvert(), "time"_a, "heights"_a.noconvert(),
-        "normals"_a.noconvert(), "velocities"_a.noconvert(), "ages"_a.noconvert());
+        "normals"_a.noconvert(), "velocities"_a.noconvert(), "ages"_a.noconvert(), "friction"_a.noconvert());
   nb::class_<RayCaster>(m, "RayCaster")
       .def(nb::init<>())
       .def("cast", &RayCaster::cast, "tiles"_a, "origins"_a.noconvert(), "directions"_a.noconvert(), "reach"_a,

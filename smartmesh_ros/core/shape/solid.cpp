@@ -54,9 +54,9 @@ double Solid::reach_along(const Vec3& direction) const {
   return shape->kind == ShapeKind::Hull ? dot(farthest_vertex(*this, d), d) + shape->rounding : shape->extent(d);
 }
 
-double BodySolid::lowest() const {
+double BodySolid::lowest(const Vec3& up) const {
   double least = std::numeric_limits<double>::infinity();
-  for (const Solid& part : parts) least = std::min(least, part.centre.z - part.reach_along({0.0, 0.0, -1.0}));
+  for (const Solid& part : parts) least = std::min(least, dot(up, part.centre) - part.reach_along(-up));
   return least;
 }
 

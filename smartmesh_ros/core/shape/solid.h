@@ -53,7 +53,8 @@ struct BodySolid {
   Solid whole;
   std::vector<Solid> parts;
 
-  double lowest() const;  // height of the lowest point [m]
+  // Returns the least height of its points along a unit vector [m].
+  double lowest(const Vec3& up = {0.0, 0.0, 1.0}) const;
 };
 
 // Places a shape, which the table has all of, on a body.

@@ -12,8 +12,6 @@ namespace {
 constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
 // Samples on each side of the middle of the largest patch. Larger bodies get fewer samples than the map has.
 constexpr int MOST_RINGS = 32;
-// Height of a body above the ground from which on it has no patch [m], beside what it may fall.
-constexpr double TOUCHING = 1e-3;
 // Height up to which, and depth to which, a body that always has a patch looks for meshes [m].
 constexpr double ANY_HEIGHT = 1e9;
 // Bits of a vertex in its name; above them is one more than the number of the mesh.
@@ -108,11 +106,10 @@ void ShownPatches::collect(const std::vector<std::int64_t>& slots, double time) 
   TileReader tiles(maps_, time, INSTANT);
   for (std::int64_t slot : slots) {
     ShownPatch& patch = patches_[slot];
-    const auto reaches_map = [&] { return patch.highest >= patch.body.lowest - TOUCHING; };
     const bool on_map = patch.square.tile >= 0;
     if (on_map) read_map(patch, tiles, time);
     patch.is_shown = true;
-    if (on_map && reaches_map())
+    if (on_map && patch.reaches_map())
       patch.is_mesh = false;
     else if (read_meshes(patch, time))
       patch.is_mesh = true;
@@ -120,6 +117,7 @@ void ShownPatches::collect(const std::vector<std::int64_t>& slots, double time) 
       patch.is_mesh = false, read_map(patch, tiles, time);
     else
       patch.is_shown = false;
+    patch.of_mesh = patch.is_mesh;
     if (patch.is_shown) find_near(patch);
     patch.is_shown = patch.is_shown && !patch.near.empty();
   }

@@ -47,6 +47,13 @@ struct ShownPatch {
   Vec3 linear, angular;                         // motion of the ground at the middle sample [m/s], [rad/s]
   long points_revision = 0, near_revision = 0;  // grow with each change of the points, and of what is near
 
+  int deck = -1;         // number of the deck that it is of; -1 = none
+  bool of_mesh = false;  // `tile` is a mesh
+
+  // Height of a body above the ground from which on it has no patch [m], beside what it may fall.
+  static constexpr double TOUCHING = 1e-3;
+  bool reaches_map() const { return highest >= body.lowest - TOUCHING; }
+
   // What was read: the square, or the box around the body.
   PatchSquare read;
   Bounds box;

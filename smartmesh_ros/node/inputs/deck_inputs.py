@@ -54,8 +54,15 @@ class DeckInputs:
                 transforms.listen(SOURCE)
             elif entry.source == "odometry":
                 session.listen(Odometry, entry.name, partial(self._on_odometry, name), BEST_EFFORT, private=False)
-            else:
-                session.world.carry(name, Carrier(entry.name, entry.link, entry.at, entry.orientation))
+        self.take_restored()
+
+    def take_restored(self) -> None:
+        """Moves the decks that the terrain has under the names of the entries from now on."""
+        world = self._session.world
+        self.decks = {name: world.terrain.decks.get(name, deck) for name, deck in self.decks.items()}
+        for name, entry in self._entries.items():
+            if entry.source == "body":
+                world.carry(name, Carrier(entry.name, entry.link, entry.at, entry.orientation))
 
     def target(self, tile: str, frame_id: str) -> Target:
         """Return where a terrain message belongs: to the deck that its tile names, alone or before a slash, or whose

@@ -1,10 +1,9 @@
 """Outputs of bodies and robots: states and contacts, which are serialised to bytes, joint states, odometry, wrenches,
-heights of the ground around bodies, and the latched descriptions of all bodies."""
+and the latched descriptions of all bodies."""
 
 from __future__ import annotations
 
 import array
-import math
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -24,20 +23,18 @@ from smartmesh_msgs.msg import (
     TrackedBody,
     TrackedBodyArray,
 )
-from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension, MultiArrayLayout
+from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.quaternions import conjugate, rotate
+from smartmesh_ros.ground.quaternions import conjugate, quaternion_of, rotate
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.node.outputs.cdr import ArrayMessage, by_length, floats, stamp_fields, text_rows
-from smartmesh_ros.node.parameters.entries import ScanEntry
+from smartmesh_ros.node.outputs.cdr import ArrayMessage, by_length, stamp_fields, text_rows
 from smartmesh_ros.node.services.files import urdf_text
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.terrain.height_scan import HeightScan
+from smartmesh_ros.terrain.deck import Frame
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.contacts import GroundContact
-from smartmesh_ros.world.height_scanner import HeightScanner
 from smartmesh_ros.world.state_table import StateTable
 from smartmesh_ros.world.world import World
 
@@ -137,6 +134,15 @@ def odometry(header: Header, world: World, robot: str, prefix: str) -> Odometry:
     return message
 
 
+def deck_odometry(header: Header, name: str, frame: Frame) -> Odometry:
+    """Return the pose of a deck's frame in the terrain's, and its twist in its own, which has the deck's name."""
+    message = Odometry(header=header, child_frame_id=name)
+    message.pose.pose = pose_message(BodyState(tuple(frame.position.tolist()), quaternion_of(frame.rotation)))
+    linear, angular = ((vector @ frame.rotation).tolist() for vector in (frame.velocity, frame.spin))
+    message.twist.twist = Twist(linear=_vector(linear), angular=_vector(angular))
+    return message
+
+
 def contact_wrenches(header: Header, world: World) -> ContactWrenchArray:
     """Return the wrench of the ground on every simulated body and link."""
     wrenches = []
@@ -210,43 +216,3 @@ def description(body: Body) -> BodyDescription:
     made.shape = int(shape.kind)
     made.dimensions = array.array("d", list(shape.dimensions.values()))
     return made
-
-
-# Share of a step by which an output may be early, because simulated times are sums of rounded steps.
-ROUNDING = 1e-3
-
-
-class ScanOutput:
-    """``~/height_scan/<body>``, for policies of legged robots: the scan of an entry of ``height_scans`` at its rate in
-    simulated time, while it has subscribers and its body is there. ``publisher``: of the scan."""
-
-    def __init__(self, session: Session, entry: ScanEntry, qos: Any) -> None:
-        session.topics.publish(entry.topic)
-        self._world, self._entry = session.world, entry
-        self.publisher = session.node.create_publisher(Float32MultiArray, entry.topic, qos)
-        self._layout = layout_message(entry.scan)
-        self._scanner = HeightScanner(session.world, entry.body, entry.scan)
-        self._turn = -1
-
-    def publish(self, *, now: bool) -> None:
-        """Scan if that is due, or ``now``, and publish the values that are known by now."""
-        world, entry = self._world, self._entry
-        if not self.publisher.get_subscription_count() or entry.body not in world.bodies:
-            self._scanner.forget()
-            return
-        turn = math.floor((world.time + ROUNDING * world.dt) * entry.rate)
-        if now or turn != self._turn:
-            self._turn = turn
-            self._scanner.measure()
-        if (values := self._scanner.take()) is not None:
-            self.publisher.publish(Float32MultiArray(layout=self._layout, data=floats(values[0])))
-
-
-def layout_message(scan: HeightScan) -> MultiArrayLayout:
-    """Return the layout of a scan's values: axes "x" and "y" of the body's yaw frame, the slower one first."""
-    (slow, rows), (fast, columns) = scan.layout
-    dimensions = [
-        MultiArrayDimension(label=slow, size=rows, stride=rows * columns),
-        MultiArrayDimension(label=fast, size=columns, stride=columns),
-    ]
-    return MultiArrayLayout(dim=dimensions)

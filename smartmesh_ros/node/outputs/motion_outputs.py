@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
-from smartmesh_ros.node.outputs.body_outputs import ROUNDING
+from smartmesh_ros.node.outputs.scan_outputs import Beat
 from smartmesh_ros.node.parameters.entries import BaseEntry, ImuEntry
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import stamp_of
@@ -72,19 +72,17 @@ class OdometryOutput:
         if entry.publish_tf:
             self._kind = require_message("tf2_msgs", "TFMessage", "publish_tf of bases")
             self._broadcast = session.node.create_publisher(self._kind, "/tf", 100)
-        self._turn = -1
+        self._beat = Beat(session.world, entry.rate)
         self._stamp = (0, 0)
 
     def publish(self, *, now: bool) -> None:
         """Publish what is due, or ``now``."""
         session, entry = self._session, self._entry
-        world, body = session.world, session.world.bodies.get(entry.body)
+        body = session.world.bodies.get(entry.body)
         if body is None or not body.is_robot or not body.simulated:
             return
-        turn = math.floor((world.time + ROUNDING * world.dt) * entry.rate)
-        if not now and turn == self._turn:
+        if not self._beat.is_due(now=now):
             return
-        self._turn = turn
         header = Header(stamp=session.stamp_now(), frame_id=entry.odom_frame)
         pose, child = odometry_pose(self._base), frame_of(session, entry.body)
         if self.publisher.get_subscription_count():

@@ -28,10 +28,11 @@ from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.node.outputs.audience import Audience
-from smartmesh_ros.node.outputs.body_outputs import BodyDescriptions, ScanOutput
+from smartmesh_ros.node.outputs.body_outputs import BodyDescriptions
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
 from smartmesh_ros.node.outputs.motion_outputs import ImuOutput, OdometryOutput
+from smartmesh_ros.node.outputs.scan_outputs import ROUNDING, GroundMapOutput, ScanOutput
 from smartmesh_ros.node.outputs.scene_outputs import RobotModel, SceneMarkers
 from smartmesh_ros.node.outputs.soil_outputs import sinkage_message, update_message
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
@@ -61,7 +62,7 @@ class RateTime:
         if self._before[0] == simulated:
             self._time += max(now - self._before[1], 0.0)
         self._before = simulated, now
-        return self._time + body_outputs.ROUNDING * session.world.dt
+        return self._time + ROUNDING * session.world.dt
 
 
 class _Output(NamedTuple):
@@ -109,13 +110,14 @@ class Publishing:
         self._sunk = -1  # revision of the map in the last message on ~/sinkage
         self._robot_model = RobotModel(session)
         self._scans = [ScanOutput(session, entry, self._qos) for entry in session.settings.height_scans]
+        self._ground_maps = [GroundMapOutput(session, entry, self._qos) for entry in session.settings.ground_maps]
         self._imus = [ImuOutput(session, entry, self._qos) for entry in session.settings.imus]
         self._odometry = [
             OdometryOutput(session, entry, session.bases[entry.body], transforms, self._qos)
             for entry in session.settings.bases
         ]
-        motions = [*self._imus, *self._odometry]
-        ends: list[Any] = [self._descriptions, self._robot_model, *self._scans, *motions, *self._outputs.values()]
+        of_bodies = [*self._scans, *self._ground_maps, *self._imus, *self._odometry]
+        ends: list[Any] = [self._descriptions, self._robot_model, *of_bodies, *self._outputs.values()]
         self._diagnostics = Diagnostics(session, peers, self._clock, [end.publisher for end in ends])
         self._time = RateTime(session)
         # Staggered, so that no step publishes all outputs.
@@ -138,6 +140,9 @@ class Publishing:
         with enduring("height_scan"):
             for scan in self._scans:
                 scan.publish(now=now)
+        with enduring("ground_map"):
+            for ground_map in self._ground_maps:
+                ground_map.publish(now=now)
         with enduring("imu"):
             for imu in self._imus:
                 imu.publish()
@@ -233,8 +238,12 @@ class Publishing:
         return [body_outputs.joint_states(self._header(), self._world, prefixes)] if prefixes else []
 
     def _make_odometry(self) -> list[Odometry]:
-        header, world, names = self._header(), self._world, self._session.robot_names
-        return [body_outputs.odometry(header, world, robot, prefix) for robot, prefix in names.prefixes().items()]
+        header, world, prefixes = self._header(), self._world, self._session.robot_names.prefixes()
+        decks = ((name, deck.frame(world.time)) for name, deck in world.terrain.decks.items())
+        return [
+            *(body_outputs.odometry(header, world, robot, prefix) for robot, prefix in prefixes.items()),
+            *(body_outputs.deck_odometry(header, name, frame) for name, frame in decks),
+        ]
 
     def _make_pressed_ground(self) -> list[HeightmapUpdate]:
         """Return the message of what changed in the soil, if any did."""

@@ -1,4 +1,4 @@
-"""Parameters that are lists of YAML mappings, one for each height scan, IMU or base."""
+"""Parameters that are lists of YAML mappings, one for each height scan, ground map, IMU or base."""
 
 from __future__ import annotations
 
@@ -43,6 +43,22 @@ class ScanEntry:
     def topic(self) -> str:
         """The private topic."""
         return f"~/height_scan/{topic_name(self.body)}"
+
+
+@dataclass(frozen=True)
+class GroundMapEntry:
+    """A grid map of the ground around a ``body``: its ``size`` along x and y [m], the ``spacing`` of its cells [m], and
+    the ``rate`` at which it is published in simulated time [Hz]."""
+
+    body: str
+    size: tuple[float, float] = (10.0, 10.0)
+    spacing: float = 0.1
+    rate: float = 10.0
+
+    @property
+    def topic(self) -> str:
+        """The private topic."""
+        return f"~/ground_map/{topic_name(self.body)}"
 
 
 @dataclass(frozen=True)
@@ -116,6 +132,21 @@ def scan_entries(texts: Sequence[str]) -> tuple[ScanEntry, ...]:
         return ScanEntry(_body(found), HeightScan.of(str(found.get("layout", "isaac_lab")), **changes), _rate(found))
 
     return entries_of("height_scans", texts, ("layout", "rate", *_names_of(HeightScan)), entry)
+
+
+def ground_map_entries(texts: Sequence[str]) -> tuple[GroundMapEntry, ...]:
+    """Return the entries of the parameter ``ground_maps``.
+
+    ``{body: robot, size: [10, 10], spacing: 0.1, rate: 10}``: ``body``; ``size`` and ``spacing`` [m], as of a
+    `HeightScan`; ``rate`` [Hz] in simulated time. Raises `InputError` as `scan_entries` does.
+    """
+
+    def entry(found: dict[str, Any], _: int) -> GroundMapEntry:
+        usual = GroundMapEntry(_body(found))
+        scan = HeightScan(size=found.get("size", usual.size), spacing=found.get("spacing", usual.spacing))
+        return GroundMapEntry(usual.body, scan.size, scan.spacing, _rate(found, usual.rate))
+
+    return entries_of("ground_maps", texts, ("size", "spacing", "rate"), entry)
 
 
 def imu_entries(texts: Sequence[str]) -> tuple[ImuEntry, ...]:
@@ -219,8 +250,8 @@ def _text(found: dict[str, Any], key: str, default: str) -> str:
     return str(value)
 
 
-def _rate(found: dict[str, Any]) -> float:
-    rate = found.get("rate", 50.0)
+def _rate(found: dict[str, Any], usual: float = 50.0) -> float:
+    rate = found.get("rate", usual)
     if type(rate) not in (int, float) or not (math.isfinite(rate) and RATES[0] <= rate <= RATES[1]):
         raise InputError("parameter", f"rate must be {RATES[0]:g} to {RATES[1]:g} Hz")
     return float(rate)

@@ -17,10 +17,9 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.urdf import UrdfRules
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.inputs.cdr_reader import MOST_SAMPLES
-from smartmesh_ros.node.parameters import declaring
+from smartmesh_ros.node.parameters import declaring, entries
 from smartmesh_ros.node.parameters.deck_entries import deck_entries
 from smartmesh_ros.node.parameters.declaring import Spec
-from smartmesh_ros.node.parameters.entries import base_entries, imu_entries, scan_entries, shape_entries
 from smartmesh_ros.node.parameters.helping import files_of, mismatch
 from smartmesh_ros.node.parameters.settings import (
     LONGEST_NAME,
@@ -158,6 +157,8 @@ SPECS = (
         "<service>/_service_event; with contents a bag holds the calls, and a replay repeats them."),
     _fixed("height_scans", "Height scans on ~/height_scan/<body>, each a YAML mapping such as {body: robot, layout: "
         "isaac_lab, rate: 50, noise: 0.01}; see docs/height_scan.md."),
+    _fixed("ground_maps", "Grid maps of the true ground on ~/ground_map/<body>, each a YAML mapping such as {body: "
+        "robot, size: [10, 10], spacing: 0.1, rate: 10}; see docs/elevation_mapping.md."),
     _fixed("imus", "IMUs on ~/imu/<body> or ~/imu/<body>/<link>, each a YAML mapping such as {body: robot, link: "
         "imu_link, rate: 100}; see docs/driving.md."),
     _fixed("bases", "Bases that drive by ~/cmd_vel/<body>, each a YAML mapping such as {body: robot, wheels: [left, "
@@ -223,11 +224,12 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     v |= body_sources({name: v[name] for name in ("bodies.poses", "bodies.odometry", "bodies.frames")})
     v["bodies.peers"] = peer_names(v["bodies.peers"])
     for name, parse in (
-        ("height_scans", scan_entries),
-        ("imus", imu_entries),
-        ("bases", base_entries),
+        ("height_scans", entries.scan_entries),
+        ("ground_maps", entries.ground_map_entries),
+        ("imus", entries.imu_entries),
+        ("bases", entries.base_entries),
         ("decks", deck_entries),
-        ("bodies.shapes", shape_entries),
+        ("bodies.shapes", entries.shape_entries),
     ):
         v[name] = parse(v[name])
     tree: dict[str, Any] = {}

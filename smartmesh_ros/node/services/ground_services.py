@@ -152,7 +152,7 @@ class GroundServices:
             with self._session.lock:
                 parts.append(ground_samples(self._session.world.terrain, points_w[part], asked.time))
             await NextTurn()
-        z, normals, velocities, ages = _joined(parts, ((), (3,), (3,), ()))
+        z, normals, velocities, ages, _ = _joined(parts, ((), (3,), (3,), (), ()))
         response.z = doubles(z - asked.transform.translation[2])
         response.normals, response.velocities = (doubles(asked.vectors(values)) for values in (normals, velocities))
         response.ages, response.header = doubles(ages), asked.header

@@ -65,7 +65,7 @@ def _file_of(name: str) -> Path:
 def _require_same_settings(state: WorldState, settings: Settings) -> None:
     """Raise `InputError` if a state was saved with other parameters, with which the run would not go on."""
     found = [*_differences("", state.config, settings.world)]
-    for mesh in state.terrain.tiles.values():
+    for mesh in state.terrain.meshes:
         found += _differences("terrain.", mesh.motion, settings.motion)
     soils = [] if state.soil is None else [SoilType(**soil) for soil in state.soil["soils"]]
     if soils and soils != (soils_from(settings.soil) if settings.soil else []):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -12,13 +12,15 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TerrainMesh, TerrainM
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs import cdr_reader
+from smartmesh_ros.terrain.deck import Deck
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.scrolling import carry_material
 from smartmesh_ros.terrain.surface_query import RayCaster, checked_rays
-from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
+from smartmesh_ros.tools.client.sight import Pose
 
 # The node's topics of terrain: their types, and what reads their messages.
 MAPS: dict[str, tuple[Any, Callable[[bytes], Any]]] = {
@@ -35,12 +37,13 @@ MAX_WAITING = 2000
 
 
 class Ground:
-    """All ``tiles`` by name, and the heights of the ``first`` map of each (rows, columns) [m]. Messages wait as bytes
-    until `apply_waiting`, because a newer map often replaces them first."""
+    """All ``tiles`` by name, and the heights of the ``first`` map of each (rows, columns) [m]. Tiles of the decks among
+    ``frames`` lie in these. Messages wait as bytes until `apply_waiting`, because a newer map often replaces them
+    first."""
 
     def __init__(self) -> None:
-        self._terrain = Terrain()
-        self.tiles = self._terrain.tiles
+        self.tiles: dict[str, MainMesh] = {}
+        self.frames: Mapping[str, Pose] = {}
         self.first: dict[str, NDArray[np.float32]] = {}
         self._waiting: list[tuple[str, str, bytes]] = []
 
@@ -63,14 +66,32 @@ class Ground:
             with suppress(InputError):
                 self._apply(topic, tile, data)
 
+    def deck_of(self, tile: str) -> str | None:
+        """Return the deck that a tile's name begins with, alone or before a slash; None = it is on none."""
+        deck = tile.partition("/")[0]
+        return deck if deck in self.frames else None
+
+    def terrain(self) -> Terrain:
+        """Return the tiles as terrain, with those of decks on decks."""
+        found = Terrain()
+        for name, mesh in self.tiles.items():
+            if (deck := self.deck_of(name)) is None:
+                found.put(name, mesh)
+                continue
+            if deck not in found.decks:
+                (w, x, y, z), position = self.frames[deck].wxyz, self.frames[deck].position
+                found.put(deck, Deck(position=position, orientation=(x, y, z, w)))
+            found.decks[deck].put(name, mesh)
+        return found
+
     def heights(self, xy_w: FloatArray) -> FloatArray:
         """Return the height (n,) [m] of the ground at points (n, 2) [m]; NaN where there is none."""
-        return self._terrain.at(xy_w, 0.0).heights
+        return self.terrain().at(xy_w, 0.0).heights
 
     def distances(self, origins: FloatArray, directions: FloatArray, reach: float = 500.0) -> FloatArray:
         """Return the distances (n,) [m] at which rays from (n, 3) [m] along (n, 3) first meet the ground, infinity =
         not within ``reach`` [m]."""
-        return RayCaster(self._terrain).cast(checked_rays(origins, directions, reach), 0.0).distances
+        return RayCaster(self.terrain()).cast(checked_rays(origins, directions, reach), 0.0).distances
 
     def _apply(self, topic: str, tile: str, data: bytes) -> None:
         known, new = self.tiles.get(tile), MAPS[topic][1](data)

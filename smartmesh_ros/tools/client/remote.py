@@ -35,8 +35,6 @@ SERVICES = {
 }  # fmt: skip
 # Name and type of the topic by which nodes are found.
 STATES, STATES_TYPE = "body_states", "smartmesh_msgs/msg/TrackedBodyArray"
-# Outputs that are empty without robots.
-ROBOT_OUTPUTS = {"joint_states", "odometry"}
 # Topics of which only the newest message is shown, and the depth of the others' queues: every region counts, and at
 # 60 Hz 200 last for 3 s.
 NEWEST, DEPTH = {"heightmap", *KINDS} - {"odometry"}, 200
@@ -78,6 +76,7 @@ class Remote:
         self._executor = EventsExecutor()
         self._executor.add_node(self.node)
         self.ground, self.sight = Ground(), Sight()
+        self.ground.frames = self.sight.bases
         self.timings: deque[tuple[float, Any]] = deque(maxlen=TIMINGS)
         self.counts: Counter[str] = Counter()
         self.tasks: dict[str, DiagnosticStatus] = {}

@@ -10,7 +10,7 @@ from typing import Any
 
 import viser
 
-from smartmesh_ros.tools.client.remote import OUTPUTS, ROBOT_OUTPUTS, Remote
+from smartmesh_ros.tools.client.remote import OUTPUTS, Remote
 from smartmesh_ros.tools.view.camera import Cameras
 from smartmesh_ros.tools.view.knobs import KnobPanel
 from smartmesh_ros.tools.view.panel import Panel
@@ -47,7 +47,7 @@ class Page:
             remote.sight.poses.clear()  # a page that opens later waits for new poses
             return
         hidden = set() if self.scene.show_contacts else {"contacts"}
-        remote.watch(OUTPUTS.keys() - hidden - (set() if remote.sight.robots else ROBOT_OUTPUTS))
+        remote.watch(OUTPUTS.keys() - hidden)
         remote.apply_waiting()
         self.scene.show(remote.ground, remote.sight)
         self._panel.update()

@@ -101,7 +101,8 @@ class TerrainScene:
     """Draws the tiles of a `Ground` in a viser scene."""
 
     def __init__(self, scene: Any, config: TerrainConfig = TerrainConfig()) -> None:
-        self._meshes, self._config = Meshes(scene), config
+        self._scene, self._meshes, self._config = scene, Meshes(scene), config
+        self._frames: dict[str, Any] = {}  # of decks
         self._reliefs: dict[str, _Relief] = {}
 
     def show(
@@ -112,25 +113,38 @@ class TerrainScene:
         of_tile: dict[str, list[Patch]] = defaultdict(list)
         for patch in patches:
             of_tile[patch.tile].append(patch)
-        meshes = {}
+        meshes, decks = {}, ground.terrain().decks
+        self._show_frames(ground, decks.keys())
         for name, tile in ground.tiles.items():
-            path = f"/terrain/{name or 'map'}"
+            deck, path = ground.deck_of(name), f"/terrain/{name or 'map'}"
+            root = f"/decks/{deck}" if deck else ""
             if not isinstance(tile, HeightMap):
-                meshes[path] = Mesh(tile.vertices, tile.triangles, GROUND)
+                meshes[root + path] = Mesh(tile.vertices, tile.triangles, GROUND)
                 continue
             relief = self._reliefs.get(name)
-            if relief is None or relief.geometry != tile.geometry:
-                relief = self._reliefs[name] = _Relief(path, tile.geometry, self._config)
-            relief.follow(tile, of_tile[name])
-            meshes |= relief.meshes(tile, bodies, radii, ground.first[name] if sunk else None)
+            if relief is None or (relief.geometry, relief.root) != (tile.geometry, root):
+                relief = self._reliefs[name] = _Relief(root, path, tile.geometry, self._config)
+            if deck:
+                frame = decks[deck].frame(0.0)
+                near = (bodies - frame.position) @ frame.rotation
+            else:
+                relief.follow(tile, of_tile[name])
+            meshes |= relief.meshes(tile, near if deck else bodies, radii, ground.first[name] if sunk else None)
         self._meshes.show(meshes)
+
+    def _show_frames(self, ground: Ground, decks: Iterable[str]) -> None:
+        """Move the frames of decks, under which their tiles are drawn."""
+        for deck in decks:
+            if deck not in self._frames:
+                self._frames[deck] = self._scene.add_frame(f"/decks/{deck}", show_axes=False)
+            self._frames[deck].position, self._frames[deck].wxyz = ground.frames[deck]
 
 
 class _Relief:
     """A height map as a decimated mesh. What was made is kept while neither the map nor the bodies have changed."""
 
-    def __init__(self, path: str, geometry: GridGeometry, config: TerrainConfig) -> None:
-        self._path, self.geometry, self._config = path, geometry, config
+    def __init__(self, root: str, path: str, geometry: GridGeometry, config: TerrainConfig) -> None:
+        self.root, self._path, self.geometry, self._config = root, path, geometry, config
         self._centres, self._due = np.full((1, 2), np.inf), 0.0
         self._made: dict[str, Mesh] = {}
         # Revision of the map, whether sunk ground was coloured, and the heights under patches.
@@ -174,7 +188,7 @@ class _Relief:
         if holes.any():
             triangles = triangles[~holes[triangles].any(axis=1)]
         vertices = np.column_stack([self._xy, z]).astype(np.float32)
-        yield self._path, Mesh(vertices, triangles, GROUND)
+        yield self.root + self._path, Mesh(vertices, triangles, GROUND)
         coloured: list[tuple[str, Bands, FloatArray]] = []
         stiffness = tile.material.stiffness
         if stiffness is not None:
@@ -190,7 +204,7 @@ class _Relief:
             for band, chosen in triangles_by_band(values, triangles, bands):
                 used, places = np.unique(chosen, return_inverse=True)
                 yield (
-                    f"/{kind}{self._path}/{band.name}",
+                    f"{self.root}/{kind}{self._path}/{band.name}",
                     Mesh(vertices[used] + LIFT, places.reshape(-1, 3), band.colour),
                 )
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate, StageTiming, Timing
@@ -20,7 +21,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.tools.client.patch import KINDS, Patch
-from smartmesh_ros.tools.testing import floats, heightmap_message
+from smartmesh_ros.tools.testing import floats, heightmap_message, pose_message
 from tests.examples import examples
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
@@ -317,6 +318,32 @@ def test_no_ground_is_drawn_over_a_patch_that_has_moved_since_the_map(server: An
         for k in range(49):
             assert found[(columns[k], rows[k])] == pytest.approx(vertices[k, 2], abs=1e-5)
         assert found[(16, 20)] == pytest.approx(tile.heights[20, 16], abs=1e-5)
+
+
+def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(server: Any) -> None:
+    ground, sight = ground_of(np.zeros((11, 11)), resolution=1.0), Sight()
+    ground.frames = sight.bases
+    message = heightmap_message(np.zeros((5, 5)), resolution=0.5, origin=(-1.0, -1.0, 0.25), tile="ferry/roof")
+    ground.take("heightmap", serialize_message(message))
+    ground.apply_waiting()
+    scene, drawn = TerrainScene(server.scene, TerrainConfig(period=0.0)), server.scene._handle_from_node_name
+    eye, down = np.array([[4.0, 5.0, 9.0]]), np.array([[0.0, 0.0, -1.0]])
+    for height in (2.0, 3.0):
+        place = Odometry(child_frame_id="ferry")
+        place.pose.pose = pose_message((4.0, 5.0, height), yaw=0.3)
+        sight.take("odometry", serialize_message(place))
+        scene.show(ground, np.array([[4.0, 5.0, height]]), np.array([0.2]), [])
+        frame, mesh = drawn["/decks/ferry"], drawn["/decks/ferry/terrain/ferry/roof"]
+        assert frame.position == pytest.approx([4.0, 5.0, height])
+        assert frame.wxyz == pytest.approx([math.cos(0.15), 0.0, 0.0, math.sin(0.15)])
+        corners = np.asarray(mesh.vertices, float)
+        assert (corners.min(axis=0), corners.max(axis=0)) == (
+            pytest.approx([-1.0, -1.0, 0.25]),
+            pytest.approx([1.0, 1.0, 0.25]),
+        )
+        assert ground.distances(eye, down) == pytest.approx(9.0 - height - 0.25)
+    assert set(drawn) >= {"/terrain/map"}
+    assert "/terrain/ferry/roof" not in drawn
 
 
 URDF = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'

@@ -1,0 +1,120 @@
+"""Outputs of the ground around a body: height scans for policies, and grid maps with all that is known of it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from rclpy.qos import QoSProfile
+from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension, MultiArrayLayout
+
+from smartmesh_ros.node.inputs.optional_messages import require_message
+from smartmesh_ros.node.outputs.cdr import floats
+from smartmesh_ros.node.outputs.grid_maps import grid_map_message
+from smartmesh_ros.node.parameters.entries import GroundMapEntry, ScanEntry
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.height_scan import HeightScan
+from smartmesh_ros.world.height_scanner import HeightScanner
+from smartmesh_ros.world.world import World
+
+# Share of a step by which an output may be early, because simulated times are sums of rounded steps.
+ROUNDING = 1e-3
+
+
+class Beat:
+    """The steps of a world in which an output of a ``rate`` in simulated time [Hz] is due."""
+
+    def __init__(self, world: World, rate: float) -> None:
+        self._world, self._rate, self._turn = world, rate, -1
+
+    def is_due(self, *, now: bool) -> bool:
+        """Return True once for each period, and if it is to be ``now``."""
+        turn = math.floor((self._world.time + ROUNDING * self._world.dt) * self._rate)
+        due, self._turn = now or turn != self._turn, turn
+        return due
+
+
+class ScanOutput:
+    """``~/height_scan/<body>``, for policies of legged robots: the scan of an entry of ``height_scans`` at its rate in
+    simulated time, while it has subscribers and its body is there. ``publisher``: of the scan."""
+
+    def __init__(self, session: Session, entry: ScanEntry, qos: QoSProfile) -> None:
+        session.topics.publish(entry.topic)
+        self._world, self._entry, self._beat = session.world, entry, Beat(session.world, entry.rate)
+        self.publisher = session.node.create_publisher(Float32MultiArray, entry.topic, qos)
+        self._layout = layout_message(entry.scan)
+        self._scanner = HeightScanner(session.world, entry.body, entry.scan)
+
+    def publish(self, *, now: bool) -> None:
+        """Scan if that is due, or ``now``, and publish the values that are known by now."""
+        if not self.publisher.get_subscription_count() or self._entry.body not in self._world.bodies:
+            self._scanner.forget()
+            return
+        if self._beat.is_due(now=now):
+            self._scanner.measure()
+        if (values := self._scanner.take()) is not None:
+            self.publisher.publish(Float32MultiArray(layout=self._layout, data=floats(values[0])))
+
+
+def layout_message(scan: HeightScan) -> MultiArrayLayout:
+    """Return the layout of a scan's values: axes "x" and "y" of the body's yaw frame, the slower one first."""
+    (slow, rows), (fast, columns) = scan.layout
+    dimensions = [
+        MultiArrayDimension(label=slow, size=rows, stride=rows * columns),
+        MultiArrayDimension(label=fast, size=columns, stride=columns),
+    ]
+    return MultiArrayLayout(dim=dimensions)
+
+
+class GroundMapOutput:
+    """``~/ground_map/<body>``: the true ground of an entry of ``ground_maps`` at its rate in simulated time, while it
+    has subscribers, its body is there, and there is ground. ``publisher``: of the map."""
+
+    def __init__(self, session: Session, entry: GroundMapEntry, qos: QoSProfile) -> None:
+        session.topics.publish(entry.topic)
+        self._session, self._entry, self._beat = session, entry, Beat(session.world, entry.rate)
+        self._kind = require_message("grid_map_msgs", "GridMap", "ground_maps")
+        self.publisher = session.node.create_publisher(self._kind, entry.topic, qos)
+
+    def publish(self, *, now: bool) -> None:
+        """Publish the map if it is due, or ``now``."""
+        session, entry, world = self._session, self._entry, self._session.world
+        seen = self.publisher.get_subscription_count() and entry.body in world.bodies and not world.terrain.empty
+        if not seen or not self._beat.is_due(now=now):
+            return
+        header = Header(stamp=session.stamp_now(), frame_id=session.frame_id)
+        grid = grid_around(world.base_state(entry.body).position, entry.size, entry.spacing)
+        self.publisher.publish(grid_map_message(self._kind, header, grid, ground_layers(world, grid)))
+
+
+def grid_around(position: tuple[float, float, float], size: tuple[float, float], spacing: float) -> GridGeometry:
+    """Return the grid of cells of a ``size`` (x, y) [m] around a position, whose middles are multiples of their
+    ``spacing`` [m]: it moves by whole cells."""
+    columns, rows = (max(round(length / spacing), 3) for length in size)
+    first = [spacing * (round(at / spacing) - count // 2) for at, count in zip(position, (columns, rows), strict=False)]
+    return GridGeometry(rows=rows, columns=columns, resolution=spacing, origin=(first[0], first[1], 0.0))
+
+
+def ground_layers(world: World, grid: GridGeometry) -> dict[str, FloatArray]:
+    """Return what a world knows of its ground at the samples of a grid, by the names of layers, each (rows, columns);
+    NaN = no ground."""
+    xy_w = grid.to_world(*np.mgrid[: grid.rows, : grid.columns]).reshape(-1, 2)
+    found = world.ground_at(xy_w)
+    layers = {"elevation": found.z}
+    layers |= {f"velocity_{axis}": found.velocities[:, k] for k, axis in enumerate("xyz")}
+    layers |= {f"normal_{axis}": found.normals[:, k] for k, axis in enumerate("xyz")}
+    layers |= {"friction": found.friction, "sinkage": _sinkage(world, xy_w, found.z), "age": found.ages}
+    return {name: values.reshape(grid.rows, grid.columns) for name, values in layers.items()}
+
+
+def _sinkage(world: World, xy_w: FloatArray, z: FloatArray) -> FloatArray:
+    """Return how deep the ground of heights ``z`` (N,) [m] at points (N, 2) was pressed (N,) [m]; zero beside soil."""
+    soil, sinkage = world.ground.soil, np.where(np.isnan(z), np.nan, 0.0)
+    if isinstance(soil, Soil):
+        grid, places = soil.map.geometry, np.rint(soil.map.geometry.to_grid(xy_w)).astype(np.int64)
+        on_map = ((places >= 0) & (places <= grid.last)).all(axis=1)
+        chosen = on_map & (soil.map.at(xy_w, world.time).heights == z)
+        sinkage[chosen] = soil.sinkage()[tuple(places[chosen].T)]
+    return sinkage

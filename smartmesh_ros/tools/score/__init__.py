@@ -1,0 +1,1 @@
+"""Maps of a mapper against the true ground: what they are worth."""
