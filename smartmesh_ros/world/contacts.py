@@ -69,7 +69,8 @@ def _contact_of_tracked(follower: Follower, ground: Ground, state: FloatArray, t
     deepest = None
     for part, position, orientation in _parts_at(follower.shape, state[:3].tolist(), state[3:7].tolist()):
         pose = np.vstack([np.reshape(pb.getMatrixFromQuaternion(orientation), (3, 3)), position])
-        found = CORE.find_contacts(_core_shape(part), ground.terrain.readers, pose, np.zeros((2, 3)), 0.0, 0.0, time)
+        tiles = ground.terrain.readers_for(follower.body)
+        found = CORE.find_contacts(_core_shape(part), tiles, pose, np.zeros((2, 3)), 0.0, 0.0, time)
         for contact in found:
             if deepest is None or contact[6] < deepest[6]:
                 deepest = contact
