@@ -214,3 +214,12 @@ def test_a_users_own_steps_are_those_of_the_ground() -> None:
     assert mine.ground.rescues >= 4 and len(slept) >= 6 and len(woke) >= 4
     for scene in (mine, theirs):
         scene.client.disconnect()
+
+
+@pytest.mark.parametrize("ends", ["close", "resetSimulation"])
+def test_a_new_ground_begins_at_time_zero(client: Any, ends: str) -> None:
+    first = Ground(client, level())
+    client.stepSimulation()
+    assert first.clock > 0.0
+    first.close() if ends == "close" else client.resetSimulation()
+    assert Ground(client, level()).clock == 0.0

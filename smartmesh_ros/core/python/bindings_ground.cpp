@@ -51,6 +51,7 @@ struct Ground {
     if (found.world == nullptr) throw std::runtime_error("the PyBullet client of this ground is disconnected");
     if (found->owned) throw std::runtime_error("this PyBullet client has a ground already; close that one first");
     found->owned = true;
+    found->time = 0.0;
     of_world = found->worlds();
   }
   ~Ground() { release(); }
