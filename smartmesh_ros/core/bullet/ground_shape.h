@@ -28,8 +28,8 @@ class GroundShape final : public btConcaveShape {
 
   void getAabb(const btTransform& t, btVector3& least, btVector3& most) const override {
     const btVector3 centre = (low + high) * 0.5, half = (high - low) * 0.5;
-    const btMatrix3x3 turn = t.getBasis().absolute();
-    const btVector3 extent(half.dot3(turn[0], turn[1], turn[2])), at = t * centre;
+    const btMatrix3x3 rotation = t.getBasis().absolute();
+    const btVector3 extent(half.dot3(rotation[0], rotation[1], rotation[2])), at = t * centre;
     least = at - extent;
     most = at + extent;
   }

@@ -50,10 +50,10 @@ void put_robot(btMultiBody& robot, const btTransform& pose, btDiscreteDynamicsWo
   }
   robot.setBasePos(pose.getOrigin());
   robot.setWorldToBaseRot(pose.getRotation().inverse());
-  btAlignedObjectArray<btQuaternion> turns;
+  btAlignedObjectArray<btQuaternion> rotations;
   btAlignedObjectArray<btVector3> origins;
-  robot.forwardKinematics(turns, origins);
-  robot.updateCollisionObjectWorldTransforms(turns, origins);
+  robot.forwardKinematics(rotations, origins);
+  robot.updateCollisionObjectWorldTransforms(rotations, origins);
   for (const auto& [each, pose_before] : before) renew_bounds(*each, pose_before, world);
 }
 
@@ -121,8 +121,8 @@ void BulletWorld::move_with_corrections() {
       }
     }
     if (object == nullptr || is_fixed(*object) || !move_with(sums, pose)) continue;
-    const Turn& turn = pose.turn;
-    put(*object, btTransform(btQuaternion(turn.x, turn.y, turn.z, turn.w), to_bullet(pose.at)), *world_);
+    const Quaternion& q = pose.orientation;
+    put(*object, btTransform(btQuaternion(q.x, q.y, q.z, q.w), to_bullet(pose.at)), *world_);
   }
 }
 

@@ -50,11 +50,11 @@ class CylinderTouch {
         approach_(approach),
         contacts_(contacts),
         radius_(shape.half.x),
-        axis_(pose.turn * Vec3{0.0, 0.0, 1.0}),
+        axis_(pose.rotation * Vec3{0.0, 0.0, 1.0}),
         spin_(norm(approach.angular) * shape.half.x * approach.duration),
         pose_(pose) {
     for (int k = 0; k < 2; ++k) cap_[k] = pose.at + axis_ * (k ? shape.half.z : -shape.half.z);
-    side_[0] = pose.turn * Vec3{0.0, 1.0, 0.0};
+    side_[0] = pose.rotation * Vec3{0.0, 1.0, 0.0};
     side_[1] = cross(axis_, side_[0]);
     tilting_ = (approach.angular - axis_ * dot(approach.angular, axis_)) * approach.duration;
   }
@@ -86,7 +86,7 @@ class CylinderTouch {
     touch_facet(facet, normal, normal, 0);
     if (norm(tilting_) * radius_ > approach_.margin) touch_facet(facet, normal, normal - cross(tilting_, normal), 10);
     const double along = dot(normal, axis_);
-    if (std::abs(along) > std::cos(std::min(approach_.turn(normal), 0.5 * M_PI)))
+    if (std::abs(along) > std::cos(std::min(approach_.angle_after_impact(normal), 0.5 * M_PI)))
       touch_facet(facet, normal, axis_ * (2.0 * along) - normal, 20);
   }
 

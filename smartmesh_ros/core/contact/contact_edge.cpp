@@ -18,7 +18,7 @@ constexpr double DEEP = 0.05;
 // tells, or, of a segment, the way `away` to it.
 Vec3 outward_of(const Patch& patch, const Edge& ground, const PolyEdge& edge, const Pose& pose, const Vec3& away) {
   if (!patch.is_mesh) return ground.outward;
-  return edge.faces[0] < 0 ? away : pose.turn * (edge.into[0] + edge.into[1]);
+  return edge.faces[0] < 0 ? away : pose.rotation * (edge.into[0] + edge.into[1]);
 }
 
 // Returns true if a line is below the ground where it is as far below one facet of an edge as below the other. `a`: an
@@ -35,10 +35,10 @@ bool is_below(const Crossing& line, const Vec3& a, const Vec3& between, const Pa
 // with.
 std::pair<Vec3, NormalOf> seated(const Polytope& core, const PolyEdge& edge, const Pose& pose, const Patch& patch,
                                  const Edge& ground, const Vec3& n) {
-  const Vec3 local = transposed(pose.turn, n);
+  const Vec3 local = transposed(pose.rotation, n);
   for (int k = 0; k < 2; ++k)
     if (edge.faces[k] >= 0 && dot(local, edge.into[k]) < 0.0)
-      return {pose.turn * -core.faces[edge.faces[k]].normal, NormalOf::Body};
+      return {pose.rotation * -core.faces[edge.faces[k]].normal, NormalOf::Body};
   const Vec3 &a = patch.points[ground.end[0]], &b = patch.points[ground.end[1]];
   for (int k : ground.opposite) {
     if (k < 0 || !(dot(n, patch.points[k] - a) > 0.0)) continue;
@@ -64,7 +64,7 @@ bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, cons
     normal = unit(cross(b - a, patch.points[k] - a));
     const bool is_rim = patch.is_mesh && edge.opposite[1] < 0;  // of a sheet, which the shape leaves to its own side
     if (dot(normal, is_rim ? pose.to_world(shape.centre) - a : edge.outward) < 0.0) normal = -normal;
-    if (lowest(shape, transposed(pose.turn, normal)) + dot(normal, pose.at - a) > limit) return false;
+    if (lowest(shape, transposed(pose.rotation, normal)) + dot(normal, pose.at - a) > limit) return false;
     corners[count++] = pose.to_local(patch.points[k]);
   }
   const Vec3 between = count == 4 ? normals[0] - normals[1] : Vec3{};
@@ -112,7 +112,7 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
     const double from_edge = dot(n, on_edge - on_ground), distance = from_edge - shape.rounding;
     if (!(distance <= reach) || (beyond_end && from_edge > 0.0)) return;
     const double slack = cone_slack(approach, n, distance, SEAT);
-    if (!in_cone(edge, transposed(pose.turn, n), slack) || !in_cone(patch, other, n, slack)) return;
+    if (!in_cone(edge, transposed(pose.rotation, n), slack) || !in_cone(patch, other, n, slack)) return;
     if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, {on_edge, b - a, distance})) return;
     const auto [normal, normal_of] = seated(shape.core, edge, pose, patch, other, n);
     if (!(dot(normal, n) > 0.0)) return;  // the edge is so sharp that it seems to lie in its cone either way

@@ -52,7 +52,7 @@ class FacetTouch {
     if (distance > free_.radius + free_.reach || is_behind(facet, distance)) return;
     if (distance < 0.0)
       is_below_ |= is_over(free_.at, a, b, c);
-    else if (faces(free_, facet.normal, free_.turning) &&
+    else if (faces(free_, facet.normal, free_.angle) &&
              comes_over(free_, facet.normal, distance, duration_, 0.0, facet, patch_))
       add_contact(free_, name_, facet.normal, distance, ground_name(patch_, facet), contacts_);
   }

@@ -70,11 +70,11 @@ Bounds bounds_of(const Convex& shape, const Pose& pose) {
 }
 
 // Returns true if an edge faces the ground: edges touch by normals that lie between those of the faces of both.
-bool faces_ground(const Convex& shape, const Pose& pose, const PolyEdge& edge, const Patch& patch, double turn) {
-  const double slack = SEAT + turn;
+bool faces_ground(const Convex& shape, const Pose& pose, const PolyEdge& edge, const Patch& patch, double angle) {
+  const double slack = SEAT + angle;
   if (edge.faces[0] < 0 || patch.steepest < slack) return true;
-  const double up = std::min(dot(pose.turn.row[2], shape.core.faces[edge.faces[0]].normal),
-                             dot(pose.turn.row[2], shape.core.faces[edge.faces[1]].normal));
+  const double up = std::min(dot(pose.rotation.row[2], shape.core.faces[edge.faces[0]].normal),
+                             dot(pose.rotation.row[2], shape.core.faces[edge.faces[1]].normal));
   return up <= (slack - patch.steepest) * edge.half_cosine;
 }
 
@@ -91,14 +91,14 @@ void find_contacts(const Convex& shape, const Pose& pose, const Patch& patch, co
   const double limit = patch.highest + shape.rounding + approach.reach(pose.at, shape.reach);
   std::vector<char> low(core.vertices.size());
   for (std::size_t k = 0; k < core.vertices.size(); ++k) {
-    low[k] = dot(pose.turn.row[2], core.vertices[k]) + pose.at.z <= limit;
+    low[k] = dot(pose.rotation.row[2], core.vertices[k]) + pose.at.z <= limit;
     if (low[k]) touch_vertex(shape, pose, static_cast<int>(k), patch, approach, contacts);
   }
   for (const Peak& peak : patch.peaks) touch_peak(shape, pose, peak, patch, approach, contacts);
-  const double turn = approach.turn(unit(-approach.linear));
+  const double angle = approach.angle_after_impact(unit(-approach.linear));
   for (std::size_t k = 0; k < core.edges.size(); ++k)
     if ((low[core.edges[k].end[0]] || low[core.edges[k].end[1]]) &&
-        faces_ground(shape, pose, core.edges[k], patch, turn))
+        faces_ground(shape, pose, core.edges[k], patch, angle))
       touch_edge(shape, pose, static_cast<int>(k), patch, approach, contacts);
 }
 
@@ -108,8 +108,7 @@ void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface,
                         std::vector<Contact>& contacts, double thickness) {
   contacts.clear();
   if (shape.core.vertices.size() != 1)  // no ball
-    approach.impact = IMPACT, approach.turning = norm(approach.angular) * approach.duration,
-    approach.size = shape.reach;
+    approach.impact = IMPACT, approach.angle = norm(approach.angular) * approach.duration, approach.size = shape.reach;
   const double grown = approach.reach(pose.at, shape.reach);
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
   if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;

@@ -45,7 +45,7 @@ void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch
                           shape.rounding,
                           approach.reach(velocity),
                           pose.to_world(shape.centre),
-                          approach.turn(unit(-approach.linear))};
+                          approach.angle_after_impact(unit(-approach.linear))};
   if (at.z - point.radius - point.reach > patch.highest) return;
   const int name = name_of(BodyFeature::Vertex, vertex);
   const auto touch = patch.is_mesh ? touch_sheets : touch_facets;
@@ -53,7 +53,7 @@ void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch
   const double most = point.radius + point.reach;
   const auto add = [&](const Vec3& n, double distance, const auto& feature, int one, int other) {
     const double slack = cone_slack(approach, n, distance - point.radius);
-    if (!in_cone(patch, feature, n, slack) || !in_cone(core, vertex, transposed(pose.turn, n), slack)) return false;
+    if (!in_cone(patch, feature, n, slack) || !in_cone(core, vertex, transposed(pose.rotation, n), slack)) return false;
     add_contact(point, name, n, distance, ground_name(patch, one, other), contacts);
     return true;
   };

@@ -44,7 +44,7 @@ void Deck::add_ground_under(const Bounds& bounds, double time, GroundUnder& foun
   found.slides |= here.slides;
   const double far =
       norm(middle) + norm(local.high - middle);  // no point of the body is farther from the frame's origin
-  for (const Vec3& v : {pose.at, pose.turn.row[0] * far, pose.turn.row[1] * far, pose.turn.row[2] * far})
+  for (const Vec3& v : {pose.at, pose.rotation.row[0] * far, pose.rotation.row[1] * far, pose.rotation.row[2] * far})
     found.vertices.insert(found.vertices.end(), {v.x, v.y, v.z});
 }
 
@@ -53,8 +53,8 @@ DeckReader::DeckReader(const Deck& of, double time)
 
 RayHit DeckReader::first_hit(const Ray& ray) {
   const Pose& pose = frame.pose;
-  RayHit hit = rays.first_hit(ground, {pose.to_local(ray.from), transposed(pose.turn, ray.way), ray.reach});
-  hit.normal = pose.turn * hit.normal;
+  RayHit hit = rays.first_hit(ground, {pose.to_local(ray.from), transposed(pose.rotation, ray.way), ray.reach});
+  hit.normal = pose.rotation * hit.normal;
   return hit;
 }
 
@@ -65,7 +65,7 @@ GroundSample DeckReader::below(const Vec3& p) {
   const Vec3 at{from.x, from.y, from.z - hit.distance};
   const Vec3 local = frame.pose.to_local(at);
   const GroundSample here = ground.below({local.x, local.y, local.z + ABOVE});
-  const Vec3 own = std::isnan(here.height) ? Vec3{} : frame.pose.turn * here.velocity;
+  const Vec3 own = std::isnan(here.height) ? Vec3{} : frame.pose.rotation * here.velocity;
   return {at.z, hit.normal, frame.velocity_at(at) + own, here.age, here.friction};
 }
 

@@ -7,7 +7,7 @@
 
 namespace smartmesh {
 
-// Pose of a scan: position [m] and turn about z [rad].
+// Pose of a scan: position [m] and yaw [rad].
 struct ScanPose {
   double x, y, yaw;
 };

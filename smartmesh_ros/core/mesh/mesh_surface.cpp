@@ -96,10 +96,10 @@ class MeshAdder {
         found.opposite[0] = corner;
         continue;
       }
-      const auto turn = [&](const Vec3& u, const Vec3& v) { return dot(cross(u, v), along); };
-      const auto opposes = [&](const Vec3& u) { return dot(u, into) < 0.0 && std::abs(turn(u, into)) < FLAT; };
+      const auto sine = [&](const Vec3& u, const Vec3& v) { return dot(cross(u, v), along); };
+      const auto opposes = [&](const Vec3& u) { return dot(u, into) < 0.0 && std::abs(sine(u, into)) < FLAT; };
       if (opposes(first) || opposes(second)) return false;
-      const bool left_of_first = turn(first, into) >= 0.0, left_of_second = turn(second, into) >= 0.0;
+      const bool left_of_first = sine(first, into) >= 0.0, left_of_second = sine(second, into) >= 0.0;
       if (left_of_first && !left_of_second) continue;      // between them
       if (!left_of_first && left_of_second) return false;  // behind both: they go all the way round
       if (left_of_first)

@@ -21,7 +21,7 @@ struct Shape {
   Vec3 half;
   double rounding = 0.0;
   Vec3 offset;
-  Turn turn;
+  Quaternion orientation;
   double reach = 0.0, radius = 0.0;
   std::int64_t first = 0, rows = 0;
 

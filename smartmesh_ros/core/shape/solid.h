@@ -9,7 +9,7 @@ namespace smartmesh {
 
 struct BodyPose {
   Vec3 at;  // [m]
-  Turn turn;
+  Quaternion orientation;
 };
 
 // State of a body: its row in a table.

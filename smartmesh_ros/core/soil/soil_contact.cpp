@@ -258,8 +258,9 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
   const auto speed_down = [&](const Vec3& offset) {
     return -moving.linear.z - (is_rolling ? 0.0 : cross(moving.angular, placed.to_world(offset)).z);
   };
-  const double turn = is_rolling ? 0.0 : norm(moving.angular) * placed.shape.solid.shape->extent({1.0, 1.0, 1.0});
-  const double deepest = (std::max(0.0, -moving.linear.z) + turn + carried.load / carried.mass * step.dt) * step.dt;
+  const double by_rotation = is_rolling ? 0.0 : norm(moving.angular) * placed.shape.solid.shape->extent({1.0, 1.0, 1.0});
+  const double deepest =
+      (std::max(0.0, -moving.linear.z) + by_rotation + carried.load / carried.mass * step.dt) * step.dt;
   gather(soil, placed, rim.slip(), deepest, step);
   if (carried.is_set_down) damp_critically(carried.mass, step.dt);
   const Span all{under_.data(), under_.data() + under_.size()};

@@ -58,16 +58,18 @@ BodyState extrapolated(const BodyState& state, double duration) {
   const double speed = norm(state.angular);
   if (!(speed > 0.0)) return moved;
   const Vec3 axis = state.angular * (std::sin(0.5 * speed * duration) / speed);
-  moved.pose.turn = Turn{axis.x, axis.y, axis.z, std::cos(0.5 * speed * duration)} * state.pose.turn;
+  moved.pose.orientation =
+      Quaternion{axis.x, axis.y, axis.z, std::cos(0.5 * speed * duration)} * state.pose.orientation;
   return moved;
 }
 
 BodyState blended(const BodyState& state, const BodyState& target, double share) {
   const auto between = [&](const Vec3& from, const Vec3& to) { return from + share * (to - from); };
-  const Turn &a = state.pose.turn, &b = target.pose.turn;
+  const Quaternion &a = state.pose.orientation, &b = target.pose.orientation;
   // q and -q are the same rotation: take the shorter way.
   const double of_a = 1.0 - share, of_b = dot(a, b) < 0.0 ? -share : share;
-  const Turn sum{of_a * a.x + of_b * b.x, of_a * a.y + of_b * b.y, of_a * a.z + of_b * b.z, of_a * a.w + of_b * b.w};
+  const Quaternion sum{of_a * a.x + of_b * b.x, of_a * a.y + of_b * b.y, of_a * a.z + of_b * b.z,
+                       of_a * a.w + of_b * b.w};
   const double length = std::sqrt(dot(sum, sum));
   return {{between(state.pose.at, target.pose.at), {sum.x / length, sum.y / length, sum.z / length, sum.w / length}},
           between(state.linear, target.linear),

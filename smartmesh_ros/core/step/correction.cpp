@@ -110,9 +110,9 @@ bool move_with(const CorrectionSums& sums, BodyPose& pose) {
   const double x = ay - by, y = bx - ax, z = ax * by - ay * bx;
   const double w = std::sqrt((1.0 + ax * ax + ay * ay) * (1.0 + bx * bx + by * by)) + 1.0 + ax * bx + ay * by;
   const double length = std::sqrt(x * x + y * y + z * z + w * w);
-  const Turn turn{x / length, y / length, z / length, w / length};
-  pose.at = pose.at + rotated(turn, away) - away + Vec3{0.0, 0.0, lift};
-  pose.turn = turn * pose.turn;
+  const Quaternion tilt{x / length, y / length, z / length, w / length};
+  pose.at = pose.at + rotated(tilt, away) - away + Vec3{0.0, 0.0, lift};
+  pose.orientation = tilt * pose.orientation;
   return true;
 }
 
