@@ -32,8 +32,8 @@ class ShapeKind(IntEnum):
 
 
 # ``kind``: a `ShapeKind`; ``half`` extents of the core along the shape's axes and ``rounding`` radius [m]; ``offset``
-# [m] and ``orientation`` (x, y, z, w): pose of the shape in the frame of the body's centre of mass; ``reach`` [m]:
-# bounding radius about the shape's middle; ``radius`` [m]: bounding radius about the centre of mass; ``first``,
+# [m] and ``orientation`` (x, y, z, w): pose of the shape in the frame of the body's centre of mass; ``bounding_radius``
+# [m]: about the shape's middle; ``radius`` [m]: bounding radius about the centre of mass; ``first``,
 # ``rows``: first row and number of a hull's vertices, or of a compound's parts.
 SHAPE = dtype_of(CORE.SHAPE)
 
@@ -122,8 +122,8 @@ def hull(points: FloatArray, rounding: float = 0.0) -> BodyShape:
     low, high = points.min(axis=0), points.max(axis=0)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     vertices, growth = _fewer(np.ascontiguousarray(points - middle))
-    reach = float(np.linalg.norm(vertices, axis=1).max())
-    shape = _shape(ShapeKind.HULL, half.tolist(), rounding + growth, reach, middle.tolist(), UNROTATED)
+    bounding_radius = float(np.linalg.norm(vertices, axis=1).max())
+    shape = _shape(ShapeKind.HULL, half.tolist(), rounding + growth, bounding_radius, middle.tolist(), UNROTATED)
     shape.record["rows"] = len(vertices)
     return BodyShape(shape.record, vertices)
 
@@ -139,10 +139,10 @@ def compound(parts: Sequence[BodyShape]) -> BodyShape:
     for part in parts:
         record = part.record.copy()
         record["offset"] -= middle
-        record["radius"] = record["reach"] + math.hypot(*record["offset"])
+        record["radius"] = record["bounding_radius"] + math.hypot(*record["offset"])
         inner.append(BodyShape(record, part.vertices))
-    reach = max(part.radius for part in inner)
-    shape = _shape(ShapeKind.COMPOUND, (0.5 * (high - low)).tolist(), 0.0, reach, middle.tolist(), UNROTATED)
+    bounding_radius = max(part.radius for part in inner)
+    shape = _shape(ShapeKind.COMPOUND, (0.5 * (high - low)).tolist(), 0.0, bounding_radius, middle.tolist(), UNROTATED)
     shape.record["rows"] = len(inner)
     return BodyShape(shape.record, None, tuple(inner))
 
@@ -152,8 +152,8 @@ def _shape(
     orientation: Sequence[float],
 ) -> BodyShape:  # fmt: skip
     """A shape whose core has a bounding radius ``core`` [m] about its middle."""
-    reach = core + rounding
-    values = (kind, half, rounding, offset, orientation, reach, reach + math.hypot(*offset), 0, 0)
+    bounding_radius = core + rounding
+    values = (kind, half, rounding, offset, orientation, bounding_radius, bounding_radius + math.hypot(*offset), 0, 0)
     return BodyShape(np.array(values, SHAPE))
 
 

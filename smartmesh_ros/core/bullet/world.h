@@ -213,7 +213,7 @@ class BulletWorld {
   bool is_another_ground(Slot& slot);
   void wake_beside_others();
   void look_beside();
-  void find_reached();
+  void find_ways();
   void note_driven();
   void follow_corrections(OfBody& body, double least);
   void raise_contacts();

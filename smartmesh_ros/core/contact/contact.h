@@ -58,9 +58,9 @@ struct Approach {
   double angle_after_impact(const Vec3& n) const { return angle + std::max(0.0, -dot(n, linear)) * duration / size; }
   // Distance up to which a point that moves at `v` may come to the ground in the step [m], also after an impact
   // elsewhere.
-  double reach(const Vec3& v) const { return margin + impact * norm(v) * duration; }
+  double contact_distance(const Vec3& v) const { return margin + impact * norm(v) * duration; }
   // The same for any point of a ball around `p`.
-  double reach(const Vec3& p, double radius) const {
+  double contact_distance(const Vec3& p, double radius) const {
     return margin + impact * (norm(linear) + norm(angular) * (norm(p - centre) + radius)) * duration;
   }
 };

@@ -55,7 +55,8 @@ bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, cons
   const double limit = MUCH_SHORTER * crossing.distance;
   const Vec3 &a = patch.points[edge.end[0]], &b = patch.points[edge.end[1]];
   const Vec3 on_ground = a + (b - a) * along_segment(crossing.at, a, b);
-  if (norm(on_ground - pose.at) > shape.reach) return false;  // an edge that overlaps the shape is inside it there
+  if (norm(on_ground - pose.at) > shape.bounding_radius)
+    return false;  // an edge that overlaps the shape is inside it there
   Vec3 corners[4] = {pose.to_local(a), pose.to_local(b)}, normals[2];
   int count = 2;
   for (int k : edge.opposite) {
@@ -87,14 +88,14 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
   const Vec3 a = pose.to_world(shape.core.vertices[edge.end[0]]), b = pose.to_world(shape.core.vertices[edge.end[1]]);
   const Vec3 middle = (a + b) * 0.5, velocity = approach.velocity_at(middle);
   const double spin = norm(approach.angular) * 0.5 * norm(b - a);
-  const double reach = approach.margin + approach.impact * (norm(velocity) + spin) * approach.duration,
-               most = shape.rounding + reach;
+  const double contact_distance = approach.margin + approach.impact * (norm(velocity) + spin) * approach.duration,
+               most = shape.rounding + contact_distance;
   if (std::min(a.z, b.z) - most > patch.highest) return;
   Bounds bounds;
   bounds.add(a), bounds.add(b);
   const double across =
       std::sqrt(1.0 - std::pow(std::max(patch.steepest, 0.0), 2));  // horizontal part of the steepest normal
-  bounds = bounds.grown(std::max(most, DEEP * shape.reach * across));
+  bounds = bounds.grown(std::max(most, DEEP * shape.bounding_radius * across));
   const PatchCells& cells = patch.cells;
   const CellRange near = cells.near(middle.x, middle.y, middle.x - bounds.low.x, middle.y - bounds.low.y);
   const auto touch = [&](const Edge& other) {
@@ -110,7 +111,7 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
     Vec3 n = unit(cross(b - a, q - p));
     if (dot(n, outward_of(patch, other, edge, pose, on_edge - on_ground)) < 0.0) n = -n;
     const double from_edge = dot(n, on_edge - on_ground), distance = from_edge - shape.rounding;
-    if (!(distance <= reach) || (beyond_end && from_edge > 0.0)) return;
+    if (!(distance <= contact_distance) || (beyond_end && from_edge > 0.0)) return;
     const double slack = cone_slack(approach, n, distance, SEAT);
     if (!in_cone(edge, transposed(pose.rotation, n), slack) || !in_cone(patch, other, n, slack)) return;
     if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, {on_edge, b - a, distance})) return;

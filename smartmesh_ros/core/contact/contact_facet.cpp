@@ -37,7 +37,7 @@ class FacetTouch {
  private:
   void touch_all() {
     is_below_ = false;
-    const double most = free_.radius + free_.reach + ROUNDING;
+    const double most = free_.radius + free_.contact_distance + ROUNDING;
     const PatchCells& cells = patch_.cells;
     const CellRange near = cells.near(free_.at.x, free_.at.y, most, most);
     for (int r = near.top; r < near.bottom; ++r)
@@ -49,7 +49,7 @@ class FacetTouch {
     const auto& p = patch_.points;
     const Vec3 &a = p[facet.corner[0]], &b = p[facet.corner[1]], &c = p[facet.corner[2]];
     const double distance = dot(facet.normal, free_.at - a);
-    if (distance > free_.radius + free_.reach || is_behind(facet, distance)) return;
+    if (distance > free_.radius + free_.contact_distance || is_behind(facet, distance)) return;
     if (distance < 0.0)
       is_below_ |= is_over(free_.at, a, b, c);
     else if (faces(free_, facet.normal, free_.angle) &&

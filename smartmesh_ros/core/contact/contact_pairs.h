@@ -10,7 +10,8 @@ namespace smartmesh {
 // A point of a shape with its speed relative to the ground, grown by a radius.
 struct MovingPoint {
   Vec3 at, velocity;
-  double radius, reach;  // `reach` [m]: distance up to which it may come to the ground in the step
+  double radius,
+      contact_distance;  // `contact_distance` [m]: distance up to which it may come to the ground in the step
   Vec3 inside;           // a point deep inside the shape [m]
   double angle = 0.0;    // angle by which the shape may rotate in the step [rad]
 };

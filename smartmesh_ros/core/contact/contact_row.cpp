@@ -69,7 +69,7 @@ void slide_to_mid_step(const Convex& shape, const Contact& contact, const Approa
     double s, t;
     if (!nearest_on_lines(then, then + edge, at, at + other, s, t)) return;
     at = at + other * t, normal = cross(edge, other);
-    if (norm(at - approach.centre) > shape.reach) return;  // they cross no more
+    if (norm(at - approach.centre) > shape.bounding_radius) return;  // they cross no more
     if (dot(normal, n) < 0.0) normal = -normal;
   }
   row.at = at - slid(approach.centre), row.normal = unit(normal);

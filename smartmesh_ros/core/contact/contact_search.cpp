@@ -88,7 +88,7 @@ void find_contacts(const Convex& shape, const Pose& pose, const Patch& patch, co
   }
   const Polytope& core = shape.core;
   // Most features of a hull of many vertices lie above all ground in reach.
-  const double limit = patch.highest + shape.rounding + approach.reach(pose.at, shape.reach);
+  const double limit = patch.highest + shape.rounding + approach.contact_distance(pose.at, shape.bounding_radius);
   std::vector<char> low(core.vertices.size());
   for (std::size_t k = 0; k < core.vertices.size(); ++k) {
     low[k] = dot(pose.rotation.row[2], core.vertices[k]) + pose.at.z <= limit;
@@ -108,8 +108,9 @@ void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface,
                         std::vector<Contact>& contacts, double thickness) {
   contacts.clear();
   if (shape.core.vertices.size() != 1)  // no ball
-    approach.impact = IMPACT, approach.angle = norm(approach.angular) * approach.duration, approach.size = shape.reach;
-  const double grown = approach.reach(pose.at, shape.reach);
+    approach.impact = IMPACT, approach.angle = norm(approach.angular) * approach.duration,
+    approach.size = shape.bounding_radius;
+  const double grown = approach.contact_distance(pose.at, shape.bounding_radius);
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
   if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;
   const ShapeReach reach(shape, pose, grown, bounds.low.z, thickness);

@@ -183,7 +183,7 @@ void choose_contacts(const Convex& shape, const Pose& pose, const Approach& appr
     for (const Candidate& each : found) contacts.push_back(each.contact);
     return;
   }
-  const double preference = PREFERENCE * shape.reach;
+  const double preference = PREFERENCE * shape.bounding_radius;
   prefer(before, preference, found);
   Choice choice(found, preference);
   if (choice.is_hit()) choice.add_deepest(HeldBody(shape, pose, approach));

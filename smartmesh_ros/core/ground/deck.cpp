@@ -53,7 +53,7 @@ DeckReader::DeckReader(const Deck& of, double time)
 
 RayHit DeckReader::first_hit(const Ray& ray) {
   const Pose& pose = frame.pose;
-  RayHit hit = rays.first_hit(ground, {pose.to_local(ray.from), transposed(pose.rotation, ray.way), ray.reach});
+  RayHit hit = rays.first_hit(ground, {pose.to_local(ray.from), transposed(pose.rotation, ray.way), ray.range});
   hit.normal = pose.rotation * hit.normal;
   return hit;
 }

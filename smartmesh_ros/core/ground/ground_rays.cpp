@@ -39,10 +39,10 @@ SurfaceReader GroundRays::begin(const Surface& surface, double time) {
 RayHit GroundRays::first_hit(SurfaceReader& ground, Ray ray) {
   RayHit best;
   const auto take = [&](const RayHit& hit) {
-    if (hit.distance < best.distance) best = hit, ray.reach = std::min(ray.reach, hit.distance);
+    if (hit.distance < best.distance) best = hit, ray.range = std::min(ray.range, hit.distance);
   };
   for (std::size_t k = 0; k < grids_.size(); ++k) take(smartmesh::first_hit(ray, grids_[k], ground.tiles, k));
-  for (const MeshReader& mesh : ground.meshes) take(mesh.first_hit(ray.from, ray.way, ray.reach));
+  for (const MeshReader& mesh : ground.meshes) take(mesh.first_hit(ray.from, ray.way, ray.range));
   if (ground.decks == nullptr) return best;
   for (DeckReader& deck : *ground.decks) take(deck.first_hit(ray));
   return best;

@@ -77,9 +77,9 @@ void MeshReader::prepare(std::size_t count) {
   positions_.swap(positions), rises_.swap(rises);
 }
 
-RayHit MeshReader::first_hit(const Vec3& from, const Vec3& way, double reach) const {
+RayHit MeshReader::first_hit(const Vec3& from, const Vec3& way, double range) const {
   const FacetTarget facets(mesh_->topology_, *this, from, way);
-  const BoxHit hit = mesh_->tree_.first_along(from, way, reach, drift_ + ROUNDING, facets);
+  const BoxHit hit = mesh_->tree_.first_along(from, way, range, drift_ + ROUNDING, facets);
   if (hit.place < 0) return {};
   const auto& k = mesh_->topology_.facets[hit.place];
   const Vec3 a = position(k[0]);

@@ -10,8 +10,8 @@ namespace smartmesh {
 namespace {
 
 constexpr std::size_t MOST_SLOTS = 1u << 24;
-// Largest reach of a body [m].
-constexpr double MOST_REACH = 1e7;
+// Largest radius of a body [m].
+constexpr double MOST_RADIUS = 1e7;
 
 // Red, green, blue and alpha of a marker.
 using Colour = std::tuple<float, float, float, float>;
@@ -84,10 +84,10 @@ struct Patches {
         const double way = std::min(norm(state.linear - frames[k].velocity_at(state.pose.at)) * ahead, farthest);
         const Vec3 up = pose.rotation * Vec3{0.0, 0.0, 1.0}, middle = pose.to_local(state.pose.at);
         const double lowest = body.lowest(up) - dot(up, pose.at) - way;
-        const double reach = bodies.table.shapes[slot].radius + way;
-        require(std::isfinite(middle.x + middle.y + middle.z + lowest) && reach < MOST_REACH,
+        const double radius = bodies.table.shapes[slot].radius + way;
+        require(std::isfinite(middle.x + middle.y + middle.z + lowest) && radius < MOST_RADIUS,
                 "a body is nowhere, or too large or fast for a patch");
-        found[k].push_back({middle, lowest, reach, always.data()[slot]});
+        found[k].push_back({middle, lowest, radius, always.data()[slot]});
         searched[k].push_back(slot);
       }
     }

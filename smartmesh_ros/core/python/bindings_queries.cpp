@@ -13,7 +13,7 @@ using Rows = Array<double, 1>;
 using Table = Array<double, 2>;
 
 constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
-// Largest coordinate of a ray's origin, and its longest reach [m], as in terrain/grid.py.
+// Largest coordinate of a ray's origin, and its longest range [m], as in terrain/grid.py.
 constexpr double MOST = 1e9;
 
 void check_instant(double time, double ahead) {
@@ -90,15 +90,15 @@ struct RayCaster {
   RayCaster() = default;
   RayCaster(const RayCaster&) = delete;
 
-  // Writes the distances (N,) [m], infinity = nothing, and the normals (N, 3) where rays meet the ground within `reach`
+  // Writes the distances (N,) [m], infinity = nothing, and the normals (N, 3) where rays meet the ground within `range`
   // [m]. Normals of other rays stay as they are.
-  void cast(const nb::list& tiles, Points origins, Points directions, double reach, double time, Rows distances,
+  void cast(const nb::list& tiles, Points origins, Points directions, double range, double time, Rows distances,
             Table normals) {
     const std::size_t count = origins.shape(0);
     check_table(origins, count, 3, "origins"), check_table(directions, count, 3, "directions");
     check_list(distances, count, "distances"), check_table(normals, count, 3, "normals");
     check_instant(time, INSTANT);
-    if (!(reach > 0.0 && reach <= MOST)) throw std::invalid_argument("the reach must be above zero and at most 1e9 m");
+    if (!(range > 0.0 && range <= MOST)) throw std::invalid_argument("the range must be above zero and at most 1e9 m");
     for (std::size_t k = 0; k < count; ++k)
       check_ray(vector_at(origins.data() + 3 * k), vector_at(directions.data() + 3 * k));
     if (!parts.are(tiles)) parts.set(tiles);
@@ -106,7 +106,7 @@ struct RayCaster {
     ground.prepare(count);
     for (std::size_t k = 0; k < count; ++k) {
       const RayHit hit =
-          rays.first_hit(ground, {vector_at(origins.data() + 3 * k), vector_at(directions.data() + 3 * k), reach});
+          rays.first_hit(ground, {vector_at(origins.data() + 3 * k), vector_at(directions.data() + 3 * k), range});
       distances.data()[k] = hit.distance;
       if (std::isfinite(hit.distance)) write(normals.data() + 3 * k, hit.normal);
     }
@@ -183,7 +183,7 @@ void add_queries(nb::module_& m) {
         "normals"_a.noconvert(), "velocities"_a.noconvert(), "ages"_a.noconvert(), "friction"_a.noconvert());
   nb::class_<RayCaster>(m, "RayCaster")
       .def(nb::init<>())
-      .def("cast", &RayCaster::cast, "tiles"_a, "origins"_a.noconvert(), "directions"_a.noconvert(), "reach"_a,
+      .def("cast", &RayCaster::cast, "tiles"_a, "origins"_a.noconvert(), "directions"_a.noconvert(), "range"_a,
            "time"_a, "distances"_a.noconvert(), "normals"_a.noconvert());
   m.def("sample_grid", &sample_grid, "grid"_a, "indices"_a.noconvert(), "time"_a, "ahead"_a, "heights"_a.noconvert(),
         "velocities"_a.noconvert());

@@ -38,7 +38,7 @@ inline std::vector<FieldLayout> shape_layout() {
           field("rounding", &Shape::rounding),
           field("offset", &Shape::offset),
           field("orientation", &Shape::orientation),
-          field("reach", &Shape::reach),
+          field("bounding_radius", &Shape::bounding_radius),
           field("radius", &Shape::radius),
           field("first", &Shape::first),
           field("rows", &Shape::rows)};

@@ -22,7 +22,7 @@ struct Shape {
   double rounding = 0.0;
   Vec3 offset;
   Quaternion orientation;
-  double reach = 0.0, radius = 0.0;
+  double bounding_radius = 0.0, radius = 0.0;
   std::int64_t first = 0, rows = 0;
 
   // Returns the distance from the middle to the farthest point along a unit direction in the shape's own frame [m]; of

@@ -49,14 +49,14 @@ Vec3 Solid::core_support(const Vec3& d) const {
   return {std::copysign(half.x, d.x), std::copysign(half.y, d.y), std::copysign(half.z, d.z)};
 }
 
-double Solid::reach_along(const Vec3& direction) const {
+double Solid::extent_along(const Vec3& direction) const {
   const Vec3 d = axes * direction;
   return shape->kind == ShapeKind::Hull ? dot(farthest_vertex(*this, d), d) + shape->rounding : shape->extent(d);
 }
 
 double BodySolid::lowest(const Vec3& up) const {
   double least = std::numeric_limits<double>::infinity();
-  for (const Solid& part : parts) least = std::min(least, dot(up, part.centre) - part.reach_along(-up));
+  for (const Solid& part : parts) least = std::min(least, dot(up, part.centre) - part.extent_along(-up));
   return least;
 }
 

@@ -69,7 +69,7 @@ SoilUnderBody::Placed SoilUnderBody::place(const SoilLattice& soil, const Moving
   const GridPoint at = to_grid(pose, soil.spacing(), solid.centre.x, solid.centre.y);
   const Underside shape = underside(solid, soil.spacing());
   Placed placed{
-      pose, shape, shape, at.column, at.row, solid.centre.z - soil.map().z, -solid.reach_along({0.0, 0.0, 1.0})};
+      pose, shape, shape, at.column, at.row, solid.centre.z - soil.map().z, -solid.extent_along({0.0, 0.0, 1.0})};
   std::copy(shape.half, shape.half + 3, placed.exact.grown);
   return placed;
 }
@@ -87,11 +87,11 @@ SampleRectangle SoilUnderBody::around(const SoilLattice& soil, const Placed& pla
 // Fills `under_` with the samples that a part whose rim slips reaches if it goes down by `deepest` [m].
 void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip, double deepest, const SoilStep& step) {
   under_.clear();
-  const SampleRectangle all = around(soil, placed, reach(placed.shape, 0), reach(placed.shape, 1));
+  const SampleRectangle all = around(soil, placed, half_extent(placed.shape, 0), half_extent(placed.shape, 1));
   if (all.empty()) return;
   // Of round shapes, that part is enough which may be below the highest ground.
   const double below = soil.highest(all.top, all.left, all.bottom, all.right) + HIGHER + deepest - placed.z;
-  const auto [x, y] = reach_below(placed.shape, below);
+  const auto [x, y] = half_extents_below(placed.shape, below);
   const SampleRectangle under = around(soil, placed, x, y);
   if (under.empty()) return;
   const double spacing = soil.spacing();
@@ -258,7 +258,8 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
   const auto speed_down = [&](const Vec3& offset) {
     return -moving.linear.z - (is_rolling ? 0.0 : cross(moving.angular, placed.to_world(offset)).z);
   };
-  const double by_rotation = is_rolling ? 0.0 : norm(moving.angular) * placed.shape.solid.shape->extent({1.0, 1.0, 1.0});
+  const double by_rotation =
+      is_rolling ? 0.0 : norm(moving.angular) * placed.shape.solid.shape->extent({1.0, 1.0, 1.0});
   const double deepest =
       (std::max(0.0, -moving.linear.z) + by_rotation + carried.load / carried.mass * step.dt) * step.dt;
   gather(soil, placed, rim.slip(), deepest, step);

@@ -85,12 +85,12 @@ void cover_round(const Underside& shape, FootRow& row) {
 // Multiplies the shares of a row by those that the shape covers along one of its axes, seen from above.
 void cover_along(const Underside& shape, int axis, FootRow& row) {
   const double along_x = shape.axis(axis).x, rest = shape.axis(axis).y * row.y, level = shape.level[axis];
-  const double half = shape.half[axis] * level, spacing = shape.spacing, reach = 0.5 * spacing;
+  const double half = shape.half[axis] * level, spacing = shape.spacing, half_cell = 0.5 * spacing;
   const double* x = row.x.data();
   double* share = row.share.data();
   for (std::size_t k = 0, count = row.x.size(); k < count; ++k) {
     const double distance = (along_x * x[k] + rest) / level;
-    const double left = most(distance - reach, -half), right = least(distance + reach, half);
+    const double left = most(distance - half_cell, -half), right = least(distance + half_cell, half);
     share[k] *= most(right - left, 0.0) / spacing;
   }
 }
@@ -181,8 +181,8 @@ double patch_width(const Underside& shape) {
   return half[0];
 }
 
-double reach(const Underside& shape, int along) {
-  const double half = shape.solid.reach_along(along == 0 ? Vec3{1.0, 0.0, 0.0} : Vec3{0.0, 1.0, 0.0});
+double half_extent(const Underside& shape, int along) {
+  const double half = shape.solid.extent_along(along == 0 ? Vec3{1.0, 0.0, 0.0} : Vec3{0.0, 1.0, 0.0});
   if (shape.kind == ShapeKind::Cylinder && shape.upright == 2) return half + SQRT2 * shape.spacing;
   if (shape.kind == ShapeKind::Cylinder) return half + shape.spacing * 2.0 * std::abs(along_grid(shape.axis(2), along));
   double found = half;
@@ -202,8 +202,8 @@ bool lies(const Solid& solid) {
   return (kind == ShapeKind::Cylinder || kind == ShapeKind::Capsule) && std::abs(solid.axes.row[2].z) < STANDS;
 }
 
-HalfLengths reach_below(const Underside& shape, double below) {
-  const double x = reach(shape, 0), y = reach(shape, 1), radius = shape.half[0];
+HalfLengths half_extents_below(const Underside& shape, double below) {
+  const double x = half_extent(shape, 0), y = half_extent(shape, 1), radius = shape.half[0];
   const bool is_ball = shape.kind == ShapeKind::Ball;
   if (!is_ball && !lies(shape.solid)) return {x, y};
   const Vec3 axis = is_ball ? Vec3{} : shape.axis(2);

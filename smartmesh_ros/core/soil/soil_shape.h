@@ -53,7 +53,7 @@ constexpr double STEEP = 0.05;
 double patch_width(const Underside& shape);
 
 // Returns half the length of the rectangle around all places with an underside [m].
-double reach(const Underside& shape, int along);
+double half_extent(const Underside& shape, int along);
 
 // Returns true if a box, or a standing cylinder, leans by so little that its sides are upright.
 bool stands_level(const Underside& shape);
@@ -67,6 +67,6 @@ struct HalfLengths {
 };
 
 // Returns how far from the middle, along columns and rows, a shape may be `below` a height above its middle [m].
-HalfLengths reach_below(const Underside& shape, double below);
+HalfLengths half_extents_below(const Underside& shape, double below);
 
 }  // namespace smartmesh

@@ -13,7 +13,7 @@ constexpr long OF_DECK = 1L << 40;
 
 // Returns true if a body is below all of a patch by more than a thickness [m]; holes may be above its middle.
 bool is_below(const ShownPatch& on, double thickness) {
-  const double top = on.body.middle.z + on.body.reach + thickness;
+  const double top = on.body.middle.z + on.body.radius + thickness;
   return std::none_of(on.points.begin(), on.points.end(), [&](const Vec3& p) { return p.z <= top; });
 }
 

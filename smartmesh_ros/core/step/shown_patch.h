@@ -14,7 +14,7 @@ namespace smartmesh {
 // until the next message [m]. `always`: it has a patch of the ground below it at any height.
 struct ReachingBody {
   Vec3 middle;
-  double lowest, reach;
+  double lowest, radius;
   bool always;
 };
 
@@ -79,8 +79,8 @@ class ShownPatches {
   void collect(const std::vector<std::int64_t>& slots, double time);
 
  private:
-  int map_under(const Vec3& p, double reach, int before, std::vector<Tile>& maps) const;
-  PatchSquare square_on(int tile, const GridPoint& place, double reach) const;
+  int map_under(const Vec3& p, double radius, int before, std::vector<Tile>& maps) const;
+  PatchSquare square_on(int tile, const GridPoint& place, double radius) const;
   void read_map(ShownPatch& patch, TileReader& tiles, double time);
   void read_points(const PatchSquare& square, TileReader& tiles, std::vector<Vec3>& points) const;
   void read_motion(ShownPatch& patch, TileReader& tiles) const;
