@@ -26,8 +26,8 @@ inline double cone_slack(const Approach& approach, const Vec3& n, double distanc
 // `slack`: sine.
 inline bool is_below(const Vec3& n, const Vec3& p, const Vec3& other, double slack) {
   const Vec3 d = other - p;
-  const double rise = dot(n, d);
-  return rise <= 0.0 || rise * rise <= slack * slack * norm2(d);
+  const double height = dot(n, d);
+  return height <= 0.0 || height * height <= slack * slack * norm2(d);
 }
 
 // `n`: perpendicular to the edge.
@@ -36,8 +36,8 @@ inline bool in_cone(const Patch& patch, const Edge& edge, const Vec3& n, double 
   for (int k : edge.opposite) {
     if (k < 0) continue;
     const Vec3 d = patch.points[k] - a;
-    const double rise = dot(n, d);
-    if (rise > 0.0 && rise * rise * norm2(along) > slack * slack * norm2(cross(along, d))) return false;
+    const double height = dot(n, d);
+    if (height > 0.0 && height * height * norm2(along) > slack * slack * norm2(cross(along, d))) return false;
   }
   return true;
 }

@@ -36,10 +36,10 @@ struct Tile {
 
   // Returns how far a place lies outside the map [m], along the axis where it is farthest.
   double beyond(const GridPoint& p) const;
-  // Returns the velocity of a facet of the map at (x, y) [m/s]. `rise` [m/s]: its vertical velocity there.
-  Vec3 velocity(double x, double y, double rise) const {
+  // Returns the velocity of a facet of the map at (x, y) [m/s]. `vertical` [m/s]: its vertical velocity there.
+  Vec3 velocity(double x, double y, double vertical) const {
     const Vec3 slide = pose.slide(x, y);
-    return {slide.x, slide.y, rise};
+    return {slide.x, slide.y, vertical};
   }
   // Returns the upward unit normal of a facet whose height changes so much per column and row [m].
   Vec3 normal(double per_column, double per_row) const {

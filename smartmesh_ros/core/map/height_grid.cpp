@@ -84,9 +84,9 @@ Sample GridReader::read(int row, int column) {
   if (newest_ == nullptr) return {height + deviation(i), 0.0};
   const Motion found = motion(row, column, i);
   double rise = rise_of(found, phase_, ahead_);
-  if (blend_.offset_rise != 0.0)
-    rise += blend_.offset_rise * static_cast<double>(grid_.offsets[i]) +
-            blend_.rate_rise * static_cast<double>(grid_.rates[i]);
+  if (blend_.offset_change != 0.0)
+    rise += blend_.offset_change * static_cast<double>(grid_.offsets[i]) +
+            blend_.rate_change * static_cast<double>(grid_.rates[i]);
   return {height + displacement(found, phase_) + deviation(i), rise};
 }
 
@@ -107,10 +107,10 @@ void GridReader::read_row(int row, int column, int count, double* heights, doubl
       });
     if (blend_.offset != 0.0)
       for (int k = 0; k < inside; ++k) out[k] += deviation(i + k);
-    if (up == nullptr || blend_.offset_rise == 0.0) return;
+    if (up == nullptr || blend_.offset_change == 0.0) return;
     for (int k = 0; k < inside; ++k)
-      up[k] += blend_.offset_rise * static_cast<double>(grid_.offsets[i + k]) +
-               blend_.rate_rise * static_cast<double>(grid_.rates[i + k]);
+      up[k] += blend_.offset_change * static_cast<double>(grid_.offsets[i + k]) +
+               blend_.rate_change * static_cast<double>(grid_.rates[i + k]);
   });
 }
 

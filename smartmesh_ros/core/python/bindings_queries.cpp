@@ -170,7 +170,8 @@ void sample_mesh(const Mesh& mesh, Slots indices, double time, double ahead, Tab
   for (std::size_t k = 0; k < count; ++k) {
     const Vertex vertex = reader.read(static_cast<int>(indices.data()[k]));
     write(positions.data() + 3 * k, vertex.position);
-    write(velocities.data() + 3 * k, {vertex.rise.x / ahead, vertex.rise.y / ahead, vertex.rise.z / ahead});
+    write(velocities.data() + 3 * k,
+          {vertex.displacement.x / ahead, vertex.displacement.y / ahead, vertex.displacement.z / ahead});
   }
 }
 

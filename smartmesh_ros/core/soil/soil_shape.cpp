@@ -193,8 +193,8 @@ double half_extent(const Underside& shape, int along) {
 }
 
 bool stands_level(const Underside& shape) {
-  const double rise = shape.axis(shape.upright).z;
-  return (shape.kind == ShapeKind::Box || shape.upright == 2) && 1.0 - rise * rise < STEEP * STEEP;
+  const double cosine = shape.axis(shape.upright).z;
+  return (shape.kind == ShapeKind::Box || shape.upright == 2) && 1.0 - cosine * cosine < STEEP * STEEP;
 }
 
 bool lies(const Solid& solid) {

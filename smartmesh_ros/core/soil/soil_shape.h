@@ -45,7 +45,7 @@ void cover(const Underside& shape, FootRow& row);
 // Returns the unit normal, of either sign, of the underside at a point on it [m].
 Vec3 normal_at(const Underside& shape, const Vec3& point);
 
-// Least rise of a normal: soil beside a body does not carry it.
+// Least vertical component of a normal: soil beside a body does not carry it.
 constexpr double STEEP = 0.05;
 
 // Returns the smaller dimension b of the contact patch [m], for Bekker's Kc / b: of a box its narrower side, of a lying

@@ -191,16 +191,16 @@ void ShownPatches::read_motion(ShownPatch& patch, TileReader& tiles) const {
   const double row = square.row + square.middle() * square.stride,
                column = square.column + square.middle() * square.stride;
   const double step = square.stride;
-  const auto rise = [&](double down, double along) {
+  const auto vertical_velocity = [&](double down, double along) {
     const double found = tiles.across(square.tile, row + down, column + along).rise / tiles.ahead();
     return std::isnan(found) ? 0.0 : found;
   };
   const Vec3 at = tile.pose.point({row, column}, tile.grid->resolution);
   const Vec3 slide = tile.pose.slide(at.x, at.y);
-  patch.linear = {slide.x, slide.y, rise(0.0, 0.0)};
+  patch.linear = {slide.x, slide.y, vertical_velocity(0.0, 0.0)};
   const double width = 2.0 * step * tile.grid->resolution;
-  const double east = (rise(0.0, step) - rise(0.0, -step)) / width,
-               north = (rise(step, 0.0) - rise(-step, 0.0)) / width;
+  const double east = (vertical_velocity(0.0, step) - vertical_velocity(0.0, -step)) / width,
+               north = (vertical_velocity(step, 0.0) - vertical_velocity(-step, 0.0)) / width;
   const double x = east * tile.pose.cos - north * tile.pose.sin, y = east * tile.pose.sin + north * tile.pose.cos;
   patch.angular = {y, -x, slide.z};
 }
