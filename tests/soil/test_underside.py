@@ -14,7 +14,7 @@ from smartmesh_ros.patches.shapes import BodyShape, ball, box, capsule, cylinder
 
 SHAPES: dict[str, tuple[dict[str, Any], Callable[..., BodyShape]]] = {
     "box": ({"shapeType": pb.GEOM_BOX, "halfExtents": [0.3, 0.2, 0.1]}, partial(box, (0.6, 0.4, 0.2))),
-    "ball": ({"shapeType": pb.GEOM_SPHERE, "radius": 0.25}, lambda turn: ball(0.25)),
+    "ball": ({"shapeType": pb.GEOM_SPHERE, "radius": 0.25}, lambda orientation: ball(0.25)),
     "cylinder": ({"shapeType": pb.GEOM_CYLINDER, "radius": 0.2, "height": 0.3}, partial(cylinder, 0.2, 0.3)),
     "capsule": ({"shapeType": pb.GEOM_CAPSULE, "radius": 0.1, "height": 0.3}, partial(capsule, 0.1, 0.3)),
 }

@@ -164,7 +164,7 @@ void SoilUnderBody::load(Span all, double down) {
 
 // Returns how far down a part goes in a step [m], at which the samples then have their loads: where the force of the
 // soil and the part's inertia balance its load. Newton's method, with bisection where it leaves the bracket.
-double SoilUnderBody::settle(Span all, const Carried& carried, double speed_down, double dt) {
+double SoilUnderBody::sink(Span all, const Carried& carried, double speed_down, double dt) {
   const double inertia = carried.mass / (dt * dt), free = speed_down * dt + carried.load / inertia;
   double low = free, high = free, trial = std::min(free, speed_down * dt);
   for (const Under& under : all) low = std::min(low, under.low - under.sample->level);
@@ -265,7 +265,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
   gather(soil, placed, rim.slip(), deepest, step);
   if (carried.is_set_down) damp_critically(carried.mass, step.dt);
   const Span all{under_.data(), under_.data() + under_.size()};
-  const double down = settle(all, carried, -moving.linear.z, step.dt);
+  const double down = sink(all, carried, -moving.linear.z, step.dt);
   Quarter quarters[4];
   if (!find_quarters(placed, quarters)) return springs_;
   for (Quarter& quarter : quarters) {
@@ -273,7 +273,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
     quarter.down = down;
     if (!is_rolling)
       quarter.down =
-          settle(quarter.under, {share * carried.mass, share * carried.load}, speed_down(quarter.middle), step.dt);
+          sink(quarter.under, {share * carried.mass, share * carried.load}, speed_down(quarter.middle), step.dt);
     sum(placed, then.solid, rim, step.dt, quarter);
     if (!(quarter.slope > 0.0)) continue;
     const Vec3 normal = placed.to_world(quarter.normal);

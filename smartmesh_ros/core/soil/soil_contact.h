@@ -86,7 +86,7 @@ class SoilUnderBody {
   void gather(SoilLattice& soil, const Placed& placed, double slip, double deepest, const SoilStep& step);
   void damp_critically(double mass, double dt);
   static void load(Span under, double down);
-  static double settle(Span under, const Carried& carried, double speed_down, double dt);
+  static double sink(Span under, const Carried& carried, double speed_down, double dt);
   bool find_quarters(const Placed& placed, Quarter (&quarters)[4]);
   static void sum(const Placed& placed, const Solid& then, const ShearedRim& rim, double dt, Quarter& quarter);
 
