@@ -107,14 +107,14 @@ class CylinderTouch {
     const Vec3 velocity = approach_.velocity_at(low);
     const MovingPoint point{low, velocity, 0.0, approach_.contact_distance(velocity), pose_.at};
     if (distance > point.contact_distance || distance < -2.0 * shape_.bounding_radius) return;
-    const Vec3 foot = low - normal * distance;
+    const Vec3 projected = low - normal * distance;
     if (distance < 0.0) {
-      if (inside_triangle(foot, a, b, c, facet.normal, 0.0) || is_over(low, a, b, c)) touch_all(point, name);
+      if (inside_triangle(projected, a, b, c, facet.normal, 0.0) || is_over(low, a, b, c)) touch_all(point, name);
       return;
     }
     if (!comes_over(point, normal, distance, approach_.duration, 0.0, facet, patch_)) return;
     if (patch_.is_mesh && penetrated(pose_.at, low, patch_) != nullptr) return;  // the facet is hidden
-    add(foot, normal, distance, name, ground_name(patch_, facet));
+    add(projected, normal, distance, name, ground_name(patch_, facet));
   }
 
   // A point of a rim against all facets.

@@ -120,11 +120,11 @@ bool comes_over(const MovingPoint& point, const Vec3& n, double distance, double
                 const Facet& facet, const Patch& patch) {
   const auto& p = patch.points;
   const auto& k = facet.corner;
-  const Vec3 foot = point.at - n * distance;
-  if (inside_triangle(foot, p[k[0]], p[k[1]], p[k[2]], facet.normal, slack * distance)) return true;
+  const Vec3 projected = point.at - n * distance;
+  if (inside_triangle(projected, p[k[0]], p[k[1]], p[k[2]], facet.normal, slack * distance)) return true;
   const double closing = -dot(n, point.velocity), gap = distance - point.radius;
   if (!(gap >= 0.0 && closing * duration > gap)) return false;
-  const Vec3 then = foot + (point.velocity + n * closing) * (gap / closing);
+  const Vec3 then = projected + (point.velocity + n * closing) * (gap / closing);
   if (inside_triangle(then, p[k[0]], p[k[1]], p[k[2]], facet.normal, slack * point.radius)) return true;
   // A point that slides down a facet meets the next one at their common edge.
   if (!inside_triangle(then, p[k[0]], p[k[1]], p[k[2]], facet.normal, closing * duration)) return false;

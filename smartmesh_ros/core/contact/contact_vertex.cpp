@@ -58,9 +58,9 @@ void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch
     add_contact(point, name, n, distance, ground_name(patch, one, other), contacts);
     return true;
   };
-  const auto touches = [&](const Vec3& foot, const auto& feature, int one, int other) {
-    const double distance = norm(at - foot);
-    return distance <= most && distance > 1e-9 && add((at - foot) * (1.0 / distance), distance, feature, one, other);
+  const auto touches = [&](const Vec3& nearest, const auto& feature, int one, int other) {
+    const double distance = norm(at - nearest);
+    return distance <= most && distance > 1e-9 && add((at - nearest) * (1.0 / distance), distance, feature, one, other);
   };
   // What a ball only comes to within the step: from `start` along `side`, which is zero for a peak.
   const auto meet = [&](const Vec3& start, const Vec3& side, const auto& feature, int one, int other) {

@@ -18,7 +18,7 @@ std::tuple<NewTable, double, double> shape_above_grid(Bytes2 record, Doubles2 po
   const Shape& own = *records_of<Shape>(record, "the record");
   check_kind(own);
   const Underside shape = underside(Solid(own, {}), spacing);
-  FootRow row;
+  UndersideRow row;
   std::vector<double> found;
   for (std::size_t k = 0; k < points.shape(0); ++k) {
     row.x.assign(1, points.data()[2 * k]), row.y = points.data()[2 * k + 1];

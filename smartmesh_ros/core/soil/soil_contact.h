@@ -90,7 +90,7 @@ class SoilUnderBody {
   bool find_quarters(const Placed& placed, Quarter (&quarters)[4]);
   static void sum(const Placed& placed, const Solid& then, const ShearedRim& rim, double dt, Quarter& quarter);
 
-  FootRow row_, exact_;
+  UndersideRow row_, exact_;
   std::vector<PatchSoil> soils_;
   std::vector<Under> under_, by_quarter_;
   PointsInSoil points_;

@@ -32,7 +32,7 @@ double under_sphere(double radius, double x, double y) {
 
 // A vertical line is in a convex shape where it is inside of all its surfaces: from `low` to `high`, nowhere if these
 // cross. Cuts that part by the pair of faces across an axis that are `half` from the middle [m].
-void cut_by_faces(const Underside& shape, int axis, double half, FootRow& row) {
+void cut_by_faces(const Underside& shape, int axis, double half, UndersideRow& row) {
   const double along_x = shape.axis(axis).x, rest = shape.axis(axis).y * row.y, slope = shape.axis(axis).z;
   const double* x = row.x.data();
   double *low = row.low.data(), *high = row.high.data();
@@ -49,7 +49,7 @@ void cut_by_faces(const Underside& shape, int axis, double half, FootRow& row) {
 }
 
 // Cuts by the round surface about axis 2.
-void cut_by_round(const Underside& shape, double radius, FootRow& row) {
+void cut_by_round(const Underside& shape, double radius, UndersideRow& row) {
   const Vec3 u = shape.axis(0), v = shape.axis(1);
   const double y = row.y, a = u.z * u.z + v.z * v.z;
   const double* x = row.x.data();
@@ -70,12 +70,12 @@ void cut_by_round(const Underside& shape, double radius, FootRow& row) {
   }
 }
 
-void leave_out_crossed(FootRow& row) {
+void leave_out_crossed(UndersideRow& row) {
   for (std::size_t k = 0; k < row.x.size(); ++k) row.low[k] = row.low[k] <= row.high[k] ? row.low[k] : INFINITE;
 }
 
 // Writes the shares of a row that a standing cylinder covers.
-void cover_round(const Underside& shape, FootRow& row) {
+void cover_round(const Underside& shape, UndersideRow& row) {
   for (std::size_t k = 0; k < row.x.size(); ++k) {
     const double inside = shape.half[0] - std::hypot(row.x[k], row.y);
     row.share[k] = std::min(std::max(0.5 + inside / shape.spacing, 0.0), 1.0);
@@ -83,7 +83,7 @@ void cover_round(const Underside& shape, FootRow& row) {
 }
 
 // Multiplies the shares of a row by those that the shape covers along one of its axes, seen from above.
-void cover_along(const Underside& shape, int axis, FootRow& row) {
+void cover_along(const Underside& shape, int axis, UndersideRow& row) {
   const double along_x = shape.axis(axis).x, rest = shape.axis(axis).y * row.y, level = shape.level[axis];
   const double half = shape.half[axis] * level, spacing = shape.spacing, half_cell = 0.5 * spacing;
   const double* x = row.x.data();
@@ -115,7 +115,7 @@ Underside underside(const Solid& solid, double spacing) {
   return shape;
 }
 
-void look_up(const Underside& shape, FootRow& row) {
+void look_up(const Underside& shape, UndersideRow& row) {
   const std::size_t count = row.x.size();
   row.low.assign(count, -INFINITE), row.high.assign(count, INFINITE);
   if (shape.kind == ShapeKind::Ball) {
@@ -134,7 +134,7 @@ void look_up(const Underside& shape, FootRow& row) {
   }
 }
 
-void look_up_exact(const Underside& shape, const FootRow& row, FootRow& exact) {
+void look_up_exact(const Underside& shape, const UndersideRow& row, UndersideRow& exact) {
   exact.y = row.y, exact.x = row.x, exact.low = row.low, exact.high = row.high;
   const bool is_box = shape.kind == ShapeKind::Box;
   if (!is_box && shape.kind != ShapeKind::Cylinder) return;  // without flat faces
@@ -144,7 +144,7 @@ void look_up_exact(const Underside& shape, const FootRow& row, FootRow& exact) {
   leave_out_crossed(exact);
 }
 
-void cover(const Underside& shape, FootRow& row) {
+void cover(const Underside& shape, UndersideRow& row) {
   row.share.assign(row.x.size(), 1.0);
   const bool is_box = shape.kind == ShapeKind::Box, is_cylinder = shape.kind == ShapeKind::Cylinder;
   if (is_cylinder && shape.upright == 2)

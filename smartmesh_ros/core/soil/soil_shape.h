@@ -30,17 +30,17 @@ Underside underside(const Solid& solid, double spacing);
 // beside it. `share`: of a sample's cell that the shape covers. It is exact for rectangles along the grid. In other
 // directions single shares are approximate, but their sum over the samples is near the area. Round undersides cover
 // whole cells: their pressure vanishes at the edge.
-struct FootRow {
+struct UndersideRow {
   double y = 0.0;
   std::vector<double> x, low, share, high;  // `high` is work space
 };
 
 // Fills `low`; a row at once, because a processor divides two numbers in the time of one.
-void look_up(const Underside& shape, FootRow& row);
+void look_up(const Underside& shape, UndersideRow& row);
 // Fills `low` of the underside as it is, without the margins of flat faces, from that with them.
-void look_up_exact(const Underside& shape, const FootRow& row, FootRow& exact);
+void look_up_exact(const Underside& shape, const UndersideRow& row, UndersideRow& exact);
 // Fills `share`.
-void cover(const Underside& shape, FootRow& row);
+void cover(const Underside& shape, UndersideRow& row);
 
 // Returns the unit normal, of either sign, of the underside at a point on it [m].
 Vec3 normal_at(const Underside& shape, const Vec3& point);

@@ -101,7 +101,7 @@ bool move_with(const CorrectionSums& sums, BodyPose& pose) {
   const Plane h = fitted(sums, sums.height, sums.x_height, sums.y_height);
   const Plane g = fitted(sums, sums.rise, sums.x_rise, sums.y_rise);
   if (g.mean == 0.0 && g.x == 0.0 && g.y == 0.0) return false;
-  // The foot, relative to the body's position: the nearest point of the plane before the correction.
+  // The nearest point of the plane before the correction, relative to the body's position.
   const double over = (pose.at.z - (h.mean - h.x * x0 - h.y * y0)) / (1.0 + h.x * h.x + h.y * h.y);
   const Vec3 away{-h.x * over, -h.y * over, over};
   const double lift = g.mean + g.x * (-away.x - x0) + g.y * (-away.y - y0);
