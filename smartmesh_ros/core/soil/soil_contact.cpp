@@ -99,7 +99,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
   soil.renew(top, left, bottom, right, step.number - 1);
   soils_.clear();
   for (int kind = 0; kind < soil.soil_count(); ++kind) {
-    soils_.push_back(under_patch(soil.soil(kind), patch_width(placed.shape), step.dt));
+    soils_.push_back(under_load(soil.soil(kind), contact_width(placed.shape), step.dt));
     if (soil.sinks_by_slip) soils_.back().modulus *= std::pow(slip_sinkage(slip), -soils_.back().exponent);
   }
   const bool is_rolling = rolls(placed.shape.solid);
@@ -118,7 +118,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
       FineSample& sample = soil.at(r, c);
       // Left out are holes, and soil that has sunk too far to carry, unless the middles of quarters count it.
       if (!(placed.z + low - deepest < sample.level - (is_rolling ? sample.yield.plastic : 0.0))) continue;
-      const PatchSoil& own = soils_[soil.kind(r, c)];
+      const LoadedSoil& own = soils_[soil.kind(r, c)];
       const double loaded = sample.step == step.number - 1 ? sample.pressure : 0.0;
       under_.push_back({&sample,
                         &own,
@@ -140,12 +140,12 @@ void SoilUnderBody::damp_critically(double mass, double dt) {
     const double sinkage = under.sample->level - under.low;
     area += under.area;
     if (!(sinkage > 0.0)) continue;
-    const PatchSoil& soil = *under.soil;
+    const LoadedSoil& soil = *under.soil;
     stiffness +=
         under.area * std::min(soil.elastic, soil.exponent * soil.modulus * std::pow(sinkage, soil.exponent - 1.0));
   }
   if (!(stiffness > 0.0)) return;
-  for (PatchSoil& soil : soils_) soil.drag += 2.0 * std::sqrt(stiffness * mass) / (area * dt);
+  for (LoadedSoil& soil : soils_) soil.drag += 2.0 * std::sqrt(stiffness * mass) / (area * dt);
 }
 
 // Sets the loads of the samples for a part that went `down` [m].

@@ -62,7 +62,7 @@ class SoilUnderBody {
   // Heights [m] without the map's z: of the underside `low`, and of the ground at the start of the step `surface`.
   struct Under {
     FineSample* sample;
-    const PatchSoil* soil;
+    const LoadedSoil* soil;
     int row, column;
     bool is_beside;
     Vec3 offset;
@@ -91,7 +91,7 @@ class SoilUnderBody {
   static void sum(const Placed& placed, const Solid& then, const ShearedRim& rim, double dt, Quarter& quarter);
 
   UndersideRow row_, exact_;
-  std::vector<PatchSoil> soils_;
+  std::vector<LoadedSoil> soils_;
   std::vector<Under> under_, by_quarter_;
   PointsInSoil points_;
   std::vector<SoilSpring> springs_;

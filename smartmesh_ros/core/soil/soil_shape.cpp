@@ -174,7 +174,7 @@ Vec3 normal_at(const Underside& shape, const Vec3& point) {
   return {out.x / length, out.y / length, out.z / length};
 }
 
-double patch_width(const Underside& shape) {
+double contact_width(const Underside& shape) {
   const double* half = shape.half;
   if (shape.kind == ShapeKind::Box) return 2.0 * std::min(half[(shape.upright + 1) % 3], half[(shape.upright + 2) % 3]);
   if (shape.kind == ShapeKind::Cylinder) return 2.0 * (shape.upright == 2 ? half[0] : half[2]);

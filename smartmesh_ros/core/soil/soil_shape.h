@@ -48,9 +48,9 @@ Vec3 normal_at(const Underside& shape, const Vec3& point);
 // Least vertical component of a normal: soil beside a body does not carry it.
 constexpr double STEEP = 0.05;
 
-// Returns the smaller dimension b of the contact patch [m], for Bekker's Kc / b: of a box its narrower side, of a lying
+// Returns the smaller dimension b of the contact [m], for Bekker's Kc / b: of a box its narrower side, of a lying
 // cylinder its height, of round shapes the radius.
-double patch_width(const Underside& shape);
+double contact_width(const Underside& shape);
 
 // Returns half the length of the rectangle around all places with an underside [m].
 double half_extent(const Underside& shape, int along);
