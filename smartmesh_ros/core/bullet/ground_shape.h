@@ -14,7 +14,7 @@ class BulletWorld;
 // that of signed distance fields, too, and Bullet's own algorithms cast it to one.
 constexpr int GROUND_SHAPE_TYPE = FAST_CONCAVE_MESH_PROXYTYPE;
 
-// Bounds follow the body; the surface and the time are the world's. Contacts come from `GroundAlgorithm`; the triangles
+// Bounds follow the body; the tiles and the time are the world's. Contacts come from `GroundAlgorithm`; the triangles
 // serve whatever else asks Bullet, such as shapes of unknown kinds, and rays where the ground is not drawn.
 class GroundShape final : public btConcaveShape {
  public:

@@ -126,7 +126,7 @@ void BulletWorld::move_with_corrections() {
   }
 }
 
-GroundPoint BulletWorld::ground_above_middle(int slot, SurfaceReader& reader) const {
+GroundPoint BulletWorld::ground_above_middle(int slot, GroundReader& reader) const {
   const Slot& it = slots_[slot];
   const Vec3 middle = Solid(*shape_of(slot), body_pose(it.object->getWorldTransform())).centre;
   return ground_above(reader, middle, it.body);
@@ -134,7 +134,7 @@ GroundPoint BulletWorld::ground_above_middle(int slot, SurfaceReader& reader) co
 
 std::vector<int> BulletWorld::find_below() {
   find_objects();
-  SurfaceReader reader = terrain->reader(time, INSTANT);
+  GroundReader reader = terrain->reader(time, INSTANT);
   std::vector<int> found;
   for (int k = 0; k < static_cast<int>(slots_.size()); ++k) {
     if (!slots_[k].kind.is_own || slots_[k].object == nullptr || shape_of(k) == nullptr) continue;
@@ -160,7 +160,7 @@ void BulletWorld::lift_bodies() {
     double by, rate;
   };
   std::map<int, Lift> lifts;  // robots as a whole, by the largest lift of their links
-  SurfaceReader reader = terrain->reader(time, INSTANT);
+  GroundReader reader = terrain->reader(time, INSTANT);
   for (int k : maybe_below_) {
     if (slots_[k].object == nullptr || shape_of(k) == nullptr) continue;
     const GroundPoint ground = ground_above_middle(k, reader);

@@ -13,7 +13,7 @@
 #include "bullet/rest.h"
 #include "bullet/soil_in_step.h"
 #include "contact/deck_contacts.h"
-#include "ground/surface.h"
+#include "ground/tiles.h"
 
 namespace smartmesh {
 

@@ -104,7 +104,7 @@ void find_contacts(const Convex& shape, const Pose& pose, const Patch& patch, co
 
 }  // namespace
 
-void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface, double time, Approach approach,
+void ContactSearch::run(const Convex& shape, const Pose& pose, Tiles& tiles, double time, Approach approach,
                         std::vector<Contact>& contacts, double thickness) {
   contacts.clear();
   if (shape.core.vertices.size() != 1)  // no ball
@@ -114,8 +114,8 @@ void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface,
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
   if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;
   const ShapeReach reach(shape, pose, grown, bounds.low.z, thickness);
-  surface.gather(bounds, time, approach.ahead, reach, maps_);
-  surface.gather_meshes(bounds, time, approach.ahead, reach, meshes_);
+  tiles.gather(bounds, time, approach.ahead, reach, maps_);
+  tiles.gather_meshes(bounds, time, approach.ahead, reach, meshes_);
   for (Patch* patch : {&maps_, &meshes_}) {
     patch->finish();
     const std::size_t first = contacts.size();

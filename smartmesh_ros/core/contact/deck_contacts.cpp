@@ -30,7 +30,7 @@ bool is_near(Deck& deck, const Bounds& swept, double time, double duration, Near
   const double radius = norm(swept.high - middle);
   const double comes = (norm(frame.velocity_at(middle)) + norm(frame.velocity.angular) * radius) * duration;
   const Bounds local = Deck::local_bounds(frame.pose, swept.grown(comes));
-  found.ground = deck.surface.near(local, time, duration);
+  found.ground = deck.tiles.near(local, time, duration);
   found.moved = comes + (norm(found.ground.velocity) + found.ground.spread) * duration;
   return found.ground.highest >= local.low.z - (found.moved - comes);
 }
@@ -40,15 +40,15 @@ void DeckSearch::add(const Convex& shape, const Pose& pose, Deck& deck, const Ne
   const FrameState frame = deck.motion.at(time);
   const Pose local = smartmesh::seen_from(frame.pose, pose);
   if (deck.is_above(local.to_world(shape.centre), time)) return;
-  search_.run(shape, local, deck.surface, time, seen_from(frame, near.ground, body), found_, deck.thickness);
+  search_.run(shape, local, deck.tiles, time, seen_from(frame, near.ground, body), found_, deck.thickness);
   if (found_.empty()) return;
   // Where the deck is at the end of the step: a point of it moves along a chord.
   const Pose end = deck.motion.at(time + body.ahead).pose;
-  const bool has_material = deck.surface.has_material();
+  const bool has_material = deck.tiles.has_material();
   for (Contact contact : found_) {
     if (contact.distance < -deck.thickness) continue;
     const Vec3 p = contact.point;
-    if (has_material) contact.material = deck.surface.material(p.x, p.y, time);
+    if (has_material) contact.material = deck.tiles.material(p.x, p.y, time);
     contact.point = frame.pose.to_world(p);
     for (Vec3* way : {&contact.normal, &contact.body_edge, &contact.ground_edge}) *way = frame.pose.rotation * *way;
     contact.deck = near.number;

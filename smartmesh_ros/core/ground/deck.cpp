@@ -26,16 +26,16 @@ Bounds Deck::local_bounds(const Pose& pose, const Bounds& bounds) {
 
 bool Deck::is_above(const Vec3& p, double time) const {
   if (std::isinf(thickness)) return false;
-  return surface.reader(time, INSTANT).at(p.x, p.y).height - p.z > thickness;
+  return tiles.reader(time, INSTANT).at(p.x, p.y).height - p.z > thickness;
 }
 
 void Deck::add_ground_under(const Bounds& bounds, double time, GroundUnder& found) {
   const Pose pose = motion.at(time).pose;
   const Bounds local = local_bounds(pose, bounds.grown(NEAR));
   const Vec3 middle = (local.low + local.high) * 0.5;
-  if (surface.near(local, time, 0.0).highest < local.low.z || is_above(middle, time)) return;
+  if (tiles.near(local, time, 0.0).highest < local.low.z || is_above(middle, time)) return;
   GroundUnder here;
-  surface.ground_under(local, time, here);
+  tiles.ground_under(local, time, here);
   if (here.heights.empty() && here.vertices.empty()) return;
   found.heights.insert(found.heights.end(), here.heights.begin(), here.heights.end());
   found.materials.insert(found.materials.end(), here.materials.begin(), here.materials.end());
@@ -49,7 +49,7 @@ void Deck::add_ground_under(const Bounds& bounds, double time, GroundUnder& foun
 }
 
 DeckReader::DeckReader(const Deck& of, double time)
-    : deck(&of), frame(of.motion.at(time)), ground(rays.begin(of.surface, time)) {}
+    : deck(&of), frame(of.motion.at(time)), ground(rays.begin(of.tiles, time)) {}
 
 RayHit DeckReader::first_hit(const Ray& ray) {
   const Pose& pose = frame.pose;

@@ -18,12 +18,12 @@ constexpr double AT_REST = -std::numeric_limits<double>::infinity();  // instant
 
 }  // namespace
 
-SurfaceReader GroundRays::begin(const Surface& surface, double time) {
-  SurfaceReader ground = surface.reader(time, INSTANT);
+GroundReader GroundRays::begin(const Tiles& terrain, double time) {
+  GroundReader ground = terrain.reader(time, INSTANT);
   TileReader& maps = ground.tiles;
-  const long revision = surface.revision();
-  const double instant = surface.moves(time) ? time : AT_REST;
-  if (layout_ != surface.layout()) {
+  const long revision = terrain.revision();
+  const double instant = terrain.moves(time) ? time : AT_REST;
+  if (layout_ != terrain.layout()) {
     grids_.clear();
     for (const Tile& tile : maps.tiles()) {
       const double cells = std::ceil((1.0 - ROUNDING) * maps.widest_gap() / tile.grid->resolution);
@@ -32,11 +32,11 @@ SurfaceReader GroundRays::begin(const Surface& surface, double time) {
   } else if (revision != revision_ || !(instant == instant_)) {
     for (RayTiles& tiles : grids_) tiles.forget();
   }
-  layout_ = surface.layout(), revision_ = revision, instant_ = instant;
+  layout_ = terrain.layout(), revision_ = revision, instant_ = instant;
   return ground;
 }
 
-RayHit GroundRays::first_hit(SurfaceReader& ground, Ray ray) {
+RayHit GroundRays::first_hit(GroundReader& ground, Ray ray) {
   RayHit best;
   const auto take = [&](const RayHit& hit) {
     if (hit.distance < best.distance) best = hit, ray.range = std::min(ray.range, hit.distance);

@@ -1,4 +1,4 @@
-// Reader of several height maps as one surface at one instant, with the gaps between them.
+// Reader of several height maps as one at one instant, with the gaps between them.
 #pragma once
 
 #include <cmath>
@@ -62,7 +62,7 @@ class TileReader {
  public:
   // Velocities are means over the time `ahead` [s].
   TileReader(const std::vector<HeightGrid*>& grids, double time, double ahead);
-  // For some of the maps of a surface, which bridges gaps of `widest_cell` [m].
+  // For some of the maps of a terrain, which bridges gaps of `widest_cell` [m].
   TileReader(const std::vector<const MapAtInstant*>& maps, double widest_cell, double time, double ahead);
 
   // Returns the facet at (x, y). Ground above `z` [m] does not count.

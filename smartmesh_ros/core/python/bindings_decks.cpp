@@ -35,16 +35,16 @@ void tell(DeckOfTiles& deck, double time, Numbers pose, std::optional<Numbers> v
 void set_tiles(DeckOfTiles& deck, const nb::list& tiles) {
   for (nb::handle tile : tiles)
     if (nb::isinstance<DeckOfTiles>(tile)) throw std::invalid_argument("a deck has grids and meshes, no decks");
-  deck.tiles = set_tiles_of(deck.deck.surface, tiles);
+  deck.tiles = set_tiles_of(deck.deck.tiles, tiles);
 }
 
 }  // namespace
 
 void add_decks(nb::module_& m) {
-  nb::class_<Tiles>(m, "Tiles")
+  nb::class_<KeptTiles>(m, "Tiles")
       .def(nb::init<>())
       .def(
-          "set_tiles", [](Tiles& t, const nb::list& tiles) { t.kept = set_tiles_of(t.surface, tiles); }, "tiles"_a);
+          "set_tiles", [](KeptTiles& t, const nb::list& tiles) { t.kept = set_tiles_of(t.tiles, tiles); }, "tiles"_a);
   nb::class_<DeckOfTiles>(m, "Deck")
       .def(nb::init<>())
       .def("set_tiles", &set_tiles, "tiles"_a)

@@ -22,16 +22,16 @@ void check_instant(double time, double ahead) {
     throw std::invalid_argument("the time ahead must be above zero and finite");
 }
 
-// Grids and meshes as one surface, which they outlive.
+// Grids and meshes as one terrain, which they outlive.
 struct Parts {
   nb::list list;
-  Surface surface;
+  Tiles terrain;
 
-  void set(const nb::list& parts) { list = set_tiles_of(surface, parts); }
+  void set(const nb::list& parts) { list = set_tiles_of(terrain, parts); }
   // Returns a reader of some parts at `time` [s], for `count` points.
-  SurfaceReader begin(const nb::list& parts, double time, std::size_t count) {
+  GroundReader begin(const nb::list& parts, double time, std::size_t count) {
     set(parts);
-    SurfaceReader reader = surface.reader(time, INSTANT);
+    GroundReader reader = terrain.reader(time, INSTANT);
     reader.prepare(count);
     return reader;
   }
@@ -52,7 +52,7 @@ void ground_heights(const nb::list& tiles, Points points, double time, Rows heig
       check_list(velocities, count, "velocities");
   check_instant(time, INSTANT);
   Parts parts;
-  SurfaceReader reader = parts.begin(tiles, time, count);
+  GroundReader reader = parts.begin(tiles, time, count);
   for (std::size_t k = 0; k < count; ++k) {
     const double x = points.data()[2 * k], y = points.data()[2 * k + 1];
     const GroundPoint ground = std::isfinite(x) && std::isfinite(y) ? reader.at(x, y) : GroundPoint{NONE, {}};
@@ -71,7 +71,7 @@ void ground_samples(const nb::list& tiles, Points points, double time, Rows heig
       check_list(friction, count, "friction");
   check_instant(time, INSTANT);
   Parts parts;
-  SurfaceReader reader = parts.begin(tiles, time, count);
+  GroundReader reader = parts.begin(tiles, time, count);
   for (std::size_t k = 0; k < count; ++k) {
     const double* p = points.data() + 3 * k;
     if (!(std::isfinite(p[0]) && std::isfinite(p[1]))) continue;
@@ -102,7 +102,7 @@ struct RayCaster {
     for (std::size_t k = 0; k < count; ++k)
       check_ray(vector_at(origins.data() + 3 * k), vector_at(directions.data() + 3 * k));
     if (!parts.are(tiles)) parts.set(tiles);
-    SurfaceReader ground = rays.begin(parts.surface, time);
+    GroundReader ground = rays.begin(parts.terrain, time);
     ground.prepare(count);
     for (std::size_t k = 0; k < count; ++k) {
       const RayHit hit =

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "ground/surface.h"
+#include "ground/tiles.h"
 
 namespace smartmesh {
 

@@ -48,7 +48,7 @@ std::int64_t floor_of(double value) { return static_cast<std::int64_t>(std::floo
 
 void ShownPatches::set_tiles(const std::vector<HeightGrid*>& maps, const std::vector<MeshSurface*>& meshes) {
   maps_ = maps;
-  surface_.set_tiles(maps, meshes);
+  tiles_.set_all(maps, meshes);
   for (ShownPatch& patch : patches_) patch.square.tile = -1, patch.calm = false, patch.read = {};
 }
 
@@ -135,9 +135,9 @@ void ShownPatches::read_map(ShownPatch& patch, TileReader& tiles, double time) {
     for (int row : {square.row, square.last_row()})
       for (int column : {square.column, square.last_column()})
         patch.box.add(tile.pose.point({static_cast<double>(row), static_cast<double>(column)}, tile.grid->resolution));
-    surface_.blocks_under(patch.box, time, patch.blocks);
+    tiles_.blocks_under(patch.box, time, patch.blocks);
   }
-  const Updates now = surface_.updates_of(patch.blocks, time);
+  const Updates now = tiles_.updates_of(patch.blocks, time);
   if (patch.calm && patch.updates == now.count) return;
   patch.updates = now.count, patch.calm = !now.moves && !now.settles;
   const Vec3 linear = patch.linear, angular = patch.angular;
@@ -211,10 +211,10 @@ bool ShownPatches::read_meshes(ShownPatch& patch, double time) {
   const Vec3 half{body.radius, body.radius, body.radius};
   Bounds box{body.middle - half, body.middle + half};
   if (body.always) box.low.z = -ANY_HEIGHT, box.high.z = ANY_HEIGHT;
-  const Updates now = surface_.updates_of({}, time);
+  const Updates now = tiles_.updates_of({}, time);
   const bool same = patch.is_mesh && norm2(patch.box.low - box.low) == 0.0 && norm2(patch.box.high - box.high) == 0.0;
   if (same && patch.calm && patch.updates == now.count) return !patch.triangles.empty();
-  surface_.gather_meshes(box, time, INSTANT, Everything{}, found_);
+  tiles_.gather_meshes(box, time, INSTANT, Everything{}, found_);
   if (found_.facets.empty()) return false;
   found_.finish();
   patch.box = box, patch.updates = now.count, patch.calm = !now.moves, patch.read = {};

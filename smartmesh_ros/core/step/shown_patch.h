@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "ground/surface.h"
+#include "ground/tiles.h"
 #include "shape/solid.h"
 
 namespace smartmesh {
@@ -88,7 +88,7 @@ class ShownPatches {
   void find_near(ShownPatch& patch);
 
   std::vector<HeightGrid*> maps_;
-  Surface surface_;
+  Tiles tiles_;
   std::vector<ShownPatch> patches_;
   std::vector<Vec3> fresh_;
   std::vector<std::int32_t> near_;

@@ -61,7 +61,7 @@ struct Level {
 TEST(Deck, IsTouchedAsGroundInItsFrame) {
   Level level;
   Deck deck;
-  deck.surface.set_tiles({&level.grid}, {});
+  deck.tiles.set_all({&level.grid}, {});
   const FrameVelocity velocity{{1.0, 2.0, 3.0}, {0.1, -0.2, 0.3}};
   deck.motion.put({0.0, {4.0, 5.0, 6.0}, about_x(0.5), velocity});
   const Pose frame = deck.motion.at(0.0).pose;
@@ -92,7 +92,7 @@ TEST(Deck, IsTouchedAsGroundInItsFrame) {
 TEST(Deck, IsAsThickAsItIs) {
   Level level;
   Deck deck;
-  deck.surface.set_tiles({&level.grid}, {});
+  deck.tiles.set_all({&level.grid}, {});
   const Convex shape = box({0.1, 0.1, 0.1});
   for (const double depth : {0.05, 0.4, 0.6}) {
     deck.thickness = 0.5;
