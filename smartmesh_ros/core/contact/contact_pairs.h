@@ -7,13 +7,13 @@
 
 namespace smartmesh {
 
-// A point of a shape with its speed relative to the ground, grown by a radius.
+// A point of a shape with its speed relative to the ground, grown by a radius. `contact_distance` [m]: up to which it
+// may come to the ground in the step.
 struct MovingPoint {
   Vec3 at, velocity;
-  double radius,
-      contact_distance;  // `contact_distance` [m]: distance up to which it may come to the ground in the step
-  Vec3 inside;           // a point deep inside the shape [m]
-  double angle = 0.0;    // angle by which the shape may rotate in the step [rad]
+  double radius, contact_distance;
+  Vec3 inside;         // a point deep inside the shape [m]
+  double angle = 0.0;  // angle by which the shape may rotate in the step [rad]
 };
 
 // Returns true if a plane with the unit normal `n` that touches a point of a shape has the shape's inside above it. A

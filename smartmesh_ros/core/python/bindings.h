@@ -233,8 +233,8 @@ struct KeptTiles {
   nb::list kept;
 };
 
-// Sets the tiles of a terrain: grids, meshes and decks of Python. Returns what must outlive them: a copy of the
-// list, which Python may change.
+// Sets the tiles of a terrain: grids, meshes and decks of Python. Returns what must outlive them: a copy of the list,
+// which Python may change.
 inline nb::list set_tiles_of(Tiles& terrain, const nb::list& tiles) {
   std::vector<HeightGrid*> grids;
   std::vector<MeshSurface*> meshes;
