@@ -24,8 +24,10 @@ if TYPE_CHECKING:
     from smartmesh_ros.terrain.terrain import Terrain
     from smartmesh_ros.world.base import Base, BaseOdometry
     from smartmesh_ros.world.base_config import BaseConfig
+    from smartmesh_ros.world.carrying import Carrier
     from smartmesh_ros.world.height_scanner import HeightScanner
     from smartmesh_ros.world.imu import Imu, ImuConfig, ImuReading
+    from smartmesh_ros.world.joints import JointCommand
     from smartmesh_ros.world.snapshot import Snapshot
     from smartmesh_ros.world.world import World, WorldConfig
 
@@ -35,8 +37,10 @@ _MODULES = {
     "ground.ground": ("Ground",),
     "world.base": ("Base", "BaseOdometry"),
     "world.base_config": ("BaseConfig",),
+    "world.carrying": ("Carrier",),
     "world.height_scanner": ("HeightScanner",),
     "world.imu": ("Imu", "ImuConfig", "ImuReading"),
+    "world.joints": ("JointCommand",),
     "world.snapshot": ("Snapshot",),
     "ground.shapes": ("Box", "Capsule", "Cylinder", "Sphere"),
     "ground.state": ("BodyState",),
@@ -60,6 +64,7 @@ __all__ = [
     "BodyState",
     "Box",
     "Capsule",
+    "Carrier",
     "Cylinder",
     "Deck",
     "GridGeometry",
@@ -71,6 +76,7 @@ __all__ = [
     "ImuConfig",
     "ImuReading",
     "InputError",
+    "JointCommand",
     "Material",
     "MotionConfig",
     "PhysicsConfig",

@@ -210,7 +210,7 @@ class MapContacts:
 
     def deepest_contact(self, slot: int) -> tuple[Vector, Vector, float] | None:
         """Return the point on the ground [m], the normal and the depth [m] of the deepest contact of a follower now,
-        also of one that physics does not move; None if it touches none. Decks do not count."""
+        also of one that physics does not move; None if it touches none."""
         found: tuple[Vector, Vector, float] | None = self._core.deepest_contact(slot)
         return found
 

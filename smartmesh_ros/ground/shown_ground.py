@@ -16,7 +16,10 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.height_field import make_shape, quarter_turn, replace_heights
+from smartmesh_ros.ground.quaternions import product, quaternion_of, rotate
+from smartmesh_ros.ground.state import Quaternion, Vector
 from smartmesh_ros.terrain.colours import ground_colours
+from smartmesh_ros.terrain.deck import LEVEL, Frame
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
@@ -39,12 +42,15 @@ MOST_VERTICES, MOST_CORNERS = 131072, 524288
 
 @dataclass(eq=False)
 class ShownTile:
-    """A tile as it was drawn: its PyBullet body ``uid`` and ``shape``, its ``revision``, True if it ``moved`` then, and
-    the ``friction`` that its colours are of."""
+    """A tile as it was drawn: its PyBullet body ``uid`` and ``shape``, its ``revision``, True if it ``moved`` then, the
+    ``friction`` that its colours are of, and the pose of the body in the frame of the terrain or the deck: ``position``
+    [m] and ``orientation``."""
 
     mesh: MainMesh
     uid: int
     shape: int
+    position: Vector = (0.0, 0.0, 0.0)
+    orientation: Quaternion = LEVEL
     revision: int = -1
     moved: bool = False
     friction: Any = None
@@ -79,7 +85,12 @@ class ShownGround:
 
     def draw(self, time: float) -> None:
         """Draw the tiles that have changed, as they are at ``time`` [s]."""
-        self._core.drawn, tiles = True, self._terrain.tiles
+        self._core.drawn, tiles = True, dict(self._terrain.tiles)
+        frames: dict[str, Frame] = {}
+        for deck, it in self._terrain.decks.items():
+            for name, mesh in it.tiles.items():
+                whole = "/".join(filter(None, (deck, name)))
+                tiles[whole], frames[whole] = mesh, it.frame(time)
         for name in list(self._tiles):
             if name not in tiles or not _fits(self._tiles[name], tiles[name]):
                 self._remove(name)
@@ -94,6 +105,9 @@ class ShownGround:
                 continue
             shown = self._tiles[name]
             shown.mesh, shown.revision, shown.moved = mesh, mesh.revision, mesh.moving(time)
+            self._client.resetBasePositionAndOrientation(shown.uid, shown.position, shown.orientation)
+        for name in frames.keys() & self._tiles.keys():
+            self._ride(self._tiles[name], frames[name])
         self._drawn = time
 
     def close(self) -> None:
@@ -119,11 +133,17 @@ class ShownGround:
         replace_heights(client, shown.shape, heights - base)
         placed = heightmap.placed_at(time)
         x, y = placed.to_world(0.5 * rows[-1], 0.5 * columns[-1]).tolist()
-        client.resetBasePositionAndOrientation(shown.uid, (x, y, base), quarter_turn(placed.yaw))
+        shown.position, shown.orientation = (x, y, base), quarter_turn(placed.yaw)
         if shown.friction is not heightmap.friction:
             shown.friction = heightmap.friction
             friction = np.broadcast_to(np.asarray(shown.friction, np.float32), heightmap.heights.shape)
             self._colour(shown.uid, ground_colours(friction[np.ix_(rows, columns)]))
+
+    def _ride(self, shown: ShownTile, frame: Frame) -> None:
+        """Put a tile where the frame of its deck is."""
+        turn = quaternion_of(frame.rotation)
+        x, y, z = np.add(frame.position, rotate(turn, shown.position)).tolist()
+        self._client.resetBasePositionAndOrientation(shown.uid, (x, y, z), product(turn, shown.orientation))
 
     def _takes(self, name: str, mesh: TriangleMesh) -> bool:
         """Return True if PyBullet can show a mesh; say so once if it cannot."""
@@ -147,7 +167,6 @@ class ShownGround:
             flags=pb.GEOM_FORCE_CONCAVE_TRIMESH,
         )  # fmt: skip
         self._tiles[name] = shown = ShownTile(mesh, self._new_body(shape), shape)
-        self._client.resetBasePositionAndOrientation(shown.uid, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         self._colour(shown.uid, ground_colours(np.ones((2, 2))))
 
     def _new_body(self, shape: int) -> int:

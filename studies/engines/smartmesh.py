@@ -35,15 +35,16 @@ def world_on(
 
 
 class SmartMesh(BulletEngine):
-    """`World` on a `HeightMap`. `set_ground` prepares the next step; without a new map `step` does.
+    """`World` on a `HeightMap`. Maps go into the height map, and a step is PyBullet's own ``stepSimulation``.
 
-    ``attached``: the bodies are made as PyBullet makes them and attached to the ground, not spawned by `World`.
-    ``own_steps``: maps go into the height map, and a step is PyBullet's ``stepSimulation`` alone. The other options are
-    those of `world_on`.
+    ``attached``: the bodies are made as PyBullet makes them and attached to the ground, not spawned by `World`. The
+    other options are those of `world_on`.
     """
 
-    def __init__(self, setup: Setup, *, attached: bool = False, own_steps: bool = False, **options: Any) -> None:
-        self.heightmap, self.world = world_on(setup, **options)
+    def __init__(
+        self, setup: Setup, *, attached: bool = False, report: ReportConfig | None = None, **options: Any
+    ) -> None:
+        self.heightmap, self.world = world_on(setup, report=report, **options)
         self.setup, self.client = setup, self.world.client
         if attached:
             self.uids = [self.add(body) for body in setup.bodies]
@@ -55,9 +56,7 @@ class SmartMesh(BulletEngine):
             self.uids = [body.uid for body in self.world.bodies.values()]
         for uid, body in zip(self.uids, setup.bodies, strict=True):
             self.client.changeDynamics(uid, -1, lateralFriction=body.friction, restitution=body.restitution)
-        self._prepared, self._own_steps = False, own_steps
-        if own_steps:
-            self.world.update()
+        self._is_report = report is not None
 
     def ready(self, heights: Any) -> Any:
         return heights
@@ -70,15 +69,12 @@ class SmartMesh(BulletEngine):
             self.world.terrain.put("", HeightMap(ready, geometry=geometry, time=time, motion=self.heightmap.motion))
         else:
             self.heightmap.replace(ready, time=time)
-        if not self._own_steps:
-            self.world.update()
-            self._prepared = True
 
     def step(self) -> None:
-        if not (self._prepared or self._own_steps):
-            self.world.update()
-        self._prepared = False
-        self.client.stepSimulation()
+        if self._is_report:  # whose colliders follow the bodies
+            self.world.ground.step(self.world.time, self.setup.dt)
+        else:
+            self.client.stepSimulation()
         self.world.time += self.setup.dt
 
     def close(self) -> None:

@@ -13,7 +13,7 @@ RATE = 240  # of physics [Hz]
 # Engine, options and colour by the name in tables. MuJoCo has its own default contacts, and the stiffest that it takes.
 # Bodies are awake all the time: those that sleep cost nothing anywhere.
 _ALL: Mapping[str, tuple[str, Mapping[str, Any], str]] = {
-    "smartmesh_ros": ("smartmesh", {"own_steps": True, "physics": PhysicsConfig(sleep=False)}, COLOURS["ours"]),
+    "smartmesh_ros": ("smartmesh", {"physics": PhysicsConfig(sleep=False)}, COLOURS["ours"]),
     "PyBullet": ("bullet_heightfield", {}, COLOURS["whole map"]),
     "MuJoCo": ("mujoco", {"time_constant": 0.02}, "#8fbfe0"),
     "MuJoCo, stiff": ("mujoco", {}, COLOURS["MuJoCo"]),

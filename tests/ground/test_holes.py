@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Sphere, World
+from smartmesh_ros.core import _core
 from smartmesh_ros.ground.shapes import Shape
 
 LYING = (math.sin(math.pi / 4.0), 0.0, 0.0, math.cos(math.pi / 4.0))  # an axis along z is then along y
@@ -48,6 +49,28 @@ CASES: dict[str, tuple[Hole, Shape, BodyState, float]] = {
     "wheel over the rim": (half_plane, WHEEL, BodyState((0.03, 0.013, 0.2), LYING), math.nan),
     "wheel before the rim": (half_plane, WHEEL, BodyState((-0.15, 0.013, 0.2), LYING), 0.2),
 }
+
+
+@pytest.mark.parametrize("name", ["ball", "box", "capsule"])
+def test_neighbours_that_share_no_facet_are_apart(name: str) -> None:
+    """Two parts of a map meet at one sample each: the contacts with both are those with each of them alone."""
+    rng, still, touched = np.random.default_rng(len(name)), np.zeros((2, 3)), 0
+    ball, box = _core.Shape.ball(0.2), _core.Shape.box(0.2, 0.1, 0.05)
+    shape = {"ball": ball, "box": box, "capsule": _core.Shape.capsule(0.1, 0.2)}[name]
+    rows, columns = np.mgrid[:12, :12]
+    for _ in range(200):
+        heights = rng.normal(scale=0.02, size=(12, 12))
+        heights[(rows == 5) & (columns != 5) | (rows == 6) & (columns != 5 + rng.integers(2))] = np.nan
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        pose = np.vstack([turn * np.linalg.det(turn), (*rng.uniform(0.4, 0.7, 2), rng.uniform(0.1, 0.25))])
+        found = []
+        for part in (rows >= 0, rows < 6, rows >= 6):
+            tile = HeightMap(np.where(part, heights, np.nan), resolution=0.1, origin=(0.0, 0.0)).core_reader
+            contacts = np.asarray(_core.find_contacts(shape, [tile], pose, still, 1.0 / 240.0, 1e-2))
+            found.append(sorted(contacts.tolist()))
+        touched += len(found[0])
+        assert found[0] == sorted(found[1] + found[2])
+    assert touched > 100
 
 
 @pytest.mark.parametrize("name", CASES)

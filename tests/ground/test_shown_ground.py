@@ -7,7 +7,7 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import BodyState, Ground, HeightMap, InputError, Sphere, Terrain, World
+from smartmesh_ros import BodyState, Deck, Ground, HeightMap, InputError, Sphere, Terrain, World
 from smartmesh_ros.terrain.colours import FRICTION, GROUND
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
@@ -77,6 +77,24 @@ def test_rays_meet_the_ground_where_it_is(client: Any, yaw: float) -> None:
     wanted = Ground(client, heightmap).cast_rays(starts, (ends - starts) / lengths[:, None], 100.0, 0.0).distances
     client.resetSimulation()
     np.testing.assert_allclose(rays(client, yaw) * lengths, np.where(wanted < lengths, wanted, math.inf), atol=1e-5)
+
+
+def test_rays_meet_the_tiles_of_a_deck_where_it_is(client: Any) -> None:
+    terrain, deck = terrain_of(sea=level()), Deck(scenery())
+    vertices, triangles = mesh_parts.sheet(4.0, 20, lambda x, y: 0.1 * np.sin(3.0 * x))
+    deck.put("roof", TriangleMesh(vertices + [0.0, 0.0, 4.0], triangles))
+    terrain.put("ferry", deck)
+    ground = Ground(client, terrain)
+    ground.show()
+    starts = np.column_stack([np.random.default_rng(5).uniform(-3.0, 6.0, (500, 2)), np.full(500, 20.0)])
+    down = np.tile([0.0, 0.0, -1.0], (500, 1))
+    for time, angle in ((1.0, 0.0), (2.0, 0.3), (3.0, -0.2)):
+        deck.place((1.0, -1.0, 3.0 + time), (math.sin(0.5 * angle), 0.0, 0.0, math.cos(0.5 * angle)), time=time)
+        ground.update(time, DT)
+        hits = client.rayTestBatch(starts.tolist(), (starts + 30.0 * down).tolist())
+        assert {hit[0] for hit in hits} >= {ground.shown["ferry"], ground.shown["ferry/roof"]}
+        found = np.array([30.0 * hit[2] if hit[0] >= 0 else math.inf for hit in hits])
+        np.testing.assert_allclose(found, ground.cast_rays(starts, down, 30.0, time).distances, atol=1e-4)
 
 
 def test_pictures_show_holes_and_the_colours_of_friction(client: Any) -> None:

@@ -12,14 +12,16 @@ from smartmesh_ros import (
     Box,
     Capsule,
     Cylinder,
+    Deck,
     HeightMap,
     InputError,
     PhysicsConfig,
     Sphere,
+    Terrain,
     World,
     WorldConfig,
 )
-from smartmesh_ros.ground.quaternions import conjugate, product, rotation_vector
+from smartmesh_ros.ground.quaternions import conjugate, product, rotate, rotation_vector
 from smartmesh_ros.ground.shapes import Hull, Solid
 from smartmesh_ros.world.tracked_robot import TrackedRobot
 from tests import urdfs
@@ -43,7 +45,7 @@ def level() -> HeightMap:
     return HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))
 
 
-def world_of(ground: HeightMap | None = None, friction: float = 0.8) -> World:
+def world_of(ground: HeightMap | Terrain | None = None, friction: float = 0.8) -> World:
     return World(ground, WorldConfig(physics=PhysicsConfig(friction=friction)))
 
 
@@ -116,18 +118,31 @@ def test_it_carries_what_stands_on_it_as_it_moves_rises_and_turns(shape: Solid) 
             assert arm[2] == pytest.approx(0.3, abs=2e-3)
 
 
+@pytest.mark.parametrize("tilt", [None, 0.3], ids=["at rest", "on a deck"])
 @pytest.mark.parametrize("shape", SHAPES, ids=NAMES)
-def test_its_contact_with_the_ground_is_that_of_its_lowest_point(shape: Solid) -> None:
-    with world_of(level()) as world:
+def test_its_contact_with_the_ground_is_that_of_its_lowest_point(shape: Solid, tilt: float | None) -> None:
+    at, turn = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
+    ground: HeightMap | Terrain = level()
+    if tilt is not None:
+        at, turn, ground = (1.0, 2.0, 3.0), (math.sin(0.5 * tilt), 0.0, 0.0, math.cos(0.5 * tilt)), Terrain()
+        ground.put("ferry", Deck(level(), thickness=0.1, position=at, orientation=turn))
+    with world_of(ground) as world:
         lowest = {"Sphere": 0.3, "Box": 0.2, "Cylinder": 0.2, "Capsule": 0.4, "Hull": 0.2}[type(shape).__name__]
-        world.track("it", shape, BodyState((0.5, 0.5, lowest - 0.02)))
-        world.update()
+
+        def place(height: float) -> None:
+            x, y, z = np.add(at, rotate(turn, (0.5, 0.5, height))).tolist()
+            world.track("it", shape, BodyState((x, y, z), turn))
+            world.update()
+
+        place(lowest - 0.02)
         [contact] = world.contacts()
         assert contact.depth == pytest.approx(0.02, abs=2e-3)
-        assert contact.normal == pytest.approx((0.0, 0.0, 1.0), abs=1e-6)
-        world.track("it", shape, BodyState((0.5, 0.5, lowest + 0.05)))
-        world.update()
+        assert contact.normal == pytest.approx(rotate(turn, (0.0, 0.0, 1.0)), abs=1e-6)
+        place(lowest + 0.05)
         assert not world.contacts()
+        if tilt is not None:
+            place(-1.0)
+            assert not world.contacts(), "it is below the deck"
 
 
 def test_another_shape_replaces_it_and_a_snapshot_keeps_it() -> None:

@@ -243,7 +243,12 @@ std::optional<Contact> BulletWorld::deepest_contact(int index) {
     if (shape == nullptr) return;
     Approach still;
     still.centre = from_bullet(at.getOrigin());
-    search_.run(*shape, pose_of(*shape, at), *terrain, time, still, contacts_);
+    const Pose pose = pose_of(*shape, at);
+    search_.run(*shape, pose, *terrain, time, still, contacts_);
+    const auto& decks = terrain->decks();
+    for (std::size_t k = 0; k < decks.size(); ++k)
+      if (decks[k]->body != slot.body)
+        deck_search_.add(*shape, pose, *decks[k], {static_cast<int>(k), {}, 0.0}, time, still, contacts_);
     for (const Contact& contact : contacts_)
       if (contact.distance <= 0.0 && (!deepest || contact.distance < deepest->distance)) deepest = contact;
   };

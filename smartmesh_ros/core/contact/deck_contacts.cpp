@@ -53,9 +53,11 @@ void DeckSearch::add(const Convex& shape, const Pose& pose, Deck& deck, const Ne
     for (Vec3* way : {&contact.normal, &contact.body_edge, &contact.ground_edge}) *way = frame.pose.rotation * *way;
     contact.deck = near.number;
     contact.ground_feature ^= static_cast<int>(SPREAD * (near.number + 1u));
-    const Vec3 chord = (end.to_world(p) - contact.point) * (1.0 / body.ahead);
-    contact.ground.velocity = chord + end.rotation * contact.ground.velocity;
-    contact.ground.angular = frame.velocity.angular + frame.pose.rotation * contact.ground.angular;
+    if (body.ahead > 0.0) {
+      const Vec3 chord = (end.to_world(p) - contact.point) * (1.0 / body.ahead);
+      contact.ground.velocity = chord + end.rotation * contact.ground.velocity;
+      contact.ground.angular = frame.velocity.angular + frame.pose.rotation * contact.ground.angular;
+    }
     contacts.push_back(contact);
   }
 }

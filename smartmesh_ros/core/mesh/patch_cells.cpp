@@ -243,20 +243,27 @@ class CellAdder {
     patch_.edges.push_back(edge);
   }
 
+  // Returns the height of a neighbour of a sample, NaN if they share no facet.
+  double neighbour(int r, int c, int k) const {
+    const auto around = [&](int j) { return height(r + AROUND[j % 6][0], c + AROUND[j % 6][1]); };
+    const bool has_facet = !std::isnan(around(k + 1)) || !std::isnan(around(k + 5));
+    return has_facet ? around(k) : std::numeric_limits<double>::quiet_NaN();
+  }
+
   void add_peak(int r, int c) {
     const double z = height(r, c);
     if (std::isnan(z)) return;
     bool convex = false;
     for (int k = 0; k < 3; ++k) {
-      const double pair = height(r + AROUND[k][0], c + AROUND[k][1]) + height(r - AROUND[k][0], c - AROUND[k][1]);
+      const double pair = neighbour(r, c, k) + neighbour(r, c, k + 3);
       if (pair > 2.0 * z + CONVEX) return;
       convex |= !(pair >= 2.0 * z - CONVEX);  // a missing neighbour makes an edge of the ground
     }
     if (!convex) return;
     Peak peak{point(r, c), static_cast<int>(patch_.neighbours.size()), 0};
-    for (const auto& step : AROUND) {
-      const int other = point(r + step[0], c + step[1]);
-      if (other >= 0) patch_.neighbours.push_back(other), ++peak.count;
+    for (int k = 0; k < 6; ++k) {
+      if (std::isnan(neighbour(r, c, k))) continue;
+      patch_.neighbours.push_back(point(r + AROUND[k][0], c + AROUND[k][1])), ++peak.count;
     }
     if (peak.count == 0) return;
     if (const int under = peak.count < 6 ? foot(r, c) : -1; under >= 0)

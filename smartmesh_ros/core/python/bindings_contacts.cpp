@@ -1,5 +1,5 @@
 // What Python sees of contacts: those of one shape with the ground, without PyBullet.
-#include "contact/contact_search.h"
+#include "contact/deck_contacts.h"
 #include "python/tables.h"
 
 namespace smartmesh {
@@ -45,6 +45,11 @@ NewTable find_contacts_with(const Convex& shape, const nb::list& tiles, Doubles2
   std::vector<Contact> contacts;
   ContactSearch().run(shape, {{{rows[0], rows[1], rows[2]}}, rows[3]}, terrain, finite(time, "the time"), approach,
                       contacts);
+  int number = 0;
+  for (Deck* deck : terrain.decks()) {
+    const NearbyDeck near{number++, {}, 0.0};
+    DeckSearch().add(shape, {{{rows[0], rows[1], rows[2]}}, rows[3]}, *deck, near, time, approach, contacts);
+  }
   NewTable found = new_array<double, 2>({contacts.size(), COLUMNS});
   double* next = found.data();
   for (const Contact& c : contacts)
