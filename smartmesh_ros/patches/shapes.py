@@ -32,9 +32,9 @@ class ShapeKind(IntEnum):
 
 
 # ``kind``: a `ShapeKind`; ``half`` extents of the core along the shape's axes and ``rounding`` radius [m]; ``offset``
-# [m] and ``turn`` (x, y, z, w): pose of the shape in the frame of the body's centre of mass; ``reach`` [m]: bounding
-# radius about the shape's middle; ``radius`` [m]: bounding radius about the centre of mass; ``first``, ``rows``: first
-# row and number of a hull's vertices, or of a compound's parts.
+# [m] and ``orientation`` (x, y, z, w): pose of the shape in the frame of the body's centre of mass; ``bounding_radius``
+# [m]: about the shape's middle; ``radius`` [m]: bounding radius about the centre of mass; ``first``,
+# ``rows``: first row and number of a hull's vertices, or of a compound's parts.
 SHAPE = dtype_of(CORE.SHAPE)
 
 # Columns of a table of bodies (N, 13): position [m], orientation (x, y, z, w), velocity [m/s], angular velocity
@@ -44,7 +44,7 @@ BODY_COLUMNS = 13
 MOST_GROWTH = 1e-3
 
 CENTRE = (0.0, 0.0, 0.0)
-UNTURNED = (0.0, 0.0, 0.0, 1.0)
+UNROTATED = (0.0, 0.0, 0.0, 1.0)
 
 
 def directions(count: int) -> FloatArray:
@@ -81,28 +81,30 @@ class BodyShape:
 
 def ball(radius: float, offset: Sequence[float] = CENTRE) -> BodyShape:
     """A ball whose middle is at ``offset`` from the body's centre of mass [m]."""
-    return _shape(ShapeKind.BALL, CENTRE, radius, 0.0, offset, UNTURNED)
+    return _shape(ShapeKind.BALL, CENTRE, radius, 0.0, offset, UNROTATED)
 
 
 def capsule(
-    radius: float, height: float, offset: Sequence[float] = CENTRE, turn: Sequence[float] = UNTURNED
+    radius: float, height: float, offset: Sequence[float] = CENTRE, orientation: Sequence[float] = UNROTATED
 ) -> BodyShape:
     """A capsule along z, whose half balls are ``height`` [m] apart."""
-    return _shape(ShapeKind.CAPSULE, (0.0, 0.0, 0.5 * height), radius, 0.5 * height, offset, turn)
+    return _shape(ShapeKind.CAPSULE, (0.0, 0.0, 0.5 * height), radius, 0.5 * height, offset, orientation)
 
 
-def box(edges: Sequence[float], offset: Sequence[float] = CENTRE, turn: Sequence[float] = UNTURNED) -> BodyShape:
+def box(
+    edges: Sequence[float], offset: Sequence[float] = CENTRE, orientation: Sequence[float] = UNROTATED
+) -> BodyShape:
     """A box of three edge lengths [m]."""
     half = [0.5 * edge for edge in edges]
-    return _shape(ShapeKind.BOX, half, 0.0, math.hypot(*half), offset, turn)
+    return _shape(ShapeKind.BOX, half, 0.0, math.hypot(*half), offset, orientation)
 
 
 def cylinder(
-    radius: float, height: float, offset: Sequence[float] = CENTRE, turn: Sequence[float] = UNTURNED
+    radius: float, height: float, offset: Sequence[float] = CENTRE, orientation: Sequence[float] = UNROTATED
 ) -> BodyShape:
     """A cylinder along z."""
     half = (radius, radius, 0.5 * height)
-    return _shape(ShapeKind.CYLINDER, half, 0.0, math.hypot(radius, 0.5 * height), offset, turn)
+    return _shape(ShapeKind.CYLINDER, half, 0.0, math.hypot(radius, 0.5 * height), offset, orientation)
 
 
 def part_of(record: bytes, points: FloatArray) -> BodyShape:
@@ -120,8 +122,8 @@ def hull(points: FloatArray, rounding: float = 0.0) -> BodyShape:
     low, high = points.min(axis=0), points.max(axis=0)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     vertices, growth = _fewer(np.ascontiguousarray(points - middle))
-    reach = float(np.linalg.norm(vertices, axis=1).max())
-    shape = _shape(ShapeKind.HULL, half.tolist(), rounding + growth, reach, middle.tolist(), UNTURNED)
+    bounding_radius = float(np.linalg.norm(vertices, axis=1).max())
+    shape = _shape(ShapeKind.HULL, half.tolist(), rounding + growth, bounding_radius, middle.tolist(), UNROTATED)
     shape.record["rows"] = len(vertices)
     return BodyShape(shape.record, vertices)
 
@@ -137,27 +139,27 @@ def compound(parts: Sequence[BodyShape]) -> BodyShape:
     for part in parts:
         record = part.record.copy()
         record["offset"] -= middle
-        record["radius"] = record["reach"] + math.hypot(*record["offset"])
+        record["radius"] = record["bounding_radius"] + math.hypot(*record["offset"])
         inner.append(BodyShape(record, part.vertices))
-    reach = max(part.radius for part in inner)
-    shape = _shape(ShapeKind.COMPOUND, (0.5 * (high - low)).tolist(), 0.0, reach, middle.tolist(), UNTURNED)
+    bounding_radius = max(part.radius for part in inner)
+    shape = _shape(ShapeKind.COMPOUND, (0.5 * (high - low)).tolist(), 0.0, bounding_radius, middle.tolist(), UNROTATED)
     shape.record["rows"] = len(inner)
     return BodyShape(shape.record, None, tuple(inner))
 
 
 def _shape(
     kind: ShapeKind, half: Sequence[float], rounding: float, core: float, offset: Sequence[float],
-    turn: Sequence[float],
+    orientation: Sequence[float],
 ) -> BodyShape:  # fmt: skip
     """A shape whose core has a bounding radius ``core`` [m] about its middle."""
-    reach = core + rounding
-    values = (kind, half, rounding, offset, turn, reach, reach + math.hypot(*offset), 0, 0)
+    bounding_radius = core + rounding
+    values = (kind, half, rounding, offset, orientation, bounding_radius, bounding_radius + math.hypot(*offset), 0, 0)
     return BodyShape(np.array(values, SHAPE))
 
 
 def _extent(record: Any) -> FloatArray:
     """Half extents of a shape along the body's axes (3,) [m], or more."""
-    x, y, z, w = record["turn"].tolist()
+    x, y, z, w = record["orientation"].tolist()
     axes = np.array([
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],

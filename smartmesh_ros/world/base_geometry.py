@@ -266,6 +266,6 @@ def _points_of(shape: BodyShape) -> Iterator[tuple[FloatArray, float]]:
     else:
         signs = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
         corners = signs * record["half"]
-    turn = tuple(record["turn"].tolist())
+    turn = tuple(record["orientation"].tolist())
     for corner in corners:
         yield offset + rotate(turn, tuple(corner)), float(record["rounding"])

@@ -122,7 +122,7 @@ def _solids(shape: BodyShape) -> Iterator[tuple[Solid, Vector, Quaternion]]:
     record = shape.record
     (hx, hy, hz), rounding = record["half"].tolist(), float(record["rounding"])
     x, y, z = record["offset"].tolist()
-    qx, qy, qz, qw = record["turn"].tolist()
+    qx, qy, qz, qw = record["orientation"].tolist()
     turn = (qx, qy, qz, qw)
     if shape.parts:
         for part in shape.parts:

@@ -116,7 +116,7 @@ ENTRIES = {
     }),
     "may_meet": Entry(
         CORE.may_meet,
-        lambda: {"origins": zeros(3), "ways": zeros(3) + 1.0, "reach": np.ones(SLOTS), "boxes": zeros(6, 20)},
+        lambda: {"origins": zeros(3), "ways": zeros(3) + 1.0, "ranges": np.ones(SLOTS), "boxes": zeros(6, 20)},
         rows=("boxes",),
     ),
     "split_bodies": Entry(

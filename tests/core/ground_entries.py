@@ -101,8 +101,8 @@ ENTRIES = {
     }, written=("heights", "normals", "velocities", "ages", "friction"), finite=("time",)),
     "cast": Entry(CORE.RayCaster().cast, lambda: {
         "tiles": tiles(), "origins": np.ones((COUNT, 3)), "directions": np.tile([0.0, 0.0, -1.0], (COUNT, 1)),
-        "reach": 5.0, "time": 0.0, "distances": np.zeros(COUNT), "normals": np.zeros((COUNT, 3)),
-    }, written=("distances", "normals"), finite=("origins", "directions", "reach", "time")),
+        "range": 5.0, "time": 0.0, "distances": np.zeros(COUNT), "normals": np.zeros((COUNT, 3)),
+    }, written=("distances", "normals"), finite=("origins", "directions", "range", "time")),
     "scan_heights": Entry(CORE.scan_heights, lambda: {
         "tiles": tiles(), "poses": np.ones((COUNT, 3)), "pattern": np.ones((4, 2)), "time": 0.0,
         "heights": np.zeros((COUNT, 4)),

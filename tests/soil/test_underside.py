@@ -14,7 +14,7 @@ from smartmesh_ros.patches.shapes import BodyShape, ball, box, capsule, cylinder
 
 SHAPES: dict[str, tuple[dict[str, Any], Callable[..., BodyShape]]] = {
     "box": ({"shapeType": pb.GEOM_BOX, "halfExtents": [0.3, 0.2, 0.1]}, partial(box, (0.6, 0.4, 0.2))),
-    "ball": ({"shapeType": pb.GEOM_SPHERE, "radius": 0.25}, lambda turn: ball(0.25)),
+    "ball": ({"shapeType": pb.GEOM_SPHERE, "radius": 0.25}, lambda orientation: ball(0.25)),
     "cylinder": ({"shapeType": pb.GEOM_CYLINDER, "radius": 0.2, "height": 0.3}, partial(cylinder, 0.2, 0.3)),
     "capsule": ({"shapeType": pb.GEOM_CAPSULE, "radius": 0.1, "height": 0.3}, partial(capsule, 0.1, 0.3)),
 }
@@ -36,7 +36,7 @@ def test_undersides_are_where_rays_from_below_meet_the_shape(client: Any, kind: 
         xy = rng.uniform(-0.4, 0.4, (200, 2))
         starts, ends = np.column_stack([xy, np.full(200, -5.0)]), np.column_stack([xy, np.full(200, 5.0)])
         hits = client.rayTestBatch(starts.tolist(), ends.tolist())
-        table, *_ = above_grid(made(turn=turn), xy, 0.0)
+        table, *_ = above_grid(made(orientation=turn), xy, 0.0)
         found = table[:, 0]
         met = np.array([hit[3][2] if hit[0] == body else math.inf for hit in hits])
         both = np.isfinite(found) & np.isfinite(met)
@@ -53,7 +53,7 @@ def test_normals_stand_on_the_underside_which_lies_within_reach(kind: str, spaci
     made = SHAPES[kind][1]
     for _ in range(10):
         turn = rng.standard_normal(4)
-        shape = made(turn=turn / np.linalg.norm(turn))
+        shape = made(orientation=turn / np.linalg.norm(turn))
         xy = rng.uniform(-0.5, 0.5, (300, 2))
         table, *far = above_grid(shape, xy, spacing)
         found, normals = table[:, 0], table[:, 1:4]

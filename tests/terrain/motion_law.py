@@ -38,8 +38,8 @@ class Blend(NamedTuple):
 
     offset: float = 0.0
     rate: float = 0.0
-    offset_rise: float = 0.0
-    rate_rise: float = 0.0
+    offset_change: float = 0.0
+    rate_change: float = 0.0
 
 
 AT_REST = Phase()
@@ -248,5 +248,5 @@ def sample_at(grid: Any, row: int, column: int, time: float, ahead: float) -> tu
         ring = [float(grid.velocities[(clock.newest - back) % KEPT, row, column]) for back in range(KEPT)]
         motion = motion_of(ring[0], ring[1], ring[2], phase, grid.max_velocity)
     deviation = blend.offset * offset + blend.rate * rate
-    rise = rise_of(*motion, phase, ahead) + (blend.offset_rise * offset + blend.rate_rise * rate)
+    rise = rise_of(*motion, phase, ahead) + (blend.offset_change * offset + blend.rate_change * rate)
     return height + displacement(*motion, phase) + deviation, rise

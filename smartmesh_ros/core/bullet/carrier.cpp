@@ -72,10 +72,10 @@ void push(btCollisionObject& object, const Vec3& point, const Vec3& impulse, dou
     if (!(answer.yield() > 0.0)) return;
     robot.applyDeltaVeeMultiDof(&answer.change[0], size);
     robot.stepPositionsMultiDof(duration * size, nullptr, &answer.change[0]);
-    btAlignedObjectArray<btQuaternion> turns;
+    btAlignedObjectArray<btQuaternion> rotations;
     btAlignedObjectArray<btVector3> origins;
-    robot.forwardKinematics(turns, origins);
-    robot.updateCollisionObjectWorldTransforms(turns, origins);
+    robot.forwardKinematics(rotations, origins);
+    robot.updateCollisionObjectWorldTransforms(rotations, origins);
     return;
   }
   btRigidBody& body = *btRigidBody::upcast(&object);

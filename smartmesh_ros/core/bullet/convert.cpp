@@ -10,10 +10,11 @@ namespace smartmesh {
 
 namespace {
 
-// Returns a shape along z turned to another axis. PyBullet makes none of these, but reads them from files of Bullet's.
-Convex turned(Convex shape, int axis) {
-  constexpr Turn from_z[3] = {{0.5, 0.5, 0.5, 0.5}, {-0.5, -0.5, -0.5, 0.5}, {0.0, 0.0, 0.0, 1.0}};
-  shape.turn = from_z[axis];
+// Returns a shape along z, laid along another axis. PyBullet makes none of these, but reads them from files of
+// Bullet's.
+Convex along_axis(Convex shape, int axis) {
+  constexpr Quaternion from_z[3] = {{0.5, 0.5, 0.5, 0.5}, {-0.5, -0.5, -0.5, 0.5}, {0.0, 0.0, 0.0, 1.0}};
+  shape.orientation = from_z[axis];
   return shape;
 }
 
@@ -27,12 +28,12 @@ std::optional<Convex> convex_of(const btConvexShape& shape) {
       return box(from_bullet(static_cast<const btBoxShape&>(shape).getHalfExtentsWithMargin()));
     case CAPSULE_SHAPE_PROXYTYPE: {
       const auto& it = static_cast<const btCapsuleShape&>(shape);
-      return turned(capsule(it.getRadius(), it.getHalfHeight()), it.getUpAxis());
+      return along_axis(capsule(it.getRadius(), it.getHalfHeight()), it.getUpAxis());
     }
     case CYLINDER_SHAPE_PROXYTYPE: {
       const auto& it = static_cast<const btCylinderShape&>(shape);
       const btVector3 half = it.getHalfExtentsWithMargin();
-      return turned(cylinder(half[(it.getUpAxis() + 1) % 3], half[it.getUpAxis()]), it.getUpAxis());
+      return along_axis(cylinder(half[(it.getUpAxis() + 1) % 3], half[it.getUpAxis()]), it.getUpAxis());
     }
     case CONVEX_HULL_SHAPE_PROXYTYPE: {
       const auto& it = static_cast<const btConvexHullShape&>(shape);

@@ -19,12 +19,12 @@ inline Pose from_bullet(const btTransform& t) {
   return {{{from_bullet(m[0]), from_bullet(m[1]), from_bullet(m[2])}}, from_bullet(t.getOrigin())};
 }
 inline BodyPose body_pose(const btTransform& t) {
-  const btQuaternion turn = t.getRotation();
-  return {from_bullet(t.getOrigin()), {turn.x(), turn.y(), turn.z(), turn.w()}};
+  const btQuaternion q = t.getRotation();
+  return {from_bullet(t.getOrigin()), {q.x(), q.y(), q.z(), q.w()}};
 }
 
-// Returns the shape that Bullet collides, with its margin, turned by `turn` in Bullet's frame of it; none if its kind
-// is not known here.
+// Returns the shape that Bullet collides, with its margin, rotated by `orientation` in Bullet's frame of it; none if
+// its kind is not known here.
 std::optional<Convex> convex_of(const btConvexShape& shape);
 
 }  // namespace smartmesh

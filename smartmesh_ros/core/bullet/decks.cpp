@@ -35,10 +35,10 @@ void BulletWorld::move_carried() {
     if (deck.body >= 0 && carried.object == nullptr) deck.motion.stop(time);
     if (carried.object == nullptr) continue;
     const btTransform& pose = carried.object->getWorldTransform();
-    const btQuaternion turn = pose.getRotation();
+    const btQuaternion q = pose.getRotation();
     const Vec3 arm = from_bullet(pose.getBasis() * to_bullet(deck.place.at));
     FrameSample sample{
-        time, from_bullet(pose.getOrigin()) + arm, Turn{turn.x(), turn.y(), turn.z(), turn.w()} * deck.place.turn, {}};
+        time, from_bullet(pose.getOrigin()) + arm, Quaternion{q.x(), q.y(), q.z(), q.w()} * deck.place.orientation, {}};
     if (carried.object->isStaticOrKinematicObject()) {
       deck.motion.note(sample);
       continue;

@@ -8,7 +8,7 @@ namespace smartmesh {
 Falls BulletWorld::check_falls(double now, double depth) {
   find_objects();
   Falls found;
-  SurfaceReader reader = terrain->reader(now, INSTANT);
+  GroundReader reader = terrain->reader(now, INSTANT);
   for (const OfBody& body : bodies_) {
     for (const Role& role : body.roles) {
       Slot& slot = slots_[role.slot];

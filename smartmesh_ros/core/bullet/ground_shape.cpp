@@ -11,10 +11,10 @@ void GroundShape::processAllTriangles(btTriangleCallback* callback, const btVect
   if (world_->drawn && !world_->is_stepping()) return;
   const Bounds bounds{from_bullet(least + origin), from_bullet(most + origin)};
   int number = 0;
-  const auto add = [&](Surface& surface, const Pose& frame, const Bounds& inside) {
+  const auto add = [&](Tiles& tiles, const Pose& frame, const Bounds& inside) {
     Patch maps, meshes;
-    surface.gather(inside, world_->time, 0.0, Everything{}, maps);
-    surface.gather_meshes(inside, world_->time, 0.0, Everything{}, meshes);
+    tiles.gather(inside, world_->time, 0.0, Everything{}, maps);
+    tiles.gather_meshes(inside, world_->time, 0.0, Everything{}, meshes);
     for (const Patch* patch : {&maps, &meshes}) {
       for (const Facet& facet : patch->facets) {
         btVector3 corners[3];
@@ -27,7 +27,7 @@ void GroundShape::processAllTriangles(btTriangleCallback* callback, const btVect
     add(*world_->terrain, {}, bounds);
     for (Deck* deck : world_->terrain->decks()) {
       const Pose frame = deck->motion.at(world_->time).pose;
-      add(deck->surface, frame, Deck::local_bounds(frame, bounds));
+      add(deck->tiles, frame, Deck::local_bounds(frame, bounds));
     }
   });
 }

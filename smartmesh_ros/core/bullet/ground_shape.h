@@ -14,7 +14,7 @@ class BulletWorld;
 // that of signed distance fields, too, and Bullet's own algorithms cast it to one.
 constexpr int GROUND_SHAPE_TYPE = FAST_CONCAVE_MESH_PROXYTYPE;
 
-// Bounds follow the body; the surface and the time are the world's. Contacts come from `GroundAlgorithm`; the triangles
+// Bounds follow the body; the tiles and the time are the world's. Contacts come from `GroundAlgorithm`; the triangles
 // serve whatever else asks Bullet, such as shapes of unknown kinds, and rays where the ground is not drawn.
 class GroundShape final : public btConcaveShape {
  public:
@@ -28,8 +28,8 @@ class GroundShape final : public btConcaveShape {
 
   void getAabb(const btTransform& t, btVector3& least, btVector3& most) const override {
     const btVector3 centre = (low + high) * 0.5, half = (high - low) * 0.5;
-    const btMatrix3x3 turn = t.getBasis().absolute();
-    const btVector3 extent(half.dot3(turn[0], turn[1], turn[2])), at = t * centre;
+    const btMatrix3x3 rotation = t.getBasis().absolute();
+    const btVector3 extent(half.dot3(rotation[0], rotation[1], rotation[2])), at = t * centre;
     least = at - extent;
     most = at + extent;
   }

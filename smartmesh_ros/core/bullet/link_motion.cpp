@@ -15,14 +15,14 @@ LinkVelocity link_velocity(const btMultiBody& body, int link) {
   btMatrix3x3 world_from_link = base.transpose();
   for (auto k = way.rbegin(); k != way.rend(); ++k) {
     const btMultibodyLink& it = body.getLink(*k);
-    const btMatrix3x3 turn(it.m_cachedRotParentToThis);
-    angular = turn * angular;
-    linear = turn * linear + angular.cross(it.m_cachedRVector);
+    const btMatrix3x3 rotation(it.m_cachedRotParentToThis);
+    angular = rotation * angular;
+    linear = rotation * linear + angular.cross(it.m_cachedRVector);
     for (int dof = 0; dof < it.m_dofCount; ++dof) {
       angular += joints[it.m_dofOffset + dof] * it.getAxisTop(dof);
       linear += joints[it.m_dofOffset + dof] * it.getAxisBottom(dof);
     }
-    world_from_link = world_from_link * turn.transpose();
+    world_from_link = world_from_link * rotation.transpose();
   }
   return {from_bullet(world_from_link * linear), from_bullet(world_from_link * angular)};
 }

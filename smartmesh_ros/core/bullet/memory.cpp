@@ -36,13 +36,13 @@ int BulletWorld::part_number(Slot& slot, const btCollisionShape& shape) {
 
 SlotMemory BulletWorld::memory_of(int index) const {
   const Slot& slot = slots_[index];
-  return {slot.rest.still, slot.rest.anchor, slot.pull, slot.turning, slot.last_ground, slot.falls ? 1.0 : 0.0};
+  return {slot.rest.still, slot.rest.anchor, slot.pull, slot.ground_angular, slot.last_ground, slot.falls ? 1.0 : 0.0};
 }
 
 void BulletWorld::recall(int index, const SlotMemory& memory) {
   Slot& slot = slots_[index];
   slot.rest.still = memory.still, slot.rest.anchor = memory.anchor;
-  slot.pull = memory.pull, slot.turning = memory.turning;
+  slot.pull = memory.pull, slot.ground_angular = memory.ground_angular;
   slot.last_ground = memory.last_ground, slot.falls = memory.falls != 0.0;
   gravity_ = world_->getGravity();  // another one wakes all
 }
@@ -110,7 +110,7 @@ void BulletWorld::forget() {
   vacated_.clear(), beside_.clear();
   others_listed_ = false;
   for (Slot& slot : slots_) {
-    slot.pull = slot.turning = {};
+    slot.pull = slot.ground_angular = {};
     slot.rest.still = 0.0, slot.rest.anchor = Rest{}.anchor;
     slot.on_soil.clear();
   }

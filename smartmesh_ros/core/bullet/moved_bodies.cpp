@@ -50,10 +50,10 @@ void put_robot(btMultiBody& robot, const btTransform& pose, btDiscreteDynamicsWo
   }
   robot.setBasePos(pose.getOrigin());
   robot.setWorldToBaseRot(pose.getRotation().inverse());
-  btAlignedObjectArray<btQuaternion> turns;
+  btAlignedObjectArray<btQuaternion> rotations;
   btAlignedObjectArray<btVector3> origins;
-  robot.forwardKinematics(turns, origins);
-  robot.updateCollisionObjectWorldTransforms(turns, origins);
+  robot.forwardKinematics(rotations, origins);
+  robot.updateCollisionObjectWorldTransforms(rotations, origins);
   for (const auto& [each, pose_before] : before) renew_bounds(*each, pose_before, world);
 }
 
@@ -121,12 +121,12 @@ void BulletWorld::move_with_corrections() {
       }
     }
     if (object == nullptr || is_fixed(*object) || !move_with(sums, pose)) continue;
-    const Turn& turn = pose.turn;
-    put(*object, btTransform(btQuaternion(turn.x, turn.y, turn.z, turn.w), to_bullet(pose.at)), *world_);
+    const Quaternion& q = pose.orientation;
+    put(*object, btTransform(btQuaternion(q.x, q.y, q.z, q.w), to_bullet(pose.at)), *world_);
   }
 }
 
-GroundPoint BulletWorld::ground_above_middle(int slot, SurfaceReader& reader) const {
+GroundPoint BulletWorld::ground_above_middle(int slot, GroundReader& reader) const {
   const Slot& it = slots_[slot];
   const Vec3 middle = Solid(*shape_of(slot), body_pose(it.object->getWorldTransform())).centre;
   return ground_above(reader, middle, it.body);
@@ -134,7 +134,7 @@ GroundPoint BulletWorld::ground_above_middle(int slot, SurfaceReader& reader) co
 
 std::vector<int> BulletWorld::find_below() {
   find_objects();
-  SurfaceReader reader = terrain->reader(time, INSTANT);
+  GroundReader reader = terrain->reader(time, INSTANT);
   std::vector<int> found;
   for (int k = 0; k < static_cast<int>(slots_.size()); ++k) {
     if (!slots_[k].kind.is_own || slots_[k].object == nullptr || shape_of(k) == nullptr) continue;
@@ -160,7 +160,7 @@ void BulletWorld::lift_bodies() {
     double by, rate;
   };
   std::map<int, Lift> lifts;  // robots as a whole, by the largest lift of their links
-  SurfaceReader reader = terrain->reader(time, INSTANT);
+  GroundReader reader = terrain->reader(time, INSTANT);
   for (int k : maybe_below_) {
     if (slots_[k].object == nullptr || shape_of(k) == nullptr) continue;
     const GroundPoint ground = ground_above_middle(k, reader);

@@ -75,7 +75,7 @@ void move_up(btCollisionObject& object, double by) {
 // root of two times the sine of half the angle between the two.
 void Rest::note(const Pose& pose, double distance, double duration) {
   double turned = 0.0;
-  for (int k = 0; k < 3; ++k) turned += norm2(pose.turn.row[k] - anchor.turn.row[k]);
+  for (int k = 0; k < 3; ++k) turned += norm2(pose.rotation.row[k] - anchor.rotation.row[k]);
   const double strayed = norm(pose.at - anchor.at) + std::sqrt(0.5 * turned) * radius;
   if (strayed <= distance)
     still += duration;

@@ -10,7 +10,7 @@ namespace smartmesh {
 
 namespace {
 
-Turn turn_of(const btTransform& pose) {
+Quaternion orientation_of(const btTransform& pose) {
   const btQuaternion q = pose.getRotation();
   return {q.x(), q.y(), q.z(), q.w()};
 }
@@ -22,7 +22,7 @@ ShapePart ball_around(const btCollisionShape& shape, const btTransform& pose) {
   btVector3 farthest = high.absolute();
   farthest.setMax(low.absolute());
   ShapePart part{ball(farthest.length()), {}};
-  part.shape.radius = part.shape.reach;
+  part.shape.radius = part.shape.bounding_radius;
   return part;
 }
 
@@ -40,8 +40,8 @@ void add_part(const btCollisionShape& shape, const btTransform& pose, std::vecto
                  shape.isConvex() ? convex_of(static_cast<const btConvexShape&>(shape)) : std::nullopt) {
     parts.push_back({*convex, {}});
     Shape& placed = parts.back().shape;
-    placed.offset = from_bullet(pose.getOrigin()), placed.turn = turn_of(pose) * convex->turn;
-    placed.radius = placed.reach + norm(placed.offset);
+    placed.offset = from_bullet(pose.getOrigin()), placed.orientation = orientation_of(pose) * convex->orientation;
+    placed.radius = placed.bounding_radius + norm(placed.offset);
   } else if (shape.getShapeType() != EMPTY_SHAPE_PROXYTYPE) {
     parts.push_back(ball_around(shape, pose));
   }

@@ -13,7 +13,7 @@
 #include "bullet/rest.h"
 #include "bullet/soil_in_step.h"
 #include "contact/deck_contacts.h"
-#include "ground/surface.h"
+#include "ground/tiles.h"
 
 namespace smartmesh {
 
@@ -50,8 +50,8 @@ struct Slot {
   Vec3 linear, angular;           // of the body [m/s], [rad/s]
   NearbyGround near;              // in this step
   std::vector<NearbyDeck> decks;  // likewise
-  Vec3 pull;     // what gravity and applied forces added to a rigid body's velocity in the last step [m/s]
-  Vec3 turning;  // of the ground at a contact that has friction against turning, in the last step [rad/s]
+  Vec3 pull;            // what gravity and applied forces added to a rigid body's velocity in the last step [m/s]
+  Vec3 ground_angular;  // of the ground at a contact that has rolling or spinning friction, in the last step [rad/s]
   Vec3 last_ground{0.0, 0.0, std::numeric_limits<double>::quiet_NaN()};  // as of `check_falls`; z NaN = none yet
   bool falls = false;
   Belt belt;
@@ -65,7 +65,7 @@ struct Slot {
 struct SlotMemory {
   double still = 0.0;
   Pose anchor;
-  Vec3 pull, turning, last_ground;
+  Vec3 pull, ground_angular, last_ground;
   double falls = 0.0;
 };
 static_assert(sizeof(SlotMemory) == 23 * sizeof(double));

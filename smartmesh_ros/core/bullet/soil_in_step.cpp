@@ -41,7 +41,7 @@ PressingShape pressing_shape(const Convex& convex) {
     found.shape.kind = ShapeKind::Cylinder;
     found.shape.half = {radius + margin, radius + margin, along(half, axis) + margin};
     const Mat3 identity;
-    found.pose.turn = transpose({{identity.row[one], identity.row[other], identity.row[axis]}});
+    found.pose.rotation = transpose({{identity.row[one], identity.row[other], identity.row[axis]}});
     return found;
   }
   found.shape.kind = ShapeKind::Box;
@@ -53,7 +53,7 @@ MovingSolid SoilInStep::moving(const SoilPart& part, const Pose& pose, const OnS
   MovingSolid found;
   found.solid.shape = &part.shape.shape;
   found.solid.centre = pose.at - Vec3{0.0, 0.0, on.soil.rise};
-  found.solid.axes = transpose(pose.turn);
+  found.solid.axes = transpose(pose.rotation);
   found.linear = on.approach.velocity_at(pose.at);
   found.angular = on.approach.angular;
   if (norm2(on.belt) > 0.0) found.surface = -surface_velocity(on.belt, {0.0, 0.0, 1.0});

@@ -94,7 +94,7 @@ void BulletWorld::wake_disturbed() {
   corrected_.clear();
   raise_contacts();
   for (int k : disturbed) wake_body(slots_[k].body);
-  find_reached();
+  find_ways();
   while (!vacated_.empty()) {  // what wakes wakes what it touches
     const Bounds bounds = vacated_.back();
     vacated_.pop_back();
@@ -103,8 +103,8 @@ void BulletWorld::wake_disturbed() {
 }
 
 // Notes where awake bodies come to in the coming step.
-void BulletWorld::find_reached() {
-  const auto reach = [&](const btCollisionObject& object, const Vec3& velocity) {
+void BulletWorld::find_ways() {
+  const auto add_way = [&](const btCollisionObject& object, const Vec3& velocity) {
     Bounds bounds = bounds_of(object);
     const Bounds start = bounds;
     bounds.add(start.low + velocity * duration), bounds.add(start.high + velocity * duration);
@@ -114,11 +114,11 @@ void BulletWorld::find_reached() {
     Slot& slot = slots_[k];
     if (slot.object == nullptr || slot.object->isStaticOrKinematicObject()) continue;
     read_velocity(slot);
-    reach(*slot.object, slot.linear);
+    add_way(*slot.object, slot.linear);
   }
   for (const Beside& it : beside_) {
     const auto* body = btRigidBody::upcast(it.object);
-    if (body != nullptr && moves_itself(*body)) reach(*body, from_bullet(body->getLinearVelocity()));
+    if (body != nullptr && moves_itself(*body)) add_way(*body, from_bullet(body->getLinearVelocity()));
   }
 }
 

@@ -41,7 +41,7 @@ struct Falls {
 
 class BulletWorld {
  public:
-  Surface* terrain = &nothing_;        // belongs to Python
+  Tiles* terrain = &nothing_;          // belongs to Python
   const ShapeTable* shapes = nullptr;  // of the bodies by slot; belongs to Python
   double time = 0.0;                   // at the start of the next step [s]
   double duration = 0.0;               // of a step [s]
@@ -181,7 +181,7 @@ class BulletWorld {
   void place(Slot& slot);
   // Returns the shape of the body in a slot; null if it is not known.
   const Shape* shape_of(int slot) const;
-  GroundPoint ground_above_middle(int slot, SurfaceReader& reader) const;
+  GroundPoint ground_above_middle(int slot, GroundReader& reader) const;
   void move_with_corrections();
   void lift_bodies();
   void lift_body(int body, double by, double rate);
@@ -213,7 +213,7 @@ class BulletWorld {
   bool is_another_ground(Slot& slot);
   void wake_beside_others();
   void look_beside();
-  void find_reached();
+  void find_ways();
   void note_driven();
   void follow_corrections(OfBody& body, double least);
   void raise_contacts();
@@ -258,7 +258,7 @@ class BulletWorld {
     btCollisionObject* object = nullptr;
     FrameVelocity start, last, change;
   };
-  std::vector<Carried> carried_;  // by the decks' numbers, as of a layout of the surface
+  std::vector<Carried> carried_;  // by the decks' numbers, as of a layout of the tiles
   long carried_layout_ = -1;
 
   // Something that attached bodies may rest on, and that is not attached or does not move by physics.
@@ -286,7 +286,7 @@ class BulletWorld {
   bool ground_stands_ = false;                   // it is that of the last look, and does not move
   int constraints_ = 0, rigid_constraints_ = 0;  // at the last look, all and those of rigid bodies
   GroundUnder ground_, next_;
-  Surface nothing_;  // the ground without tiles
+  Tiles nothing_;  // the ground without tiles
   std::vector<MapCorrection> corrections_;
   std::vector<int> maybe_below_;  // slots of bodies that may be below the ground
   BodySolid solid_;

@@ -33,7 +33,7 @@ double mass_of(const btCollisionObject& object) {
 // Returns the pose of a shape that is turned in Bullet's frame of it.
 Pose pose_of(const Convex& shape, const btTransform& at) {
   Pose pose = from_bullet(at);
-  for (Vec3& row : pose.turn.row) row = rotated(shape.turn.inverse(), row);
+  for (Vec3& row : pose.rotation.row) row = rotated(shape.orientation.inverse(), row);
   return pose;
 }
 
@@ -133,10 +133,10 @@ void BulletWorld::place(Slot& slot) {
   read_velocity(slot);
   const Vec3 at = from_bullet(pose.getOrigin());
   if (!std::isfinite(at.x + at.y + at.z + norm2(slot.linear) + norm2(slot.angular))) return;
-  const double size = norm(from_bullet(high - low)), turn = std::min(1.0, norm(slot.angular) * duration);
+  const double size = norm(from_bullet(high - low)), angle = std::min(1.0, norm(slot.angular) * duration);
   const btVector3 travel = to_bullet(slot.linear * duration);
   low.setMin(low + travel), high.setMax(high + travel);
-  const double grown = margin_in(duration) + turn * size;
+  const double grown = margin_in(duration) + angle * size;
   const Bounds swept = Bounds{from_bullet(low), from_bullet(high)}.grown(grown);
   const NearbyGround& near = slot.near = terrain->near(swept, time, duration);
   if (slot.kind.is_own) {
@@ -161,7 +161,7 @@ void BulletWorld::place(Slot& slot) {
   ground.setWorldTransform(frame);
   ground.setInterpolationWorldTransform(frame);
   ground.setLinearVelocity(to_bullet(near.velocity));
-  ground.setAngularVelocity(to_bullet(slot.turning));
+  ground.setAngularVelocity(to_bullet(slot.ground_angular));
   if (moved > 0.0) stir(slot);
 }
 
@@ -221,8 +221,8 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
       resist_rolling(contacts_, approach, pull, rows_);
     }
   }
-  const bool resists_turning = !rows_.empty() && rows_[0].friction.rolling + rows_[0].friction.spinning > 0.0;
-  slot.turning = resists_turning ? contacts_[0].ground.turning : Vec3{};
+  const bool resists_rolling = !rows_.empty() && rows_[0].friction.rolling + rows_[0].friction.spinning > 0.0;
+  slot.ground_angular = resists_rolling ? contacts_[0].ground.angular : Vec3{};
   if (rigid != nullptr) {  // robots have a solver with a cone of its own
     find_slips(contacts_, before_, approach, {pull, slot.pull, mass_of(*slot.object)}, rows_);
     slot.pull = pull;

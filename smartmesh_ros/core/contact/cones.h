@@ -18,16 +18,16 @@ constexpr double SEAT = 0.02;
 // Features that are apart may turn into their cones within the step; those that overlap may leave them by `seat`.
 inline double cone_slack(const Approach& approach, const Vec3& n, double distance, double seat = CONE_TOLERANCE) {
   if (distance <= -approach.margin) return seat;
-  const double turned = CONE_TOLERANCE + std::min(1.0, approach.turn(n));
-  return distance > 0.0 ? turned : std::max(seat, turned);
+  const double slack = CONE_TOLERANCE + std::min(1.0, approach.angle_after_impact(n));
+  return distance > 0.0 ? slack : std::max(seat, slack);
 }
 
 // Returns true if the ground lies below the plane through `p` with normal `n` as far as point `other` tells.
 // `slack`: sine.
 inline bool is_below(const Vec3& n, const Vec3& p, const Vec3& other, double slack) {
   const Vec3 d = other - p;
-  const double rise = dot(n, d);
-  return rise <= 0.0 || rise * rise <= slack * slack * norm2(d);
+  const double height = dot(n, d);
+  return height <= 0.0 || height * height <= slack * slack * norm2(d);
 }
 
 // `n`: perpendicular to the edge.
@@ -36,8 +36,8 @@ inline bool in_cone(const Patch& patch, const Edge& edge, const Vec3& n, double 
   for (int k : edge.opposite) {
     if (k < 0) continue;
     const Vec3 d = patch.points[k] - a;
-    const double rise = dot(n, d);
-    if (rise > 0.0 && rise * rise * norm2(along) > slack * slack * norm2(cross(along, d))) return false;
+    const double height = dot(n, d);
+    if (height > 0.0 && height * height * norm2(along) > slack * slack * norm2(cross(along, d))) return false;
   }
   return true;
 }

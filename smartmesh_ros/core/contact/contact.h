@@ -45,22 +45,22 @@ struct Approach {
   Vec3 gravity{};                // [m/s^2]
   Vec3 ground{};                 // velocity of the ground [m/s]
   double ahead = 0.0;            // time over which velocities of the ground are means [s]; zero = it counts as still
-  // Of shapes that are touched at several places at once: IMPACT, the angle by which the shape turns [rad], and the
+  // Of shapes that are touched at several places at once: IMPACT, the angle by which the shape rotates [rad], and the
   // bounding radius [m].
-  double impact = 1.0, turning = 0.0, size = 1e300;
+  double impact = 1.0, angle = 0.0, size = 1e300;
 
   Vec3 velocity_at(const Vec3& p) const { return linear + cross(angular, p - centre); }
   // Returns the velocity of the body relative to the ground at a contact [m/s].
   Vec3 velocity_at(const Contact& contact) const {
     return velocity_at(contact.point) + ground - contact.ground.velocity;
   }
-  // Angle by which the shape may turn in the step, also after an impact along `n` [rad].
-  double turn(const Vec3& n) const { return turning + std::max(0.0, -dot(n, linear)) * duration / size; }
+  // Angle by which the shape may rotate in the step, also after an impact along `n` [rad].
+  double angle_after_impact(const Vec3& n) const { return angle + std::max(0.0, -dot(n, linear)) * duration / size; }
   // Distance up to which a point that moves at `v` may come to the ground in the step [m], also after an impact
   // elsewhere.
-  double reach(const Vec3& v) const { return margin + impact * norm(v) * duration; }
+  double contact_distance(const Vec3& v) const { return margin + impact * norm(v) * duration; }
   // The same for any point of a ball around `p`.
-  double reach(const Vec3& p, double radius) const {
+  double contact_distance(const Vec3& p, double radius) const {
     return margin + impact * (norm(linear) + norm(angular) * (norm(p - centre) + radius)) * duration;
   }
 };

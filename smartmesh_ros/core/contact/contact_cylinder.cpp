@@ -50,11 +50,11 @@ class CylinderTouch {
         approach_(approach),
         contacts_(contacts),
         radius_(shape.half.x),
-        axis_(pose.turn * Vec3{0.0, 0.0, 1.0}),
+        axis_(pose.rotation * Vec3{0.0, 0.0, 1.0}),
         spin_(norm(approach.angular) * shape.half.x * approach.duration),
         pose_(pose) {
     for (int k = 0; k < 2; ++k) cap_[k] = pose.at + axis_ * (k ? shape.half.z : -shape.half.z);
-    side_[0] = pose.turn * Vec3{0.0, 1.0, 0.0};
+    side_[0] = pose.rotation * Vec3{0.0, 1.0, 0.0};
     side_[1] = cross(axis_, side_[0]);
     tilting_ = (approach.angular - axis_ * dot(approach.angular, axis_)) * approach.duration;
   }
@@ -71,11 +71,11 @@ class CylinderTouch {
   }
 
  private:
-  double reach_at(const Vec3& p) const { return approach_.reach(approach_.velocity_at(p)); }
+  double contact_distance_at(const Vec3& p) const { return approach_.contact_distance(approach_.velocity_at(p)); }
 
   void add(const Vec3& on_ground, const Vec3& n, double distance, int name, int ground,
            NormalOf normal_of = NormalOf::Ground, const Vec3& edge = {}) {
-    if (distance > reach_at(on_ground)) return;
+    if (distance > contact_distance_at(on_ground)) return;
     contacts_.push_back({on_ground, n, distance, name, ground});
     contacts_.back().normal_of = normal_of, contacts_.back().body_edge = axis_, contacts_.back().ground_edge = edge;
   }
@@ -86,7 +86,7 @@ class CylinderTouch {
     touch_facet(facet, normal, normal, 0);
     if (norm(tilting_) * radius_ > approach_.margin) touch_facet(facet, normal, normal - cross(tilting_, normal), 10);
     const double along = dot(normal, axis_);
-    if (std::abs(along) > std::cos(std::min(approach_.turn(normal), 0.5 * M_PI)))
+    if (std::abs(along) > std::cos(std::min(approach_.angle_after_impact(normal), 0.5 * M_PI)))
       touch_facet(facet, normal, axis_ * (2.0 * along) - normal, 20);
   }
 
@@ -105,16 +105,16 @@ class CylinderTouch {
                &c = patch_.points[facet.corner[2]];
     const double distance = dot(normal, low - a);
     const Vec3 velocity = approach_.velocity_at(low);
-    const MovingPoint point{low, velocity, 0.0, approach_.reach(velocity), pose_.at};
-    if (distance > point.reach || distance < -2.0 * shape_.reach) return;
-    const Vec3 foot = low - normal * distance;
+    const MovingPoint point{low, velocity, 0.0, approach_.contact_distance(velocity), pose_.at};
+    if (distance > point.contact_distance || distance < -2.0 * shape_.bounding_radius) return;
+    const Vec3 projected = low - normal * distance;
     if (distance < 0.0) {
-      if (inside_triangle(foot, a, b, c, facet.normal, 0.0) || is_over(low, a, b, c)) touch_all(point, name);
+      if (inside_triangle(projected, a, b, c, facet.normal, 0.0) || is_over(low, a, b, c)) touch_all(point, name);
       return;
     }
     if (!comes_over(point, normal, distance, approach_.duration, 0.0, facet, patch_)) return;
     if (patch_.is_mesh && penetrated(pose_.at, low, patch_) != nullptr) return;  // the facet is hidden
-    add(foot, normal, distance, name, ground_name(patch_, facet));
+    add(projected, normal, distance, name, ground_name(patch_, facet));
   }
 
   // A point of a rim against all facets.
@@ -133,7 +133,8 @@ class CylinderTouch {
     if (std::none_of(patch_.facets.begin(), patch_.facets.end(), is_flat)) return;
     for (int j = 0; j < 4; ++j) {
       const Vec3 at = cap_[k] + side_[j / 2] * (j % 2 ? -radius_ : radius_);
-      touch_all({at, approach_.velocity_at(at), 0.0, reach_at(at), pose_.at}, name_of(BodyFeature::Rim, 2 + 4 * k + j));
+      touch_all({at, approach_.velocity_at(at), 0.0, contact_distance_at(at), pose_.at},
+                name_of(BodyFeature::Rim, 2 + 4 * k + j));
     }
   }
 
@@ -142,8 +143,8 @@ class CylinderTouch {
     const double along = dot(q, axis_);
     const Vec3 across = q - axis_ * along;
     const double off = norm(across), over_cap = std::abs(along) - shape_.half.z, over_side = off - radius_;
-    const double reach = reach_at(at);
-    if (over_cap > reach || over_side > reach) return;
+    const double contact_distance = contact_distance_at(at);
+    if (over_cap > contact_distance || over_side > contact_distance) return;
     const int ground = ground_name(patch_, peak.point), cap = along > 0.0 ? 1 : 0;
     const Vec3 from_cap = cap ? -axis_ : axis_, from_side = off > 0.0 ? across * (-1.0 / off) : from_cap;
     const bool by_cap = in_cone(patch_, peak, from_cap, cone_slack(approach_, from_cap, over_cap, SEAT));
@@ -173,7 +174,7 @@ class CylinderTouch {
     const Vec3 on_ground = p + (q - p) * t, from_axis = cap_[0] + (cap_[1] - cap_[0]) * s - on_ground;
     if (dot(n, patch_.is_mesh ? from_axis : edge.outward) < 0.0) n = -n;
     const double distance = dot(n, from_axis) - radius_;
-    if (distance > reach_at(on_ground) || !is_on_edge(t, distance, norm2(q - p)) ||
+    if (distance > contact_distance_at(on_ground) || !is_on_edge(t, distance, norm2(q - p)) ||
         !in_cone(patch_, edge, n, cone_slack(approach_, n, distance)))
       return;
     const Crossing crossing{on_ground + n * distance, axis_, distance};
@@ -189,8 +190,9 @@ class CylinderTouch {
   // Seen along an edge, a rim is an ellipse and the edge a point; only the half of the ellipse beyond the cap counts.
   void touch_rim(int k, const Edge& edge) {
     const Vec3 &p = patch_.points[edge.end[0]], &q = patch_.points[edge.end[1]];
-    const double t = std::clamp(along_segment(cap_[k], p, q), 0.0, 1.0), reach = reach_at(cap_[k]) + spin_;
-    if (norm(p + (q - p) * t - cap_[k]) > radius_ + reach) return;
+    const double t = std::clamp(along_segment(cap_[k], p, q), 0.0, 1.0),
+                 contact_distance = contact_distance_at(cap_[k]) + spin_;
+    if (norm(p + (q - p) * t - cap_[k]) > radius_ + contact_distance) return;
     const Vec3 along = unit(q - p), outward = k ? axis_ : -axis_, to_edge = p - cap_[k];
     Vec3 wide = cross(outward, along);
     const double narrow = std::abs(dot(axis_, along)), r = radius_;  // half axes of the ellipse: r, r * narrow
@@ -206,7 +208,8 @@ class CylinderTouch {
     if (dot(up, high) < 0.0) up = -up;
     const double x = dot(to_edge, wide), y = dot(to_edge, high);
     double angle;
-    if (x > r + reach || y > r * narrow + reach || !nearest_on_ellipse(r, narrow, x, y, angle)) return;
+    if (x > r + contact_distance || y > r * narrow + contact_distance || !nearest_on_ellipse(r, narrow, x, y, angle))
+      return;
     const double c = std::cos(angle), s = std::sin(angle);
     const double dx = x - r * c, dy = y - r * narrow * s;
     Vec3 n = -unit(wide * (narrow * c) + high * s);

@@ -18,7 +18,7 @@ constexpr double DEEP = 0.05;
 // tells, or, of a segment, the way `away` to it.
 Vec3 outward_of(const Patch& patch, const Edge& ground, const PolyEdge& edge, const Pose& pose, const Vec3& away) {
   if (!patch.is_mesh) return ground.outward;
-  return edge.faces[0] < 0 ? away : pose.turn * (edge.into[0] + edge.into[1]);
+  return edge.faces[0] < 0 ? away : pose.rotation * (edge.into[0] + edge.into[1]);
 }
 
 // Returns true if a line is below the ground where it is as far below one facet of an edge as below the other. `a`: an
@@ -35,10 +35,10 @@ bool is_below(const Crossing& line, const Vec3& a, const Vec3& between, const Pa
 // with.
 std::pair<Vec3, NormalOf> seated(const Polytope& core, const PolyEdge& edge, const Pose& pose, const Patch& patch,
                                  const Edge& ground, const Vec3& n) {
-  const Vec3 local = transposed(pose.turn, n);
+  const Vec3 local = transposed(pose.rotation, n);
   for (int k = 0; k < 2; ++k)
     if (edge.faces[k] >= 0 && dot(local, edge.into[k]) < 0.0)
-      return {pose.turn * -core.faces[edge.faces[k]].normal, NormalOf::Body};
+      return {pose.rotation * -core.faces[edge.faces[k]].normal, NormalOf::Body};
   const Vec3 &a = patch.points[ground.end[0]], &b = patch.points[ground.end[1]];
   for (int k : ground.opposite) {
     if (k < 0 || !(dot(n, patch.points[k] - a) > 0.0)) continue;
@@ -55,7 +55,8 @@ bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, cons
   const double limit = MUCH_SHORTER * crossing.distance;
   const Vec3 &a = patch.points[edge.end[0]], &b = patch.points[edge.end[1]];
   const Vec3 on_ground = a + (b - a) * along_segment(crossing.at, a, b);
-  if (norm(on_ground - pose.at) > shape.reach) return false;  // an edge that overlaps the shape is inside it there
+  if (norm(on_ground - pose.at) > shape.bounding_radius)
+    return false;  // an edge that overlaps the shape is inside it there
   Vec3 corners[4] = {pose.to_local(a), pose.to_local(b)}, normals[2];
   int count = 2;
   for (int k : edge.opposite) {
@@ -64,7 +65,7 @@ bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, cons
     normal = unit(cross(b - a, patch.points[k] - a));
     const bool is_rim = patch.is_mesh && edge.opposite[1] < 0;  // of a sheet, which the shape leaves to its own side
     if (dot(normal, is_rim ? pose.to_world(shape.centre) - a : edge.outward) < 0.0) normal = -normal;
-    if (lowest(shape, transposed(pose.turn, normal)) + dot(normal, pose.at - a) > limit) return false;
+    if (lowest(shape, transposed(pose.rotation, normal)) + dot(normal, pose.at - a) > limit) return false;
     corners[count++] = pose.to_local(patch.points[k]);
   }
   const Vec3 between = count == 4 ? normals[0] - normals[1] : Vec3{};
@@ -87,14 +88,14 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
   const Vec3 a = pose.to_world(shape.core.vertices[edge.end[0]]), b = pose.to_world(shape.core.vertices[edge.end[1]]);
   const Vec3 middle = (a + b) * 0.5, velocity = approach.velocity_at(middle);
   const double spin = norm(approach.angular) * 0.5 * norm(b - a);
-  const double reach = approach.margin + approach.impact * (norm(velocity) + spin) * approach.duration,
-               most = shape.rounding + reach;
+  const double contact_distance = approach.margin + approach.impact * (norm(velocity) + spin) * approach.duration,
+               most = shape.rounding + contact_distance;
   if (std::min(a.z, b.z) - most > patch.highest) return;
   Bounds bounds;
   bounds.add(a), bounds.add(b);
   const double across =
       std::sqrt(1.0 - std::pow(std::max(patch.steepest, 0.0), 2));  // horizontal part of the steepest normal
-  bounds = bounds.grown(std::max(most, DEEP * shape.reach * across));
+  bounds = bounds.grown(std::max(most, DEEP * shape.bounding_radius * across));
   const PatchCells& cells = patch.cells;
   const CellRange near = cells.near(middle.x, middle.y, middle.x - bounds.low.x, middle.y - bounds.low.y);
   const auto touch = [&](const Edge& other) {
@@ -110,9 +111,9 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
     Vec3 n = unit(cross(b - a, q - p));
     if (dot(n, outward_of(patch, other, edge, pose, on_edge - on_ground)) < 0.0) n = -n;
     const double from_edge = dot(n, on_edge - on_ground), distance = from_edge - shape.rounding;
-    if (!(distance <= reach) || (beyond_end && from_edge > 0.0)) return;
+    if (!(distance <= contact_distance) || (beyond_end && from_edge > 0.0)) return;
     const double slack = cone_slack(approach, n, distance, SEAT);
-    if (!in_cone(edge, transposed(pose.turn, n), slack) || !in_cone(patch, other, n, slack)) return;
+    if (!in_cone(edge, transposed(pose.rotation, n), slack) || !in_cone(patch, other, n, slack)) return;
     if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, {on_edge, b - a, distance})) return;
     const auto [normal, normal_of] = seated(shape.core, edge, pose, patch, other, n);
     if (!(dot(normal, n) > 0.0)) return;  // the edge is so sharp that it seems to lie in its cone either way

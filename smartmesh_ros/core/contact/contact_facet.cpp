@@ -37,7 +37,7 @@ class FacetTouch {
  private:
   void touch_all() {
     is_below_ = false;
-    const double most = free_.radius + free_.reach + ROUNDING;
+    const double most = free_.radius + free_.contact_distance + ROUNDING;
     const PatchCells& cells = patch_.cells;
     const CellRange near = cells.near(free_.at.x, free_.at.y, most, most);
     for (int r = near.top; r < near.bottom; ++r)
@@ -49,10 +49,10 @@ class FacetTouch {
     const auto& p = patch_.points;
     const Vec3 &a = p[facet.corner[0]], &b = p[facet.corner[1]], &c = p[facet.corner[2]];
     const double distance = dot(facet.normal, free_.at - a);
-    if (distance > free_.radius + free_.reach || is_behind(facet, distance)) return;
+    if (distance > free_.radius + free_.contact_distance || is_behind(facet, distance)) return;
     if (distance < 0.0)
       is_below_ |= is_over(free_.at, a, b, c);
-    else if (faces(free_, facet.normal, free_.turning) &&
+    else if (faces(free_, facet.normal, free_.angle) &&
              comes_over(free_, facet.normal, distance, duration_, 0.0, facet, patch_))
       add_contact(free_, name_, facet.normal, distance, ground_name(patch_, facet), contacts_);
   }
@@ -120,11 +120,11 @@ bool comes_over(const MovingPoint& point, const Vec3& n, double distance, double
                 const Facet& facet, const Patch& patch) {
   const auto& p = patch.points;
   const auto& k = facet.corner;
-  const Vec3 foot = point.at - n * distance;
-  if (inside_triangle(foot, p[k[0]], p[k[1]], p[k[2]], facet.normal, slack * distance)) return true;
+  const Vec3 projected = point.at - n * distance;
+  if (inside_triangle(projected, p[k[0]], p[k[1]], p[k[2]], facet.normal, slack * distance)) return true;
   const double closing = -dot(n, point.velocity), gap = distance - point.radius;
   if (!(gap >= 0.0 && closing * duration > gap)) return false;
-  const Vec3 then = foot + (point.velocity + n * closing) * (gap / closing);
+  const Vec3 then = projected + (point.velocity + n * closing) * (gap / closing);
   if (inside_triangle(then, p[k[0]], p[k[1]], p[k[2]], facet.normal, slack * point.radius)) return true;
   // A point that slides down a facet meets the next one at their common edge.
   if (!inside_triangle(then, p[k[0]], p[k[1]], p[k[2]], facet.normal, closing * duration)) return false;

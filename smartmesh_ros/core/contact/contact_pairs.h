@@ -7,20 +7,21 @@
 
 namespace smartmesh {
 
-// A point of a shape with its speed relative to the ground, grown by a radius.
+// A point of a shape with its speed relative to the ground, grown by a radius. `contact_distance` [m]: up to which it
+// may come to the ground in the step.
 struct MovingPoint {
   Vec3 at, velocity;
-  double radius, reach;  // `reach` [m]: distance up to which it may come to the ground in the step
-  Vec3 inside;           // a point deep inside the shape [m]
-  double turning = 0.0;  // angle by which the shape may turn in the step [rad]
+  double radius, contact_distance;
+  Vec3 inside;         // a point deep inside the shape [m]
+  double angle = 0.0;  // angle by which the shape may rotate in the step [rad]
 };
 
 // Returns true if a plane with the unit normal `n` that touches a point of a shape has the shape's inside above it. A
-// point that slides over a crest would else be held back by the flank that it comes from. `turned`: angle by which the
-// shape may turn before the plane touches it [rad].
-inline bool faces(const MovingPoint& point, const Vec3& n, double turned = 0.0) {
+// point that slides over a crest would else be held back by the flank that it comes from. `angle`: angle by which the
+// shape may rotate before the plane touches it [rad].
+inline bool faces(const MovingPoint& point, const Vec3& n, double angle = 0.0) {
   const Vec3 inwards = point.inside - point.at;
-  return dot(n, inwards) >= -point.radius - std::min(1.0, turned) * norm(inwards);
+  return dot(n, inwards) >= -point.radius - std::min(1.0, angle) * norm(inwards);
 }
 
 // Kinds of features of a body, for their names.

@@ -25,19 +25,19 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
                 std::vector<Contact>& contacts) {
   const Polytope& core = shape.core;
   const Vec3 at = patch.points[peak.point], velocity = approach.velocity_at(at);
-  const double reach = approach.reach(velocity);
-  const Vec3 q = pose.to_local(at), moved = transposed(pose.turn, velocity) * -approach.duration;
-  if (!shape.bounds.grown(reach).meets({q, q})) return;
+  const double contact_distance = approach.contact_distance(velocity);
+  const Vec3 q = pose.to_local(at), moved = transposed(pose.rotation, velocity) * -approach.duration;
+  if (!shape.bounds.grown(contact_distance).meets({q, q})) return;
   const int ground = ground_name(patch, peak.point);
   const auto add = [&](const Vec3& n_world, double distance, int name, NormalOf kind = NormalOf::Body) {
-    if (distance > reach) return;
+    if (distance > contact_distance) return;
     contacts.push_back({at, n_world, distance, name, ground});
     contacts.back().normal_of = kind;
   };
   bool inside = !core.faces.empty();
   for (const PolyFace& face : core.faces) {
     const double from_plane = dot(face.normal, q) - face.offset;
-    if (from_plane - shape.rounding > reach) return;  // a plane holds both apart
+    if (from_plane - shape.rounding > contact_distance) return;  // a plane holds both apart
     inside &= from_plane <= 0.0;
   }
   int way = -1;  // out of the shape: the nearest face that the ground can touch
@@ -47,7 +47,7 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
     const double from_plane = dot(face.normal, q) - face.offset;
     if (inside != (from_plane <= 0.0)) continue;
     if (inside) least = std::max(least, from_plane);
-    const Vec3 n = pose.turn * -face.normal;
+    const Vec3 n = pose.rotation * -face.normal;
     if ((inside && from_plane <= depth) || !in_cone(patch, peak, n, cone_slack(approach, n, from_plane, SEAT)))
       continue;
     if (inside) {
@@ -63,7 +63,7 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
   }
   if (inside) {
     if (way >= 0 && least - shape.rounding <= MUCH_SHORTER * (depth - shape.rounding))
-      add(pose.turn * -core.faces[way].normal, depth - shape.rounding, name_of(BodyFeature::Face, way));
+      add(pose.rotation * -core.faces[way].normal, depth - shape.rounding, name_of(BodyFeature::Face, way));
     return;
   }
   for (std::size_t k = 0; k < core.edges.size(); ++k) {
@@ -73,8 +73,8 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
     if (!(t > 0.0 && t < 1.0)) continue;
     const Vec3 away = a + (b - a) * t - q;
     const double distance = norm(away);
-    if (!(distance - shape.rounding <= reach && distance > 1e-9)) continue;
-    const Vec3 n = away * (1.0 / distance), n_world = pose.turn * n;
+    if (!(distance - shape.rounding <= contact_distance && distance > 1e-9)) continue;
+    const Vec3 n = away * (1.0 / distance), n_world = pose.rotation * n;
     const double slack = cone_slack(approach, n_world, distance - shape.rounding);
     if (in_cone(edge, n, slack) && in_cone(patch, peak, n_world, slack))
       add(n_world, distance - shape.rounding, name_of(BodyFeature::Edge, static_cast<int>(k)), NormalOf::Ground);

@@ -60,16 +60,16 @@ void slide_to_mid_step(const Convex& shape, const Contact& contact, const Approa
     const Vec3 v = approach.velocity_at(p) + approach.ground - contact.ground.velocity;
     return (v - n * dot(n, v)) * half;
   };
-  const auto turned = [&](const Vec3& way, const Vec3& turning) { return way + cross(turning, way) * half; };
-  Vec3 at = contact.point, normal = turned(n, approach.angular);
+  const auto rotated = [&](const Vec3& way, const Vec3& angular) { return way + cross(angular, way) * half; };
+  Vec3 at = contact.point, normal = rotated(n, approach.angular);
   if (contact.normal_of == NormalOf::Edges) {
     const Vec3 on_core = contact.point + n * (contact.distance + shape.rounding), then = on_core + slid(on_core);
-    const Vec3 edge = turned(contact.body_edge, approach.angular),
-               other = turned(contact.ground_edge, contact.ground.turning);
+    const Vec3 edge = rotated(contact.body_edge, approach.angular),
+               other = rotated(contact.ground_edge, contact.ground.angular);
     double s, t;
     if (!nearest_on_lines(then, then + edge, at, at + other, s, t)) return;
     at = at + other * t, normal = cross(edge, other);
-    if (norm(at - approach.centre) > shape.reach) return;  // they cross no more
+    if (norm(at - approach.centre) > shape.bounding_radius) return;  // they cross no more
     if (dot(normal, n) < 0.0) normal = -normal;
   }
   row.at = at - slid(approach.centre), row.normal = unit(normal);
@@ -120,7 +120,7 @@ void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<
   // The solver takes the velocity of a contact for all of the step: that of the middle is right to second order. A
   // point of a body that turns moves along an arc.
   const bool is_round = shape.kind == ShapeKind::Cylinder || shape.kind == ShapeKind::Capsule;
-  const Vec3 axis = pose.turn * Vec3{0.0, 0.0, 1.0};
+  const Vec3 axis = pose.rotation * Vec3{0.0, 0.0, 1.0};
   for (std::size_t k = 0; k < contacts.size(); ++k) {
     const Contact& contact = contacts[k];
     if (contact.normal_of != NormalOf::Ground) {
@@ -128,12 +128,12 @@ void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<
       continue;
     }
     if (contact.distance <= 0.0) continue;
-    Vec3 turns = approach.angular;
+    Vec3 angular = approach.angular;
     // A round shape stays where it is if it spins: only what tilts its axis in the plane of the normal moves its
     // surface.
-    if (const Vec3 tilts = unit(cross(contact.normal, axis)); is_round) turns = tilts * dot(turns, tilts);
+    if (const Vec3 tilts = unit(cross(contact.normal, axis)); is_round) angular = tilts * dot(angular, tilts);
     const Vec3 on_core = contact.point + contact.normal * (contact.distance + shape.rounding);
-    rows[k].at = contact.point + cross(turns, on_core - approach.centre) * (0.5 * approach.duration);
+    rows[k].at = contact.point + cross(angular, on_core - approach.centre) * (0.5 * approach.duration);
   }
 }
 

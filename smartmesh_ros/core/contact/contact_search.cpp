@@ -70,11 +70,11 @@ Bounds bounds_of(const Convex& shape, const Pose& pose) {
 }
 
 // Returns true if an edge faces the ground: edges touch by normals that lie between those of the faces of both.
-bool faces_ground(const Convex& shape, const Pose& pose, const PolyEdge& edge, const Patch& patch, double turn) {
-  const double slack = SEAT + turn;
+bool faces_ground(const Convex& shape, const Pose& pose, const PolyEdge& edge, const Patch& patch, double angle) {
+  const double slack = SEAT + angle;
   if (edge.faces[0] < 0 || patch.steepest < slack) return true;
-  const double up = std::min(dot(pose.turn.row[2], shape.core.faces[edge.faces[0]].normal),
-                             dot(pose.turn.row[2], shape.core.faces[edge.faces[1]].normal));
+  const double up = std::min(dot(pose.rotation.row[2], shape.core.faces[edge.faces[0]].normal),
+                             dot(pose.rotation.row[2], shape.core.faces[edge.faces[1]].normal));
   return up <= (slack - patch.steepest) * edge.half_cosine;
 }
 
@@ -88,34 +88,34 @@ void find_contacts(const Convex& shape, const Pose& pose, const Patch& patch, co
   }
   const Polytope& core = shape.core;
   // Most features of a hull of many vertices lie above all ground in reach.
-  const double limit = patch.highest + shape.rounding + approach.reach(pose.at, shape.reach);
+  const double limit = patch.highest + shape.rounding + approach.contact_distance(pose.at, shape.bounding_radius);
   std::vector<char> low(core.vertices.size());
   for (std::size_t k = 0; k < core.vertices.size(); ++k) {
-    low[k] = dot(pose.turn.row[2], core.vertices[k]) + pose.at.z <= limit;
+    low[k] = dot(pose.rotation.row[2], core.vertices[k]) + pose.at.z <= limit;
     if (low[k]) touch_vertex(shape, pose, static_cast<int>(k), patch, approach, contacts);
   }
   for (const Peak& peak : patch.peaks) touch_peak(shape, pose, peak, patch, approach, contacts);
-  const double turn = approach.turn(unit(-approach.linear));
+  const double angle = approach.angle_after_impact(unit(-approach.linear));
   for (std::size_t k = 0; k < core.edges.size(); ++k)
     if ((low[core.edges[k].end[0]] || low[core.edges[k].end[1]]) &&
-        faces_ground(shape, pose, core.edges[k], patch, turn))
+        faces_ground(shape, pose, core.edges[k], patch, angle))
       touch_edge(shape, pose, static_cast<int>(k), patch, approach, contacts);
 }
 
 }  // namespace
 
-void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface, double time, Approach approach,
+void ContactSearch::run(const Convex& shape, const Pose& pose, Tiles& tiles, double time, Approach approach,
                         std::vector<Contact>& contacts, double thickness) {
   contacts.clear();
   if (shape.core.vertices.size() != 1)  // no ball
-    approach.impact = IMPACT, approach.turning = norm(approach.angular) * approach.duration,
-    approach.size = shape.reach;
-  const double grown = approach.reach(pose.at, shape.reach);
+    approach.impact = IMPACT, approach.angle = norm(approach.angular) * approach.duration,
+    approach.size = shape.bounding_radius;
+  const double grown = approach.contact_distance(pose.at, shape.bounding_radius);
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
   if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;
   const ShapeReach reach(shape, pose, grown, bounds.low.z, thickness);
-  surface.gather(bounds, time, approach.ahead, reach, maps_);
-  surface.gather_meshes(bounds, time, approach.ahead, reach, meshes_);
+  tiles.gather(bounds, time, approach.ahead, reach, maps_);
+  tiles.gather_meshes(bounds, time, approach.ahead, reach, meshes_);
   for (Patch* patch : {&maps_, &meshes_}) {
     patch->finish();
     const std::size_t first = contacts.size();

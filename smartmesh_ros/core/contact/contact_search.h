@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "contact/contact.h"
-#include "ground/surface.h"
+#include "ground/tiles.h"
 
 namespace smartmesh {
 
@@ -14,7 +14,7 @@ class ContactSearch {
  public:
   // Replaces `contacts` by those of a shape at `pose` with the ground at `time` [s]; none if a number is not finite.
   // `thickness` [m]: of height maps at their holes and rims.
-  void run(const Convex& shape, const Pose& pose, Surface& surface, double time, Approach approach,
+  void run(const Convex& shape, const Pose& pose, Tiles& tiles, double time, Approach approach,
            std::vector<Contact>& contacts, double thickness = std::numeric_limits<double>::infinity());
 
  private:

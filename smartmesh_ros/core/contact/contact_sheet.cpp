@@ -101,7 +101,7 @@ bool touch_sheets(const MovingPoint& point, int name, const Patch& patch, double
   MovingPoint lifted = point;
   const Facet* behind[MOST_BEHIND];
   int count = 0;
-  const double lift = SLACK * (norm(point.at - point.inside) + point.reach);
+  const double lift = SLACK * (norm(point.at - point.inside) + point.contact_distance);
   while (count < MOST_BEHIND) {
     const Facet* facet = penetrated(point.inside, lifted.at, patch);
     if (facet == nullptr) break;
@@ -112,7 +112,7 @@ bool touch_sheets(const MovingPoint& point, int name, const Patch& patch, double
     lifted.velocity = lifted.velocity - n * std::min(0.0, dot(n, lifted.velocity));
     behind[count++] = facet;
   }
-  const double most = point.radius + point.reach;
+  const double most = point.radius + point.contact_distance;
   for (const Facet& facet : patch.facets) {
     if (norm2(lifted.at - patch.points[facet.corner[0]]) > (most + facet.size) * (most + facet.size)) continue;
     const double distance = std::abs(dot(facet.normal, lifted.at - patch.points[facet.corner[0]]));

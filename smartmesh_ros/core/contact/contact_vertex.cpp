@@ -27,7 +27,8 @@ double time_of_touch(const MovingPoint& ball, const Vec3& from, const Vec3& alon
 void add_contact(const MovingPoint& point, int name, const Vec3& normal, double from_core, int ground,
                  std::vector<Contact>& contacts) {
   const double distance = from_core - point.radius;
-  if (distance <= point.reach) contacts.push_back({point.at - normal * from_core, normal, distance, name, ground});
+  if (distance <= point.contact_distance)
+    contacts.push_back({point.at - normal * from_core, normal, distance, name, ground});
 }
 
 int ground_name(const Patch& patch, int a, int b, int c) {
@@ -43,23 +44,23 @@ void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch
   const MovingPoint point{at,
                           velocity,
                           shape.rounding,
-                          approach.reach(velocity),
+                          approach.contact_distance(velocity),
                           pose.to_world(shape.centre),
-                          approach.turn(unit(-approach.linear))};
-  if (at.z - point.radius - point.reach > patch.highest) return;
+                          approach.angle_after_impact(unit(-approach.linear))};
+  if (at.z - point.radius - point.contact_distance > patch.highest) return;
   const int name = name_of(BodyFeature::Vertex, vertex);
   const auto touch = patch.is_mesh ? touch_sheets : touch_facets;
   if (!touch(point, name, patch, approach.duration, contacts)) return;
-  const double most = point.radius + point.reach;
+  const double most = point.radius + point.contact_distance;
   const auto add = [&](const Vec3& n, double distance, const auto& feature, int one, int other) {
     const double slack = cone_slack(approach, n, distance - point.radius);
-    if (!in_cone(patch, feature, n, slack) || !in_cone(core, vertex, transposed(pose.turn, n), slack)) return false;
+    if (!in_cone(patch, feature, n, slack) || !in_cone(core, vertex, transposed(pose.rotation, n), slack)) return false;
     add_contact(point, name, n, distance, ground_name(patch, one, other), contacts);
     return true;
   };
-  const auto touches = [&](const Vec3& foot, const auto& feature, int one, int other) {
-    const double distance = norm(at - foot);
-    return distance <= most && distance > 1e-9 && add((at - foot) * (1.0 / distance), distance, feature, one, other);
+  const auto touches = [&](const Vec3& nearest, const auto& feature, int one, int other) {
+    const double distance = norm(at - nearest);
+    return distance <= most && distance > 1e-9 && add((at - nearest) * (1.0 / distance), distance, feature, one, other);
   };
   // What a ball only comes to within the step: from `start` along `side`, which is zero for a peak.
   const auto meet = [&](const Vec3& start, const Vec3& side, const auto& feature, int one, int other) {

@@ -12,13 +12,13 @@ constexpr unsigned SPREAD = 0x9e3779b1u;
 // Returns the motion of a body relative to a deck, in the deck's frame.
 Approach seen_from(const FrameState& frame, const NearbyGround& near, const Approach& body) {
   Approach local = body;
-  const Mat3& turn = frame.pose.turn;
+  const Mat3& rotation = frame.pose.rotation;
   local.centre = frame.pose.to_local(body.centre);
   local.ground = near.velocity;
   local.margin = body.margin + near.spread * body.duration;
-  local.gravity = transposed(turn, body.gravity);
-  local.linear = transposed(turn, body.linear - frame.velocity_at(body.centre)) - near.velocity;
-  local.angular = transposed(turn, body.angular - frame.velocity.angular);
+  local.gravity = transposed(rotation, body.gravity);
+  local.linear = transposed(rotation, body.linear - frame.velocity_at(body.centre)) - near.velocity;
+  local.angular = transposed(rotation, body.angular - frame.velocity.angular);
   return local;
 }
 
@@ -30,7 +30,7 @@ bool is_near(Deck& deck, const Bounds& swept, double time, double duration, Near
   const double radius = norm(swept.high - middle);
   const double comes = (norm(frame.velocity_at(middle)) + norm(frame.velocity.angular) * radius) * duration;
   const Bounds local = Deck::local_bounds(frame.pose, swept.grown(comes));
-  found.ground = deck.surface.near(local, time, duration);
+  found.ground = deck.tiles.near(local, time, duration);
   found.moved = comes + (norm(found.ground.velocity) + found.ground.spread) * duration;
   return found.ground.highest >= local.low.z - (found.moved - comes);
 }
@@ -40,23 +40,23 @@ void DeckSearch::add(const Convex& shape, const Pose& pose, Deck& deck, const Ne
   const FrameState frame = deck.motion.at(time);
   const Pose local = smartmesh::seen_from(frame.pose, pose);
   if (deck.is_above(local.to_world(shape.centre), time)) return;
-  search_.run(shape, local, deck.surface, time, seen_from(frame, near.ground, body), found_, deck.thickness);
+  search_.run(shape, local, deck.tiles, time, seen_from(frame, near.ground, body), found_, deck.thickness);
   if (found_.empty()) return;
   // Where the deck is at the end of the step: a point of it moves along a chord.
   const Pose end = deck.motion.at(time + body.ahead).pose;
-  const bool has_material = deck.surface.has_material();
+  const bool has_material = deck.tiles.has_material();
   for (Contact contact : found_) {
     if (contact.distance < -deck.thickness) continue;
     const Vec3 p = contact.point;
-    if (has_material) contact.material = deck.surface.material(p.x, p.y, time);
+    if (has_material) contact.material = deck.tiles.material(p.x, p.y, time);
     contact.point = frame.pose.to_world(p);
-    for (Vec3* way : {&contact.normal, &contact.body_edge, &contact.ground_edge}) *way = frame.pose.turn * *way;
+    for (Vec3* way : {&contact.normal, &contact.body_edge, &contact.ground_edge}) *way = frame.pose.rotation * *way;
     contact.deck = near.number;
     contact.ground_feature ^= static_cast<int>(SPREAD * (near.number + 1u));
     if (body.ahead > 0.0) {
       const Vec3 chord = (end.to_world(p) - contact.point) * (1.0 / body.ahead);
-      contact.ground.velocity = chord + end.turn * contact.ground.velocity;
-      contact.ground.turning = frame.velocity.angular + frame.pose.turn * contact.ground.turning;
+      contact.ground.velocity = chord + end.rotation * contact.ground.velocity;
+      contact.ground.angular = frame.velocity.angular + frame.pose.rotation * contact.ground.angular;
     }
     contacts.push_back(contact);
   }

@@ -47,7 +47,7 @@ void lay_on_foundation(const Convex& shape, const Pose& pose, const Approach& ap
   for (std::size_t k = 0; k < contacts.size(); ++k) {
     Contact& contact = contacts[k];
     if (!contact.material.gives()) continue;
-    const Vec3 normal = transposed(pose.turn, contact.normal);
+    const Vec3 normal = transposed(pose.rotation, contact.normal);
     double speed = dot(contact.normal, approach.velocity_at(contact));
     Pressed pressed = places.pressed(k, normal, -speed * dt);
     if (!(pressed.volume > 0.0)) {  // it leaves the ground, or it only comes there as gravity acts

@@ -62,7 +62,7 @@ void prefer(const std::vector<OldContact>& before, double preference, std::vecto
 // A free rigid body of mass 1 that is as full as the box around a shape, held by contacts without friction.
 class HeldBody {
  public:
-  HeldBody(const Convex& shape, const Pose& pose, const Approach& motion) : turn_(pose.turn), motion_(motion) {
+  HeldBody(const Convex& shape, const Pose& pose, const Approach& motion) : rotation_(pose.rotation), motion_(motion) {
     const Vec3 half = (shape.bounds.high - shape.bounds.low) * 0.5;
     const double x = half.x * half.x, y = half.y * half.y, z = half.z * half.z, least = 1e-6 * (x + y + z);
     ease_ = {3.0 / std::max(y + z, least), 3.0 / std::max(z + x, least), 3.0 / std::max(x + y, least)};
@@ -88,8 +88,8 @@ class HeldBody {
   // Changes an impulse so that its contact gets no deeper, and stays outside the ground if it is there.
   void push(Held& held) {
     const Vec3 &n = held.contact.normal, arm = cross(held.contact.point - motion_.centre, n);
-    const Vec3 local = transposed(turn_, arm);
-    const Vec3 spin = turn_ * Vec3{local.x * ease_.x, local.y * ease_.y, local.z * ease_.z};
+    const Vec3 local = transposed(rotation_, arm);
+    const Vec3 spin = rotation_ * Vec3{local.x * ease_.x, local.y * ease_.y, local.z * ease_.z};
     const double over = distance(held.contact) - std::min(held.contact.distance, 0.0);
     const double impulse = std::max(held.impulse - over / (motion_.duration * (1.0 + dot(arm, spin))), 0.0);
     motion_.linear = motion_.linear + n * (impulse - held.impulse);
@@ -97,7 +97,7 @@ class HeldBody {
     held.impulse = impulse;
   }
 
-  Mat3 turn_;
+  Mat3 rotation_;
   Approach motion_;
   Vec3 ease_;  // inverse moments of inertia about the shape's axes [1 / (kg m^2)]
   std::vector<Held> held_;
@@ -183,7 +183,7 @@ void choose_contacts(const Convex& shape, const Pose& pose, const Approach& appr
     for (const Candidate& each : found) contacts.push_back(each.contact);
     return;
   }
-  const double preference = PREFERENCE * shape.reach;
+  const double preference = PREFERENCE * shape.bounding_radius;
   prefer(before, preference, found);
   Choice choice(found, preference);
   if (choice.is_hit()) choice.add_deepest(HeldBody(shape, pose, approach));

@@ -26,16 +26,16 @@ Bounds Deck::local_bounds(const Pose& pose, const Bounds& bounds) {
 
 bool Deck::is_above(const Vec3& p, double time) const {
   if (std::isinf(thickness)) return false;
-  return surface.reader(time, INSTANT).at(p.x, p.y).height - p.z > thickness;
+  return tiles.reader(time, INSTANT).at(p.x, p.y).height - p.z > thickness;
 }
 
 void Deck::add_ground_under(const Bounds& bounds, double time, GroundUnder& found) {
   const Pose pose = motion.at(time).pose;
   const Bounds local = local_bounds(pose, bounds.grown(NEAR));
   const Vec3 middle = (local.low + local.high) * 0.5;
-  if (surface.near(local, time, 0.0).highest < local.low.z || is_above(middle, time)) return;
+  if (tiles.near(local, time, 0.0).highest < local.low.z || is_above(middle, time)) return;
   GroundUnder here;
-  surface.ground_under(local, time, here);
+  tiles.ground_under(local, time, here);
   if (here.heights.empty() && here.vertices.empty()) return;
   found.heights.insert(found.heights.end(), here.heights.begin(), here.heights.end());
   found.materials.insert(found.materials.end(), here.materials.begin(), here.materials.end());
@@ -44,17 +44,17 @@ void Deck::add_ground_under(const Bounds& bounds, double time, GroundUnder& foun
   found.slides |= here.slides;
   const double far =
       norm(middle) + norm(local.high - middle);  // no point of the body is farther from the frame's origin
-  for (const Vec3& v : {pose.at, pose.turn.row[0] * far, pose.turn.row[1] * far, pose.turn.row[2] * far})
+  for (const Vec3& v : {pose.at, pose.rotation.row[0] * far, pose.rotation.row[1] * far, pose.rotation.row[2] * far})
     found.vertices.insert(found.vertices.end(), {v.x, v.y, v.z});
 }
 
 DeckReader::DeckReader(const Deck& of, double time)
-    : deck(&of), frame(of.motion.at(time)), ground(rays.begin(of.surface, time)) {}
+    : deck(&of), frame(of.motion.at(time)), ground(rays.begin(of.tiles, time)) {}
 
 RayHit DeckReader::first_hit(const Ray& ray) {
   const Pose& pose = frame.pose;
-  RayHit hit = rays.first_hit(ground, {pose.to_local(ray.from), transposed(pose.turn, ray.way), ray.reach});
-  hit.normal = pose.turn * hit.normal;
+  RayHit hit = rays.first_hit(ground, {pose.to_local(ray.from), transposed(pose.rotation, ray.way), ray.range});
+  hit.normal = pose.rotation * hit.normal;
   return hit;
 }
 
@@ -65,7 +65,7 @@ GroundSample DeckReader::below(const Vec3& p) {
   const Vec3 at{from.x, from.y, from.z - hit.distance};
   const Vec3 local = frame.pose.to_local(at);
   const GroundSample here = ground.below({local.x, local.y, local.z + ABOVE});
-  const Vec3 own = std::isnan(here.height) ? Vec3{} : frame.pose.turn * here.velocity;
+  const Vec3 own = std::isnan(here.height) ? Vec3{} : frame.pose.rotation * here.velocity;
   return {at.z, hit.normal, frame.velocity_at(at) + own, here.age, here.friction};
 }
 

@@ -1,12 +1,12 @@
 // A deck: height maps and meshes that ride on a moving frame, with all six degrees of freedom. All that is asked of a
-// deck is asked of its surface in the deck's frame, by the code that serves the ground at rest.
+// deck is asked of its tiles in the deck's frame, by the code that serves the ground at rest.
 #pragma once
 
 #include <limits>
 
 #include "ground/frame_motion.h"
 #include "ground/ground_rays.h"
-#include "ground/surface.h"
+#include "ground/tiles.h"
 
 namespace smartmesh {
 
@@ -14,7 +14,7 @@ namespace smartmesh {
 // PyBullet's numbers of what carries the deck, -1 = nothing; `place`: of the deck's frame in that of the carrier's
 // centre of mass.
 struct Deck {
-  Surface surface;
+  Tiles tiles;
   FrameMotion motion;
   double thickness = std::numeric_limits<double>::infinity();
   int body = -1, link = -1;
@@ -33,7 +33,7 @@ struct DeckReader {
   const Deck* deck;
   FrameState frame;
   GroundRays rays;
-  SurfaceReader ground;
+  GroundReader ground;
 
   DeckReader(const Deck& deck, double time);
 

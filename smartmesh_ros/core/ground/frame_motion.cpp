@@ -14,21 +14,21 @@ namespace {
 constexpr double LATE_AFTER = 1.5, STOPS_IN = 3.0;
 
 // Returns the rotation by a vector: about its direction, by its length [rad].
-Turn turn_by(const Vec3& v) {
+Quaternion quaternion_of(const Vec3& v) {
   const double angle = norm(v);
   const double share = angle > 1e-9 ? std::sin(0.5 * angle) / angle : 0.5;
   return {v.x * share, v.y * share, v.z * share, std::cos(0.5 * angle)};
 }
 
 // Returns the vector of the rotation that leads from one orientation to another the short way [rad].
-Vec3 turned_from(const Turn& from, const Turn& to) {
-  const Turn d = to * from.inverse();
+Vec3 rotation_vector(const Quaternion& from, const Quaternion& to) {
+  const Quaternion d = to * from.inverse();
   const Vec3 v = Vec3{d.x, d.y, d.z} * (d.w < 0.0 ? -1.0 : 1.0);
   const double sine = norm(v);
   return sine > 1e-12 ? v * (2.0 * std::atan2(sine, std::abs(d.w)) / sine) : v * 2.0;
 }
 
-Turn normalised(const Turn& q) {
+Quaternion normalised(const Quaternion& q) {
   const double scale = 1.0 / std::sqrt(dot(q, q));
   return {q.x * scale, q.y * scale, q.z * scale, q.w * scale};
 }
@@ -36,7 +36,7 @@ Turn normalised(const Turn& q) {
 // Returns the mean velocity between two samples.
 FrameVelocity between(const FrameSample& before, const FrameSample& after) {
   const double rate = 1.0 / (after.time - before.time);
-  return {(after.at - before.at) * rate, turned_from(before.turn, after.turn) * rate};
+  return {(after.at - before.at) * rate, rotation_vector(before.orientation, after.orientation) * rate};
 }
 
 FrameVelocity difference(const FrameVelocity& a, const FrameVelocity& b, double rate) {
@@ -54,7 +54,7 @@ FrameVelocity agreed(const FrameVelocity& change, const FrameVelocity& before) {
 }
 
 void FrameMotion::put(const FrameSample& sample) {
-  samples_[0] = sample, samples_[0].turn = normalised(sample.turn), known_ = 1;
+  samples_[0] = sample, samples_[0].orientation = normalised(sample.orientation), known_ = 1;
   velocity_ = sample.velocity.value_or(FrameVelocity{}), change_ = {};
   lasts_ = std::numeric_limits<double>::infinity();
   ++revision_;
@@ -67,7 +67,7 @@ void FrameMotion::note(const FrameSample& sample) {
     std::copy_backward(samples_.begin(), samples_.end() - 1, samples_.end());
     known_ = std::min(known_ + 1, 4);
   }
-  samples_[0] = sample, samples_[0].turn = normalised(sample.turn);
+  samples_[0] = sample, samples_[0].orientation = normalised(sample.orientation);
   if (known_ > 1)
     estimate();
   else
@@ -107,14 +107,15 @@ void FrameMotion::set(const FrameSample& sample, const FrameVelocity& change) {
 }
 
 void FrameMotion::stop(double time) {
-  if (moves(time)) put({time, at(time).pose.at, turn_at(time), {}});
+  if (moves(time)) put({time, at(time).pose.at, orientation_at(time), {}});
 }
 
 bool FrameMotion::rests_at(const FrameSample& sample) {
   const FrameVelocity told = sample.velocity.value_or(FrameVelocity{});
-  const Turn turn = normalised(sample.turn);
-  const bool is_there = norm2(sample.at - samples_[0].at) == 0.0 && turn.x == samples_[0].turn.x &&
-                        turn.y == samples_[0].turn.y && turn.z == samples_[0].turn.z && turn.w == samples_[0].turn.w;
+  const Quaternion orientation = normalised(sample.orientation);
+  const bool is_there = norm2(sample.at - samples_[0].at) == 0.0 && orientation.x == samples_[0].orientation.x &&
+                        orientation.y == samples_[0].orientation.y && orientation.z == samples_[0].orientation.z &&
+                        orientation.w == samples_[0].orientation.w;
   if (known_ == 0 || !is_there || moves(samples_[0].time) || norm2(told.linear) + norm2(told.angular) > 0.0)
     return false;
   samples_[0].time = sample.time;
@@ -138,10 +139,10 @@ double FrameMotion::time_moved(double time, double& rate) const {
   return lasts_ + late - 0.5 * late * late / stops;
 }
 
-Turn FrameMotion::turn_at(double time) const {
+Quaternion FrameMotion::orientation_at(double time) const {
   double rate;
   const double t = time_moved(time, rate);
-  return turn_by(velocity_.angular * t + change_.angular * (0.5 * t * t)) * samples_[0].turn;
+  return quaternion_of(velocity_.angular * t + change_.angular * (0.5 * t * t)) * samples_[0].orientation;
 }
 
 FrameState FrameMotion::at(double time) const {
@@ -149,7 +150,7 @@ FrameState FrameMotion::at(double time) const {
   const double t = time_moved(time, rate), half = 0.5 * t * t;
   FrameState found;
   found.pose.at = samples_[0].at + velocity_.linear * t + change_.linear * half;
-  found.pose.turn = transpose(axes_of(turn_at(time)));
+  found.pose.rotation = transpose(axes_of(orientation_at(time)));
   found.velocity.linear = (velocity_.linear + change_.linear * t) * rate;
   found.velocity.angular = (velocity_.angular + change_.angular * t) * rate;
   return found;
@@ -169,7 +170,7 @@ std::vector<double> FrameMotion::memory() const {
   add_velocity(velocity_), add_velocity(change_);
   for (const FrameSample& sample : samples_) {
     found.push_back(sample.time), add(sample.at);
-    found.insert(found.end(), {sample.turn.x, sample.turn.y, sample.turn.z, sample.turn.w});
+    found.insert(found.end(), {sample.orientation.x, sample.orientation.y, sample.orientation.z, sample.orientation.w});
     found.push_back(sample.velocity.has_value()), add_velocity(sample.velocity.value_or(FrameVelocity{}));
   }
   return found;
@@ -197,7 +198,7 @@ bool FrameMotion::recall(const double* numbers, std::size_t count) {
   for (FrameSample& sample : made.samples_) {
     sample.time = next(), sample.at = vector();
     at += 4;
-    sample.turn = {at[-4], at[-3], at[-2], at[-1]};
+    sample.orientation = {at[-4], at[-3], at[-2], at[-1]};
     const bool is_told = next() != 0.0;
     const FrameVelocity told = velocity();
     if (is_told) sample.velocity = told;

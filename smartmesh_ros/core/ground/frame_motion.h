@@ -33,7 +33,7 @@ struct FrameState {
 struct FrameSample {
   double time;
   Vec3 at;
-  Turn turn;
+  Quaternion orientation;
   std::optional<FrameVelocity> velocity;
 };
 
@@ -72,7 +72,7 @@ class FrameMotion {
   // Returns the time for which the frame has moved as from the last sample on, and the rate of it: a frame without
   // further samples slows down and stops.
   double time_moved(double time, double& rate) const;
-  Turn turn_at(double time) const;
+  Quaternion orientation_at(double time) const;
 
   // Returns the change of the velocity between samples, which `age` more came after [m/s^2], [rad/s^2].
   FrameVelocity change_before(int age) const;

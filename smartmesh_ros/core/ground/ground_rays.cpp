@@ -18,12 +18,12 @@ constexpr double AT_REST = -std::numeric_limits<double>::infinity();  // instant
 
 }  // namespace
 
-SurfaceReader GroundRays::begin(const Surface& surface, double time) {
-  SurfaceReader ground = surface.reader(time, INSTANT);
+GroundReader GroundRays::begin(const Tiles& terrain, double time) {
+  GroundReader ground = terrain.reader(time, INSTANT);
   TileReader& maps = ground.tiles;
-  const long revision = surface.revision();
-  const double instant = surface.moves(time) ? time : AT_REST;
-  if (layout_ != surface.layout()) {
+  const long revision = terrain.revision();
+  const double instant = terrain.moves(time) ? time : AT_REST;
+  if (layout_ != terrain.layout()) {
     grids_.clear();
     for (const Tile& tile : maps.tiles()) {
       const double cells = std::ceil((1.0 - ROUNDING) * maps.widest_gap() / tile.grid->resolution);
@@ -32,17 +32,17 @@ SurfaceReader GroundRays::begin(const Surface& surface, double time) {
   } else if (revision != revision_ || !(instant == instant_)) {
     for (RayTiles& tiles : grids_) tiles.forget();
   }
-  layout_ = surface.layout(), revision_ = revision, instant_ = instant;
+  layout_ = terrain.layout(), revision_ = revision, instant_ = instant;
   return ground;
 }
 
-RayHit GroundRays::first_hit(SurfaceReader& ground, Ray ray) {
+RayHit GroundRays::first_hit(GroundReader& ground, Ray ray) {
   RayHit best;
   const auto take = [&](const RayHit& hit) {
-    if (hit.distance < best.distance) best = hit, ray.reach = std::min(ray.reach, hit.distance);
+    if (hit.distance < best.distance) best = hit, ray.range = std::min(ray.range, hit.distance);
   };
   for (std::size_t k = 0; k < grids_.size(); ++k) take(smartmesh::first_hit(ray, grids_[k], ground.tiles, k));
-  for (const MeshReader& mesh : ground.meshes) take(mesh.first_hit(ray.from, ray.way, ray.reach));
+  for (const MeshReader& mesh : ground.meshes) take(mesh.first_hit(ray.from, ray.way, ray.range));
   if (ground.decks == nullptr) return best;
   for (DeckReader& deck : *ground.decks) take(deck.first_hit(ray));
   return best;

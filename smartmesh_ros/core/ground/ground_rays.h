@@ -5,18 +5,18 @@
 #include <vector>
 
 #include "ground/ray_grid.h"
-#include "ground/surface.h"
+#include "ground/tiles.h"
 
 namespace smartmesh {
 
 class GroundRays {
  public:
   // Returns a reader at `time` [s] for `first_hit`, and forgets what has changed.
-  SurfaceReader begin(const Surface& surface, double time);
+  GroundReader begin(const Tiles& terrain, double time);
 
   // Returns what a ray meets first. Rays pass through holes. Where maps overlap, a ray meets the one that it reaches
   // first.
-  RayHit first_hit(SurfaceReader& ground, Ray ray);
+  RayHit first_hit(GroundReader& ground, Ray ray);
 
  private:
   std::vector<RayTiles> grids_;

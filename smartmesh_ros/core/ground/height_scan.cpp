@@ -9,7 +9,7 @@ namespace smartmesh {
 namespace {
 
 // Returns the first map that any point within a radius [m] of (x, y) may lie on; null = none.
-Tile* first_map_near(SurfaceReader& ground, double x, double y, double radius) {
+Tile* first_map_near(GroundReader& ground, double x, double y, double radius) {
   for (Tile& tile : ground.tiles.tiles())
     if (!(tile.beyond(tile.place(x, y)) > radius + EDGE * tile.grid->resolution)) return &tile;
   return nullptr;
@@ -36,11 +36,11 @@ double ScanPattern::radius() const {
   return farthest;
 }
 
-void scan_heights(SurfaceReader& ground, const ScanPose& pose, const ScanPattern& pattern, double radius,
+void scan_heights(GroundReader& ground, const ScanPose& pose, const ScanPattern& pattern, double radius,
                   double* heights) {
   const double cos = std::cos(pose.yaw), sin = std::sin(pose.yaw);
   // Most points lie in whole cells of one map, without a mesh or a deck above: they are read there. All others are
-  // asked of the surface.
+  // asked of the tiles.
   Tile* map =
       ground.meshes.empty() && ground.decks == nullptr ? first_map_near(ground, pose.x, pose.y, radius) : nullptr;
   GridPoint start{0.0, 0.0}, forward{0.0, 0.0};

@@ -3,11 +3,11 @@
 
 #include <cstddef>
 
-#include "ground/surface.h"
+#include "ground/tiles.h"
 
 namespace smartmesh {
 
-// Pose of a scan: position [m] and turn about z [rad].
+// Pose of a scan: position [m] and yaw [rad].
 struct ScanPose {
   double x, y, yaw;
 };
@@ -23,7 +23,7 @@ struct ScanPattern {
 
 // Writes the heights (count,) [m] of the highest ground at the points of a pattern, whose radius is given; NaN = no
 // ground.
-void scan_heights(SurfaceReader& ground, const ScanPose& pose, const ScanPattern& pattern, double radius,
+void scan_heights(GroundReader& ground, const ScanPose& pose, const ScanPattern& pattern, double radius,
                   double* heights);
 
 }  // namespace smartmesh

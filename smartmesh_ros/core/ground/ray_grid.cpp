@@ -59,7 +59,7 @@ class Walk {
         maps_(maps),
         number_(number),
         tile_(maps.tiles()[number]),
-        reach_(ray.reach),
+        range_(ray.range),
         row_(0.0, 0.0),
         column_(0.0, 0.0),
         z_(ray.from.z, ray.way.z) {
@@ -71,7 +71,7 @@ class Walk {
   }
 
   FacetHit first_hit() {
-    double begin = 0.0, end = reach_;
+    double begin = 0.0, end = range_;
     row_.clip(-RIM, tiles_.last_row() + RIM, begin, end);
     column_.clip(-RIM, tiles_.last_column() + RIM, begin, end);
     if (!(begin <= end)) return {};
@@ -81,7 +81,7 @@ class Walk {
       const double leave_column = column_.leaves(c * TILE, (c + 1) * TILE);
       const double leave = std::max(std::min({leave_row, leave_column, end}), begin);
       const FacetHit hit = in_tile(r, c, begin, leave);
-      if (hit.distance <= reach_) return hit;
+      if (hit.distance <= range_) return hit;
       if (leave >= end) break;
       begin = leave;
       if (leave_row <= leave_column) r += row_.step();
@@ -170,7 +170,7 @@ class Walk {
   TileReader& maps_;
   const std::size_t number_;
   const Tile& tile_;
-  const double reach_;
+  const double range_;
   Coordinate row_, column_, z_;
   double gap_ = UNKNOWN;  // between ray and ground [m] at the end of the last facet, NaN = unknown
 };

@@ -14,7 +14,7 @@ namespace smartmesh {
 
 struct Ray {
   Vec3 from, way;  // `way` has length one
-  double reach;    // [m]
+  double range;    // [m]
 };
 
 // Returns the first hit of a ray on the map with this `number` among `maps`, from either side. `tiles`: of that map.

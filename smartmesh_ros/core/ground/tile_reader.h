@@ -1,4 +1,4 @@
-// Reader of several height maps as one surface at one instant, with the gaps between them.
+// Reader of several height maps as one at one instant, with the gaps between them.
 #pragma once
 
 #include <cmath>
@@ -36,10 +36,10 @@ struct Tile {
 
   // Returns how far a place lies outside the map [m], along the axis where it is farthest.
   double beyond(const GridPoint& p) const;
-  // Returns the velocity of a facet of the map at (x, y) [m/s]. `rise` [m/s]: its vertical velocity there.
-  Vec3 velocity(double x, double y, double rise) const {
+  // Returns the velocity of a facet of the map at (x, y) [m/s]. `vertical` [m/s]: its vertical velocity there.
+  Vec3 velocity(double x, double y, double vertical) const {
     const Vec3 slide = pose.slide(x, y);
-    return {slide.x, slide.y, rise};
+    return {slide.x, slide.y, vertical};
   }
   // Returns the upward unit normal of a facet whose height changes so much per column and row [m].
   Vec3 normal(double per_column, double per_row) const {
@@ -62,7 +62,7 @@ class TileReader {
  public:
   // Velocities are means over the time `ahead` [s].
   TileReader(const std::vector<HeightGrid*>& grids, double time, double ahead);
-  // For some of the maps of a surface, which bridges gaps of `widest_cell` [m].
+  // For some of the maps of a terrain, which bridges gaps of `widest_cell` [m].
   TileReader(const std::vector<const MapAtInstant*>& maps, double widest_cell, double time, double ahead);
 
   // Returns the facet at (x, y). Ground above `z` [m] does not count.

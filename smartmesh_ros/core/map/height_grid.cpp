@@ -10,20 +10,20 @@ namespace smartmesh {
 
 namespace {
 
-// Returns the length of a chord over the length of its arc, for an arc of `turn` [rad].
-double chord(double turn) { return turn == 0.0 ? 1.0 : std::sin(0.5 * turn) / (0.5 * turn); }
+// Returns the length of a chord over the length of its arc, for an arc of `angle` [rad].
+double chord(double angle) { return angle == 0.0 ? 1.0 : std::sin(0.5 * angle) / (0.5 * angle); }
 
 }  // namespace
 
 GridPose HeightGrid::pose_at(double time) const {
   if (track.interval == 0.0) return {x, y, std::cos(yaw), std::sin(yaw), 0.0, 0.0, 0.0};
   const Phase phase = phase_of(time, track.time, track.interval, 0.0, mode, clocks[0].delay);
-  const double turn = track.spin * phase.along, along = phase.along * chord(turn);
-  const double c = std::cos(0.5 * turn), s = std::sin(0.5 * turn), ct = std::cos(turn), st = std::sin(turn);
+  const double angle = track.spin * phase.along, along = phase.along * chord(angle);
+  const double c = std::cos(0.5 * angle), s = std::sin(0.5 * angle), ct = std::cos(angle), st = std::sin(angle);
   return {x + along * (track.x * c - track.y * s),
           y + along * (track.x * s + track.y * c),
-          std::cos(yaw + turn),
-          std::sin(yaw + turn),
+          std::cos(yaw + angle),
+          std::sin(yaw + angle),
           phase.rate * (track.x * ct - track.y * st),
           phase.rate * (track.x * st + track.y * ct),
           phase.rate * track.spin};
@@ -84,9 +84,9 @@ Sample GridReader::read(int row, int column) {
   if (newest_ == nullptr) return {height + deviation(i), 0.0};
   const Motion found = motion(row, column, i);
   double rise = rise_of(found, phase_, ahead_);
-  if (blend_.offset_rise != 0.0)
-    rise += blend_.offset_rise * static_cast<double>(grid_.offsets[i]) +
-            blend_.rate_rise * static_cast<double>(grid_.rates[i]);
+  if (blend_.offset_change != 0.0)
+    rise += blend_.offset_change * static_cast<double>(grid_.offsets[i]) +
+            blend_.rate_change * static_cast<double>(grid_.rates[i]);
   return {height + displacement(found, phase_) + deviation(i), rise};
 }
 
@@ -107,10 +107,10 @@ void GridReader::read_row(int row, int column, int count, double* heights, doubl
       });
     if (blend_.offset != 0.0)
       for (int k = 0; k < inside; ++k) out[k] += deviation(i + k);
-    if (up == nullptr || blend_.offset_rise == 0.0) return;
+    if (up == nullptr || blend_.offset_change == 0.0) return;
     for (int k = 0; k < inside; ++k)
-      up[k] += blend_.offset_rise * static_cast<double>(grid_.offsets[i + k]) +
-               blend_.rate_rise * static_cast<double>(grid_.rates[i + k]);
+      up[k] += blend_.offset_change * static_cast<double>(grid_.offsets[i + k]) +
+               blend_.rate_change * static_cast<double>(grid_.rates[i + k]);
   });
 }
 

@@ -51,9 +51,9 @@ struct Phase {
 };
 
 // Weights by which the ground still deviates from the motion of the last map, because it goes on without a jump from
-// what was shown when that map came: of the deviation then, of its rate [s], and their rises within a time ahead.
+// what was shown when that map came: of the deviation then, of its rate [s], and their changes within a time ahead.
 struct Blend {
-  double offset = 0.0, rate = 0.0, offset_rise = 0.0, rate_rise = 0.0;
+  double offset = 0.0, rate = 0.0, offset_change = 0.0, rate_change = 0.0;
 };
 
 // Velocity [m/s] and acceleration [m/s^2] of a sample at its last map.
@@ -72,8 +72,8 @@ Phase block_phase(const Clock& clock, double time, Mode mode);
 // Returns true if a block may move at `time` [s].
 bool may_move(const Clock& clock, double time, Mode mode);
 
-// Returns the weights at `time` [s], with rises within the time `ahead` [s]: cubics that lead from one to zero between
-// the clock's `since` and `until`, with and without a slope at first.
+// Returns the weights at `time` [s], with changes within the time `ahead` [s]: cubics that lead from one to zero
+// between the clock's `since` and `until`, with and without a slope at first.
 Blend blend_of(const Clock& clock, double time, double ahead);
 
 // Change of velocity up to the last map below which it counts as smooth, as a share of the velocity. Raising it

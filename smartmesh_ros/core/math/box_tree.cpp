@@ -19,10 +19,10 @@ int widest_axis(const Bounds& box) {
   return size.y >= size.z ? 1 : 2;
 }
 
-// Returns the distance at which a ray enters a box grown by a length; infinity if it does not within `reach`.
+// Returns the distance at which a ray enters a box grown by a length; infinity if it does not within `range`.
 // `inverse`: of the ray's direction, infinite along an axis that it does not move along.
-double entry(const Bounds& box, const Vec3& from, const Vec3& inverse, double reach, double grown) {
-  double begin = 0.0, end = reach;
+double entry(const Bounds& box, const Vec3& from, const Vec3& inverse, double range, double grown) {
+  double begin = 0.0, end = range;
   const auto clip = [&](double low, double high, double inverse_rate) {
     const double first = low * inverse_rate, second = high * inverse_rate;
     begin = std::max(begin, std::min(first, second));  // NaN, on a side, leaves the other argument
@@ -91,7 +91,7 @@ void BoxTree::find(const Bounds& bounds, std::vector<int>& found) const {
   }
 }
 
-BoxHit BoxTree::first_along(const Vec3& from, const Vec3& way, double reach, double grown,
+BoxHit BoxTree::first_along(const Vec3& from, const Vec3& way, double range, double grown,
                             const RayTarget& target) const {
   BoxHit best{std::numeric_limits<double>::infinity(), -1};
   if (nodes_.empty()) return best;
@@ -101,7 +101,7 @@ BoxHit BoxTree::first_along(const Vec3& from, const Vec3& way, double reach, dou
     double entered;
   } open[64];  // halving ends long before
   int count = 0;
-  double limit = reach;
+  double limit = range;
   const auto push = [&](int node, double entered) {
     if (entered <= limit) open[count++] = {node, entered};
   };

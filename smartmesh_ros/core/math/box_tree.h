@@ -33,8 +33,8 @@ class BoxTree {
   // Replaces `found` by the places of the boxes that meet `bounds`.
   void find(const Bounds& bounds, std::vector<int>& found) const;
 
-  // Returns what a ray along the unit vector `way` meets first within `reach` [m], in boxes grown by a length [m].
-  BoxHit first_along(const Vec3& from, const Vec3& way, double reach, double grown, const RayTarget& target) const;
+  // Returns what a ray along the unit vector `way` meets first within `range` [m], in boxes grown by a length [m].
+  BoxHit first_along(const Vec3& from, const Vec3& way, double range, double grown, const RayTarget& target) const;
 
  private:
   // A leaf holds the boxes `order_[first]` to `order_[first + count - 1]`. Any other node has no boxes of its own; its

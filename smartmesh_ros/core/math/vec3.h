@@ -48,22 +48,22 @@ inline Mat3 operator*(const Mat3& a, const Mat3& b) {
   return {{transposed(b, a.row[0]), transposed(b, a.row[1]), transposed(b, a.row[2])}};
 }
 
-// Pose of a frame in another: `turn` and `at` of its axes and its origin there.
+// Pose of a frame in another: `rotation` and `at` of its axes and its origin there.
 struct Pose {
-  Mat3 turn;
+  Mat3 rotation;
   Vec3 at;
 
-  Vec3 to_world(const Vec3& local) const { return turn * local + at; }
-  Vec3 to_local(const Vec3& world) const { return transposed(turn, world - at); }
+  Vec3 to_world(const Vec3& local) const { return rotation * local + at; }
+  Vec3 to_local(const Vec3& world) const { return transposed(rotation, world - at); }
 };
 
 // Returns the pose in the world of a frame at `local` in another.
 inline Pose operator*(const Pose& frame, const Pose& local) {
-  return {frame.turn * local.turn, frame.to_world(local.at)};
+  return {frame.rotation * local.rotation, frame.to_world(local.at)};
 }
 // Returns the pose of a frame as seen from another.
 inline Pose seen_from(const Pose& frame, const Pose& world) {
-  return {transpose(frame.turn) * world.turn, frame.to_local(world.at)};
+  return {transpose(frame.rotation) * world.rotation, frame.to_local(world.at)};
 }
 
 // Axis-aligned box from `low` to `high`.

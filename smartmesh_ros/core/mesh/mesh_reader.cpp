@@ -68,18 +68,18 @@ Motion MeshReader::motion(int axis, int v) const {
 
 void MeshReader::prepare(std::size_t count) {
   if (!positions_.empty() || VERTICES_READ * count < static_cast<std::size_t>(mesh_->vertices)) return;
-  std::vector<Vec3> positions, rises;
-  positions.reserve(static_cast<std::size_t>(mesh_->vertices)), rises.reserve(positions.capacity());
+  std::vector<Vec3> positions, displacements;
+  positions.reserve(static_cast<std::size_t>(mesh_->vertices)), displacements.reserve(positions.capacity());
   for (int v = 0; v < mesh_->vertices; ++v) {
     const Vertex vertex = read(v);
-    positions.push_back(vertex.position), rises.push_back(vertex.rise);
+    positions.push_back(vertex.position), displacements.push_back(vertex.displacement);
   }
-  positions_.swap(positions), rises_.swap(rises);
+  positions_.swap(positions), displacements_.swap(displacements);
 }
 
-RayHit MeshReader::first_hit(const Vec3& from, const Vec3& way, double reach) const {
+RayHit MeshReader::first_hit(const Vec3& from, const Vec3& way, double range) const {
   const FacetTarget facets(mesh_->topology_, *this, from, way);
-  const BoxHit hit = mesh_->tree_.first_along(from, way, reach, drift_ + ROUNDING, facets);
+  const BoxHit hit = mesh_->tree_.first_along(from, way, range, drift_ + ROUNDING, facets);
   if (hit.place < 0) return {};
   const auto& k = mesh_->topology_.facets[hit.place];
   const Vec3 a = position(k[0]);
@@ -107,8 +107,11 @@ MeshPoint MeshReader::below(double x, double y, double z) {
   if (best < 0) return {};
   const auto& k = mesh_->topology_.facets[best];
   const Vec3 a = position(k[0]), normal = unit(cross(position(k[1]) - a, position(k[2]) - a));
-  return {height, (rise(k[0]) * weights[0] + rise(k[1]) * weights[1] + rise(k[2]) * weights[2]) * (1.0 / ahead_),
-          normal};
+  return {
+      height,
+      (displacement_of(k[0]) * weights[0] + displacement_of(k[1]) * weights[1] + displacement_of(k[2]) * weights[2]) *
+          (1.0 / ahead_),
+      normal};
 }
 
 }  // namespace smartmesh

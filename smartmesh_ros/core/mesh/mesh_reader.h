@@ -7,32 +7,34 @@
 
 namespace smartmesh {
 
-// Position of a vertex [m], and its rise [m] within a duration.
+// Position of a vertex [m], and its displacement [m] within a duration.
 struct Vertex {
-  Vec3 position, rise;
+  Vec3 position, displacement;
 };
 
 class MeshReader {
  public:
-  // Rises are those within the time `ahead` [s].
+  // Displacements are those within the time `ahead` [s].
   MeshReader(const MeshSurface& mesh, double time, double ahead);
 
   // Computes all vertices if that pays for `count` points or rays.
   void prepare(std::size_t count);
 
   Vec3 position(int v) const { return positions_.empty() ? moved(v, motions(v)) : positions_[v]; }
-  Vec3 rise(int v) const { return rises_.empty() ? risen(v, motions(v)) : rises_[v]; }
+  Vec3 displacement_of(int v) const {
+    return displacements_.empty() ? displacement_of(v, motions(v)) : displacements_[v];
+  }
   Vertex read(int v) const {
     const Motions m = motions(v);
-    return {moved(v, m), risen(v, m)};
+    return {moved(v, m), displacement_of(v, m)};
   }
   Motion motion(int axis, int v) const;
 
   // Returns the highest ground at (x, y) that is not above `z` [m].
   MeshPoint below(double x, double y, double z);
 
-  // Returns where a ray along the unit vector `way` meets the mesh first within `reach` [m], from either side.
-  RayHit first_hit(const Vec3& from, const Vec3& way, double reach) const;
+  // Returns where a ray along the unit vector `way` meets the mesh first within `range` [m], from either side.
+  RayHit first_hit(const Vec3& from, const Vec3& way, double range) const;
 
   double ahead() const { return ahead_; }
   // Returns the time since the last update of the mesh [s].
@@ -51,9 +53,9 @@ class MeshReader {
     return blend_.offset == 0.0 ? moved : moved + deviation(v, blend_.offset, blend_.rate);
   }
 
-  Vec3 risen(int v, const Motions& m) const {
-    const Vec3 risen = {rise_of(m.x, phase_, ahead_), rise_of(m.y, phase_, ahead_), rise_of(m.z, phase_, ahead_)};
-    return blend_.offset_rise == 0.0 ? risen : risen + deviation(v, blend_.offset_rise, blend_.rate_rise);
+  Vec3 displacement_of(int v, const Motions& m) const {
+    const Vec3 change = {rise_of(m.x, phase_, ahead_), rise_of(m.y, phase_, ahead_), rise_of(m.z, phase_, ahead_)};
+    return blend_.offset_change == 0.0 ? change : change + deviation(v, blend_.offset_change, blend_.rate_change);
   }
 
   // Returns a sum of a vertex' offset and its rate with two weights.
@@ -70,7 +72,7 @@ class MeshReader {
   double ahead_, age_, drift_;
   bool still_;
   const double *newest_ = nullptr, *second_ = nullptr, *third_ = nullptr;  // velocities; null: there are none
-  std::vector<Vec3> positions_, rises_;                                    // of all vertices, or empty
+  std::vector<Vec3> positions_, displacements_;                            // of all vertices, or empty
   std::vector<int> found_;
 };
 

@@ -54,7 +54,7 @@ class MeshAdder {
       scratch_.stamp_of_vertex[v] = scratch_.stamp;
       scratch_.point_of[v] = static_cast<int>(patch_.points.size());
       patch_.points.push_back(reader_.position(v));
-      if (reader_.ahead() > 0.0) patch_.velocities.push_back(reader_.rise(v) * (1.0 / reader_.ahead()));
+      if (reader_.ahead() > 0.0) patch_.velocities.push_back(reader_.displacement_of(v) * (1.0 / reader_.ahead()));
       patch_.names.push_back(first_name_ + v);
     }
     return scratch_.point_of[v];
@@ -96,10 +96,10 @@ class MeshAdder {
         found.opposite[0] = corner;
         continue;
       }
-      const auto turn = [&](const Vec3& u, const Vec3& v) { return dot(cross(u, v), along); };
-      const auto opposes = [&](const Vec3& u) { return dot(u, into) < 0.0 && std::abs(turn(u, into)) < FLAT; };
+      const auto sine = [&](const Vec3& u, const Vec3& v) { return dot(cross(u, v), along); };
+      const auto opposes = [&](const Vec3& u) { return dot(u, into) < 0.0 && std::abs(sine(u, into)) < FLAT; };
       if (opposes(first) || opposes(second)) return false;
-      const bool left_of_first = turn(first, into) >= 0.0, left_of_second = turn(second, into) >= 0.0;
+      const bool left_of_first = sine(first, into) >= 0.0, left_of_second = sine(second, into) >= 0.0;
       if (left_of_first && !left_of_second) continue;      // between them
       if (!left_of_first && left_of_second) return false;  // behind both: they go all the way round
       if (left_of_first)
@@ -200,7 +200,7 @@ void MeshSurface::add_velocities(const Bounds& bounds, double time, double ahead
   const MeshReader reader(*this, time, ahead);
   tree_.find(bounds.grown(drift(time) + drift(time + ahead)), scratch.found);
   for (int f : scratch.found)
-    for (int v : topology_.facets[f]) speeds.add(reader.rise(v) * (1.0 / ahead));
+    for (int v : topology_.facets[f]) speeds.add(reader.displacement_of(v) * (1.0 / ahead));
 }
 
 }  // namespace smartmesh

@@ -42,7 +42,8 @@ void write_deviations(const MeshSurface& mesh, const MeshArrays& arrays, const s
   const std::vector<Vertex> now = read_all(mesh, instant);
   const double* newest = arrays.velocities + arrays.clock->newest * 3 * mesh.vertices;
   for (int v = 0; v < mesh.vertices; ++v) {
-    const Vec3 off = shown[v].position - now[v].position, rate = (shown[v].rise - now[v].rise) * (1.0 / READ_OVER);
+    const Vec3 off = shown[v].position - now[v].position,
+               rate = (shown[v].displacement - now[v].displacement) * (1.0 / READ_OVER);
     const double offs[3] = {off.x, off.y, off.z}, rates[3] = {rate.x, rate.y, rate.z};
     for (int axis = 0; axis < 3; ++axis) {
       const std::ptrdiff_t i = static_cast<std::ptrdiff_t>(axis) * mesh.vertices + v;

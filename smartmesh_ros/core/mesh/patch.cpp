@@ -57,10 +57,10 @@ GroundMotion Patch::motion_at(const Vec3& p) const {
   const CellRange here = cells.near(p.x, p.y, 0.0, 0.0);
   if (!here.empty()) look(cells.facets[cells.at(here.top, here.left)], cells.facets[cells.at(here.top, here.left) + 1]);
   if (least > NEAR * NEAR) look(0, static_cast<int>(facets.size()));
-  return {velocity, nearest == nullptr ? Vec3{} : turning(*nearest)};
+  return {velocity, nearest == nullptr ? Vec3{} : angular_velocity(*nearest)};
 }
 
-Vec3 Patch::turning(const Facet& facet) const {
+Vec3 Patch::angular_velocity(const Facet& facet) const {
   const auto& k = facet.corner;
   const Vec3 u = points[k[1]] - points[k[0]], v = points[k[2]] - points[k[0]];
   const Vec3 du = velocities[k[1]] - velocities[k[0]], dv = velocities[k[2]] - velocities[k[0]];

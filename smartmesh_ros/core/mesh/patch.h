@@ -44,9 +44,9 @@ struct PatchCells {
   std::size_t at(int row, int column) const { return static_cast<std::size_t>(row) * columns + column; }
 };
 
-// Motion of the ground at a point: velocity there [m/s], and the rate at which its facet turns [rad/s].
+// Motion of the ground at a point: velocity there [m/s], and angular velocity of its facet [rad/s].
 struct GroundMotion {
-  Vec3 velocity, turning;
+  Vec3 velocity, angular;
 };
 
 struct Patch {
@@ -70,8 +70,8 @@ struct Patch {
   void finish();
   // Returns the motion of the ground at a point of it, by the facet nearest to the point.
   GroundMotion motion_at(const Vec3& p) const;
-  // Returns the rate at which a facet turns [rad/s].
-  Vec3 turning(const Facet& facet) const;
+  // Returns the angular velocity of a facet [rad/s].
+  Vec3 angular_velocity(const Facet& facet) const;
   void clear() {
     cells.rows = cells.columns = 0;
     steepest = -1.0;

@@ -15,7 +15,7 @@
 #include <nanobind/stl/tuple.h>
 
 #include "ground/deck.h"
-#include "ground/surface.h"
+#include "ground/tiles.h"
 #include "map/map_memory.h"
 #include "mesh/mesh_updates.h"
 #include "step/step_lock.h"
@@ -228,14 +228,14 @@ struct DeckOfTiles {
 };
 
 // The tiles of a terrain of Python, which `kept` keeps alive.
-struct Tiles {
-  Surface surface;
+struct KeptTiles {
+  Tiles tiles;
   nb::list kept;
 };
 
-// Sets the tiles of a surface: grids, meshes and decks of Python. Returns what must outlive the surface: a copy of the
-// list, which Python may change.
-inline nb::list set_tiles_of(Surface& surface, const nb::list& tiles) {
+// Sets the tiles of a terrain: grids, meshes and decks of Python. Returns what must outlive them: a copy of the list,
+// which Python may change.
+inline nb::list set_tiles_of(Tiles& terrain, const nb::list& tiles) {
   std::vector<HeightGrid*> grids;
   std::vector<MeshSurface*> meshes;
   std::vector<Deck*> decks;
@@ -250,7 +250,7 @@ inline nb::list set_tiles_of(Surface& surface, const nb::list& tiles) {
     kept.append(tile);
   }
   const StepLock lock;
-  surface.set_tiles(grids, meshes, decks);
+  terrain.set_all(grids, meshes, decks);
   return kept;
 }
 

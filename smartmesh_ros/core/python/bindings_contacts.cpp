@@ -40,13 +40,13 @@ NewTable find_contacts_with(const Convex& shape, const nb::list& tiles, Doubles2
   const std::vector<Vec3> rows = vectors_of(pose, 4, "a pose"), velocities = vectors_of(motion, 2, "a motion");
   const Approach approach{velocities[0], velocities[1], rows[3], checked(duration, "the duration"),
                           checked(margin, "the margin")};
-  Surface surface;
-  set_tiles_of(surface, tiles);
+  Tiles terrain;
+  set_tiles_of(terrain, tiles);
   std::vector<Contact> contacts;
-  ContactSearch().run(shape, {{{rows[0], rows[1], rows[2]}}, rows[3]}, surface, finite(time, "the time"), approach,
+  ContactSearch().run(shape, {{{rows[0], rows[1], rows[2]}}, rows[3]}, terrain, finite(time, "the time"), approach,
                       contacts);
   int number = 0;
-  for (Deck* deck : surface.decks()) {
+  for (Deck* deck : terrain.decks()) {
     const NearbyDeck near{number++, {}, 0.0};
     DeckSearch().add(shape, {{{rows[0], rows[1], rows[2]}}, rows[3]}, *deck, near, time, approach, contacts);
   }

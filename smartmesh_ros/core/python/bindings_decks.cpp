@@ -12,8 +12,8 @@ FrameSample sample_of(double time, const Numbers& pose, const std::optional<Numb
   check_list(pose, 7, "a pose");
   FrameSample sample{finite(time, "the time"), vector_at(pose.data()), {}, {}};
   const double* q = pose.data() + 3;
-  sample.turn = {q[0], q[1], q[2], q[3]};
-  const double size = dot(sample.turn, sample.turn);
+  sample.orientation = {q[0], q[1], q[2], q[3]};
+  const double size = dot(sample.orientation, sample.orientation);
   finite(norm2(sample.at), "a position");
   if (!(size > 0.5 && size < 2.0)) throw std::invalid_argument("an orientation must be a unit quaternion (x, y, z, w)");
   if (!velocity) return sample;
@@ -35,16 +35,16 @@ void tell(DeckOfTiles& deck, double time, Numbers pose, std::optional<Numbers> v
 void set_tiles(DeckOfTiles& deck, const nb::list& tiles) {
   for (nb::handle tile : tiles)
     if (nb::isinstance<DeckOfTiles>(tile)) throw std::invalid_argument("a deck has grids and meshes, no decks");
-  deck.tiles = set_tiles_of(deck.deck.surface, tiles);
+  deck.tiles = set_tiles_of(deck.deck.tiles, tiles);
 }
 
 }  // namespace
 
 void add_decks(nb::module_& m) {
-  nb::class_<Tiles>(m, "Tiles")
+  nb::class_<KeptTiles>(m, "Tiles")
       .def(nb::init<>())
       .def(
-          "set_tiles", [](Tiles& t, const nb::list& tiles) { t.kept = set_tiles_of(t.surface, tiles); }, "tiles"_a);
+          "set_tiles", [](KeptTiles& t, const nb::list& tiles) { t.kept = set_tiles_of(t.tiles, tiles); }, "tiles"_a);
   nb::class_<DeckOfTiles>(m, "Deck")
       .def(nb::init<>())
       .def("set_tiles", &set_tiles, "tiles"_a)
@@ -66,10 +66,11 @@ void add_decks(nb::module_& m) {
             d.deck.body = body, d.deck.link = link, d.deck.place = sample;
           },
           "body"_a, "link"_a, "place"_a.noconvert())
-      .def("memory", [](const DeckOfTiles& d) {
-        const std::vector<double> found = d.deck.motion.memory();
-        return array_of<double, 1>(found, {found.size()});
-      })
+      .def("memory",
+           [](const DeckOfTiles& d) {
+             const std::vector<double> found = d.deck.motion.memory();
+             return array_of<double, 1>(found, {found.size()});
+           })
       .def(
           "recall",
           [](DeckOfTiles& d, Numbers memory) {
@@ -94,7 +95,7 @@ void add_decks(nb::module_& m) {
           [](const DeckOfTiles& d, double time) {
             const FrameState f = d.deck.motion.at(finite(time, "the time"));
             std::vector<double> found;
-            for (const Vec3& v : {f.pose.at, f.pose.turn.row[0], f.pose.turn.row[1], f.pose.turn.row[2],
+            for (const Vec3& v : {f.pose.at, f.pose.rotation.row[0], f.pose.rotation.row[1], f.pose.rotation.row[2],
                                   f.velocity.linear, f.velocity.angular})
               found.insert(found.end(), {v.x, v.y, v.z});
             return array_of<double, 1>(found, {18});

@@ -88,10 +88,10 @@ struct Ground {
   }
   // Lets the bodies stand on the tiles of a terrain, also those that come later.
   void set_tiles(nb::object of) {
-    Tiles& wanted = nb::cast<Tiles&>(of);
+    KeptTiles& wanted = nb::cast<KeptTiles&>(of);
     {
       const HeldWorld found = world();
-      found->terrain = &wanted.surface;
+      found->terrain = &wanted.tiles;
       found->wake_all();
     }
     tiles = of;

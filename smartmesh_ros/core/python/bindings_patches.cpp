@@ -10,8 +10,8 @@ namespace smartmesh {
 namespace {
 
 constexpr std::size_t MOST_SLOTS = 1u << 24;
-// Largest reach of a body [m].
-constexpr double MOST_REACH = 1e7;
+// Largest radius of a body [m].
+constexpr double MOST_RADIUS = 1e7;
 
 // Red, green, blue and alpha of a marker.
 using Colour = std::tuple<float, float, float, float>;
@@ -82,12 +82,12 @@ struct Patches {
         if (k > 0 && on_decks[k - 1].deck().body >= 0 && on_decks[k - 1].deck().body == owners.data()[slot]) continue;
         const auto& [pose, velocity] = frames[k];
         const double way = std::min(norm(state.linear - frames[k].velocity_at(state.pose.at)) * ahead, farthest);
-        const Vec3 up = pose.turn * Vec3{0.0, 0.0, 1.0}, middle = pose.to_local(state.pose.at);
+        const Vec3 up = pose.rotation * Vec3{0.0, 0.0, 1.0}, middle = pose.to_local(state.pose.at);
         const double lowest = body.lowest(up) - dot(up, pose.at) - way;
-        const double reach = bodies.table.shapes[slot].radius + way;
-        require(std::isfinite(middle.x + middle.y + middle.z + lowest) && reach < MOST_REACH,
+        const double radius = bodies.table.shapes[slot].radius + way;
+        require(std::isfinite(middle.x + middle.y + middle.z + lowest) && radius < MOST_RADIUS,
                 "a body is nowhere, or too large or fast for a patch");
-        found[k].push_back({middle, lowest, reach, always.data()[slot]});
+        found[k].push_back({middle, lowest, radius, always.data()[slot]});
         searched[k].push_back(slot);
       }
     }
@@ -105,15 +105,17 @@ struct Patches {
     return array_of<std::int64_t, 1>(shown, {shown.size()});
   }
   // Returns numbers of the patches of `slots` (n, 10): 1 if its points are no grid, tile, row and column of its
-  // middle sample, stride, points, triangles, revision, deck, -1 = none, and 1 if the tile is a mesh; and the motion of the ground there (n, 6).
+  // middle sample, stride, points, triangles, revision, deck, -1 = none, and 1 if the tile is a mesh; and the motion of
+  // the ground there (n, 6).
   auto describe(const Slots& slots) const {
     std::vector<std::int64_t> rows;
     std::vector<double> motion;
     for (std::int64_t slot : slots_below(slots, patches.size())) {
       const ShownPatch& it = (*this)[slot];
-      rows.insert(rows.end(), {it.is_mesh, it.tile, it.row, it.column, it.is_mesh ? 1 : it.square.stride,
-                               static_cast<std::int64_t>(it.points.size()),
-                               static_cast<std::int64_t>(it.triangles.size()), it.points_revision, it.deck, it.of_mesh});
+      rows.insert(rows.end(),
+                  {it.is_mesh, it.tile, it.row, it.column, it.is_mesh ? 1 : it.square.stride,
+                   static_cast<std::int64_t>(it.points.size()), static_cast<std::int64_t>(it.triangles.size()),
+                   it.points_revision, it.deck, it.of_mesh});
       motion.insert(motion.end(), {it.linear.x, it.linear.y, it.linear.z, it.angular.x, it.angular.y, it.angular.z});
     }
     const std::size_t count = rows.size() / 10;

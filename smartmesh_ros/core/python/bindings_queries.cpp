@@ -13,7 +13,7 @@ using Rows = Array<double, 1>;
 using Table = Array<double, 2>;
 
 constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
-// Largest coordinate of a ray's origin, and its longest reach [m], as in terrain/grid.py.
+// Largest coordinate of a ray's origin, and its longest range [m], as in terrain/grid.py.
 constexpr double MOST = 1e9;
 
 void check_instant(double time, double ahead) {
@@ -22,16 +22,16 @@ void check_instant(double time, double ahead) {
     throw std::invalid_argument("the time ahead must be above zero and finite");
 }
 
-// Grids and meshes as one surface, which they outlive.
+// Grids and meshes as one terrain, which they outlive.
 struct Parts {
   nb::list list;
-  Surface surface;
+  Tiles terrain;
 
-  void set(const nb::list& parts) { list = set_tiles_of(surface, parts); }
+  void set(const nb::list& parts) { list = set_tiles_of(terrain, parts); }
   // Returns a reader of some parts at `time` [s], for `count` points.
-  SurfaceReader begin(const nb::list& parts, double time, std::size_t count) {
+  GroundReader begin(const nb::list& parts, double time, std::size_t count) {
     set(parts);
-    SurfaceReader reader = surface.reader(time, INSTANT);
+    GroundReader reader = terrain.reader(time, INSTANT);
     reader.prepare(count);
     return reader;
   }
@@ -52,7 +52,7 @@ void ground_heights(const nb::list& tiles, Points points, double time, Rows heig
       check_list(velocities, count, "velocities");
   check_instant(time, INSTANT);
   Parts parts;
-  SurfaceReader reader = parts.begin(tiles, time, count);
+  GroundReader reader = parts.begin(tiles, time, count);
   for (std::size_t k = 0; k < count; ++k) {
     const double x = points.data()[2 * k], y = points.data()[2 * k + 1];
     const GroundPoint ground = std::isfinite(x) && std::isfinite(y) ? reader.at(x, y) : GroundPoint{NONE, {}};
@@ -71,7 +71,7 @@ void ground_samples(const nb::list& tiles, Points points, double time, Rows heig
       check_list(friction, count, "friction");
   check_instant(time, INSTANT);
   Parts parts;
-  SurfaceReader reader = parts.begin(tiles, time, count);
+  GroundReader reader = parts.begin(tiles, time, count);
   for (std::size_t k = 0; k < count; ++k) {
     const double* p = points.data() + 3 * k;
     if (!(std::isfinite(p[0]) && std::isfinite(p[1]))) continue;
@@ -90,23 +90,23 @@ struct RayCaster {
   RayCaster() = default;
   RayCaster(const RayCaster&) = delete;
 
-  // Writes the distances (N,) [m], infinity = nothing, and the normals (N, 3) where rays meet the ground within `reach`
+  // Writes the distances (N,) [m], infinity = nothing, and the normals (N, 3) where rays meet the ground within `range`
   // [m]. Normals of other rays stay as they are.
-  void cast(const nb::list& tiles, Points origins, Points directions, double reach, double time, Rows distances,
+  void cast(const nb::list& tiles, Points origins, Points directions, double range, double time, Rows distances,
             Table normals) {
     const std::size_t count = origins.shape(0);
     check_table(origins, count, 3, "origins"), check_table(directions, count, 3, "directions");
     check_list(distances, count, "distances"), check_table(normals, count, 3, "normals");
     check_instant(time, INSTANT);
-    if (!(reach > 0.0 && reach <= MOST)) throw std::invalid_argument("the reach must be above zero and at most 1e9 m");
+    if (!(range > 0.0 && range <= MOST)) throw std::invalid_argument("the range must be above zero and at most 1e9 m");
     for (std::size_t k = 0; k < count; ++k)
       check_ray(vector_at(origins.data() + 3 * k), vector_at(directions.data() + 3 * k));
     if (!parts.are(tiles)) parts.set(tiles);
-    SurfaceReader ground = rays.begin(parts.surface, time);
+    GroundReader ground = rays.begin(parts.terrain, time);
     ground.prepare(count);
     for (std::size_t k = 0; k < count; ++k) {
       const RayHit hit =
-          rays.first_hit(ground, {vector_at(origins.data() + 3 * k), vector_at(directions.data() + 3 * k), reach});
+          rays.first_hit(ground, {vector_at(origins.data() + 3 * k), vector_at(directions.data() + 3 * k), range});
       distances.data()[k] = hit.distance;
       if (std::isfinite(hit.distance)) write(normals.data() + 3 * k, hit.normal);
     }
@@ -170,7 +170,8 @@ void sample_mesh(const Mesh& mesh, Slots indices, double time, double ahead, Tab
   for (std::size_t k = 0; k < count; ++k) {
     const Vertex vertex = reader.read(static_cast<int>(indices.data()[k]));
     write(positions.data() + 3 * k, vertex.position);
-    write(velocities.data() + 3 * k, {vertex.rise.x / ahead, vertex.rise.y / ahead, vertex.rise.z / ahead});
+    write(velocities.data() + 3 * k,
+          {vertex.displacement.x / ahead, vertex.displacement.y / ahead, vertex.displacement.z / ahead});
   }
 }
 
@@ -183,7 +184,7 @@ void add_queries(nb::module_& m) {
         "normals"_a.noconvert(), "velocities"_a.noconvert(), "ages"_a.noconvert(), "friction"_a.noconvert());
   nb::class_<RayCaster>(m, "RayCaster")
       .def(nb::init<>())
-      .def("cast", &RayCaster::cast, "tiles"_a, "origins"_a.noconvert(), "directions"_a.noconvert(), "reach"_a,
+      .def("cast", &RayCaster::cast, "tiles"_a, "origins"_a.noconvert(), "directions"_a.noconvert(), "range"_a,
            "time"_a, "distances"_a.noconvert(), "normals"_a.noconvert());
   m.def("sample_grid", &sample_grid, "grid"_a, "indices"_a.noconvert(), "time"_a, "ahead"_a, "heights"_a.noconvert(),
         "velocities"_a.noconvert());

@@ -94,11 +94,11 @@ struct WholeBox final : RayTarget {
   double distance(int) const override { return 0.0; }
 };
 
-// Returns which rays, with unit `ways`, pass through one of the boxes (n, 6) within their `reach` (N,) [m].
-NewFlags may_meet(Doubles2 origins, Doubles2 ways, Doubles1 reach, Doubles2 boxes) {
+// Returns which rays, with unit `ways`, pass through one of the boxes (n, 6) within their `ranges` (N,) [m].
+NewFlags may_meet(Doubles2 origins, Doubles2 ways, Doubles1 ranges, Doubles2 boxes) {
   const std::size_t count = origins.shape(0);
   check_table(origins, count, 3, "origins"), check_table(ways, count, 3, "ways");
-  check_table(boxes, boxes.shape(0), 6, "boxes"), check_list(reach, count, "reach");
+  check_table(boxes, boxes.shape(0), 6, "boxes"), check_list(ranges, count, "ranges");
   if (boxes.shape(0) > 1u << 24) throw std::invalid_argument("there are at most 2^24 boxes");
   for (std::size_t k = 0; k < boxes.size(); ++k) finite(boxes.data()[k], "boxes");
   BoxTree tree;
@@ -106,7 +106,7 @@ NewFlags may_meet(Doubles2 origins, Doubles2 ways, Doubles1 reach, Doubles2 boxe
   NewFlags found = new_array<bool, 1>({count});
   for (std::size_t k = 0; k < count; ++k)
     found.data()[k] = tree.first_along(vector_at(origins.data() + 3 * k), vector_at(ways.data() + 3 * k),
-                                       reach.data()[k], SLACK, WholeBox{})
+                                       ranges.data()[k], SLACK, WholeBox{})
                           .place >= 0;
   return found;
 }
@@ -130,7 +130,7 @@ void add_rows(nb::module_& m) {
   m.def("near_any", &near_any, "remote"_a.noconvert(), "duration"_a, "attached"_a.noconvert(), "horizon"_a);
   m.def("may_touch", &may_touch, "positions"_a.noconvert(), "moved"_a.noconvert(), "radii"_a.noconvert(),
         "guests"_a.noconvert(), "solid"_a.noconvert(), "slack"_a);
-  m.def("may_meet", &may_meet, "origins"_a.noconvert(), "ways"_a.noconvert(), "reach"_a.noconvert(),
+  m.def("may_meet", &may_meet, "origins"_a.noconvert(), "ways"_a.noconvert(), "ranges"_a.noconvert(),
         "boxes"_a.noconvert());
   m.def("split_bodies", &split, "content"_a.noconvert(), "at"_a, "rows"_a.noconvert());
 }

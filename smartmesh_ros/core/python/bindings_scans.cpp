@@ -24,9 +24,9 @@ void scan_heights_at(const nb::list& tiles, Doubles2 poses, Doubles2 pattern, do
   if (!are_possible(pattern.data(), 2 * points))
     throw std::invalid_argument("the pattern must be finite and at most 1e9");
   finite(time, "the time");
-  Surface surface;
-  const nb::list kept = set_tiles_of(surface, tiles);
-  SurfaceReader ground = surface.reader(time, INSTANT);
+  Tiles terrain;
+  const nb::list kept = set_tiles_of(terrain, tiles);
+  GroundReader ground = terrain.reader(time, INSTANT);
   ground.prepare(count * points);
   const ScanPattern scanned{pattern.data(), points};
   const double radius = scanned.radius();

@@ -33,9 +33,15 @@ inline std::vector<FieldLayout> clock_layout() {
 }
 
 inline std::vector<FieldLayout> shape_layout() {
-  return {field("kind", &Shape::kind),     field("half", &Shape::half),   field("rounding", &Shape::rounding),
-          field("offset", &Shape::offset), field("turn", &Shape::turn),   field("reach", &Shape::reach),
-          field("radius", &Shape::radius), field("first", &Shape::first), field("rows", &Shape::rows)};
+  return {field("kind", &Shape::kind),
+          field("half", &Shape::half),
+          field("rounding", &Shape::rounding),
+          field("offset", &Shape::offset),
+          field("orientation", &Shape::orientation),
+          field("bounding_radius", &Shape::bounding_radius),
+          field("radius", &Shape::radius),
+          field("first", &Shape::first),
+          field("rows", &Shape::rows)};
 }
 
 }  // namespace smartmesh

@@ -35,7 +35,7 @@ Convex with_features(ShapeKind kind, const Vec3& half, double rounding, const Po
   shape.kind = kind, shape.half = half, shape.rounding = rounding, shape.core = core;
   if (kind == ShapeKind::Cylinder) {
     shape.bounds = {-half, half};
-    shape.reach = std::hypot(half.x, half.z);
+    shape.bounding_radius = std::hypot(half.x, half.z);
   }
   shape.core.neighbours.resize(core.vertices.size());
   for (const PolyEdge& edge : core.edges) {
@@ -45,7 +45,7 @@ Convex with_features(ShapeKind kind, const Vec3& half, double rounding, const Po
   for (const Vec3& corner : core.vertices) {
     shape.bounds.add(corner);
     shape.centre = shape.centre + corner * (1.0 / static_cast<double>(core.vertices.size()));
-    shape.reach = std::max(shape.reach, norm(corner) + rounding);
+    shape.bounding_radius = std::max(shape.bounding_radius, norm(corner) + rounding);
   }
   shape.bounds = shape.bounds.grown(rounding);
   return shape;

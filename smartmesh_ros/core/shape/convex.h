@@ -33,7 +33,7 @@ struct Polytope {
 };
 
 // A convex shape in its own frame, with the features of its `core`; that of a cylinder is empty. The middle of a hull
-// is anywhere: its `reach` is about the origin, and it has no `half` extents.
+// is anywhere: its `bounding_radius` is about the origin, and it has no `half` extents.
 struct Convex : Shape {
   Polytope core;
   Bounds bounds;  // of the shape

@@ -21,8 +21,8 @@ struct Shape {
   Vec3 half;
   double rounding = 0.0;
   Vec3 offset;
-  Turn turn;
-  double reach = 0.0, radius = 0.0;
+  Quaternion orientation;
+  double bounding_radius = 0.0, radius = 0.0;
   std::int64_t first = 0, rows = 0;
 
   // Returns the distance from the middle to the farthest point along a unit direction in the shape's own frame [m]; of

@@ -35,8 +35,8 @@ bool ShapeTable::has_all_of(const Shape& shape) const {
 }
 
 Solid::Solid(const Shape& placed, const BodyPose& frame, const Vec3* of_hull)
-    : shape(&placed), centre(frame.at + rotated(frame.turn, placed.offset)), vertices(of_hull) {
-  if (shape->kind != ShapeKind::Ball) axes = axes_of(frame.turn * shape->turn);
+    : shape(&placed), centre(frame.at + rotated(frame.orientation, placed.offset)), vertices(of_hull) {
+  if (shape->kind != ShapeKind::Ball) axes = axes_of(frame.orientation * shape->orientation);
 }
 
 Vec3 Solid::core_support(const Vec3& d) const {
@@ -49,14 +49,14 @@ Vec3 Solid::core_support(const Vec3& d) const {
   return {std::copysign(half.x, d.x), std::copysign(half.y, d.y), std::copysign(half.z, d.z)};
 }
 
-double Solid::reach_along(const Vec3& direction) const {
+double Solid::extent_along(const Vec3& direction) const {
   const Vec3 d = axes * direction;
   return shape->kind == ShapeKind::Hull ? dot(farthest_vertex(*this, d), d) + shape->rounding : shape->extent(d);
 }
 
 double BodySolid::lowest(const Vec3& up) const {
   double least = std::numeric_limits<double>::infinity();
-  for (const Solid& part : parts) least = std::min(least, dot(up, part.centre) - part.reach_along(-up));
+  for (const Solid& part : parts) least = std::min(least, dot(up, part.centre) - part.extent_along(-up));
   return least;
 }
 
@@ -70,7 +70,7 @@ void place_shape(const ShapeTable& table, const Shape& shape, const BodyPose& bo
     placed.parts.push_back(placed.whole);
     return;
   }
-  const BodyPose own{placed.whole.centre, body.turn * shape.turn};
+  const BodyPose own{placed.whole.centre, body.orientation * shape.orientation};
   for (std::int64_t k = shape.first; k < shape.first + shape.rows; ++k)
     placed.parts.push_back(place(table.parts[k], own));
 }

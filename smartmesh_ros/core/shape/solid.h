@@ -9,7 +9,7 @@ namespace smartmesh {
 
 struct BodyPose {
   Vec3 at;  // [m]
-  Turn turn;
+  Quaternion orientation;
 };
 
 // State of a body: its row in a table.
@@ -45,7 +45,7 @@ struct Solid {
   // Returns the farthest point of the core along a direction, both in the solid's own frame.
   Vec3 core_support(const Vec3& direction) const;
   // Returns the distance from the centre to the farthest point along a unit direction of the world.
-  double reach_along(const Vec3& direction) const;
+  double extent_along(const Vec3& direction) const;
 };
 
 // A body's shape in the world: the frame of the `whole`, and the convex solids that it consists of.

@@ -69,7 +69,7 @@ SoilUnderBody::Placed SoilUnderBody::place(const SoilLattice& soil, const Moving
   const GridPoint at = to_grid(pose, soil.spacing(), solid.centre.x, solid.centre.y);
   const Underside shape = underside(solid, soil.spacing());
   Placed placed{
-      pose, shape, shape, at.column, at.row, solid.centre.z - soil.map().z, -solid.reach_along({0.0, 0.0, 1.0})};
+      pose, shape, shape, at.column, at.row, solid.centre.z - soil.map().z, -solid.extent_along({0.0, 0.0, 1.0})};
   std::copy(shape.half, shape.half + 3, placed.exact.grown);
   return placed;
 }
@@ -87,11 +87,11 @@ SampleRectangle SoilUnderBody::around(const SoilLattice& soil, const Placed& pla
 // Fills `under_` with the samples that a part whose rim slips reaches if it goes down by `deepest` [m].
 void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip, double deepest, const SoilStep& step) {
   under_.clear();
-  const SampleRectangle all = around(soil, placed, reach(placed.shape, 0), reach(placed.shape, 1));
+  const SampleRectangle all = around(soil, placed, half_extent(placed.shape, 0), half_extent(placed.shape, 1));
   if (all.empty()) return;
   // Of round shapes, that part is enough which may be below the highest ground.
   const double below = soil.highest(all.top, all.left, all.bottom, all.right) + HIGHER + deepest - placed.z;
-  const auto [x, y] = reach_below(placed.shape, below);
+  const auto [x, y] = half_extents_below(placed.shape, below);
   const SampleRectangle under = around(soil, placed, x, y);
   if (under.empty()) return;
   const double spacing = soil.spacing();
@@ -99,7 +99,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
   soil.renew(top, left, bottom, right, step.number - 1);
   soils_.clear();
   for (int kind = 0; kind < soil.soil_count(); ++kind) {
-    soils_.push_back(under_patch(soil.soil(kind), patch_width(placed.shape), step.dt));
+    soils_.push_back(under_load(soil.soil(kind), contact_width(placed.shape), step.dt));
     if (soil.sinks_by_slip) soils_.back().modulus *= std::pow(slip_sinkage(slip), -soils_.back().exponent);
   }
   const bool is_rolling = rolls(placed.shape.solid);
@@ -118,7 +118,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
       FineSample& sample = soil.at(r, c);
       // Left out are holes, and soil that has sunk too far to carry, unless the middles of quarters count it.
       if (!(placed.z + low - deepest < sample.level - (is_rolling ? sample.yield.plastic : 0.0))) continue;
-      const PatchSoil& own = soils_[soil.kind(r, c)];
+      const LoadedSoil& own = soils_[soil.kind(r, c)];
       const double loaded = sample.step == step.number - 1 ? sample.pressure : 0.0;
       under_.push_back({&sample,
                         &own,
@@ -140,12 +140,12 @@ void SoilUnderBody::damp_critically(double mass, double dt) {
     const double sinkage = under.sample->level - under.low;
     area += under.area;
     if (!(sinkage > 0.0)) continue;
-    const PatchSoil& soil = *under.soil;
+    const LoadedSoil& soil = *under.soil;
     stiffness +=
         under.area * std::min(soil.elastic, soil.exponent * soil.modulus * std::pow(sinkage, soil.exponent - 1.0));
   }
   if (!(stiffness > 0.0)) return;
-  for (PatchSoil& soil : soils_) soil.drag += 2.0 * std::sqrt(stiffness * mass) / (area * dt);
+  for (LoadedSoil& soil : soils_) soil.drag += 2.0 * std::sqrt(stiffness * mass) / (area * dt);
 }
 
 // Sets the loads of the samples for a part that went `down` [m].
@@ -164,7 +164,7 @@ void SoilUnderBody::load(Span all, double down) {
 
 // Returns how far down a part goes in a step [m], at which the samples then have their loads: where the force of the
 // soil and the part's inertia balance its load. Newton's method, with bisection where it leaves the bracket.
-double SoilUnderBody::settle(Span all, const Carried& carried, double speed_down, double dt) {
+double SoilUnderBody::sink(Span all, const Carried& carried, double speed_down, double dt) {
   const double inertia = carried.mass / (dt * dt), free = speed_down * dt + carried.load / inertia;
   double low = free, high = free, trial = std::min(free, speed_down * dt);
   for (const Under& under : all) low = std::min(low, under.low - under.sample->level);
@@ -258,12 +258,14 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
   const auto speed_down = [&](const Vec3& offset) {
     return -moving.linear.z - (is_rolling ? 0.0 : cross(moving.angular, placed.to_world(offset)).z);
   };
-  const double turn = is_rolling ? 0.0 : norm(moving.angular) * placed.shape.solid.shape->extent({1.0, 1.0, 1.0});
-  const double deepest = (std::max(0.0, -moving.linear.z) + turn + carried.load / carried.mass * step.dt) * step.dt;
+  const double by_rotation =
+      is_rolling ? 0.0 : norm(moving.angular) * placed.shape.solid.shape->extent({1.0, 1.0, 1.0});
+  const double deepest =
+      (std::max(0.0, -moving.linear.z) + by_rotation + carried.load / carried.mass * step.dt) * step.dt;
   gather(soil, placed, rim.slip(), deepest, step);
   if (carried.is_set_down) damp_critically(carried.mass, step.dt);
   const Span all{under_.data(), under_.data() + under_.size()};
-  const double down = settle(all, carried, -moving.linear.z, step.dt);
+  const double down = sink(all, carried, -moving.linear.z, step.dt);
   Quarter quarters[4];
   if (!find_quarters(placed, quarters)) return springs_;
   for (Quarter& quarter : quarters) {
@@ -271,7 +273,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
     quarter.down = down;
     if (!is_rolling)
       quarter.down =
-          settle(quarter.under, {share * carried.mass, share * carried.load}, speed_down(quarter.middle), step.dt);
+          sink(quarter.under, {share * carried.mass, share * carried.load}, speed_down(quarter.middle), step.dt);
     sum(placed, then.solid, rim, step.dt, quarter);
     if (!(quarter.slope > 0.0)) continue;
     const Vec3 normal = placed.to_world(quarter.normal);

@@ -62,7 +62,7 @@ class SoilUnderBody {
   // Heights [m] without the map's z: of the underside `low`, and of the ground at the start of the step `surface`.
   struct Under {
     FineSample* sample;
-    const PatchSoil* soil;
+    const LoadedSoil* soil;
     int row, column;
     bool is_beside;
     Vec3 offset;
@@ -86,12 +86,12 @@ class SoilUnderBody {
   void gather(SoilLattice& soil, const Placed& placed, double slip, double deepest, const SoilStep& step);
   void damp_critically(double mass, double dt);
   static void load(Span under, double down);
-  static double settle(Span under, const Carried& carried, double speed_down, double dt);
+  static double sink(Span under, const Carried& carried, double speed_down, double dt);
   bool find_quarters(const Placed& placed, Quarter (&quarters)[4]);
   static void sum(const Placed& placed, const Solid& then, const ShearedRim& rim, double dt, Quarter& quarter);
 
-  FootRow row_, exact_;
-  std::vector<PatchSoil> soils_;
+  UndersideRow row_, exact_;
+  std::vector<LoadedSoil> soils_;
   std::vector<Under> under_, by_quarter_;
   PointsInSoil points_;
   std::vector<SoilSpring> springs_;

@@ -14,13 +14,13 @@ struct SoilType {
   double kphi, kc, exponent, cohesion, friction, shear, elastic, damping;
 };
 
-// A soil under a contact patch in a step. `modulus`: Bekker's, with the width of the patch. `drag`: damping over the
+// A soil under a contact in a step. `modulus`: Bekker's, with the width of the contact. `drag`: damping over the
 // duration of the step [Pa/m].
-struct PatchSoil {
+struct LoadedSoil {
   double modulus, exponent, elastic, drag, cohesion, friction, shear;
 };
 
-inline PatchSoil under_patch(const SoilType& soil, double width, double dt) {
+inline LoadedSoil under_load(const SoilType& soil, double width, double dt) {
   return {soil.kc / width + soil.kphi,
           soil.exponent,
           soil.elastic,
@@ -38,7 +38,7 @@ struct Yield {
 
 // Returns the pressure [Pa] of soil at a `sinkage` [m]. Below the highest so far the soil is elastic; above it,
 // Bekker's modulus * sinkage^exponent limits the elastic pressure.
-inline double pressure_at(double sinkage, const Yield& before, const PatchSoil& soil) {
+inline double pressure_at(double sinkage, const Yield& before, const LoadedSoil& soil) {
   const double trial = soil.elastic * (sinkage - before.plastic);
   if (sinkage <= 0.0 || trial <= 0.0) return 0.0;
   if (trial <= before.yielded) return trial;
@@ -46,20 +46,20 @@ inline double pressure_at(double sinkage, const Yield& before, const PatchSoil& 
 }
 
 // Returns the derivative of that pressure by the sinkage [Pa/m].
-inline double stiffness_at(double sinkage, double pressure, const Yield& before, const PatchSoil& soil) {
+inline double stiffness_at(double sinkage, double pressure, const Yield& before, const LoadedSoil& soil) {
   if (pressure <= 0.0) return 0.0;
   if (pressure >= soil.elastic * (sinkage - before.plastic)) return soil.elastic;
   return std::min(soil.exponent * pressure / sinkage, soil.elastic);
 }
 
 // Returns what a sample keeps of a `pressure` at a `sinkage`.
-inline Yield yield_after(double sinkage, double pressure, const Yield& before, const PatchSoil& soil) {
+inline Yield yield_after(double sinkage, double pressure, const Yield& before, const LoadedSoil& soil) {
   if (pressure <= 0.0 || soil.elastic * (sinkage - before.plastic) <= before.yielded) return before;
   return {std::max(before.plastic, sinkage - pressure / soil.elastic), std::max(before.yielded, pressure)};
 }
 
 // Returns the shear stress [Pa] after a shear `displacement` [m].
-inline double shear_at(double pressure, double displacement, const PatchSoil& soil) {
+inline double shear_at(double pressure, double displacement, const LoadedSoil& soil) {
   if (pressure <= 0.0) return 0.0;
   return (soil.cohesion + pressure * soil.friction) * (1.0 - std::exp(-displacement / soil.shear));
 }

@@ -32,7 +32,7 @@ double under_sphere(double radius, double x, double y) {
 
 // A vertical line is in a convex shape where it is inside of all its surfaces: from `low` to `high`, nowhere if these
 // cross. Cuts that part by the pair of faces across an axis that are `half` from the middle [m].
-void cut_by_faces(const Underside& shape, int axis, double half, FootRow& row) {
+void cut_by_faces(const Underside& shape, int axis, double half, UndersideRow& row) {
   const double along_x = shape.axis(axis).x, rest = shape.axis(axis).y * row.y, slope = shape.axis(axis).z;
   const double* x = row.x.data();
   double *low = row.low.data(), *high = row.high.data();
@@ -49,7 +49,7 @@ void cut_by_faces(const Underside& shape, int axis, double half, FootRow& row) {
 }
 
 // Cuts by the round surface about axis 2.
-void cut_by_round(const Underside& shape, double radius, FootRow& row) {
+void cut_by_round(const Underside& shape, double radius, UndersideRow& row) {
   const Vec3 u = shape.axis(0), v = shape.axis(1);
   const double y = row.y, a = u.z * u.z + v.z * v.z;
   const double* x = row.x.data();
@@ -70,12 +70,12 @@ void cut_by_round(const Underside& shape, double radius, FootRow& row) {
   }
 }
 
-void leave_out_crossed(FootRow& row) {
+void leave_out_crossed(UndersideRow& row) {
   for (std::size_t k = 0; k < row.x.size(); ++k) row.low[k] = row.low[k] <= row.high[k] ? row.low[k] : INFINITE;
 }
 
 // Writes the shares of a row that a standing cylinder covers.
-void cover_round(const Underside& shape, FootRow& row) {
+void cover_round(const Underside& shape, UndersideRow& row) {
   for (std::size_t k = 0; k < row.x.size(); ++k) {
     const double inside = shape.half[0] - std::hypot(row.x[k], row.y);
     row.share[k] = std::min(std::max(0.5 + inside / shape.spacing, 0.0), 1.0);
@@ -83,14 +83,14 @@ void cover_round(const Underside& shape, FootRow& row) {
 }
 
 // Multiplies the shares of a row by those that the shape covers along one of its axes, seen from above.
-void cover_along(const Underside& shape, int axis, FootRow& row) {
+void cover_along(const Underside& shape, int axis, UndersideRow& row) {
   const double along_x = shape.axis(axis).x, rest = shape.axis(axis).y * row.y, level = shape.level[axis];
-  const double half = shape.half[axis] * level, spacing = shape.spacing, reach = 0.5 * spacing;
+  const double half = shape.half[axis] * level, spacing = shape.spacing, half_cell = 0.5 * spacing;
   const double* x = row.x.data();
   double* share = row.share.data();
   for (std::size_t k = 0, count = row.x.size(); k < count; ++k) {
     const double distance = (along_x * x[k] + rest) / level;
-    const double left = most(distance - reach, -half), right = least(distance + reach, half);
+    const double left = most(distance - half_cell, -half), right = least(distance + half_cell, half);
     share[k] *= most(right - left, 0.0) / spacing;
   }
 }
@@ -115,7 +115,7 @@ Underside underside(const Solid& solid, double spacing) {
   return shape;
 }
 
-void look_up(const Underside& shape, FootRow& row) {
+void look_up(const Underside& shape, UndersideRow& row) {
   const std::size_t count = row.x.size();
   row.low.assign(count, -INFINITE), row.high.assign(count, INFINITE);
   if (shape.kind == ShapeKind::Ball) {
@@ -134,7 +134,7 @@ void look_up(const Underside& shape, FootRow& row) {
   }
 }
 
-void look_up_exact(const Underside& shape, const FootRow& row, FootRow& exact) {
+void look_up_exact(const Underside& shape, const UndersideRow& row, UndersideRow& exact) {
   exact.y = row.y, exact.x = row.x, exact.low = row.low, exact.high = row.high;
   const bool is_box = shape.kind == ShapeKind::Box;
   if (!is_box && shape.kind != ShapeKind::Cylinder) return;  // without flat faces
@@ -144,7 +144,7 @@ void look_up_exact(const Underside& shape, const FootRow& row, FootRow& exact) {
   leave_out_crossed(exact);
 }
 
-void cover(const Underside& shape, FootRow& row) {
+void cover(const Underside& shape, UndersideRow& row) {
   row.share.assign(row.x.size(), 1.0);
   const bool is_box = shape.kind == ShapeKind::Box, is_cylinder = shape.kind == ShapeKind::Cylinder;
   if (is_cylinder && shape.upright == 2)
@@ -174,15 +174,15 @@ Vec3 normal_at(const Underside& shape, const Vec3& point) {
   return {out.x / length, out.y / length, out.z / length};
 }
 
-double patch_width(const Underside& shape) {
+double contact_width(const Underside& shape) {
   const double* half = shape.half;
   if (shape.kind == ShapeKind::Box) return 2.0 * std::min(half[(shape.upright + 1) % 3], half[(shape.upright + 2) % 3]);
   if (shape.kind == ShapeKind::Cylinder) return 2.0 * (shape.upright == 2 ? half[0] : half[2]);
   return half[0];
 }
 
-double reach(const Underside& shape, int along) {
-  const double half = shape.solid.reach_along(along == 0 ? Vec3{1.0, 0.0, 0.0} : Vec3{0.0, 1.0, 0.0});
+double half_extent(const Underside& shape, int along) {
+  const double half = shape.solid.extent_along(along == 0 ? Vec3{1.0, 0.0, 0.0} : Vec3{0.0, 1.0, 0.0});
   if (shape.kind == ShapeKind::Cylinder && shape.upright == 2) return half + SQRT2 * shape.spacing;
   if (shape.kind == ShapeKind::Cylinder) return half + shape.spacing * 2.0 * std::abs(along_grid(shape.axis(2), along));
   double found = half;
@@ -193,8 +193,8 @@ double reach(const Underside& shape, int along) {
 }
 
 bool stands_level(const Underside& shape) {
-  const double rise = shape.axis(shape.upright).z;
-  return (shape.kind == ShapeKind::Box || shape.upright == 2) && 1.0 - rise * rise < STEEP * STEEP;
+  const double cosine = shape.axis(shape.upright).z;
+  return (shape.kind == ShapeKind::Box || shape.upright == 2) && 1.0 - cosine * cosine < STEEP * STEEP;
 }
 
 bool lies(const Solid& solid) {
@@ -202,8 +202,8 @@ bool lies(const Solid& solid) {
   return (kind == ShapeKind::Cylinder || kind == ShapeKind::Capsule) && std::abs(solid.axes.row[2].z) < STANDS;
 }
 
-HalfLengths reach_below(const Underside& shape, double below) {
-  const double x = reach(shape, 0), y = reach(shape, 1), radius = shape.half[0];
+HalfLengths half_extents_below(const Underside& shape, double below) {
+  const double x = half_extent(shape, 0), y = half_extent(shape, 1), radius = shape.half[0];
   const bool is_ball = shape.kind == ShapeKind::Ball;
   if (!is_ball && !lies(shape.solid)) return {x, y};
   const Vec3 axis = is_ball ? Vec3{} : shape.axis(2);

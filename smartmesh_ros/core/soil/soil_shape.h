@@ -30,30 +30,30 @@ Underside underside(const Solid& solid, double spacing);
 // beside it. `share`: of a sample's cell that the shape covers. It is exact for rectangles along the grid. In other
 // directions single shares are approximate, but their sum over the samples is near the area. Round undersides cover
 // whole cells: their pressure vanishes at the edge.
-struct FootRow {
+struct UndersideRow {
   double y = 0.0;
   std::vector<double> x, low, share, high;  // `high` is work space
 };
 
 // Fills `low`; a row at once, because a processor divides two numbers in the time of one.
-void look_up(const Underside& shape, FootRow& row);
+void look_up(const Underside& shape, UndersideRow& row);
 // Fills `low` of the underside as it is, without the margins of flat faces, from that with them.
-void look_up_exact(const Underside& shape, const FootRow& row, FootRow& exact);
+void look_up_exact(const Underside& shape, const UndersideRow& row, UndersideRow& exact);
 // Fills `share`.
-void cover(const Underside& shape, FootRow& row);
+void cover(const Underside& shape, UndersideRow& row);
 
 // Returns the unit normal, of either sign, of the underside at a point on it [m].
 Vec3 normal_at(const Underside& shape, const Vec3& point);
 
-// Least rise of a normal: soil beside a body does not carry it.
+// Least vertical component of a normal: soil beside a body does not carry it.
 constexpr double STEEP = 0.05;
 
-// Returns the smaller dimension b of the contact patch [m], for Bekker's Kc / b: of a box its narrower side, of a lying
+// Returns the smaller dimension b of the contact [m], for Bekker's Kc / b: of a box its narrower side, of a lying
 // cylinder its height, of round shapes the radius.
-double patch_width(const Underside& shape);
+double contact_width(const Underside& shape);
 
 // Returns half the length of the rectangle around all places with an underside [m].
-double reach(const Underside& shape, int along);
+double half_extent(const Underside& shape, int along);
 
 // Returns true if a box, or a standing cylinder, leans by so little that its sides are upright.
 bool stands_level(const Underside& shape);
@@ -67,6 +67,6 @@ struct HalfLengths {
 };
 
 // Returns how far from the middle, along columns and rows, a shape may be `below` a height above its middle [m].
-HalfLengths reach_below(const Underside& shape, double below);
+HalfLengths half_extents_below(const Underside& shape, double below);
 
 }  // namespace smartmesh

@@ -5,11 +5,11 @@
 
 namespace smartmesh {
 
-GroundPoint ground_above(SurfaceReader& surface, const Vec3& middle, int body) {
+GroundPoint ground_above(GroundReader& reader, const Vec3& middle, int body) {
   const GroundPoint none{std::numeric_limits<double>::quiet_NaN(), {}};
   if (!std::isfinite(middle.x + middle.y + middle.z)) return none;
-  GroundPoint ground = surface.at(middle.x, middle.y, middle.z, middle.z, body);
-  if (std::isnan(ground.height)) ground = surface.at(middle.x, middle.y, ABOVE_ALL, middle.z, body);
+  GroundPoint ground = reader.at(middle.x, middle.y, middle.z, middle.z, body);
+  if (std::isnan(ground.height)) ground = reader.at(middle.x, middle.y, ABOVE_ALL, middle.z, body);
   return middle.z < ground.height ? ground : none;
 }
 

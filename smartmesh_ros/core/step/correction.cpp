@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "ground/surface.h"
+#include "ground/tiles.h"
 
 namespace smartmesh {
 
@@ -101,7 +101,7 @@ bool move_with(const CorrectionSums& sums, BodyPose& pose) {
   const Plane h = fitted(sums, sums.height, sums.x_height, sums.y_height);
   const Plane g = fitted(sums, sums.rise, sums.x_rise, sums.y_rise);
   if (g.mean == 0.0 && g.x == 0.0 && g.y == 0.0) return false;
-  // The foot, relative to the body's position: the nearest point of the plane before the correction.
+  // The nearest point of the plane before the correction, relative to the body's position.
   const double over = (pose.at.z - (h.mean - h.x * x0 - h.y * y0)) / (1.0 + h.x * h.x + h.y * h.y);
   const Vec3 away{-h.x * over, -h.y * over, over};
   const double lift = g.mean + g.x * (-away.x - x0) + g.y * (-away.y - y0);
@@ -110,9 +110,9 @@ bool move_with(const CorrectionSums& sums, BodyPose& pose) {
   const double x = ay - by, y = bx - ax, z = ax * by - ay * bx;
   const double w = std::sqrt((1.0 + ax * ax + ay * ay) * (1.0 + bx * bx + by * by)) + 1.0 + ax * bx + ay * by;
   const double length = std::sqrt(x * x + y * y + z * z + w * w);
-  const Turn turn{x / length, y / length, z / length, w / length};
-  pose.at = pose.at + rotated(turn, away) - away + Vec3{0.0, 0.0, lift};
-  pose.turn = turn * pose.turn;
+  const Quaternion tilt{x / length, y / length, z / length, w / length};
+  pose.at = pose.at + rotated(tilt, away) - away + Vec3{0.0, 0.0, lift};
+  pose.orientation = tilt * pose.orientation;
   return true;
 }
 

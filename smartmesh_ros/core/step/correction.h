@@ -1,7 +1,7 @@
 // Bodies that move with corrections of the ground under them.
 //
 // For each body, one plane is fitted to the ground as shown before the correction and one to the correction itself. The
-// body is rotated as the first plane tilts and moved vertically by the second plane, about the foot below its middle.
+// body is rotated as the first plane tilts and moved vertically by the second plane, about the nearest point below it.
 #pragma once
 
 #include "map/height_grid.h"

@@ -13,7 +13,7 @@ constexpr long OF_DECK = 1L << 40;
 
 // Returns true if a body is below all of a patch by more than a thickness [m]; holes may be above its middle.
 bool is_below(const ShownPatch& on, double thickness) {
-  const double top = on.body.middle.z + on.body.reach + thickness;
+  const double top = on.body.middle.z + on.body.radius + thickness;
   return std::none_of(on.points.begin(), on.points.end(), [&](const Vec3& p) { return p.z <= top; });
 }
 
@@ -42,8 +42,7 @@ void DeckPatches::collect(double time) {
   const FrameState frame = deck_->motion.at(time);
   for (std::int64_t slot : slots_) {
     const ShownPatch& on = patches_[slot];
-    shown_[slot].is_shown =
-        on.is_shown && !deck_->is_above(on.body.middle, time) && !is_below(on, deck_->thickness);
+    shown_[slot].is_shown = on.is_shown && !deck_->is_above(on.body.middle, time) && !is_below(on, deck_->thickness);
     if (shown_[slot].is_shown) show(on, frame, shown_[slot]);
   }
 }
@@ -74,13 +73,12 @@ void DeckPatches::show(const ShownPatch& on, const FrameState& frame, ShownPatch
   const Vec3& middle = *std::min_element(points.begin(), points.end(), [&](const Vec3& a, const Vec3& b) {
     return std::hypot(a.x - mean.x, a.y - mean.y) < std::hypot(b.x - mean.x, b.y - mean.y);
   });
-  const Vec3 linear = frame.velocity_at(middle) + frame.pose.turn * on.linear;
-  const Vec3 angular = frame.velocity.angular + frame.pose.turn * on.angular;
+  const Vec3 linear = frame.velocity_at(middle) + frame.pose.rotation * on.linear;
+  const Vec3 angular = frame.velocity.angular + frame.pose.rotation * on.angular;
   const bool moves_otherwise = norm2(linear - shown.linear) + norm2(angular - shown.angular) > 0.0;
   const bool is_new = moves_otherwise || differ(points, shown.points) || triangles != shown.triangles;
   if (is_new) shown.points_revision = std::max(shown.points_revision, OF_DECK * (number_ + 1)) + 1;
-  if (is_new || on.near != shown.near)
-    shown.near_revision = std::max(shown.near_revision, OF_DECK * (number_ + 1)) + 1;
+  if (is_new || on.near != shown.near) shown.near_revision = std::max(shown.near_revision, OF_DECK * (number_ + 1)) + 1;
   shown.linear = linear, shown.angular = angular;
   shown.points.swap(points), shown.triangles.swap(triangles);
   shown.near = on.near;

@@ -48,17 +48,18 @@ std::int64_t floor_of(double value) { return static_cast<std::int64_t>(std::floo
 
 void ShownPatches::set_tiles(const std::vector<HeightGrid*>& maps, const std::vector<MeshSurface*>& meshes) {
   maps_ = maps;
-  surface_.set_tiles(maps, meshes);
+  tiles_.set_all(maps, meshes);
   for (ShownPatch& patch : patches_) patch.square.tile = -1, patch.calm = false, patch.read = {};
 }
 
-// Returns the map that a point is over: that of before, or else the first one, or the nearest within reach; -1 = none.
-int ShownPatches::map_under(const Vec3& p, double reach, int before, std::vector<Tile>& maps) const {
+// Returns the map that a point is over: that of before, or else the first one, or the nearest within a radius [m]; -1 =
+// none.
+int ShownPatches::map_under(const Vec3& p, double radius, int before, std::vector<Tile>& maps) const {
   const auto beyond = [&](int k) { return maps[k].beyond(maps[k].place(p.x, p.y)); };
   const int count = static_cast<int>(maps.size());
   if (before >= 0 && before < count && beyond(before) <= 0.0) return before;
   int nearest = -1;
-  double least = reach;
+  double least = radius;
   for (int k = 0; k < count; ++k) {
     const double away = beyond(k);
     if (away <= 0.0) return k;
@@ -68,11 +69,11 @@ int ShownPatches::map_under(const Vec3& p, double reach, int before, std::vector
 }
 
 // Returns the square around the vertex nearest to a place. On a single map it stays on the map, so that it is complete.
-PatchSquare ShownPatches::square_on(int tile, const GridPoint& place, double reach) const {
+PatchSquare ShownPatches::square_on(int tile, const GridPoint& place, double radius) const {
   const HeightGrid& map = *maps_[tile];
   const int room = std::max((std::min(map.rows, map.columns) - 1) / 2, 1);
   // Half a cell more, because the square is centred on the nearest vertex instead of the body.
-  const double wanted = std::ceil(reach / map.resolution + 0.5 - ROUNDING);
+  const double wanted = std::ceil(radius / map.resolution + 0.5 - ROUNDING);
   const int cells = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(room)));
   const int stride = (cells + MOST_RINGS - 1) / MOST_RINGS;
   const int rings = std::max(std::min((cells + stride - 1) / stride, room / stride), 1);
@@ -94,11 +95,11 @@ void ShownPatches::search(const std::vector<std::int64_t>& slots, const std::vec
     ShownPatch& patch = patches_[slots[k]];
     patch.body = bodies[k];
     const Vec3& middle = bodies[k].middle;
-    const double reach = bodies[k].reach;
-    patch.square.tile = map_under(middle, std::max(reach, gap), patch.square.tile, reader.tiles());
+    const double radius = bodies[k].radius;
+    patch.square.tile = map_under(middle, std::max(radius, gap), patch.square.tile, reader.tiles());
     if (patch.square.tile < 0) continue;
     patch.place = reader.tiles()[patch.square.tile].place(middle.x, middle.y);
-    patch.square = square_on(patch.square.tile, patch.place, reach);
+    patch.square = square_on(patch.square.tile, patch.place, radius);
   }
 }
 
@@ -134,9 +135,9 @@ void ShownPatches::read_map(ShownPatch& patch, TileReader& tiles, double time) {
     for (int row : {square.row, square.last_row()})
       for (int column : {square.column, square.last_column()})
         patch.box.add(tile.pose.point({static_cast<double>(row), static_cast<double>(column)}, tile.grid->resolution));
-    surface_.blocks_under(patch.box, time, patch.blocks);
+    tiles_.blocks_under(patch.box, time, patch.blocks);
   }
-  const Updates now = surface_.updates_of(patch.blocks, time);
+  const Updates now = tiles_.updates_of(patch.blocks, time);
   if (patch.calm && patch.updates == now.count) return;
   patch.updates = now.count, patch.calm = !now.moves && !now.settles;
   const Vec3 linear = patch.linear, angular = patch.angular;
@@ -190,16 +191,16 @@ void ShownPatches::read_motion(ShownPatch& patch, TileReader& tiles) const {
   const double row = square.row + square.middle() * square.stride,
                column = square.column + square.middle() * square.stride;
   const double step = square.stride;
-  const auto rise = [&](double down, double along) {
+  const auto vertical_velocity = [&](double down, double along) {
     const double found = tiles.across(square.tile, row + down, column + along).rise / tiles.ahead();
     return std::isnan(found) ? 0.0 : found;
   };
   const Vec3 at = tile.pose.point({row, column}, tile.grid->resolution);
   const Vec3 slide = tile.pose.slide(at.x, at.y);
-  patch.linear = {slide.x, slide.y, rise(0.0, 0.0)};
+  patch.linear = {slide.x, slide.y, vertical_velocity(0.0, 0.0)};
   const double width = 2.0 * step * tile.grid->resolution;
-  const double east = (rise(0.0, step) - rise(0.0, -step)) / width,
-               north = (rise(step, 0.0) - rise(-step, 0.0)) / width;
+  const double east = (vertical_velocity(0.0, step) - vertical_velocity(0.0, -step)) / width,
+               north = (vertical_velocity(step, 0.0) - vertical_velocity(-step, 0.0)) / width;
   const double x = east * tile.pose.cos - north * tile.pose.sin, y = east * tile.pose.sin + north * tile.pose.cos;
   patch.angular = {y, -x, slide.z};
 }
@@ -207,13 +208,13 @@ void ShownPatches::read_motion(ShownPatch& patch, TileReader& tiles) const {
 // Reads the triangles of meshes in reach; false if there are none.
 bool ShownPatches::read_meshes(ShownPatch& patch, double time) {
   const ReachingBody& body = patch.body;
-  const Vec3 reach{body.reach, body.reach, body.reach};
-  Bounds box{body.middle - reach, body.middle + reach};
+  const Vec3 half{body.radius, body.radius, body.radius};
+  Bounds box{body.middle - half, body.middle + half};
   if (body.always) box.low.z = -ANY_HEIGHT, box.high.z = ANY_HEIGHT;
-  const Updates now = surface_.updates_of({}, time);
+  const Updates now = tiles_.updates_of({}, time);
   const bool same = patch.is_mesh && norm2(patch.box.low - box.low) == 0.0 && norm2(patch.box.high - box.high) == 0.0;
   if (same && patch.calm && patch.updates == now.count) return !patch.triangles.empty();
-  surface_.gather_meshes(box, time, INSTANT, Everything{}, found_);
+  tiles_.gather_meshes(box, time, INSTANT, Everything{}, found_);
   if (found_.facets.empty()) return false;
   found_.finish();
   patch.box = box, patch.updates = now.count, patch.calm = !now.moves, patch.read = {};
@@ -235,7 +236,7 @@ bool ShownPatches::read_meshes(ShownPatch& patch, double time) {
   const auto away = [&](int k) { return std::hypot(found_.points[k].x - mean.x, found_.points[k].y - mean.y); };
   const int middle = *std::min_element(used.begin(), used.end(), [&](int a, int b) { return away(a) < away(b); });
   const GroundMotion motion = found_.motion_at(found_.points[middle]);
-  patch.linear = motion.velocity, patch.angular = motion.turning;
+  patch.linear = motion.velocity, patch.angular = motion.angular;
   patch.tile = static_cast<int>(found_.names[middle] >> NAME_BITS) - 1;
   patch.row = 0, patch.column = static_cast<int>(found_.names[middle] & ((1L << NAME_BITS) - 1));
   return true;
@@ -244,18 +245,18 @@ bool ShownPatches::read_meshes(ShownPatch& patch, double time) {
 // Finds what a circle around the middle of the body meets, seen from above: cells of a map, or triangles of a mesh.
 void ShownPatches::find_near(ShownPatch& patch) {
   const PatchSquare& square = patch.square;
-  const double reach = patch.body.reach, cell = patch.is_mesh ? 1.0 : maps_[square.tile]->resolution * square.stride;
+  const double radius = patch.body.radius, cell = patch.is_mesh ? 1.0 : maps_[square.tile]->resolution * square.stride;
   const double row = (patch.place.row - square.row) / square.stride,
                column = (patch.place.column - square.column) / square.stride;
   const auto meets_cell = [&](int first) {
     const double r = first / square.side, c = first % square.side;
     const double down = distance_to(row, r, r + 1.0) * cell, along = distance_to(column, c, c + 1.0) * cell;
-    return down * down + along * along <= reach * reach;
+    return down * down + along * along <= radius * radius;
   };
   near_.clear();
   for (std::size_t k = 0; k < patch.triangles.size(); ++k) {
     const auto& corners = patch.triangles[k];
-    if (patch.is_mesh ? distance2_seen_from_above(patch.body.middle, corners, patch.points) <= reach * reach
+    if (patch.is_mesh ? distance2_seen_from_above(patch.body.middle, corners, patch.points) <= radius * radius
                       : meets_cell(corners[0]))
       near_.push_back(static_cast<std::int32_t>(k));
   }

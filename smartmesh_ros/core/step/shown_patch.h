@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "ground/surface.h"
+#include "ground/tiles.h"
 #include "shape/solid.h"
 
 namespace smartmesh {
@@ -14,7 +14,7 @@ namespace smartmesh {
 // until the next message [m]. `always`: it has a patch of the ground below it at any height.
 struct ReachingBody {
   Vec3 middle;
-  double lowest, reach;
+  double lowest, radius;
   bool always;
 };
 
@@ -79,8 +79,8 @@ class ShownPatches {
   void collect(const std::vector<std::int64_t>& slots, double time);
 
  private:
-  int map_under(const Vec3& p, double reach, int before, std::vector<Tile>& maps) const;
-  PatchSquare square_on(int tile, const GridPoint& place, double reach) const;
+  int map_under(const Vec3& p, double radius, int before, std::vector<Tile>& maps) const;
+  PatchSquare square_on(int tile, const GridPoint& place, double radius) const;
   void read_map(ShownPatch& patch, TileReader& tiles, double time);
   void read_points(const PatchSquare& square, TileReader& tiles, std::vector<Vec3>& points) const;
   void read_motion(ShownPatch& patch, TileReader& tiles) const;
@@ -88,7 +88,7 @@ class ShownPatches {
   void find_near(ShownPatch& patch);
 
   std::vector<HeightGrid*> maps_;
-  Surface surface_;
+  Tiles tiles_;
   std::vector<ShownPatch> patches_;
   std::vector<Vec3> fresh_;
   std::vector<std::int32_t> near_;

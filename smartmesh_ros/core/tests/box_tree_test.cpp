@@ -26,8 +26,8 @@ TEST(BoxTree, FindsWhatASearchThroughAllFinds) {
     std::vector<Bounds> boxes = random_boxes(count, random);
     BoxTree tree;
     tree.build(boxes);
-    for (int turn = 0; turn < 50; ++turn) {
-      if (turn == 25) boxes = random_boxes(count, random), tree.refit(boxes);
+    for (int trial = 0; trial < 50; ++trial) {
+      if (trial == 25) boxes = random_boxes(count, random), tree.refit(boxes);
       const Bounds wanted = random_boxes(1, random)[0].grown(1.0);
       std::vector<int> found, expected;
       tree.find(wanted, found);

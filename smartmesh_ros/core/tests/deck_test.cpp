@@ -8,7 +8,7 @@
 namespace smartmesh {
 namespace {
 
-Turn about_x(double angle) { return {std::sin(0.5 * angle), 0.0, 0.0, std::cos(0.5 * angle)}; }
+Quaternion about_x(double angle) { return {std::sin(0.5 * angle), 0.0, 0.0, std::cos(0.5 * angle)}; }
 
 TEST(Frame, FollowsConstantAccelerationsExactly) {
   const auto at = [](double t) { return Vec3{1.0 + 2.0 * t + 1.5 * t * t, -t, 0.5 * t * t}; };
@@ -20,7 +20,7 @@ TEST(Frame, FollowsConstantAccelerationsExactly) {
   EXPECT_NEAR(norm(found.pose.at - at(t)), 0.0, 1e-12);
   EXPECT_NEAR(norm(found.velocity.linear - Vec3{2.0 + 3.0 * t, -1.0, t}), 0.0, 1e-12);
   EXPECT_NEAR(norm(found.velocity.angular - Vec3{0.4 + 0.4 * t, 0.0, 0.0}), 0.0, 1e-12);
-  const Vec3 y = found.pose.turn * Vec3{0.0, 1.0, 0.0};
+  const Vec3 y = found.pose.rotation * Vec3{0.0, 1.0, 0.0};
   EXPECT_NEAR(std::atan2(y.z, y.y), turned(t), 1e-12);
 }
 
@@ -61,7 +61,7 @@ struct Level {
 TEST(Deck, IsTouchedAsGroundInItsFrame) {
   Level level;
   Deck deck;
-  deck.surface.set_tiles({&level.grid}, {});
+  deck.tiles.set_all({&level.grid}, {});
   const FrameVelocity velocity{{1.0, 2.0, 3.0}, {0.1, -0.2, 0.3}};
   deck.motion.put({0.0, {4.0, 5.0, 6.0}, about_x(0.5), velocity});
   const Pose frame = deck.motion.at(0.0).pose;
@@ -81,18 +81,18 @@ TEST(Deck, IsTouchedAsGroundInItsFrame) {
   for (const Contact& contact : contacts) {
     EXPECT_EQ(contact.deck, 7);
     EXPECT_NEAR(contact.distance, -1e-4, 1e-12);
-    EXPECT_NEAR(norm(contact.normal - frame.turn * Vec3{0.0, 0.0, 1.0}), 0.0, 1e-12);
+    EXPECT_NEAR(norm(contact.normal - frame.rotation * Vec3{0.0, 0.0, 1.0}), 0.0, 1e-12);
     const Vec3 local = frame.to_local(contact.point);
     EXPECT_NEAR(local.z, 0.0, 1e-12);
     EXPECT_NEAR(norm(contact.point + contact.ground.velocity * step - end.to_world(local)), 0.0, 1e-12);
-    EXPECT_NEAR(norm(contact.ground.turning - velocity.angular), 0.0, 1e-12);
+    EXPECT_NEAR(norm(contact.ground.angular - velocity.angular), 0.0, 1e-12);
   }
 }
 
 TEST(Deck, IsAsThickAsItIs) {
   Level level;
   Deck deck;
-  deck.surface.set_tiles({&level.grid}, {});
+  deck.tiles.set_all({&level.grid}, {});
   const Convex shape = box({0.1, 0.1, 0.1});
   for (const double depth : {0.05, 0.4, 0.6}) {
     deck.thickness = 0.5;

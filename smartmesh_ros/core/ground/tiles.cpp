@@ -1,4 +1,4 @@
-#include "ground/surface.h"
+#include "ground/tiles.h"
 
 #include <algorithm>
 #include <cmath>
@@ -19,7 +19,7 @@ bool is_higher(const MeshPoint& mesh, double height) { return !(mesh.height <= h
 
 }  // namespace
 
-MeshPoint SurfaceReader::meshes_at(double x, double y, double z, const MeshReader*& highest) {
+MeshPoint GroundReader::meshes_at(double x, double y, double z, const MeshReader*& highest) {
   MeshPoint found;
   for (MeshReader& mesh : meshes) {
     const MeshPoint ground = mesh.below(x, y, z);
@@ -28,7 +28,7 @@ MeshPoint SurfaceReader::meshes_at(double x, double y, double z, const MeshReade
   return found;
 }
 
-GroundPoint SurfaceReader::at(double x, double y, double z, double of_decks, int body) {
+GroundPoint GroundReader::at(double x, double y, double z, double of_decks, int body) {
   const GridFacet tile = tiles.at(x, y).facet;
   const MeshReader* highest = nullptr;
   const MeshPoint mesh = meshes_at(x, y, z, highest);
@@ -43,7 +43,7 @@ GroundPoint SurfaceReader::at(double x, double y, double z, double of_decks, int
   return found;
 }
 
-GroundSample SurfaceReader::below(const Vec3& p) {
+GroundSample GroundReader::below(const Vec3& p) {
   GroundSample found;
   if (const TileFacet here = tiles.at(p.x, p.y, p.z); here.tile != nullptr) {
     const HeightGrid& grid = *here.tile->grid;
@@ -64,35 +64,33 @@ GroundSample SurfaceReader::below(const Vec3& p) {
   return found;
 }
 
-void SurfaceReader::prepare(std::size_t count) {
+void GroundReader::prepare(std::size_t count) {
   for (MeshReader& mesh : meshes) mesh.prepare(count);
 }
 
-SurfaceReader Surface::reader(double time, double ahead) const {
-  SurfaceReader made{{tiles_, time, ahead}, {}, {}};
+GroundReader Tiles::reader(double time, double ahead) const {
+  GroundReader made{{maps_, time, ahead}, {}, {}};
   for (const MeshSurface* mesh : meshes_) made.meshes.emplace_back(*mesh, time, ahead);
   if (!decks_.empty()) made.decks = std::make_shared<std::vector<DeckReader>>();
   for (const Deck* deck : decks_) made.decks->emplace_back(*deck, time);
   return made;
 }
 
-Bounds Surface::with_gaps(const Bounds& bounds) const {
-  return tiles_.size() > 1 ? bounds.grown(widest_cell_) : bounds;
-}
+Bounds Tiles::with_gaps(const Bounds& bounds) const { return maps_.size() > 1 ? bounds.grown(widest_cell_) : bounds; }
 
-void Surface::set_tiles(const std::vector<HeightGrid*>& tiles, const std::vector<MeshSurface*>& meshes,
-                        const std::vector<Deck*>& decks) {
-  tiles_ = tiles;
+void Tiles::set_all(const std::vector<HeightGrid*>& maps, const std::vector<MeshSurface*>& meshes,
+                    const std::vector<Deck*>& decks) {
+  maps_ = maps;
   meshes_ = meshes;
   decks_ = decks;
   widest_cell_ = 0.0;
-  for (const HeightGrid* grid : tiles_) widest_cell_ = std::max(widest_cell_, grid->resolution);
+  for (const HeightGrid* grid : maps_) widest_cell_ = std::max(widest_cell_, grid->resolution);
   layout_ += NEW_LAYOUT;
   placed_revision_ = -1;
 }
 
-void Surface::show_corrections(double time, std::vector<MapCorrection>& found) {
-  for (HeightGrid* map : tiles_) {
+void Tiles::show_corrections(double time, std::vector<MapCorrection>& found) {
+  for (HeightGrid* map : maps_) {
     if (map->mode != Mode::Correct) continue;
     const double shown = map->shown;
     if (shown < map->settled) found.push_back({map, shown});
@@ -100,73 +98,73 @@ void Surface::show_corrections(double time, std::vector<MapCorrection>& found) {
   }
 }
 
-void Surface::note_shown(double time) {
-  for (HeightGrid* grid : tiles_)
+void Tiles::note_shown(double time) {
+  for (HeightGrid* grid : maps_)
     if (grid->mode != Mode::Correct) grid->shown = time;
   for (MeshSurface* mesh : meshes_) mesh->shown = time;
-  for (Deck* deck : decks_) deck->surface.note_shown(time);
+  for (Deck* deck : decks_) deck->tiles.note_shown(time);
 }
 
-long Surface::revision() const {
+long Tiles::revision() const {
   long sum = layout_;
-  for (const HeightGrid* grid : tiles_) sum += grid->revision;
+  for (const HeightGrid* grid : maps_) sum += grid->revision;
   for (const MeshSurface* mesh : meshes_) sum += mesh->revision;
-  for (const Deck* deck : decks_) sum += deck->surface.revision() + deck->motion.revision();
+  for (const Deck* deck : decks_) sum += deck->tiles.revision() + deck->motion.revision();
   return sum;
 }
 
-bool Surface::has_material() const {
-  return std::any_of(tiles_.begin(), tiles_.end(), [](const HeightGrid* grid) { return grid->materials.is_given(); }) ||
-         std::any_of(decks_.begin(), decks_.end(), [](const Deck* deck) { return deck->surface.has_material(); });
+bool Tiles::has_material() const {
+  return std::any_of(maps_.begin(), maps_.end(), [](const HeightGrid* grid) { return grid->materials.is_given(); }) ||
+         std::any_of(decks_.begin(), decks_.end(), [](const Deck* deck) { return deck->tiles.has_material(); });
 }
 
-bool Surface::moves(double time) const {
-  return std::any_of(tiles_.begin(), tiles_.end(), [&](const HeightGrid* grid) { return grid->moves(time); }) ||
+bool Tiles::moves(double time) const {
+  return std::any_of(maps_.begin(), maps_.end(), [&](const HeightGrid* grid) { return grid->moves(time); }) ||
          std::any_of(meshes_.begin(), meshes_.end(), [&](const MeshSurface* mesh) { return mesh->moves(time); }) ||
          std::any_of(decks_.begin(), decks_.end(),
-                     [&](const Deck* deck) { return deck->motion.moves(time) || deck->surface.moves(time); });
+                     [&](const Deck* deck) { return deck->motion.moves(time) || deck->tiles.moves(time); });
 }
 
-void Surface::ground_under(const Bounds& bounds, double time, GroundUnder& found) {
+void Tiles::ground_under(const Bounds& bounds, double time, GroundUnder& found) {
   found.clear();
   const Bounds grown = with_gaps(bounds);
-  for (const HeightGrid* grid : tiles_) add_ground_under(*grid, time, grown, found);
+  for (const HeightGrid* grid : maps_) add_ground_under(*grid, time, grown, found);
   Patch near;
   gather_meshes(bounds, time, 0.0, Everything{}, near);
   for (const Vec3& p : near.points) found.vertices.insert(found.vertices.end(), {p.x, p.y, p.z});
   for (Deck* deck : decks_) deck->add_ground_under(bounds, time, found);
 }
 
-void Surface::blocks_under(const Bounds& bounds, double time, std::vector<BlockUnder>& found) const {
+void Tiles::blocks_under(const Bounds& bounds, double time, std::vector<BlockUnder>& found) const {
   found.clear();
   const Bounds grown = with_gaps(bounds);
-  for (const HeightGrid* grid : tiles_) add_blocks_under(*grid, time, grown, found);
+  for (const HeightGrid* grid : maps_) add_blocks_under(*grid, time, grown, found);
 }
 
-Updates Surface::updates_of(const std::vector<BlockUnder>& blocks, double time) const {
+Updates Tiles::updates_of(const std::vector<BlockUnder>& blocks, double time) const {
   Updates found;
   for (const BlockUnder& block : blocks) found.add(block, time);
   for (const MeshSurface* mesh : meshes_) found.count += mesh->revision, found.moves |= mesh->moves(time);
   for (const Deck* deck : decks_) {
-    found.count += deck->surface.revision() + deck->motion.revision();
-    found.moves |= deck->motion.moves(time) || deck->surface.moves(time);
+    found.count += deck->tiles.revision() + deck->motion.revision();
+    found.moves |= deck->motion.moves(time) || deck->tiles.moves(time);
   }
   return found;
 }
 
-void Surface::gather_meshes(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch) {
+void Tiles::gather_meshes(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch) {
   patch.clear();
   patch.is_mesh = true;
   for (std::size_t k = 0; k < meshes_.size(); ++k)
     meshes_[k]->gather(bounds, time, ahead, reach, static_cast<int>(k), scratch_, patch);
 }
 
-void Surface::place_tiles(double time) {
+void Tiles::place_tiles(double time) {
   const long now = last_revision();
   if (time == placed_at_ && now == placed_revision_) return;
   placed_at_ = time, placed_revision_ = now;
   placed_.clear();
-  for (HeightGrid* grid : tiles_) {
+  for (HeightGrid* grid : maps_) {
     const GridPose pose = grid->pose_at(time);
     placed_.push_back({grid, pose, {}});
     for (const double row : {0.0, grid->rows - 1.0})
@@ -175,7 +173,7 @@ void Surface::place_tiles(double time) {
   }
 }
 
-Material Surface::material(double x, double y, double time) {
+Material Tiles::material(double x, double y, double time) {
   place_tiles(time);
   for (const MapAtInstant& map : placed_) {
     const HeightGrid& grid = *map.grid;
@@ -188,7 +186,7 @@ Material Surface::material(double x, double y, double time) {
   return {};
 }
 
-void Surface::find_under(const Bounds& bounds, double time) {
+void Tiles::find_under(const Bounds& bounds, double time) {
   place_tiles(time);
   under_.clear();
   for (const MapAtInstant& map : placed_) {
@@ -198,7 +196,7 @@ void Surface::find_under(const Bounds& bounds, double time) {
   }
 }
 
-void Surface::gather(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch) {
+void Tiles::gather(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch) {
   patch.clear();
   find_under(with_gaps(bounds), time);
   if (under_.empty()) return;
@@ -217,8 +215,8 @@ void Surface::gather(const Bounds& bounds, double time, double ahead, const Reac
 }
 
 // Samples the tiles under a body on the lattice of the finest one, which may go on beyond its edge.
-void Surface::sample_across(const MapAtInstant& finest, const Bounds& bounds, double time, double ahead,
-                            const Reach& reach, Patch& patch) {
+void Tiles::sample_across(const MapAtInstant& finest, const Bounds& bounds, double time, double ahead,
+                          const Reach& reach, Patch& patch) {
   Bounds here;  // where there are tiles
   for (const MapAtInstant* map : under_) here.add(map->bounds.low), here.add(map->bounds.high);
   const double resolution = finest.grid->resolution;
@@ -244,7 +242,7 @@ void Surface::sample_across(const MapAtInstant& finest, const Bounds& bounds, do
   add_cells(window_, static_cast<long>(top), static_cast<long>(left), reach, patch);
 }
 
-NearbyGround Surface::near(const Bounds& bounds, double time, double ahead) {
+NearbyGround Tiles::near(const Bounds& bounds, double time, double ahead) {
   NearbyGround found;
   Bounds speeds;
   const Vec3 middle = (bounds.low + bounds.high) * 0.5;

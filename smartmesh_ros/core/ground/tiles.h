@@ -24,7 +24,8 @@ struct NearbyGround {
 };
 
 // The ground at a point: height [m], NaN = none, unit normal towards the side of the bodies, velocity [m/s] with
-// horizontal motion, age [s], the time since the last map of the place, negative before it, and coefficient of friction.
+// horizontal motion, age [s], the time since the last map of the place, negative before it, and coefficient of
+// friction.
 struct GroundSample {
   double height = std::numeric_limits<double>::quiet_NaN();
   Vec3 normal, velocity;
@@ -34,9 +35,9 @@ struct GroundSample {
   bool is_above(double other) const { return !(height <= other) && !std::isnan(height); }
 };
 
-// The height maps, the meshes and the decks of a surface at one instant; `decks` is null if there are none.
+// The height maps, the meshes and the decks of a terrain at one instant; `decks` is null if there are none.
 constexpr int NOBODY = -2;
-struct SurfaceReader {
+struct GroundReader {
   TileReader tiles;
   std::vector<MeshReader> meshes;
   std::shared_ptr<std::vector<DeckReader>> decks;
@@ -61,12 +62,13 @@ struct MapCorrection {
   double shown;
 };
 
-class Surface {
+// All tiles of a terrain, or of a deck: the ground as it moves.
+class Tiles {
  public:
   // The first height map that has ground at a point counts there. The seam between two meshes is an edge of both, which
   // bodies feel; the parts of one mesh join where they abut.
-  void set_tiles(const std::vector<HeightGrid*>& tiles, const std::vector<MeshSurface*>& meshes,
-                 const std::vector<Deck*>& decks = {});
+  void set_all(const std::vector<HeightGrid*>& maps, const std::vector<MeshSurface*>& meshes,
+               const std::vector<Deck*>& decks = {});
   const std::vector<Deck*>& decks() const { return decks_; }
 
   // Fills `patch` with the ground of height maps, or of meshes, beside decks, inside `bounds` at `time` [s], as far as
@@ -75,7 +77,7 @@ class Surface {
   void gather_meshes(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch);
 
   // Returns a reader at `time` [s], with mean velocities over the time `ahead` [s].
-  SurfaceReader reader(double time, double ahead) const;
+  GroundReader reader(double time, double ahead) const;
 
   // Returns the ground beside decks that comes under `bounds` within the time `ahead` [s], as it is at `time` [s].
   NearbyGround near(const Bounds& bounds, double time, double ahead);
@@ -86,7 +88,7 @@ class Surface {
   void note_shown(double time);
   // Returns a number that grows with every change of the tiles or their samples.
   long revision() const;
-  // Returns a number that grows when the surface gets other tiles.
+  // Returns a number that grows when there are other tiles.
   long layout() const { return layout_; }
   // Returns true if any height map has a material, also of decks.
   bool has_material() const;
@@ -94,8 +96,8 @@ class Surface {
   Material material(double x, double y, double time);
   // Returns true if any ground may move at `time` [s].
   bool moves(double time) const;
-  // Finds the ground inside `bounds` at `time` [s], and the blocks of samples there, which are known until the surface
-  // gets other tiles.
+  // Finds the ground inside `bounds` at `time` [s], and the blocks of samples there, which are known until there
+  // are other tiles.
   void ground_under(const Bounds& bounds, double time, GroundUnder& found);
   void blocks_under(const Bounds& bounds, double time, std::vector<BlockUnder>& found) const;
   // Returns the updates so far of some blocks, and of all meshes and decks.
@@ -110,7 +112,7 @@ class Surface {
   void sample_across(const MapAtInstant& finest, const Bounds& bounds, double time, double ahead, const Reach& reach,
                      Patch& patch);
 
-  std::vector<HeightGrid*> tiles_;
+  std::vector<HeightGrid*> maps_;
   std::vector<MeshSurface*> meshes_;
   std::vector<Deck*> decks_;
   double widest_cell_ = 0.0;          // [m]
