@@ -78,7 +78,7 @@ def test_a_ground_map_is_the_ground_in_the_layout_of_grid_map(domain: int, monke
         assert first[0] == 2.0
         assert first[7] == pytest.approx(0.1)
         assert sum(map(math.isnan, message.data[0].data)) > 0
-        raster = grid_map_raster(message, RasterConfig(), 1000)
+        raster = grid_map_raster(message, RasterConfig())
         places = raster.geometry.to_world(*np.mgrid[:columns, :rows])
         np.testing.assert_allclose(
             raster.heights, truth(places.reshape(-1, 2), time).z.reshape(columns, rows), atol=1e-6

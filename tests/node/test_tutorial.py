@@ -80,7 +80,7 @@ class Stack:
 
 def test_an_elevation_map_becomes_patches_under_the_robot(probe: Probe, tmp_path: Path) -> None:
     [file] = blocks("docs/elevation_mapping.md", "yaml")
-    command, _ = blocks("docs/elevation_mapping.md", "console")
+    command, *_ = blocks("docs/elevation_mapping.md", "console")
     words = shlex.split(command.replace("\\\n", " "))
     assert words[:4] == ["ros2", "run", "smartmesh_ros", "terrain_collider"]
     assert words.count("-r") == 2
