@@ -47,7 +47,7 @@ fleet-study:  ## how many bodies fleets carry in real time (about 20 minutes; AR
 bench:  ## running times against the report's tables
 	@$(RUN) studies -- $(STUDIES) bench
 
-studies:  ## speed against accuracy, and the stability matrix (about 40 minutes; ARGS=--quick: two)
+studies:  ## speed against accuracy, and the stability matrix (about 30 minutes; ARGS=--quick: two)
 	@$(RUN) studies -- $(STUDIES) accuracy $(ARGS)
 
 laws:  ## laws of contact, and how far runs drift apart, in each engine (about four minutes)

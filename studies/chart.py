@@ -191,7 +191,7 @@ def _label(
 def draw_readme(path: Path, results: Mapping[str, Result]) -> None:
     """Write the chart of `README_SCENE`, whose results these are."""
     figure = Figure(figsize=(8.0, 4.6), dpi=100, layout="constrained")
-    axes = figure.add_subplot(xscale="log", yscale="log", xlim=(0.5, 40.0), ylim=(0.006, 300.0))
+    axes = figure.add_subplot(xscale="log", yscale="log", xlim=(0.25, 40.0), ylim=(0.006, 300.0))
     for family, names, title, shift in README_LINES:
         found = {name: results[name] for name in names if name in results and math.isfinite(distance_of(results[name]))}
         if not found:

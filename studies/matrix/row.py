@@ -18,7 +18,6 @@ METHODS: dict[str, Method] = {
     "heightfield": ReportConfig(kind="heightfield"),
     "rebuilt trimesh": ReportConfig(kind="trimesh", **BARE),
     "convex hull": ReportConfig(kind="hull", **BARE),
-    "prisms": ReportConfig(kind="prisms", **BARE),
     "whole trimesh": ReportConfig(kind="whole_trimesh", **BARE),
     "whole heightfield": ReportConfig(kind="whole_heightfield", **BARE),
 }

@@ -221,10 +221,10 @@ ROWS = (
     Row("rolling down 15 deg", _ROLLS, 2.0, "%", "theory: 5/7 g sin"),
     Row("bouncing, e = 0.5", bounces, 20.0, "%", "theory: e^2; PyBullet's bounce"),
     Row("ball in a trough", hovers_in_trough, 1.0, "mm", "theory: r sec(slope)", quick=True),
-    Row("T8 box on 5-50 cm cells", wide_box, 1.0, "mm", "a plane", quick=True, skip=("prisms",)),
+    Row("T8 box on 5-50 cm cells", wide_box, 1.0, "mm", "a plane", quick=True),
     Row("ball of a fifth of a cell", _SMALL_BALL, 1.0, "mm", "main mesh, 99 %"),
-    Row("ball of 50 cells", _LARGE_BALL, 4.0, "mm", _TWICE, skip=("prisms",)),
-    Row("box of 40 cells on ripples", _LARGE_BOX, 4.0, "mm", _TWICE, skip=("prisms",)),
+    Row("ball of 50 cells", _LARGE_BALL, 4.0, "mm", _TWICE),
+    Row("box of 40 cells on ripples", _LARGE_BOX, 4.0, "mm", _TWICE),
     Row("long thin box", _THIN_BOX, 4.0, "mm", _TWICE),
     Row("boxes on noise", _BOXES, 4.0, "mm", "main mesh, 99 %"),
 )
