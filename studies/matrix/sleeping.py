@@ -20,7 +20,7 @@ from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.states import simulated_states
 from studies.matrix.arena import HUSKY, Arena
-from studies.matrix.row import Method, Row
+from studies.matrix.row import Method, Row, own_row
 from studies.matrix.still_ground import lay_on_slope
 
 RATE, MAPS = 240, 60.0  # steps and maps in a second
@@ -261,7 +261,7 @@ ROWS = (
     Row("sleep: joint commanded", _COMMAND, 5.0, "mm", CHAOS, quick=True),
     Row("sleep: gravity turns", _TURNS, 1.0, "mm", SOURCE, quick=True),
     Row("sleep: guest comes", guest_comes, 5.0, "mm", CHAOS, quick=True),
-    Row("sleep: fused noise", noise, 50.0, "%", "asleep most of the time"),
-    Row("sleep: an hour on 25 degrees", long_on_slope, 0.0, "mm", "Coulomb"),
+    own_row("sleep: fused noise", noise, 50.0, "%", "asleep most of the time"),
+    own_row("sleep: an hour on 25 degrees", long_on_slope, 0.0, "mm", "Coulomb"),
     Row("sleep: rolls on 0.5 degrees", rolls_on, 0.0, "mm", SOURCE, quick=True),
 )
