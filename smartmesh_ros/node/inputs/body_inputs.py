@@ -20,16 +20,12 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.conversions import BodyInput, joint_commands_from, tracked_joints_from
 from smartmesh_ros.node.inputs.frames import Transform
-from smartmesh_ros.node.inputs.transform_input import TransformInput
+from smartmesh_ros.node.inputs.transform_input import FollowedFrames, TransformInput
 from smartmesh_ros.node.session import Session, require_name
 from smartmesh_ros.node.timing.stamps import Placed, StampClock, stamp_seconds
 from smartmesh_ros.world.base import Base
 
 SOURCE = "bodies.frames"
-# Longest time between two look-ups of the frames without a new transform [s], for static frames.
-PERIOD = 0.2
-
-
 # Matches reliable and best-effort publishers alike.
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -42,7 +38,7 @@ class BodyInputs:
         self._clocks: dict[str, StampClock] = {}
         self._pose_array_names: set[str] = set()
         self._seen: dict[str, tuple[Transform, float]] = {}  # the last pose and stamp of each body that follows a frame
-        self._version, self._due = -1, 0.0  # of the frame buffer at the last look-up; when the next is due [s]
+        self._frames = FollowedFrames(session, transforms, SOURCE)
         if session.settings.frames:
             transforms.listen(SOURCE)
 
@@ -63,29 +59,15 @@ class BodyInputs:
             session.listen(TwistStamped, f"cmd_vel_stamped/{entry.name}", stamped, BEST_EFFORT)
 
     def refresh(self) -> None:
-        """Moves the bodies of ``bodies.frames`` to their frames if a transform arrived or `PERIOD` has passed; reports
-        failures once a `PERIOD`."""
-        session, buffer = self._session, self.transforms.buffer
-        if not session.settings.frames or not session.frame_id:
-            return
-        now = session.clock.pace()
-        overdue = now >= self._due
-        if buffer.version == self._version and not overdue:
-            return
-        self._version = buffer.version
-        self._due = now + PERIOD if overdue else self._due
-        for name, frame in session.settings.frames:
-            try:
-                self._follow(name, frame)
-            except InputError as error:
-                if overdue:
-                    session.refusals.add(SOURCE, error)
+        """Moves the bodies of ``bodies.frames`` to their frames, as `FollowedFrames` says."""
+        if frames := self._session.settings.frames:
+            self._frames.look_up(partial(self._follow, name, frame) for name, frame in frames)
 
     def forget_stamps(self) -> None:
         """Accepts any stamps from now on, after a reset."""
         self._clocks.clear()
         self._seen.clear()
-        self._due = 0.0
+        self._frames.forget()
         self.transforms.buffer.clear()
 
     def _on_bodies(self, message: TrackedBodyArray) -> None:

@@ -9,13 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from nav_msgs.msg import Odometry
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import rotate
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs import conversions
-from smartmesh_ros.node.inputs.body_inputs import BEST_EFFORT, PERIOD
+from smartmesh_ros.node.inputs.body_inputs import BEST_EFFORT
 from smartmesh_ros.node.inputs.frames import Transform
-from smartmesh_ros.node.inputs.transform_input import TransformInput
+from smartmesh_ros.node.inputs.transform_input import FollowedFrames, TransformInput
 from smartmesh_ros.node.parameters.deck_entries import DeckEntry
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.stamps import StampClock, stamp_seconds
@@ -48,7 +47,7 @@ class DeckInputs:
         }
         self._clocks: dict[str, StampClock] = {}
         self._stamps: dict[str, float] = {}  # of the last transform of each deck that follows a frame
-        self._version, self._due = -1, 0.0  # as of `BodyInputs`
+        self._frames = FollowedFrames(session, transforms, SOURCE)
         for name, entry in self._entries.items():
             if entry.source == "frame":
                 transforms.listen(SOURCE)
@@ -76,33 +75,21 @@ class DeckInputs:
         return Target(self._session.world.terrain, tile, tile)
 
     def refresh(self) -> None:
-        """Moves decks to their frames if a transform arrived or `PERIOD` has passed, and puts those into the terrain
-        whose bodies are there."""
+        """Moves decks to their frames, as `FollowedFrames` says, and puts those into the terrain whose bodies are
+        there."""
         if not self._entries:
             return
-        session, buffer = self._session, self._transforms.buffer
-        for name, entry in self._entries.items():
-            if entry.source == "body" and entry.name in session.world.bodies:
+        entries, bodies = self._entries.items(), self._session.world.bodies
+        for name, entry in entries:
+            if entry.source == "body" and entry.name in bodies:
                 self._enter(name)
-        now = session.clock.pace()
-        overdue = now >= self._due
-        if not session.frame_id or (buffer.version == self._version and not overdue):
-            return
-        self._version, self._due = buffer.version, now + PERIOD if overdue else self._due
-        for name, entry in self._entries.items():
-            if entry.source != "frame":
-                continue
-            try:
-                self._follow(name, entry)
-            except InputError as error:
-                if overdue:
-                    session.refusals.add(SOURCE, error)
+        self._frames.look_up(partial(self._follow, name, entry) for name, entry in entries if entry.source == "frame")
 
     def forget_stamps(self) -> None:
         """Accepts any stamps from now on, after a reset."""
         self._clocks.clear()
         self._stamps.clear()
-        self._due = 0.0
+        self._frames.forget()
 
     def _follow(self, name: str, entry: DeckEntry) -> None:
         pose, stamp = self._transforms.buffer.lookup(self._session.frame_id, entry.name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import NamedTuple
 
@@ -41,6 +41,8 @@ def transforms_from(data: bytes) -> Iterator[tuple[Stamp, str, str, Transform]]:
 MOST_OWN = 1000
 # Time after which a moving frame that another node published is nobody's [s]; longer than a localisation's period.
 OTHERS_TIME = 5.0
+# Longest time between two look-ups of the frames that are followed without a new transform [s], for static frames.
+PERIOD = 0.2
 
 
 class TransformInput:
@@ -122,3 +124,34 @@ class TransformInput:
             f"transforms of {child!r} on /tf have no stamp, and hold when they arrive", throttle_duration_sec=LOG_PERIOD
         )
         return session.clock_now()
+
+
+class FollowedFrames:
+    """When what follows frames looks them up: if a transform arrived, or `PERIOD` has passed. ``source``: of what is
+    refused."""
+
+    def __init__(self, session: Session, transforms: TransformInput, source: str) -> None:
+        self._session, self._buffer, self._source = session, transforms.buffer, source
+        self._version, self._due = -1, 0.0  # of the buffer at the last look-up; when the next is due [s]
+
+    def look_up(self, looks: Iterable[Callable[[], None]]) -> None:
+        """Call what looks a frame up, each on its own, if that is due; failures count once a `PERIOD`."""
+        session = self._session
+        if not session.frame_id:
+            return
+        now = session.clock.pace()
+        overdue = now >= self._due
+        if self._buffer.version == self._version and not overdue:
+            return
+        self._version = self._buffer.version
+        self._due = now + PERIOD if overdue else self._due
+        for look in looks:
+            try:
+                look()
+            except InputError as error:
+                if overdue:
+                    session.refusals.add(self._source, error)
+
+    def forget(self) -> None:
+        """Look up at once, after a reset."""
+        self._due = 0.0
