@@ -247,7 +247,7 @@ class TerrainCollider(ParameterNode, Collider):
     """The collider as a node of rclpy, with parameters, which is its own transport."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__(NAME, parameters.SPECS, removed=parameters.REMOVED, **node_options)
+        super().__init__(NAME, parameters.SPECS, **node_options)
         Collider.__init__(self, self, parameters.current_settings(self), NodeClock(self))
         self.add_on_set_parameters_callback(
             lambda changes: parameters.check_change(self, changes, self.require_possible)

@@ -202,13 +202,6 @@ def test_bad_spawns_are_answered_with_what_is_wrong(shared: Probe) -> None:
         ({"raster.resolution": 0.0}, "raster.resolution"),
         ({"soil.type": ["lunar", "porridge"]}, "there is no soil 'porridge'"),
         ({"soil.type": ["lunar"], "terrain.changes": "correction"}, "terrain.changes"),
-        # Of earlier versions, with what replaces them.
-        *[({name: 0.5}, f"{name} is gone: contacts from the map") for name in
-          ("patch.tolerance", "patch.edge_filter", "physics.landing")],
-        *[({name: value}, f"{name} is gone: bodies collide with the map itself") for name, value in
-          (("patch.kind", "auto"), ("search.method", "auto"), ("collect.method", "cached"))],
-        ({"bodies.longest_name": 20}, "at most 256 characters"),
-        ({"bodies.longest_urdf": 20}, "at most 10,000,000 bytes"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused_at_the_start(domain: int, parameters: dict[str, Any], words: str) -> None:

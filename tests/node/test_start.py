@@ -245,9 +245,7 @@ def test_each_changed_parameter_has_a_line(shared: Probe, shared_node: tuple[Pro
     [
         ("terrain.motoin", "unknown; did you mean 'terrain.motion'?"),
         ("zzz", "parameter 'zzz' is unknown"),
-        ("patch.tolerance", "patch.tolerance is gone: contacts from the map are exact"),
         ("frame_id", "frame_id is fixed after the start; restart the node"),
-        ("publish.depth", "qos_overrides.<full name of the topic>.publisher.depth"),
     ],
 )
 def test_a_refused_change_says_what_would_be_right(shared: Probe, name: str, words: str) -> None:

@@ -14,7 +14,6 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -27,7 +26,6 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from smartmesh_ros.errors import InputError, suggestion
 
-NONE: Mapping[str, str] = MappingProxyType({})
 # Beginning of the names of parameters that change the QoS of topics.
 QOS = "qos_overrides."
 
@@ -221,13 +219,12 @@ class ParameterNode(Node):
     """A node that refuses invalid arguments with `InputError`, and changes of parameters with what would be right.
 
     Its topics take ``qos_overrides``. It declares the parameters of ``specs``, and warns about unknown ones that are
-    set. ``values``: their checked values at the start. ``removed``: parameters of earlier versions, and what replaces
-    them. Raises `InputError` if one of these is set or a value is invalid, because a node must not start with settings
-    other than those requested.
+    set. ``values``: their checked values at the start. Raises `InputError` if a value is invalid, because a node must
+    not start with settings other than those requested.
     """
 
-    def __init__(self, name: str, specs: Sequence[Spec], removed: Mapping[str, str] = NONE, **options: Any) -> None:
-        self._specs, self._removed = specs, removed
+    def __init__(self, name: str, specs: Sequence[Spec], **options: Any) -> None:
+        self._specs = specs
         with refused_arguments():
             super().__init__(name, **options)
         require_overrides(self)
@@ -237,8 +234,6 @@ class ParameterNode(Node):
             except ParameterException as error:
                 raise InputError("parameter", f"{error}; {spec.rule}") from None
         for given in sorted(given_parameters(self)):
-            if given in removed:
-                raise InputError("parameter", f"{given} is gone: {removed[given]}")
             if not self.has_parameter(given) and not given.startswith(QOS):
                 self.get_logger().warning(f"parameter {given!r} is unknown and has no effect{nearest(given, specs)}")
         self.values = checked(current_values(self, specs), specs)
@@ -257,8 +252,6 @@ class ParameterNode(Node):
 
     def _objection(self, name: str) -> str:
         """Return why a parameter cannot change, empty = it can. The reasons of rclpy do not say what would be right."""
-        if name in self._removed:
-            return f"{name} is gone: {self._removed[name]}"
         if not self.has_parameter(name):
             return f"parameter {name!r} is unknown{nearest(name, self._specs)}"
         if not any(spec.name == name and spec.read_only for spec in self._specs):

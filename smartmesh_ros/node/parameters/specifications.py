@@ -14,21 +14,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.io.urdf import UrdfRules
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
-from smartmesh_ros.node.inputs.cdr_reader import MOST_SAMPLES
 from smartmesh_ros.node.parameters import declaring, entries
 from smartmesh_ros.node.parameters.deck_entries import deck_entries
 from smartmesh_ros.node.parameters.declaring import Spec
 from smartmesh_ros.node.parameters.helping import files_of, mismatch
-from smartmesh_ros.node.parameters.settings import (
-    LONGEST_NAME,
-    MOST_BODIES,
-    Settings,
-    TerrainChanges,
-    body_sources,
-    peer_names,
-)
+from smartmesh_ros.node.parameters.settings import Settings, TerrainChanges, body_sources, peer_names
 from smartmesh_ros.node.timing.pacing import require_one_clock
 from smartmesh_ros.terrain.motion import MOST_SMOOTHING
 
@@ -168,52 +159,6 @@ SPECS = (
     _fixed("frame_id", "Frame of the terrain; empty = the frame of the first map."),
 )  # fmt: skip
 NAMES = frozenset(spec.name for spec in SPECS)
-# Parameters of earlier versions, and what replaces them.
-_BODIES, _GROUND = "it is that of publish.body_states", "it is that of publish.patches"
-_IN = "set qos_overrides.<full name of the topic>.subscription."
-_FROM_MAP = "bodies collide with the map itself; leave it out"
-_PATCHES = "patches on topics come at the rates publish.*"
-_START = "set it in robot.start, a mapping such as {id: rover, xy: [0, 0], above: 0.5, yaw: 0}"
-REMOVED = {
-    "bodies.lost_depth": "bodies that fell off are removed 100 m below the ground; leave it out",
-    "bodies.longest_urdf": f"robot descriptions have at most {UrdfRules.longest:,} bytes; leave it out",
-    "bodies.longest_name": f"names have at most {LONGEST_NAME} characters; leave it out",
-    "bodies.most": f"there may be {MOST_BODIES:,} bodies; leave it out",
-    "collect.method": _FROM_MAP,
-    "executor": "messages are waited for by rclpy's events executor; leave it out",
-    "patch.carry_velocity": "contacts have the velocity of ground that moves; terrain.motion hold is ground without",
-    "patch.edge_filter": "contacts from the map have no inner edges; leave it out",
-    "patch.kind": _FROM_MAP,
-    "patch.rate": f"contacts are those of each step, and {_PATCHES}",
-    "patch.rings": f"contacts come from the map in reach, and {_PATCHES}",
-    "patch.tolerance": "contacts from the map are exact; leave it out",
-    "physics.contact_erp": "a step corrects 0.3 of a penetration; raise physics.rate for more",
-    "physics.guard": "bodies below the ground are always put back onto it; leave it out",
-    "physics.landing": "contacts from the map stop bodies at the surface; leave it out",
-    "publish.collider_patches": _GROUND,
-    "publish.contact_wrenches": _BODIES,
-    "publish.contacts": _BODIES,
-    "publish.depth": "set qos_overrides.<full name of the topic>.publisher.depth",
-    "publish.durability": "set qos_overrides.<full name of the topic>.publisher.durability",
-    "publish.joint_states": _BODIES,
-    "publish.marker_namespace": "markers have the namespace of their node: start it with -r __ns:=/NAME",
-    "publish.odometry": _BODIES,
-    "publish.timing": "~/timing is published once a second; leave it out",
-    "raster.offset": "set the z of raster.origin, or let a static transform move the frame of the terrain, frame_id",
-    "raster.yaw": "let a static transform turn the frame of the terrain, frame_id",
-    "robot.above": _START,
-    "robot.name": _START,
-    "robot.xy": _START,
-    "robot.yaw": _START,
-    "search.method": _FROM_MAP,
-    "terrain.durability": f"{_IN}durability",
-    "terrain.map_depth": f"{_IN}depth",
-    "terrain.max_samples": f"there may be {MOST_SAMPLES:,} samples in all maps; leave it out",
-    "terrain.max_tiles": "there may be 1000 tiles; leave it out",
-    "terrain.min_interval": "maps within 4 ms are parts of one map; leave it out",
-    "terrain.reliability": f"{_IN}reliability",
-    "terrain.update_depth": f"{_IN}depth",
-}
 
 
 def settings_from(values: Mapping[str, Any]) -> Settings:

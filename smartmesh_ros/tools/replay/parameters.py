@@ -14,7 +14,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.declaring import QOS, nearest
 from smartmesh_ros.node.parameters.helping import PARAMETERS, mismatch, parameters_by_node, pattern
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.node.parameters.specifications import NAMES, REMOVED, SPECS, settings_from
+from smartmesh_ros.node.parameters.specifications import NAMES, SPECS, settings_from
 
 PRESETS = ("accurate", "fast", "fleet", "quadruped", "rover")
 NODE = "/terrain_collider"
@@ -87,7 +87,5 @@ def single_value(text: str) -> tuple[str, Any]:
 def require_known(names: Iterable[str]) -> None:
     """Raise `InputError` if a name is no parameter of the node."""
     for name in names:
-        if name in REMOVED:
-            raise InputError("parameter", f"{name} is gone: {REMOVED[name]}")
         if name not in NAMES and name != "use_sim_time" and not name.startswith(QOS):
             raise InputError("parameter", f"parameter {name!r} is unknown{nearest(name, SPECS)}")

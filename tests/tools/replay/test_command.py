@@ -166,7 +166,6 @@ def test_no_bag_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
         (["-p", "physics.rate=100"], "-p 'physics.rate=100' must be name:=value"),
         (["-p", "physics.rat:=100"], "did you mean 'physics.rate'?"),
         (["-p", "physics.rate:=fast"], "physics.rate is 'fast'"),
-        (["-p", "patch.tolerance:=0.1"], "patch.tolerance is gone: contacts from the map are exact"),
         (["--params-file", "missing.yaml"], "missing.yaml is no parameter file"),
         (["--until", "-1"], "--until is -1"),
         (["-o", "/nowhere/out.mcap"], "/nowhere/out.mcap cannot be written: No such file or directory"),
