@@ -21,6 +21,7 @@ from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.conversions import BodyInput, joint_commands_from, tracked_joints_from
 from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.inputs.transform_input import FollowedFrames, TransformInput
+from smartmesh_ros.node.parameters.entries import topic_name
 from smartmesh_ros.node.session import Session, require_name
 from smartmesh_ros.node.timing.stamps import Placed, StampClock, stamp_seconds
 from smartmesh_ros.world.base import Base
@@ -53,10 +54,9 @@ class BodyInputs:
             session.listen(Odometry, topic, partial(self._on_odometry, name, topic), BEST_EFFORT, private=False)
 
         for entry in session.settings.bases:
-            drive = partial(self._drive, session.bases[entry.body])
-            session.listen(Twist, f"cmd_vel/{entry.name}", drive, BEST_EFFORT)
-            stamped = partial(self._on_stamped, f"cmd_vel_stamped/{entry.name}", drive)
-            session.listen(TwistStamped, f"cmd_vel_stamped/{entry.name}", stamped, BEST_EFFORT)
+            drive, name = partial(self._drive, session.bases[entry.body]), topic_name(entry.body)
+            session.listen(Twist, f"cmd_vel/{name}", drive, BEST_EFFORT)
+            session.listen(TwistStamped, f"cmd_vel_stamped/{name}", partial(self._on_stamped, drive), BEST_EFFORT)
 
     def refresh(self) -> None:
         """Moves the bodies of ``bodies.frames`` to their frames, as `FollowedFrames` says."""
@@ -149,7 +149,7 @@ class BodyInputs:
     def _drive(self, base: Base, twist: Twist) -> None:
         base.drive(twist.linear.x, twist.angular.z, self._session.settings.command_timeout or math.inf)
 
-    def _on_stamped(self, topic: str, drive: Callable[[Twist], None], message: TwistStamped) -> None:
+    def _on_stamped(self, drive: Callable[[Twist], None], message: TwistStamped) -> None:
         """Drive by a command, unless its stamp says that its time is over: it was held up, or is of another clock."""
         session, stamp = self._session, stamp_seconds(message.header.stamp)
         age, timeout = 0.0 if stamp is None else session.clock_now() - stamp, session.settings.command_timeout

@@ -16,7 +16,7 @@ from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.scan_outputs import Beat
-from smartmesh_ros.node.parameters.entries import BaseEntry, ImuEntry
+from smartmesh_ros.node.parameters.entries import OutputEntry
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.node.timing.stamps import stamp_seconds
@@ -28,7 +28,7 @@ class ImuOutput:
     """``~/imu/<body>/<link>``: an IMU of an entry of ``imus``, which measures while it has subscribers and its link is
     there. ``publisher``: of the readings."""
 
-    def __init__(self, session: Session, entry: ImuEntry, qos: Any) -> None:
+    def __init__(self, session: Session, entry: OutputEntry, qos: Any) -> None:
         session.topics.publish(entry.topic)
         self._session, self._entry = session, entry
         self.publisher = session.node.create_publisher(ImuMessage, entry.topic, qos)
@@ -64,7 +64,7 @@ class OdometryOutput:
     """``~/odom/<body>``: the odometry of a base at its rate in simulated time, and with ``publish_tf`` the transform
     from its frame to the root link. ``publisher``: of the odometry."""
 
-    def __init__(self, session: Session, entry: BaseEntry, base: Base, transforms: TransformInput, qos: Any) -> None:
+    def __init__(self, session: Session, entry: OutputEntry, base: Base, transforms: TransformInput, qos: Any) -> None:
         session.topics.publish(entry.topic)
         self._session, self._entry, self._base, self._transforms = session, entry, base, transforms
         self.publisher = session.node.create_publisher(Odometry, entry.topic, qos)

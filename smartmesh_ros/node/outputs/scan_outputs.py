@@ -11,7 +11,7 @@ from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension, MultiAr
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.node.outputs.grid_maps import grid_map_message
-from smartmesh_ros.node.parameters.entries import GroundMapEntry, ScanEntry
+from smartmesh_ros.node.parameters.entries import OutputEntry
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
@@ -40,12 +40,12 @@ class ScanOutput:
     """``~/height_scan/<body>``, for policies of legged robots: the scan of an entry of ``height_scans`` at its rate in
     simulated time, while it has subscribers and its body is there. ``publisher``: of the scan."""
 
-    def __init__(self, session: Session, entry: ScanEntry, qos: QoSProfile) -> None:
+    def __init__(self, session: Session, entry: OutputEntry, qos: QoSProfile) -> None:
         session.topics.publish(entry.topic)
         self._world, self._entry, self._beat = session.world, entry, Beat(session.world, entry.rate)
         self.publisher = session.node.create_publisher(Float32MultiArray, entry.topic, qos)
-        self._layout = layout_message(entry.scan)
-        self._scanner = HeightScanner(session.world, entry.body, entry.scan)
+        self._layout = layout_message(entry.config)
+        self._scanner = HeightScanner(session.world, entry.body, entry.config)
 
     def publish(self, *, now: bool) -> None:
         """Scan if that is due, or ``now``, and publish the values that are known by now."""
@@ -72,7 +72,7 @@ class GroundMapOutput:
     """``~/ground_map/<body>``: the true ground of an entry of ``ground_maps`` at its rate in simulated time, while it
     has subscribers, its body is there, and there is ground. ``publisher``: of the map."""
 
-    def __init__(self, session: Session, entry: GroundMapEntry, qos: QoSProfile) -> None:
+    def __init__(self, session: Session, entry: OutputEntry, qos: QoSProfile) -> None:
         session.topics.publish(entry.topic)
         self._session, self._entry, self._beat = session, entry, Beat(session.world, entry.rate)
         self._kind = require_message("grid_map_msgs", "GridMap", "ground_maps")
@@ -85,7 +85,7 @@ class GroundMapOutput:
         if not seen or not self._beat.is_due(now=now):
             return
         header = Header(stamp=session.stamp_now(), frame_id=session.frame_id)
-        grid = grid_around(world.base_state(entry.body).position, entry.size, entry.spacing)
+        grid = grid_around(world.base_state(entry.body).position, entry.config.size, entry.config.spacing)
         self.publisher.publish(grid_map_message(self._kind, header, grid, ground_layers(world, grid)))
 
 

@@ -37,25 +37,20 @@ class DeckEntry:
     orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
     @property
-    def topic(self) -> str:
-        """The deck, of which there is one entry."""
-        return self.deck
-
-    @property
     def frame(self) -> str:
         """The ``frame_id`` of maps in the deck's frame, beside the empty one."""
         return self.name if self.source == "frame" else self.deck
 
 
-def deck_entries(texts: Sequence[str]) -> tuple[DeckEntry, ...]:
-    """Return the entries of YAML mappings of the parameter ``decks``.
+def deck_entries(parameter: str, texts: Sequence[str]) -> tuple[DeckEntry, ...]:
+    """Return the entries of the parameter ``decks``.
 
     ``{deck: ferry, frame: ferry/deck, thickness: 0.5}``: the name of the ``deck``; one of ``frame`` (of TF),
     ``odometry`` (a topic) and ``body`` (simulated or tracked; of a robot with a ``link``); ``thickness`` [m]; ``at``
     [m] and ``rpy`` [rad], the pose of the deck's frame in that of what moves it. Raises `InputError` if a text is no
     valid entry, or two decks have one name.
     """
-    return entries_of("decks", texts, _KEYS, _deck_entry, owner="deck")
+    return entries_of(parameter, texts, _KEYS, _deck_entry, owner="deck")
 
 
 def _deck_entry(found: dict[str, Any], _: int) -> DeckEntry:

@@ -1,12 +1,13 @@
-"""Parameters that are lists of YAML mappings, one for each height scan, ground map, IMU or base."""
+"""Parameters that are lists of YAML mappings, one for each height scan, ground map, IMU, base or tracked shape."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any, Protocol, TypeVar
+from dataclasses import dataclass, fields
+from functools import partial
+from typing import Any, NamedTuple, TypeVar
 
 import yaml
 
@@ -18,98 +19,54 @@ from smartmesh_ros.world.imu import ImuConfig
 
 # Bounds of a rate [Hz].
 RATES = (0.01, 1000.0)
+EntryT = TypeVar("EntryT")
 
 
-class Entry(Protocol):
-    """An entry of a list in which each has a topic of its own."""
+@dataclass(frozen=True, kw_only=True)
+class OutputEntry:
+    """What is published about a ``body`` on the private ``topic``: a height scan or a ground map (``config``: a
+    `HeightScan`), an IMU (`ImuConfig`), or the odometry of a base that drives (`BaseConfig`).
 
-    @property
-    def topic(self) -> str:
-        """The private topic on which it is published, or the name of what it is about."""
-
-
-EntryT = TypeVar("EntryT", bound=Entry)
-
-
-@dataclass(frozen=True)
-class ScanEntry:
-    """A height scan around a ``body``, published ``rate`` times a second of simulated time [Hz]."""
+    ``rate`` [Hz], in simulated time; that of an IMU is in its config. ``link``: of the robot that has the IMU, "" = the
+    root link. ``odom_frame``: of a base, in which its odometry is; with ``publish_tf`` the pose of the root link in it
+    is on ``/tf``, too.
+    """
 
     body: str
-    scan: HeightScan
-    rate: float = 50.0
-
-    @property
-    def topic(self) -> str:
-        """The private topic."""
-        return f"~/height_scan/{topic_name(self.body)}"
-
-
-@dataclass(frozen=True)
-class GroundMapEntry:
-    """A grid map of the ground around a ``body``: its ``size`` along x and y [m], the ``spacing`` of its cells [m], and
-    the ``rate`` at which it is published in simulated time [Hz]."""
-
-    body: str
-    size: tuple[float, float] = (10.0, 10.0)
-    spacing: float = 0.1
-    rate: float = 10.0
-
-    @property
-    def topic(self) -> str:
-        """The private topic."""
-        return f"~/ground_map/{topic_name(self.body)}"
-
-
-@dataclass(frozen=True)
-class ImuEntry:
-    """An IMU of a ``body``, of a robot at its ``link``, "" = the root link."""
-
-    body: str
+    topic: str
+    config: Any
+    rate: float = 0.0
     link: str = ""
-    config: ImuConfig = field(default_factory=ImuConfig)
-
-    @property
-    def topic(self) -> str:
-        """The private topic."""
-        return "~/imu/" + "/".join(topic_name(name) for name in (self.body, self.link) if name)
-
-
-@dataclass(frozen=True)
-class BaseEntry:
-    """A base: the robot ``body`` drives by ``config``. Its odometry is published ``rate`` times a second of simulated
-    time [Hz], in the frame ``odom_frame``; with ``publish_tf`` the pose of the root link in it is on ``/tf``, too."""
-
-    body: str
-    config: BaseConfig
-    rate: float = 50.0
-    odom_frame: str = "odom"
+    odom_frame: str = ""
     publish_tf: bool = False
 
-    @property
-    def name(self) -> str:
-        """The last part of its topics."""
-        return topic_name(self.body)
 
-    @property
-    def topic(self) -> str:
-        """The private topic of the odometry."""
-        return f"~/odom/{self.name}"
+class _Kind(NamedTuple):
+    """Entries of one parameter: the ``name`` of their topics; what makes the config of the ``settings``; and the
+    ``others`` of their keys, with the defaults."""
+
+    name: str
+    make: Callable[..., Any]
+    settings: Sequence[str]
+    others: dict[str, Any]
 
 
-@dataclass(frozen=True)
-class ShapeEntry:
-    """What the tracked body ``body`` is: a ``solid``, or a robot by its ``urdf`` (file), whose root link's frame the
-    pose of the body is."""
+def _names_of(config: type[Any]) -> list[str]:
+    return [one.name for one in fields(config)]
 
-    body: str
-    solid: Solid | None = None
-    urdf: str = ""
 
-    @property
-    def topic(self) -> str:
-        """The body, of which there is one entry."""
-        return self.body
+def _scan(layout: Any = "isaac_lab", **changes: Any) -> HeightScan:
+    return HeightScan.of(str(layout), **changes)
+
+
+_KINDS = {
+    "height_scans": _Kind("height_scan", _scan, ("layout", *_names_of(HeightScan)), {"rate": 50.0}),
+    "ground_maps": _Kind("ground_map", partial(HeightScan, size=(10.0, 10.0)), ("size", "spacing"), {"rate": 10.0}),
+    "imus": _Kind("imu", ImuConfig, _names_of(ImuConfig), {"link": ""}),
+    "bases": _Kind(
+        "odom", BaseConfig, _names_of(BaseConfig), {"rate": 50.0, "odom_frame": "odom", "publish_tf": False}
+    ),
+}
 
 
 def topic_name(name: str) -> str:
@@ -119,84 +76,67 @@ def topic_name(name: str) -> str:
     return f"_{name}" if name[0].isdigit() else name
 
 
-def scan_entries(texts: Sequence[str]) -> tuple[ScanEntry, ...]:
-    """Return the entries of the parameter ``height_scans``.
+def output_entries(parameter: str, texts: Sequence[str]) -> tuple[OutputEntry, ...]:
+    """Return the entries of ``height_scans``, ``ground_maps``, ``imus`` or ``bases``.
 
-    ``{body: robot, layout: isaac_lab, rate: 50, noise: 0.01}``: ``body``; ``layout``, one of `LAYOUTS`; ``rate`` [Hz]
-    in simulated time; and any setting of `HeightScan`, which replaces the layout's. Without a ``seed`` each entry has
-    its place in the list. Raises `InputError` if a text is no valid entry, or two have one topic.
+    ``{body: robot, rate: 50, noise: 0.01}``: ``body``; the other fields of an `OutputEntry` that the parameter has; and
+    any setting of its config, of a height scan also the ``layout``. Without a ``seed`` each entry has its place in the
+    list. Raises `InputError` if a text is no valid entry, two have one topic, or two bases publish transforms in one
+    frame.
     """
+    kind = _KINDS[parameter]
 
-    def entry(found: dict[str, Any], place: int) -> ScanEntry:
-        changes = {"seed": place} | {name: found[name] for name in _names_of(HeightScan) if name in found}
-        return ScanEntry(_body(found), HeightScan.of(str(found.get("layout", "isaac_lab")), **changes), _rate(found))
+    def entry(found: dict[str, Any], place: int) -> OutputEntry:
+        body = _body(found)
+        others = {key: _checked(key, found.get(key, usual), usual) for key, usual in kind.others.items()}
+        seed = {"seed": place} if "seed" in kind.settings else {}
+        config = kind.make(**seed | {key: found[key] for key in kind.settings if key in found})
+        path = "/".join(topic_name(name) for name in (body, others.get("link", "")) if name)
+        return OutputEntry(body=body, topic=f"~/{kind.name}/{path}", config=config, **others)
 
-    return entries_of("height_scans", texts, ("layout", "rate", *_names_of(HeightScan)), entry)
-
-
-def ground_map_entries(texts: Sequence[str]) -> tuple[GroundMapEntry, ...]:
-    """Return the entries of the parameter ``ground_maps``.
-
-    ``{body: robot, size: [10, 10], spacing: 0.1, rate: 10}``: ``body``; ``size`` and ``spacing`` [m], as of a
-    `HeightScan`; ``rate`` [Hz] in simulated time. Raises `InputError` as `scan_entries` does.
-    """
-
-    def entry(found: dict[str, Any], _: int) -> GroundMapEntry:
-        usual = GroundMapEntry(_body(found))
-        scan = HeightScan(size=found.get("size", usual.size), spacing=found.get("spacing", usual.spacing))
-        return GroundMapEntry(usual.body, scan.size, scan.spacing, _rate(found, usual.rate))
-
-    return entries_of("ground_maps", texts, ("size", "spacing", "rate"), entry)
-
-
-def imu_entries(texts: Sequence[str]) -> tuple[ImuEntry, ...]:
-    """Return the entries of the parameter ``imus``.
-
-    ``{body: robot, link: imu_link, rate: 100, gyroscope_noise_density: 1e-4}``: ``body``; ``link``; and any setting of
-    `ImuConfig`. Without a ``seed`` each entry has its place in the list. Raises `InputError` as `scan_entries` does.
-    """
-
-    def entry(found: dict[str, Any], place: int) -> ImuEntry:
-        changes = {"seed": place} | {name: found[name] for name in _names_of(ImuConfig) if name in found}
-        return ImuEntry(_body(found), _text(found, "link", ""), ImuConfig(**changes))
-
-    return entries_of("imus", texts, ("link", *_names_of(ImuConfig)), entry)
-
-
-def base_entries(texts: Sequence[str]) -> tuple[BaseEntry, ...]:
-    """Return the entries of the parameter ``bases``.
-
-    ``{body: robot, wheels: [left, right], rate: 50, publish_tf: true}``: ``body``; ``rate`` [Hz] in simulated time;
-    ``odom_frame``; ``publish_tf``; and any setting of `BaseConfig`. Raises `InputError` as `scan_entries` does, and if
-    two publish transforms in one frame.
-    """
-
-    def entry(found: dict[str, Any], _: int) -> BaseEntry:
-        config = BaseConfig(**{name: found[name] for name in _names_of(BaseConfig) if name in found})
-        frame, publish_tf = _text(found, "odom_frame", BaseEntry.odom_frame), found.get("publish_tf", False)
-        if type(publish_tf) is not bool or not frame:
-            raise InputError("parameter", "publish_tf must be true or false, and odom_frame a text, not empty")
-        return BaseEntry(_body(found), config, _rate(found), frame, publish_tf)
-
-    entries = entries_of("bases", texts, ("rate", "odom_frame", "publish_tf", *_names_of(BaseConfig)), entry)
+    entries = entries_of(parameter, texts, (*kind.others, *kind.settings), entry)
     frames = [entry.odom_frame for entry in entries if entry.publish_tf]
     if len({*frames}) < len(frames):
-        raise InputError("parameter", "bases has two entries with publish_tf in one frame; give each an odom_frame")
+        words = "two entries with publish_tf in one frame; give each an odom_frame"
+        raise InputError("parameter", f"{parameter} has {words}")
     return entries
 
 
-def shape_entries(texts: Sequence[str]) -> tuple[ShapeEntry, ...]:
+def _checked(key: str, value: Any, usual: Any) -> Any:
+    """Return the value of a key with this default, checked for its type and bounds."""
+    if isinstance(usual, bool):
+        good, wanted = type(value) is bool, "true or false"
+    elif isinstance(usual, float):
+        good = type(value) in (int, float) and math.isfinite(value) and RATES[0] <= value <= RATES[1]
+        wanted = f"{RATES[0]:g} to {RATES[1]:g} Hz"
+    else:
+        good, wanted = type(value) in (str, int) and (value != "" or not usual), "a text" + ", not empty" * bool(usual)
+    if not good:
+        raise InputError("parameter", f"{key} must be {wanted}")
+    return type(usual)(value)
+
+
+class ShapeEntry(NamedTuple):
+    """What the tracked body ``body`` is: a ``solid``, or a robot by its ``urdf`` (file), whose root link's frame the
+    pose of the body is."""
+
+    body: str
+    solid: Solid | None = None
+    urdf: str = ""
+
+
+def shape_entries(parameter: str, texts: Sequence[str]) -> tuple[ShapeEntry, ...]:
     """Return the entries of the parameter ``bodies.shapes``.
 
     ``{body: crate, shape: box, size: [1, 1, 0.5]}``, with the shapes and sizes of ``bodies.spawn``; or
-    ``{body: rover, urdf: /path}``. Raises `InputError` as `scan_entries` does.
+    ``{body: rover, urdf: /path}``. Raises `InputError` as `output_entries` does.
     """
 
     def entry(found: dict[str, Any], _: int) -> ShapeEntry:
         if ("urdf" in found) == ("shape" in found):
             raise InputError("parameter", "it needs a shape and its size, or a urdf")
         if "urdf" in found:
-            return ShapeEntry(_body(found), urdf=_text(found, "urdf", ""))
+            return ShapeEntry(_body(found), urdf=_checked("urdf", found["urdf"], ""))
         name, size = found["shape"], found.get("size")
         if name not in [*SHAPES_BY_NAME]:
             raise InputError("parameter", f"there is no shape {name!r}; choose {', '.join(SHAPES_BY_NAME)}")
@@ -204,7 +144,7 @@ def shape_entries(texts: Sequence[str]) -> tuple[ShapeEntry, ...]:
             raise InputError("parameter", "size must be a list of numbers in metres, such as [0.2]")
         return ShapeEntry(_body(found), shape_from(SHAPES_BY_NAME[name], size))
 
-    return entries_of("bodies.shapes", texts, ("shape", "size", "urdf"), entry)
+    return entries_of(parameter, texts, ("shape", "size", "urdf"), entry)
 
 
 def entries_of(
@@ -214,7 +154,8 @@ def entries_of(
     make: Callable[[dict[str, Any], int], EntryT],
     owner: str = "body",
 ) -> tuple[EntryT, ...]:
-    """Return the entry that ``make`` makes of each text and its place, a mapping with ``owner`` and any of ``keys``."""
+    """Return the entry that ``make`` makes of each text and its place, a mapping with ``owner`` and any of ``keys``.
+    Raises `InputError` if two have one owner, or one topic if they have topics."""
     entries: dict[str, EntryT] = {}
     for place, text in enumerate(texts):
         try:
@@ -226,14 +167,11 @@ def entries_of(
             raise InputError("parameter", f"{parameter} has entry {text!r}: {error}") from None
         except (yaml.YAMLError, ValueError) as error:  # ValueError: of a date that is none
             raise InputError("parameter", f"{parameter} has entry {text!r}, which is no YAML: {error}") from None
-        if entries.setdefault(entry.topic, entry) is not entry:
-            which = f"{entry.topic}, one of {owner} {str(found[owner])!r}"
+        name = getattr(entry, "topic", str(found[owner]))
+        if entries.setdefault(name, entry) is not entry:
+            which = f"{name}, one of {owner} {str(found[owner])!r}"
             raise InputError("parameter", f"{parameter} has two entries for {which}; keep one of them")
     return tuple(entries.values())
-
-
-def _names_of(config: type[Any]) -> list[str]:
-    return [one.name for one in fields(config)]
 
 
 def _body(found: dict[str, Any]) -> str:
@@ -241,17 +179,3 @@ def _body(found: dict[str, Any]) -> str:
     if type(body) not in (str, int) or not str(body) or "/" in str(body):
         raise InputError("parameter", "the name of a body is a text, not empty, without '/'")
     return str(body)
-
-
-def _text(found: dict[str, Any], key: str, default: str) -> str:
-    value = found.get(key, default)
-    if type(value) not in (str, int):
-        raise InputError("parameter", f"{key} must be a text")
-    return str(value)
-
-
-def _rate(found: dict[str, Any], usual: float = 50.0) -> float:
-    rate = found.get("rate", usual)
-    if type(rate) not in (int, float) or not (math.isfinite(rate) and RATES[0] <= rate <= RATES[1]):
-        raise InputError("parameter", f"rate must be {RATES[0]:g} to {RATES[1]:g} Hz")
-    return float(rate)

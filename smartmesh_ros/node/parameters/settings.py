@@ -17,7 +17,7 @@ from rclpy.validate_topic_name import validate_topic_name
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.parameters.deck_entries import DeckEntry
-from smartmesh_ros.node.parameters.entries import BaseEntry, GroundMapEntry, ImuEntry, ScanEntry, ShapeEntry
+from smartmesh_ros.node.parameters.entries import OutputEntry, ShapeEntry
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
 from smartmesh_ros.soil.soils import soils_from
 from smartmesh_ros.terrain.motion import MotionConfig
@@ -149,10 +149,10 @@ class Settings:
     frames: tuple[BodySource, ...] = ()
     peers: tuple[str, ...] = ()
     shapes: tuple[ShapeEntry, ...] = ()
-    height_scans: tuple[ScanEntry, ...] = ()
-    ground_maps: tuple[GroundMapEntry, ...] = ()
-    imus: tuple[ImuEntry, ...] = ()
-    bases: tuple[BaseEntry, ...] = ()
+    height_scans: tuple[OutputEntry, ...] = ()
+    ground_maps: tuple[OutputEntry, ...] = ()
+    imus: tuple[OutputEntry, ...] = ()
+    bases: tuple[OutputEntry, ...] = ()
     decks: tuple[DeckEntry, ...] = ()
     incremental: bool = False
     robot_prefix: bool = False

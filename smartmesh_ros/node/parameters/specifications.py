@@ -15,9 +15,10 @@ from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
-from smartmesh_ros.node.parameters import declaring, entries
+from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.deck_entries import deck_entries
 from smartmesh_ros.node.parameters.declaring import Spec
+from smartmesh_ros.node.parameters.entries import output_entries, shape_entries
 from smartmesh_ros.node.parameters.helping import files_of, mismatch
 from smartmesh_ros.node.parameters.settings import Settings, TerrainChanges, body_sources, peer_names
 from smartmesh_ros.node.timing.pacing import require_one_clock
@@ -168,15 +169,8 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         v["terrain.changes"] = "motion" if v["terrain.input"] == "heightmap" else "correction"
     v |= body_sources({name: v[name] for name in ("bodies.poses", "bodies.odometry", "bodies.frames")})
     v["bodies.peers"] = peer_names(v["bodies.peers"])
-    for name, parse in (
-        ("height_scans", entries.scan_entries),
-        ("ground_maps", entries.ground_map_entries),
-        ("imus", entries.imu_entries),
-        ("bases", entries.base_entries),
-        ("decks", deck_entries),
-        ("bodies.shapes", entries.shape_entries),
-    ):
-        v[name] = parse(v[name])
+    v |= {name: output_entries(name, v[name]) for name in ("height_scans", "ground_maps", "imus", "bases")}
+    v |= {name: parse(name, v[name]) for name, parse in (("decks", deck_entries), ("bodies.shapes", shape_entries))}
     tree: dict[str, Any] = {}
     for spec in SPECS:
         *owners, field = spec.place.split(".")
