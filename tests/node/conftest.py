@@ -1,6 +1,5 @@
 """Fixtures of the tests over DDS."""
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
@@ -39,16 +38,6 @@ def udp_only(monkeypatch: pytest.MonkeyPatch) -> None:
 def executables(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nodes are started by their executables, for tests of the start and the end; see `tests.preloaded`."""
     monkeypatch.setattr(Process, "starter", staticmethod(start_command))
-
-
-@pytest.fixture
-def bare_environment() -> dict[str, str]:
-    """Changes of the environment that make it one of a machine with only what the node needs installed."""
-    return {
-        name: os.pathsep.join(part for part in value.split(os.pathsep) if "test_interfaces" not in part)
-        for name, value in os.environ.items()
-        if "test_interfaces" in value
-    }
 
 
 @pytest.fixture(scope="module")

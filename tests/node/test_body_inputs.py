@@ -11,15 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
-from smartmesh_msgs.srv import QueryGround
-from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import HeightMap, World
 from smartmesh_ros.ground.shapes import Box
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.tracking import Tracking
-from smartmesh_ros.tools.testing import Probe, Process, pose_message
+from smartmesh_ros.tools.testing import pose_message
 from tests.examples import examples
 from tests.node.shared import Fed, fed, stamped, transform_message, wait_until
 
@@ -134,22 +132,14 @@ def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(
 
 
 def test_without_tf_foreign_frames_are_refused_and_what_is_missing_is_named(
-    probe: Probe, bare_environment: dict[str, str]
+    domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    with Process("terrain_collider", {"frame_id": "map"}, environment=bare_environment) as process:
-        probe.wait_for(probe.connected, watch=process)
-        probe.publish_map(np.zeros((200, 200)), origin=(-10.0, -10.0, 0.0))
-
-        def named() -> bool:
-            probe.publish_poses([(0.0, 0.0, 0.2)], frame_id="odom")
-            probe.spin()
-            return "apt install ros-jazzy-tf2-msgs" in process.output
-
-        probe.wait_for(named)
-        probe.wait_for(lambda: int(probe.diagnostics("inputs").get("refused, body_poses: frame", 0)) > 0)
-        asked = probe.call("query_ground", QueryGround, header=Header(frame_id="rover"))
-        assert asked.message.startswith("no body is called 'rover'"), "who gave the name of a body needs no tf2_msgs"
-        assert "apt install ros-jazzy-tf2-msgs" in asked.message
+    monkeypatch.setattr("smartmesh_ros.node.inputs.optional_messages.find_interfaces", lambda *_: None)
+    with fed({"frame_id": "map"}) as node:
+        node.require_refused(
+            "body_poses", [("frame", stamped(node, PoseArray(poses=[pose_message((0, 0, 0))]), "odom"))]
+        )
+        assert "apt install ros-jazzy-tf2-msgs" in capfd.readouterr().err
 
 
 FACE = 0.85  # of the box, along x [m]

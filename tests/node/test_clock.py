@@ -17,7 +17,7 @@ from smartmesh_ros import BodyState
 from smartmesh_ros.node.outputs import transform_outputs
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, heightmap_message
 from smartmesh_ros.world.joints import JointCommand
-from tests.node.shared import changed, fed, seconds, set_parameters, spawn
+from tests.node.shared import Fed, changed, fed, seconds, spawn
 from tests.urdfs import joint, link, robot
 
 HEIGHT, GRAVITY, STEP = 1000.0, 9.81, 1 / 240
@@ -44,68 +44,27 @@ def fallen(message: Any) -> float:
     return float((2.0 * (HEIGHT - message.bodies[0].pose.position.z) / GRAVITY) ** 0.5)
 
 
-def test_with_use_sim_time_the_physics_follows_the_clock(probe: Probe) -> None:
-    publisher = probe.node.create_publisher(Clock, "/clock", 10)
-    now = [0.0]
+def set_clock(node: Fed, time: float) -> None:
+    """Has a node hear a message of ``/clock`` [s], and run the steps that it releases."""
+    node.node._time_source.clock_callback(Clock(clock=stamp_of(time)))
+    while node.node.pacer.remaining() <= 0.0:
+        node.node.tick(node.node.pacer.advance())
 
-    def publish_clock() -> None:
-        publisher.publish(Clock(clock=stamp_of(now[0])))
 
-    def set_clock(time: float) -> None:
-        """Sets the clock to another time [s] and lets it run until the node has it."""
-        now[0] = time
-
-        def taken() -> bool:
-            now[0] += 0.001
-            publish_clock()
-            probe.spin()
-            return abs(seconds(states[-1].header.stamp) - time) < 1.0
-
-        probe.wait_for(taken)
-
-    def spun_on(until: Any) -> Any:
-        """Lets time pass, in steps of 20 ms that come as they come, until the condition holds; never so fast that
-        simulated time falls behind the clock by more than the node makes up for."""
-        clock, simulated = now[0], fallen(states[-1])
-
-        def condition() -> Any:
-            if now[0] - clock - (fallen(states[-1]) - simulated) < 0.2:
-                now[0] += 0.02
-                publish_clock()
-            probe.spin()
-            return until()
-
-        return probe.wait_for(condition)
-
-    def reached() -> Any:
-        """The state at the clock's time, which is the last: no step comes before the clock goes on."""
-        probe.wait_for(lambda: seconds(states[-1].header.stamp) > now[0] - 1e-6)
-        probe.latest("/diagnostics")
-        assert seconds(states[-1].header.stamp) <= now[0] + STEP + 1e-6
-        return states[-1]
-
-    with probe.running(parameters={"use_sim_time": True, "publish.body_states": 1000.0}):
-        probe.wait_for(publisher.get_subscription_count)
-        spawn_falling(probe)
-        states = probe.received[f"{COLLIDER}/body_states"]
-        # Time stands still until the clock runs: the ball hangs in the air.
-        assert (states[-1].header.stamp, states[-1].bodies[0].pose.position.z) == (Time(), HEIGHT)
-        set_clock(5000.0)
-        spun_on(lambda: fallen(states[-1]) > 0.2)
-        # Neither the time before the first message of the clock nor the bursts that its messages bring are delays.
-        assert probe.diagnostics("physics")["deadline misses"] == "0"
-        # It stands still again when the clock does, at the clock's time.
-        start = reached()
-        spun_on(lambda: fallen(states[-1]) > fallen(start) + 0.5)
-        end = reached()
-        passed = seconds(end.header.stamp) - seconds(start.header.stamp)
-        assert fallen(end) - fallen(start) == pytest.approx(passed, abs=3 * STEP)
-        # A simulator that starts anew sets its clock back; the physics goes on from there.
-        set_clock(10.0)
-        before = fallen(end)
-        spun_on(lambda: fallen(states[-1]) > before + 0.2)
-        probe.latest("/diagnostics")
-        assert fallen(states[-1]) - before <= now[0] - 10.0 + 3 * STEP
+def test_with_use_sim_time_the_physics_follows_the_clock(domain: int) -> None:
+    """In bursts, as its messages come. Over DDS: test_fleet.py."""
+    with fed({"use_sim_time": True}) as node:
+        node.node.restart()
+        assert node.node.pacer.remaining() > 0.0, "time stands still until the clock runs"
+        set_clock(node, 5000.0)
+        # Neither the time before the first message nor the bursts that messages bring are delays.
+        for first in (5000.0, 10.0):  # a simulator that starts anew sets its clock back; the physics goes on from there
+            set_clock(node, first)
+            before = node.world.time
+            for k in range(1, 51):
+                set_clock(node, first + 0.02 * k)
+                assert node.world.time - before == pytest.approx(0.02 * k, abs=3 * STEP)
+        assert node.node.pacer.misses == 0
 
 
 @pytest.mark.parametrize(("interval", "rate"), [(0.001, 50.0), (0.025, 48.0), (0.1, 48.0)])
@@ -127,20 +86,15 @@ def test_each_state_has_its_own_stamp_and_rates_count_simulated_time(
         node.world.command("sled", "j", JointCommand(velocity=0.5))
         topics = {probe.topic(topic) for topic in kinds}
 
-        def set_clock(time: float) -> None:
-            node.node._time_source.clock_callback(Clock(clock=stamp_of(time)))
-            while node.node.pacer.remaining() <= 0.0:
-                node.node.tick(node.node.pacer.advance())
-
         def matched() -> bool:
-            set_clock(1000.0)
+            set_clock(node, 1000.0)
             ends = [end for end in node.node.publishers if end.topic_name in topics]
             return len(ends) == len(topics) and all(end.get_subscription_count() for end in ends)
 
         node.run(30)  # until the joint has its speed
         probe.wait_for(matched)
         for k in range(round(2.0 / interval)):
-            set_clock(1000.0 + (k + 1) * interval)
+            set_clock(node, 1000.0 + (k + 1) * interval)
             probe.spin(0.0)
         probe.wait_for(lambda: seconds(found["odometry"][-1].header.stamp) > 1002.0 - 1.0 / rate - STEP)
         probe.wait_for(lambda: seconds(found["/tf"][-1].transforms[0].header.stamp) > 1001.9)
@@ -206,7 +160,7 @@ def test_nothing_of_before_stays_when_the_clock_goes_back(domain: int, straggles
         def refused() -> int:
             return sum(count for key, count in node.node.refusals.counts.items() if "stamp_backwards" in key)
 
-        def set_clock(at: float) -> None:
+        def set_time(at: float) -> None:
             node.node._time_source.clock_callback(Clock(clock=stamp_of(at)))
             node.run(12)
 
@@ -224,14 +178,14 @@ def test_nothing_of_before_stays_when_the_clock_goes_back(domain: int, straggles
         def play(first: float, duration: float, *names: str) -> None:
             """Plays at 20 Hz from a time on, for so long [s]."""
             for tick in range(round(20.0 * duration)):
-                set_clock(first + tick / 20.0)
+                set_time(first + tick / 20.0)
                 send(first + tick / 20.0, *names)
 
         play(5000.0, 1.0, "always", "ghost")
         assert bodies.keys() == {"always", "ghost", "driven", "framed"}
         assert refused() == 0
         if straggles:
-            set_clock(1000.0)
+            set_time(1000.0)
             send(5001.0, "always")
         play(1000.3, 1.5, "always")
         assert bodies.keys() == {"always", "driven", "framed"}
@@ -276,12 +230,6 @@ def test_the_node_is_silent_while_another_publishes_the_clock(
         shared.node.destroy_publisher(rival)
         shared.wait_for(lambda: clocks)
         shared.wait_for(lambda: "silent" not in shared.diagnostics("connections")["message"])
-
-
-def test_a_node_does_not_follow_its_own_clock(shared: Probe) -> None:
-    with changed(shared, {"publish.clock": 10.0}):
-        result = set_parameters(shared, {"use_sim_time": True})
-        assert not result.successful and "publish.clock" in result.reason
 
 
 def test_an_overloaded_node_goes_on_by_its_policy(shared: Probe) -> None:

@@ -88,11 +88,6 @@ def test_a_shape_has_one_number_and_one_order_of_dimensions_in_all_messages(shap
         assert place is None or asked.dimensions[place] == size
 
 
-def test_no_number_of_a_shape_is_that_of_another_in_a_solid_primitive() -> None:
-    others = {SolidPrimitive.CONE, SolidPrimitive.PRISM}
-    assert not others & {BodyDescription.CAPSULE, BodyDescription.ROBOT, TrackedBody.SHAPE_CAPSULE}
-
-
 def test_the_twist_of_odometry_is_turned_from_its_bodys_frame_into_that_of_its_pose() -> None:
     odometry = Odometry()
     odometry.pose.pose = pose_message((1.0, 2.0, 3.0), 0.5 * math.pi)

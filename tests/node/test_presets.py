@@ -6,10 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import yaml
-from grid_map_msgs.msg import GridMap
 from rcl_interfaces.msg import ParameterType
 from rclpy.parameter import Parameter, parameter_dict_from_yaml_file
 
@@ -17,10 +15,9 @@ from smartmesh_ros.node.parameters.declaring import plain_value
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.demo import terrain_source
-from smartmesh_ros.tools.testing import COLLIDER, Probe, executable
-from tests.grid_maps import grid_map_message
+from smartmesh_ros.tools.testing import COLLIDER, executable
 from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
-from tests.node.shared import made_with, refusal_at_start, seconds, spawn
+from tests.node.shared import made_with, refusal_at_start
 
 __all__ = ["stand_ins"]
 
@@ -34,10 +31,6 @@ def parameters_of(path: Path) -> dict[str, Any]:
 
 def warnings(output: str) -> list[str]:
     return [line for line in output.splitlines() if "[WARN" in line or "[ERROR" in line or "Traceback" in line]
-
-
-def test_the_presets_of_the_readme_are_there() -> None:
-    assert {path.stem for path in PRESETS} >= {"rover", "quadruped", "fleet", "accurate", "fast"}
 
 
 @pytest.mark.parametrize("preset", PRESETS, ids=lambda path: path.stem)
@@ -134,54 +127,16 @@ def test_each_executable_explains_itself(domain: int, name: str, words: list[str
     assert "--hepl" in result.stderr
 
 
-ROVER = Path(__file__).parents[1] / "data" / "rover.urdf"
-# Where the centre of mass of the rover's root link rests on flat ground, and how much higher a test may find it [m].
-RESTING, HIGHEST = 0.10, 0.005
-# How long the rover is watched, in simulated time [s].
-WATCHED = 3.0
-
-
-def launched(stand_ins: dict[str, type[Recorded]]) -> list[str]:
-    """Arguments that elevation_mapping.launch.py starts the collider with."""
+def test_nothing_of_its_own_is_an_input_of_the_elevation_mapping_set_up(
+    domain: int, stand_ins: dict[str, type[Recorded]]
+) -> None:
     [node] = Launch(LAUNCH / "elevation_mapping.launch.py", stand_ins).of("Node")
     *files, _ = node.kwargs["parameters"]
     remappings = [part for old, new in node.kwargs["remappings"] for part in ("-r", f"{old}:={new}")]
-    return ["--ros-args", *(part for file in files for part in ("--params-file", file)), *remappings, "--"]
-
-
-def flat_map(probe: Probe) -> GridMap:
-    """A grid map of flat ground, 6 m a side."""
-    return grid_map_message({"elevation": np.zeros((60, 60))}, 0.1, stamp=probe.now())
-
-
-def test_a_spawned_robot_rests_beside_the_elevation_mapping_set_up(
-    probe: Probe, stand_ins: dict[str, type[Recorded]]
-) -> None:
-    """Under another name than the preset's tracked body. Nobody publishes the odometry of a real robot."""
-    folders = {"bodies.urdf_folders": [str(ROVER.parent)]}
-    arguments = launched(stand_ins)
-    with made_with(TerrainCollider, folders, arguments) as node:
-        assert own_topics(node) == set()
-    with probe.running(parameters=folders, arguments=arguments) as process:
-        maps = probe.publisher(GridMap, "/elevation_mapping/elevation_map")
-        states = probe.received[f"{COLLIDER}/body_states"]
-        probe.wait_for(lambda: maps.publish(flat_map(probe)) or probe.latest("body_states").header.frame_id)
-        spawn(probe, "mine", (0.0, 0.0, RESTING + 0.001), urdf=str(ROVER))
-        seen: list[tuple[float, float]] = []  # stamps [s] and heights [m]
-
-        def watched() -> bool:
-            maps.publish(flat_map(probe))
-            probe.latest("body_states")
-            for message in states:
-                stamp = seconds(message.header.stamp)
-                seen.extend((stamp, body.pose.position.z) for body in message.bodies if body.id == "mine")
-            states.clear()
-            return bool(seen) and seen[-1][0] - seen[0][0] > WATCHED
-
-        probe.wait_for(watched, watch=process)
-        heights = [height for _, height in seen]
-        assert max(heights) < RESTING + HIGHEST
-        assert min(heights) > RESTING - HIGHEST
+    with made_with(
+        TerrainCollider, {}, [*(part for file in files for part in ("--params-file", file)), *remappings]
+    ) as made:
+        assert own_topics(made) == set()
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,6 @@ from std_srvs.srv import Trigger
 from smartmesh_ros import BodyState, Box
 from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.rivals import Rivals
-from smartmesh_ros.node.parameters import specifications as parameters
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.timing.pacing import Pacer
 from smartmesh_ros.node.timing.stamps import StampClock
@@ -50,15 +49,6 @@ LEVEL = np.zeros((21, 21), np.float32)
 def test_what_changes_mean_follows_from_the_input_unless_it_is_said(said: str, source: str, meant: str) -> None:
     values = {**DEFAULTS, "terrain.changes": said, "terrain.input": source}
     assert settings_from(values).motion.changes == meant
-
-
-def test_noise_settle_and_interval_reach_the_core() -> None:
-    said = {"terrain.noise": 0.01, "terrain.settle": 0.3, "terrain.max_interval": 0.4, "raster.variance_layer": "var"}
-    settings = settings_from({**DEFAULTS, **said})
-    motion = settings.motion
-    assert (motion.noise, motion.settle, motion.max_interval) == (0.01, 0.3, 0.4)
-    assert settings.raster.variance_layer == "var"
-    assert said.keys() <= parameters.NAMES
 
 
 def told(rivals: Rivals, height: Callable[[int], float], count: int = 12) -> bool:

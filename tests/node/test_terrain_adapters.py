@@ -7,17 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped
 from grid_map_msgs.msg import GridMap
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid
 from numpy.typing import NDArray
-from rclpy.qos import ReliabilityPolicy, qos_profile_sensor_data
+from rclpy.qos import ReliabilityPolicy
 from sensor_msgs.msg import Image, PointCloud2, PointField
-from std_msgs.msg import Float32MultiArray
 
-from smartmesh_ros import HeightMap, HeightScan, Terrain
-from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import heightmap_message, pose_message
 from tests.grid_maps import grid_map_message
 from tests.node.shared import Fed, fed, stamped
 
@@ -244,29 +241,3 @@ def test_a_file_is_there_from_the_start_and_can_be_updated(domain: int, tmp_path
         map_message = heightmap_message(heights + 3.0, resolution=RESOLUTION, origin=(1.0, -2.0, 0.0))
         node.give("heightmap", stamped(node, map_message))
         assert shows(node, rise=3.0)
-
-
-def test_terrain_and_poses_on_topics_become_height_scans(probe: Probe) -> None:
-    """Over DDS, best effort; the other kinds of terrain are read as above."""
-    options = {"size": (1.0, 0.5), "spacing": 0.25, "order": "yx", "values": "height", "scale": 1.0}
-    written = "{body: rover, layout: isaac_lab, size: [1.0, 0.5], spacing: 0.25, order: yx, values: height, scale: 1}"
-    parameters = {
-        **HOLD, "terrain.input": "point_cloud", "frame_id": "map",
-        "qos_overrides./terrain_collider/point_cloud.subscription.reliability": "best_effort",
-        "bodies.poses": ["rover=/rover/pose"], "height_scans": [written],
-    }  # fmt: skip
-    heights = surface(*places())
-    ground = Terrain(HeightMap(heights, resolution=RESOLUTION, origin=(1.0, -2.0)))
-    expected = HeightScan.of("isaac_lab", **options).read(ground, np.array([[3.0, 0.5, 2.0, 0.0]]), 0.0)[0]
-    with probe.running(parameters=parameters):
-        clouds = probe.publisher(PointCloud2, "point_cloud", qos_profile_sensor_data)
-        poses = probe.publisher(PoseStamped, "/rover/pose")
-        scans = probe.listen("height_scan/rover", Float32MultiArray)
-
-        def is_the_ground() -> bool:  # clouds are sent again: best effort may lose one
-            clouds.publish(stamped(probe, point_cloud(*places(), heights)))
-            poses.publish(stamped(probe, PoseStamped(pose=pose_message((3.0, 0.5, 2.0)))))
-            probe.spin(0.05)
-            return bool(scans) and np.abs(np.array(scans[-1].data) - expected).max() < 0.001
-
-        probe.wait_for(is_the_ground)

@@ -6,37 +6,15 @@ import math
 from pathlib import Path
 
 import numpy as np
-import pytest
 from geometry_msgs.msg import PoseStamped, Twist, Vector3
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
-from smartmesh_msgs.msg import BodyDescriptionArray, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 
 from smartmesh_ros import Box, Cylinder, Sphere
-from smartmesh_ros.tools.testing import Probe, pose_message
-from tests.node.shared import LATCHED, fed, show_level_ground, spawn, stamped
+from smartmesh_ros.tools.testing import pose_message
+from tests.node.shared import fed, stamped
 from tests.world.test_tracked_shapes import ARM
-
-
-def test_a_crate_comes_to_rest_on_a_tracked_box(shared: Probe) -> None:
-    show_level_ground(shared)
-    table = TrackedBody(
-        id="table", pose=pose_message((2.0, 2.0, 0.5)), shape=TrackedBody.SHAPE_BOX,
-        dimensions=np.array([1.0, 1.0, 0.4], np.float32),
-    )  # fmt: skip
-    publisher = shared.publisher(TrackedBodyArray, "tracked_bodies")
-    found = shared.listen("body_descriptions", BodyDescriptionArray, LATCHED)
-
-    def at_rest() -> bool:
-        publisher.publish(stamped(shared, TrackedBodyArray(bodies=[table])))
-        states = {body.id: body for body in shared.latest("body_states").bodies}
-        return "crate" in states and abs(states["crate"].pose.position.z - 0.9) < 2e-3
-
-    shared.wait_for(lambda: at_rest() or found)
-    spawn(shared, "crate", (2.0, 2.0, 1.1))
-    shared.wait_for(at_rest)
-    shared.wait_for(lambda: any(body.id == "table" and list(body.dimensions) == [1.0, 1.0, pytest.approx(0.4)]
-                                for body in found[-1].bodies))  # fmt: skip
 
 
 def test_shapes_come_from_the_message_or_else_from_the_parameter(domain: int) -> None:
