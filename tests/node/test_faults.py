@@ -14,6 +14,7 @@ import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from smartmesh_msgs.msg import Heightmap
+from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.node.timing.pacing import NodeClock, stamp_of
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, assert_on_map, heightmap_message
@@ -43,6 +44,28 @@ def on_map(probe: Probe, message: Heightmap) -> Callable[[], bool]:
     return holds
 
 
+def test_two_sources_of_one_terrain_never_mix(shared: Probe) -> None:
+    """The newest map holds, whoever sent it: every patch lies wholly on one of the two."""
+    other = shared.publisher(Heightmap, "heightmap")
+    first, second = rough(1), rough(2, base=5.0)
+    seen = set()
+
+    def both_seen() -> bool:
+        shared.publish_poses([(1.0, 1.0, 0.3)])
+        if np.random.default_rng().random() < 0.5:
+            shared.publish_map(first)
+        else:
+            other.publish(heightmap_message(second, stamp=shared.now()))
+        for points in shared.patches().values():
+            of = int(points[:, 2].max() > 2.0)
+            assert_on_map(points, heightmap_message((first, second)[of]))
+            seen.add(of)
+        return len(seen) == 2
+
+    shared.wait_for(both_seen)
+    shared.node.destroy_publisher(other)
+
+
 def test_a_stamp_far_ahead_does_not_shut_out_the_right_ones_after_it(shared: Probe) -> None:
     """The node's own time goes on through all of it. Stamps from the past: test_refusals.py and test_real_maps.py."""
     before = refusals(shared)
@@ -66,6 +89,17 @@ def test_a_node_that_was_killed_comes_back_with_the_latched_map(udp_only: None, 
             process.process.send_signal(signal.SIGKILL)
             assert process.process.wait(TIMEOUT) == -signal.SIGKILL
     probe.node.destroy_publisher(keeper)
+
+
+def test_a_subscriber_that_reads_nothing_does_not_slow_the_node(shared: Probe) -> None:
+    """Its queue overflows at its own end; everybody else goes on receiving."""
+    patches = shared.topic("patches")
+    with Probe(shared.namespace) as hog:
+        hog.node.create_subscription(MarkerArray, patches, lambda _: None, 1)
+        shared.wait_for(lambda: shared.node.count_subscribers(patches) >= 3)
+        shared.wait_for(on_map(shared, shared.publish_map(rough(1))))
+        before = len(shared.received[patches])
+        shared.wait_for(lambda: len(shared.received[patches]) > before + 60)
 
 
 @pytest.mark.parametrize("folder", ["full", "read_only", "missing"])
