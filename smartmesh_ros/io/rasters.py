@@ -29,13 +29,14 @@ MAX_CONDITION = 1e12
 
 
 class Raster(NamedTuple):
-    """Geometry of a surface, its heights (rows, columns) [m], NaN = no ground, their variances [m^2] or None, and what
-    is known of the material of the ground."""
+    """Geometry of a surface, its heights (rows, columns) [m], NaN = no ground, their variances [m^2] or None, what is
+    known of the material of the ground, and its velocities [m/s] or None = unknown."""
 
     geometry: GridGeometry
     heights: FloatGrid
     variances: FloatGrid | None = None
     material: Material = Material()
+    velocities: FloatGrid | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

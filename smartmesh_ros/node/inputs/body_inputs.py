@@ -38,11 +38,9 @@ class BodyInputs:
         self._session, self.transforms = session, transforms
         self._clocks: dict[str, StampClock] = {}
         self._pose_array_names: set[str] = set()
-        self._seen: dict[str, tuple[Transform, float]] = {}  # the last pose and stamp of each body that follows a frame
-        self._frames = FollowedFrames(session, transforms, SOURCE)
-        if session.settings.frames:
-            transforms.listen(SOURCE)
-
+        self._sources = dict(session.settings.frames)
+        self._frames = FollowedFrames(session, transforms, SOURCE, self._sources, self._follow)
+        self.refresh = self._frames.refresh
         session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT)
         session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT)
         session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
@@ -58,15 +56,9 @@ class BodyInputs:
             session.listen(Twist, f"cmd_vel/{name}", drive, BEST_EFFORT)
             session.listen(TwistStamped, f"cmd_vel_stamped/{name}", partial(self._on_stamped, drive), BEST_EFFORT)
 
-    def refresh(self) -> None:
-        """Moves the bodies of ``bodies.frames`` to their frames, as `FollowedFrames` says."""
-        if frames := self._session.settings.frames:
-            self._frames.look_up(partial(self._follow, name, frame) for name, frame in frames)
-
     def forget_stamps(self) -> None:
         """Accepts any stamps from now on, after a reset."""
         self._clocks.clear()
-        self._seen.clear()
         self._frames.forget()
         self.transforms.buffer.clear()
 
@@ -103,24 +95,18 @@ class BodyInputs:
             for body, state, radius in zip(bodies, states, radii, strict=True):
                 session.track(topic, body._replace(state=state, radius=radius), placed.time)
 
-    def _follow(self, name: str, frame: str) -> None:
-        session, source = self._session, f"{SOURCE} {name}"
+    def _follow(self, name: str, pose: Transform, stamp: float | None, restarted: bool) -> None:
+        session, source, frame = self._session, f"{SOURCE} {name}", self._sources[name]
         session.require_not_simulated(name)
         if self.transforms.is_own(frame):
             raise InputError(
                 "own_topic", f"frame {frame!r} of body {name!r} is one that this node publishes (publish.tf); a body "
                 "that follows it would overlap the simulated one"
             )  # fmt: skip
-        pose, stamp = self.transforms.buffer.lookup(session.frame_id, frame)
-        seen = self._seen.get(name)
-        if stamp is not None and (pose, stamp) == seen:
-            return
-        if stamp is not None and seen is not None and stamp < seen[1]:  # the buffer has restarted a frame
+        if restarted:
             self._clocks.pop(source, None)
         with self._placed(SOURCE, source, stamp) as placed:
             session.track(SOURCE, BodyInput(name, BodyState(*pose), session.settings.default_radius), placed.time)
-        if stamp is not None:
-            self._seen[name] = pose, stamp
 
     @contextmanager
     def _placed(self, topic: str, source: str, stamp: float | None) -> Iterator[Placed]:

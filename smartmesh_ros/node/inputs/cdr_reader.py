@@ -94,19 +94,10 @@ class CdrReader:
 
 
 class MapInput(NamedTuple):
-    """A whole map: geometry (None = remove the tile), heights (rows, columns) [m], velocities [m/s] or None,
-    and what is said of the material."""
+    """A whole map as a raster; None = remove the tile."""
 
     start: Stamped
-    geometry: GridGeometry | None
-    heights: FloatGrid
-    velocities: FloatGrid | None
-    material: Material = Material()
-
-    @property
-    def raster(self) -> Raster | None:
-        """The map as a raster; None = remove the tile."""
-        return None if self.geometry is None else Raster(self.geometry, self.heights, material=self.material)
+    raster: Raster | None
 
 
 class RegionInput(NamedTuple):
@@ -149,12 +140,13 @@ def map_from(data: bytes) -> MapInput:
     heights, velocities, friction = (reader.sequence("f4") for _ in range(3))
     layers = [("friction", friction), ("soil", reader.sequence("u1")), *_layers(reader)]
     if not rows and not columns and not len(heights):
-        return MapInput(start, None, heights, None)
+        return MapInput(start, None)
     _require_count(columns, rows, len(heights), len(velocities))
     geometry = GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=(x, y, z),
                             yaw=yaw_from(*orientation))  # fmt: skip
     shape = rows, columns
-    return MapInput(start, geometry, *_grids(heights, velocities, shape), _material(layers, shape))
+    grid, speeds = _grids(heights, velocities, shape)
+    return MapInput(start, Raster(geometry, grid, None, _material(layers, shape), speeds))
 
 
 def region_from(data: bytes) -> RegionInput:

@@ -15,7 +15,6 @@ from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.body_inputs import BEST_EFFORT
 from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.inputs.transform_input import FollowedFrames, TransformInput
-from smartmesh_ros.node.parameters.deck_entries import DeckEntry
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.stamps import StampClock, stamp_seconds
 from smartmesh_ros.terrain.deck import Deck
@@ -46,12 +45,10 @@ class DeckInputs:
             name: Deck(thickness=entry.thickness) for name, entry in self._entries.items()
         }
         self._clocks: dict[str, StampClock] = {}
-        self._stamps: dict[str, float] = {}  # of the last transform of each deck that follows a frame
-        self._frames = FollowedFrames(session, transforms, SOURCE)
+        frames = {name: entry.name for name, entry in self._entries.items() if entry.source == "frame"}
+        self._frames = FollowedFrames(session, transforms, SOURCE, frames, self._follow)
         for name, entry in self._entries.items():
-            if entry.source == "frame":
-                transforms.listen(SOURCE)
-            elif entry.source == "odometry":
+            if entry.source == "odometry":
                 session.listen(Odometry, entry.name, partial(self._on_odometry, name), BEST_EFFORT, private=False)
         self.take_restored()
 
@@ -77,26 +74,20 @@ class DeckInputs:
     def refresh(self) -> None:
         """Moves decks to their frames, as `FollowedFrames` says, and puts those into the terrain whose bodies are
         there."""
-        if not self._entries:
-            return
-        entries, bodies = self._entries.items(), self._session.world.bodies
-        for name, entry in entries:
-            if entry.source == "body" and entry.name in bodies:
+        for name, entry in self._entries.items():
+            if entry.source == "body" and entry.name in self._session.world.bodies:
                 self._enter(name)
-        self._frames.look_up(partial(self._follow, name, entry) for name, entry in entries if entry.source == "frame")
+        self._frames.refresh()
 
     def forget_stamps(self) -> None:
         """Accepts any stamps from now on, after a reset."""
         self._clocks.clear()
-        self._stamps.clear()
         self._frames.forget()
 
-    def _follow(self, name: str, entry: DeckEntry) -> None:
-        pose, stamp = self._transforms.buffer.lookup(self._session.frame_id, entry.name)
-        if stamp is None or stamp != self._stamps.get(name):
-            self._move(name, BodyState(*pose), stamp, stated=False)
-        if stamp is not None:
-            self._stamps[name] = stamp
+    def _follow(self, name: str, pose: Transform, stamp: float | None, restarted: bool) -> None:
+        if restarted:
+            self._clocks.pop(name, None)
+        self._move(name, BodyState(*pose), stamp, stated=False)
 
     def _on_odometry(self, name: str, message: Odometry) -> None:
         stamp = stamp_seconds(message.header.stamp)

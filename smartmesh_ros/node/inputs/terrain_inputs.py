@@ -16,7 +16,6 @@ from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_region
 from smartmesh_ros.node.inputs.cdr_reader import (
     MOST_SAMPLES,
-    FloatGrid,
     RegionInput,
     Stamped,
     map_from,
@@ -78,37 +77,32 @@ class TerrainInputs:
 
     def _on_map(self, data: bytes) -> None:
         new = map_from(data)
-        target = self._target(new.start)
-        if self._overtaken("heightmap", new.start):
+        self._take_map("heightmap", new.start, lambda: new.raster)
+
+    def _on_raster(self, convert: Callable[..., Raster], message: Any) -> None:
+        settings = self._session.settings
+        self._take_map(settings.input, _start_of(message.header), lambda: convert(message, settings.raster))
+
+    def _take_map(self, topic: str, start: Stamped, convert: Callable[[], Raster | None]) -> None:
+        """Checks a whole map and puts it into the terrain, or a deck of it; None removes the tile."""
+        session, target = self._session, self._target(start)
+        if self._overtaken(topic, start):
             return
-        with self._ingesting(new.start) as placed:
-            raster = new.raster
+        with self._ingesting(start) as placed:
+            raster = convert()
             if raster is None:
                 target.tiles.remove(target.tile)
                 self._checks.forget(target.name)
-            else:
-                self._take_map(target, raster, new.velocities, placed)
-
-    def _on_raster(self, convert: Callable[..., Any], message: Any) -> None:
-        settings, start = self._session.settings, _start_of(message.header)
-        if self._overtaken(settings.input, start):
-            return
-        with self._ingesting(start) as placed:
-            raster = convert(message, settings.raster)
-            self._take_map(self._target(start), raster, None, placed)
-
-    def _take_map(self, target: Target, raster: Raster, velocities: FloatGrid | None, placed: Placed) -> None:
-        """Checks a whole map and puts it into the terrain, or a deck of it."""
-        tile = target.name
-        if any(topic.get_publisher_count() > 1 for topic in self._session.terrain_subscriptions):
-            self._rivals.take(tile, raster.geometry, raster.heights)
-        elif self._session.rival_maps:
-            self._rivals.clear()
-        take_map(self._terrain, self._session.settings, target, raster, velocities, placed.time)
-        taken = target.tiles.tiles[target.tile]
-        if isinstance(taken, HeightMap):
-            self._checks.note_holes(tile, taken)
-            self._checks.take(tile, taken, placed.source_time, given=velocities is not None)
+                return
+            if any(source.get_publisher_count() > 1 for source in session.terrain_subscriptions):
+                self._rivals.take(target.name, raster.geometry, raster.heights)
+            elif session.rival_maps:
+                self._rivals.clear()
+            take_map(self._terrain, session.settings, target, raster, placed.time)
+            taken = target.tiles.tiles[target.tile]
+            if isinstance(taken, HeightMap):
+                self._checks.note_holes(target.name, taken)
+                self._checks.take(target.name, taken, placed.source_time, given=raster.velocities is not None)
 
     def _on_region(self, data: bytes) -> None:
         self._take_region(region_from(data))
@@ -143,9 +137,8 @@ class TerrainInputs:
 
     def load(self, raster: Raster) -> None:
         """Takes the terrain of a file."""
-        start = Stamped(0, 0, self._session.settings.frame_id, "")
-        with self._ingesting(start) as placed:
-            self._take_map(self._target(start), raster, None, placed)
+        settings = self._session.settings
+        self._take_map(settings.input, Stamped(0, 0, settings.frame_id, ""), lambda: raster)
 
     def clear(self) -> None:
         """Removes all maps and meshes, also those of decks."""
@@ -257,16 +250,14 @@ def require_soils(material: Material, settings: Settings) -> None:
         raise InputError("soil", f"soils are up to {soil.max()}; they must be places in soil.type, 0 to {last}")
 
 
-def take_map(
-    terrain: Terrain, settings: Settings, target: Target, raster: Raster, velocities: FloatGrid | None, time: float
-) -> None:
+def take_map(terrain: Terrain, settings: Settings, target: Target, raster: Raster, time: float) -> None:
     """Puts a map of ``time`` [s] into the terrain, or a deck of it.
 
     A map on the same grid replaces the heights of the last one, unless it is older, by its source's clock. If the grid
     moved, samples that both grids share keep their velocities. The ground keeps the layers of its material that the
     raster does not have. On `InputError` the terrain is unchanged.
     """
-    geometry, heights, variances, material = raster
+    geometry, heights, variances, material, velocities = raster
     require_soils(material, settings)
     known = target.tiles.tiles.get(target.tile)
     if isinstance(known, HeightMap) and known.geometry == geometry and time >= known.time:

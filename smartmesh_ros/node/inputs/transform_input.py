@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -126,18 +126,28 @@ class TransformInput:
         return session.clock_now()
 
 
+# Takes the name of what follows a frame, the frame's pose, its stamp [s], None = static, and whether stamps start over.
+Follow = Callable[[str, Transform, float | None, bool], None]
+
+
 class FollowedFrames:
-    """When what follows frames looks them up: if a transform arrived, or `PERIOD` has passed. ``source``: of what is
-    refused."""
+    """Calls ``follow`` with each new pose of ``frames`` (by the names of what follows them) in the terrain's frame, and
+    with that of a static frame again and again. ``source``: of what is refused."""
 
-    def __init__(self, session: Session, transforms: TransformInput, source: str) -> None:
+    def __init__(
+        self, session: Session, transforms: TransformInput, source: str, frames: Mapping[str, str], follow: Follow
+    ) -> None:
         self._session, self._buffer, self._source = session, transforms.buffer, source
+        self._frames, self._follow = frames, follow
+        self._seen: dict[str, tuple[Transform, float]] = {}  # the last pose and stamp of each
         self._version, self._due = -1, 0.0  # of the buffer at the last look-up; when the next is due [s]
+        if frames:
+            transforms.listen(source)
 
-    def look_up(self, looks: Iterable[Callable[[], None]]) -> None:
-        """Call what looks a frame up, each on its own, if that is due; failures count once a `PERIOD`."""
+    def refresh(self) -> None:
+        """Look each frame up, if a transform arrived or a `PERIOD` has passed; failures count once a `PERIOD`."""
         session = self._session
-        if not session.frame_id:
+        if not self._frames or not session.frame_id:
             return
         now = session.clock.pace()
         overdue = now >= self._due
@@ -145,13 +155,23 @@ class FollowedFrames:
             return
         self._version = self._buffer.version
         self._due = now + PERIOD if overdue else self._due
-        for look in looks:
+        for name, frame in self._frames.items():
             try:
-                look()
+                self._look_up(name, frame)
             except InputError as error:
                 if overdue:
                     session.refusals.add(self._source, error)
 
     def forget(self) -> None:
-        """Look up at once, after a reset."""
+        """Look up at once, and accept any stamps, after a reset."""
         self._due = 0.0
+        self._seen.clear()
+
+    def _look_up(self, name: str, frame: str) -> None:
+        pose, stamp = self._buffer.lookup(self._session.frame_id, frame)
+        seen = self._seen.get(name)
+        if stamp is None:
+            self._follow(name, pose, None, False)
+        elif (pose, stamp) != seen:
+            self._follow(name, pose, stamp, seen is not None and stamp < seen[1])
+            self._seen[name] = pose, stamp

@@ -103,11 +103,11 @@ class Ground:
                 known.move(new.vertices, indices=new.indices, time=0.0)
         elif isinstance(new, cdr_reader.MeshInput) and len(new.vertices):
             self.tiles[tile] = TriangleMesh(new.vertices, new.triangles, motion=STILL)
-        elif isinstance(new, cdr_reader.MapInput) and new.geometry is not None:
-            if not (isinstance(known, HeightMap) and known.geometry == new.geometry):
-                self.first[tile] = new.heights
+        elif isinstance(new, cdr_reader.MapInput) and (raster := new.raster) is not None:
+            if not (isinstance(known, HeightMap) and known.geometry == raster.geometry):
+                self.first[tile] = raster.heights
             # A new map beside the old one, from which no motion is estimated.
-            shown = HeightMap(new.heights, geometry=new.geometry, material=new.material, motion=STILL)
+            shown = HeightMap(raster.heights, geometry=raster.geometry, material=raster.material, motion=STILL)
             if isinstance(known, HeightMap):
                 carry_material(known, shown)
             self.tiles[tile] = shown
