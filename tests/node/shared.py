@@ -163,16 +163,6 @@ def refusals(probe: Probe) -> Counter[str]:
     return Counter({key.removeprefix("refused, "): int(count) for key, count in found if key.startswith("refused, ")})
 
 
-def require_refused(probe: Probe, cases: Iterable[tuple[Any, str, Callable[[], Any]]]) -> None:
-    """Publishes the messages that are made, each of which must be refused for its reason, and nothing besides."""
-    before, expected = refusals(probe), Counter[str]()
-    for publisher, reason, make in cases:
-        publisher.publish(make())
-        one_round(probe)
-        expected[f"{publisher.topic.rpartition('/')[2]}: {reason}"] += 1
-    probe.wait_for(lambda: refusals(probe) - before == expected)
-
-
 def values(probe: Probe, names: Iterable[str]) -> dict[str, Any]:
     """Values of parameters of the node; an empty list arrives as nothing."""
     names = list(names)

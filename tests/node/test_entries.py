@@ -48,6 +48,14 @@ from tests.node.shared import refusal_at_start
         ("decks", ["{deck: ferry, frame: a, thickness: -1}"], "thickness"),
         ("decks", ["{deck: ferry, frame: a, at: [0, 0]}"], "at must be three numbers"),
         ("decks", ["{deck: ferry, frame: a, rpy: [0, 0, .inf]}"], "rpy must be three finite numbers"),
+        ("bodies.spawn", ["{id: x, shape: spere, size: [0.2]}"], "no shape 'spere'; did you mean 'sphere'?"),
+        ("bodies.spawn", ["{id: x, shape: [0.2]}"], "no shape [0.2]; choose sphere, box, cylinder, capsule"),
+        ("bodies.spawn", ["{id: x}"], "needs a shape (sphere, box, cylinder, capsule) and its size, or a urdf"),
+        ("bodies.spawn", ["{id: x, shape: box, size: [1, 1]}"], "BOX needs 3 dimensions [x, y, z], not 2"),
+        ("bodies.spawn", ["{id: x, shape: box, size: 1}"], "needs the size of its shape in metres"),
+        ("bodies.spawn", ["{id: x, shape: sphere, size: [-1]}"], "radius of the sphere is -1.0 m"),
+        ("bodies.spawn", ["{id: x, shape: sphere, size: [1], mas: 3}"], "'mas' is unknown; did you mean 'mass'?"),
+        ("bodies.spawn", ["{shape: sphere, size: [1]}"], "must be a mapping with id"),
     ],
 )  # fmt: skip
 def test_entries_that_cannot_be_are_refused(domain: int, parameter: str, entries: list[str], words: str) -> None:
