@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import psutil
+import pytest
 import rclpy
 import yaml
 from geometry_msgs.msg import TransformStamped
@@ -32,6 +33,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.terrain_collider import TerrainCollider
+from smartmesh_ros.node.timing.pacing import NodeClock
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, pose_message
 
 LISTS = {spec.name for spec in SPECS if isinstance(spec.default, list)}
@@ -247,6 +249,21 @@ class Fed:
         for _ in range(steps):
             self.node.tick()
 
+    def play(
+        self, now: list[float], seconds: float, period: float, give: Callable[[], None], look: Callable[[], Any] = int
+    ) -> list[Any]:
+        """Runs the loop for so long [s] of the time ``now`` of `own_time`, and calls ``give`` once a period [s]; what
+        ``look`` returns after each step."""
+        found, due, end = [], now[0], now[0] + seconds
+        while now[0] < end:
+            if now[0] >= due:
+                due = now[0] + period
+                give()
+            now[0] += max(self.node.pacer.remaining(), 0.0)
+            self.node.tick(self.node.pacer.advance())
+            found.append(look())
+        return found
+
     def require_refused(self, topic: str, cases: Iterable[tuple[str, Any]]) -> None:
         """Gives it messages, each of which must be refused for its reason, and nothing besides."""
         counts = self.node.refusals.counts
@@ -263,6 +280,14 @@ class Fed:
         """Heights of the ground now at places [m], in the shape of these."""
         points = np.column_stack([np.ravel(x), np.ravel(y)])
         return np.asarray(self.world.terrain.at(points, self.world.time).heights.reshape(np.shape(x)))
+
+
+def own_time(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The time [s] by which nodes of this process run and compare stamps from now on."""
+    now = [1000.0]
+    for name in ("pace", "stamp_now"):
+        monkeypatch.setattr(NodeClock, name, lambda _: now[0])
+    return now
 
 
 @contextmanager

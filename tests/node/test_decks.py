@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from smartmesh_msgs.msg import HeightmapUpdate
-from smartmesh_msgs.srv import QueryGround
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import BodyState, Box, Sphere
 from smartmesh_ros.node.outputs.cdr import floats
-from smartmesh_ros.node.timing.stamps import stamp_seconds
-from smartmesh_ros.tools.testing import Probe, heightmap_message, mesh_message
+from smartmesh_ros.node.timing.pacing import stamp_of
+from smartmesh_ros.tools.testing import heightmap_message, mesh_message, pose_message
 from tests.core import mesh_parts
-from tests.node.shared import fed, spawn, stamped, transform_message
+from tests.node.shared import fed, own_time, stamped, transform_message
 
 FERRY = "{deck: ferry, frame: ferry/base_link, thickness: 0.5, at: [0, 0, 0.5]}"
 BARGE = "{deck: barge, odometry: /barge/odom, thickness: 0.5}"
@@ -34,62 +31,34 @@ def heave(time: float) -> float:
     return 2.0 + HEAVE * math.sin(RATE * time)
 
 
-@contextmanager
-def sailing(probe: Probe) -> Iterator[None]:
+def test_bodies_ride_on_decks_that_follow_a_frame_and_an_odometry(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both ships heave, 10 m to either side: one on /tf, the other on its odometry."""
-    frames = probe.node.create_publisher(TFMessage, "/tf", 10)
-    odometry = probe.node.create_publisher(Odometry, "/barge/odom", 10)
+    now = own_time(monkeypatch)
+    with fed({"decks": [FERRY, BARGE], "frame_id": "map", "physics.sleep": True}) as node:
 
-    def publish() -> None:
-        now = probe.now()
-        time = stamp_seconds(now)
-        assert time is not None
-        frame = transform_message(probe, "map", "ferry/base_link", (10.0, 0.0, heave(time)))
-        frame.header.stamp = now
-        frames.publish(TFMessage(transforms=[frame]))
-        message = stamped(probe, Odometry(child_frame_id="barge"))
-        message.header.stamp = now
-        message.pose.pose.position.x, message.pose.pose.position.z = -10.0, heave(time)
-        message.pose.pose.orientation.w = 1.0
-        message.twist.twist.linear.z = HEAVE * RATE * math.cos(RATE * time)
-        odometry.publish(message)
+        def sail() -> None:
+            frame = transform_message(node, "map", "ferry/base_link", (10.0, 0.0, heave(now[0])))
+            message = stamped(node, Odometry(child_frame_id="barge"))
+            frame.header.stamp = message.header.stamp = stamp_of(now[0])
+            message.pose.pose = pose_message((-10.0, 0.0, heave(now[0])))
+            message.twist.twist.linear.z = HEAVE * RATE * math.cos(RATE * now[0])
+            node.give("/tf", TFMessage(transforms=[frame]), steps=0)
+            node.give("/barge/odom", message, steps=0)
 
-    timer = probe.node.create_timer(0.02, publish)
-    try:
-        yield
-    finally:
-        probe.node.destroy_timer(timer)
+        def error() -> float:
+            ship = heave(node.node.session.state_time())
+            decks = {"on_ferry": ship + 0.5, "on_barge": ship, "below": 0.0}
+            return max(abs(node.world.state(name).position[2] - 0.2 - z) for name, z in decks.items())
 
-
-def test_bodies_ride_on_decks_that_follow_a_frame_and_an_odometry(probe: Probe) -> None:
-    parameters = {"decks": [FERRY, BARGE], "frame_id": "map", "physics.sleep": True}
-    with probe.running(parameters=parameters), sailing(probe):
-
-        def is_there(x: float, low: float, high: float) -> bool:
-            [z] = probe.call("query_ground", QueryGround, x=[x], y=[0.0]).z
-            return low <= z <= high
-
-        probe.publish_map(np.zeros((41, 41)), resolution=1.0, origin=(-20.0, -20.0, 0.0))
-        probe.wait_for(lambda: is_there(0.0, 0.0, 0.0))
-        probe.publish_map(FLAT, resolution=0.25, origin=ORIGIN, tile="ferry", frame_id="ferry/base_link")
-        probe.publish_map(FLAT, resolution=0.25, origin=ORIGIN, tile="barge", frame_id="")
-        probe.wait_for(lambda: is_there(10.0, 2.2, 2.8) and is_there(-10.0, 1.7, 2.3))
-        spawn(probe, "on_ferry", (10.0, 0.0, 3.1))
-        spawn(probe, "on_barge", (-10.0, 0.0, 2.6))
-        spawn(probe, "below", (11.0, 0.0, 0.3))
-        states = probe.received[probe.topic("body_states")]
-
-        def errors() -> list[float]:
-            found = [1.0] if len(states) < 30 else []
-            for message in states[-30:]:
-                time = stamp_seconds(message.header.stamp)
-                assert time is not None
-                z = {body.id: body.pose.position.z for body in message.bodies}
-                decks = {"on_ferry": heave(time) + 0.5, "on_barge": heave(time), "below": 0.0}
-                found += [abs(z.get(name, math.inf) - 0.2 - height) for name, height in decks.items()]
-            return found
-
-        probe.wait_for(lambda: max(errors()) < 0.02)
+        node.give("heightmap", heightmap_message(np.zeros((41, 41)), resolution=1.0, origin=(-20.0, -20.0, 0.0)))
+        for tile, frame in (("ferry", "ferry/base_link"), ("barge", "")):
+            node.give(
+                "heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, tile=tile, frame_id=frame_id)
+            )
+        node.play(now, 0.5, 0.02, sail)
+        for name, x, z in (("on_ferry", 10.0, 3.1), ("on_barge", -10.0, 2.6), ("below", 11.0, 0.3)):
+            node.world.spawn(name, Sphere(0.2), 1.0, BodyState((x, 0.0, z)))
+        assert max(node.play(now, 4.0, 0.02, sail, error)[480:]) < 0.02
 
 
 def test_a_body_of_the_simulation_carries_a_deck_with_maps_updates_and_meshes(domain: int) -> None:

@@ -16,9 +16,9 @@ from rcl_interfaces.srv import SetParameters
 from smartmesh_msgs.msg import Heightmap
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros.node.timing.pacing import NodeClock, stamp_of
+from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, assert_on_map, heightmap_message
-from tests.node.shared import LATCHED, fed, refusals
+from tests.node.shared import LATCHED, fed, own_time, refusals
 
 SHAPE = (40, 30)
 SHARED = {"terrain.motion": "hold"}
@@ -151,27 +151,19 @@ def test_ground_that_rises_slowly_throws_nothing_when_a_stalled_node_goes_on(
 ) -> None:
     """The node stands still while its ground rises by 10 cm, which it must not take for the motion of some steps: that
     would be 3 m/s. How exact velocities are then: test_pacing.py."""
-    now, due, speed, speeds = [1000.0], 1000.0, 0.1, list[float]()
-    for name in ("pace", "stamp_now"):
-        monkeypatch.setattr(NodeClock, name, lambda _: now[0])
+    now, speed = own_time(monkeypatch), 0.1
     with fed({}) as node:
 
-        def run(seconds: float) -> None:
-            nonlocal due
-            end = now[0] + seconds
-            while now[0] < end:
-                if now[0] >= due:
-                    due = now[0] + 1 / 30
-                    heights = np.full((40, 40), speed * (now[0] - 1000.0))
-                    node.give("heightmap", heightmap_message(heights, stamp=stamp_of(now[0])), steps=0)
-                now[0] += max(node.node.pacer.remaining(), 0.0)
-                node.node.tick(node.node.pacer.advance())
-                speeds.append(float(node.world.terrain.at(np.ones((1, 2)), node.world.time).velocities[0]))
+        def rise() -> None:
+            heights = np.full((40, 40), speed * (now[0] - 1000.0))
+            node.give("heightmap", heightmap_message(heights, stamp=stamp_of(now[0])), steps=0)
 
-        run(1.0)
+        def velocity() -> float:
+            return float(node.world.terrain.at(np.ones((1, 2)), node.world.time).velocities[0])
+
+        node.play(now, 1.0, 1 / 30, rise)
         for _ in range(3):
             now[0] += 1.0
-            speeds.clear()
-            run(0.5)
-            assert max(np.abs(speeds)) < 2.0 * speed
-            assert speeds[-1] == pytest.approx(speed, rel=0.01)
+            found = node.play(now, 0.5, 1 / 30, rise, velocity)
+            assert max(np.abs(found)) < 2.0 * speed
+            assert found[-1] == pytest.approx(speed, rel=0.01)

@@ -1,10 +1,7 @@
 """Maps as mappers publish them: corrections, messages that are late or overtake each other, rival publishers."""
 
-import math
-from collections import deque
 from collections.abc import Callable
 from functools import partial
-from time import monotonic
 from types import SimpleNamespace
 from typing import Any, get_args
 
@@ -15,21 +12,20 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from numpy.typing import NDArray
 from smartmesh_msgs.msg import Heightmap
-from smartmesh_msgs.srv import QueryGround
 from std_srvs.srv import Trigger
 
 from smartmesh_ros import BodyState, Box
 from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.rivals import Rivals
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
-from smartmesh_ros.node.timing.pacing import Pacer
+from smartmesh_ros.node.timing.pacing import Pacer, stamp_of
 from smartmesh_ros.node.timing.stamps import StampClock
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import Changes, MotionConfig, MotionMode
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.tools.testing import Probe, heightmap_message
-from tests.node.shared import fed
+from tests.node.shared import fed, own_time
 
 DEFAULTS = {spec.name: spec.default for spec in SPECS}
 GRID = GridGeometry(rows=21, columns=21, resolution=0.5)
@@ -260,18 +256,19 @@ def test_jitter_around_a_steady_delay_does_not_end_the_motion(
     assert found.min() > 0.0 and found.max() < 2.0 * SPEED
 
 
-def test_a_node_shows_the_velocity_of_ground_whose_maps_are_late(shared: Probe) -> None:
-    start, sent, last = monotonic(), 0, deque([math.nan], maxlen=20)
+def test_ground_in_a_node_has_its_velocity_however_late_its_maps_are(
+    domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = own_time(monkeypatch)
+    with fed({}) as node:
 
-    def steady() -> bool:
-        nonlocal sent
-        while (now := monotonic() - start) >= sent / 20.0:
-            sent += 1
-            shared.publish_map(LEVEL + SPEED * now, resolution=0.5, stamp=before(shared.now(), 0, 7))
-        answer = shared.call("query_ground", QueryGround, x=[5.0], y=[5.0])
-        last.append(answer.velocities[2] if answer.success else math.nan)
-        return len(last) == last.maxlen and np.abs(np.array(last) - SPEED).max() < 0.2 * SPEED
+        def rise() -> None:
+            heights = LEVEL + SPEED * (now[0] - 1000.0)
+            node.give("heightmap", heightmap_message(heights, resolution=0.5, stamp=stamp_of(now[0] - 0.7)), steps=0)
 
-    shared.wait_for(steady)
-    ages = shared.diagnostics("connections")
-    assert float(ages["age of stamps on arrival, terrain [s]"]) == pytest.approx(0.7, abs=0.1)
+        def velocity() -> float:
+            return float(node.world.terrain.at(np.full((1, 2), 5.0), node.world.time).velocities[0])
+
+        found = node.play(now, 4.0, 1 / 20, rise, velocity)
+        assert np.abs(np.array(found[240:]) - SPEED).max() < 0.02 * SPEED
+        assert node.node.session.stamp_ages["terrain"] == pytest.approx(0.7, abs=0.1)
