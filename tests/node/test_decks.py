@@ -52,9 +52,7 @@ def test_bodies_ride_on_decks_that_follow_a_frame_and_an_odometry(domain: int, m
 
         node.give("heightmap", heightmap_message(np.zeros((41, 41)), resolution=1.0, origin=(-20.0, -20.0, 0.0)))
         for tile, frame in (("ferry", "ferry/base_link"), ("barge", "")):
-            node.give(
-                "heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, tile=tile, frame_id=frame_id)
-            )
+            node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, tile=tile, frame_id=frame))
         node.play(now, 0.5, 0.02, sail)
         for name, x, z in (("on_ferry", 10.0, 3.1), ("on_barge", -10.0, 2.6), ("below", 11.0, 0.3)):
             node.world.spawn(name, Sphere(0.2), 1.0, BodyState((x, 0.0, z)))
