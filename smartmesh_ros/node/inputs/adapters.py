@@ -28,12 +28,6 @@ ENCODINGS = {"32FC1": "f4", "16UC1": "u2", "mono16": "u2", "mono8": "u1", "8UC1"
 TYPES = {7: "f4", 8: "f8"}
 
 
-def require_resolution(resolution: float) -> None:
-    """Raise `InputError` if a resolution [m] is not possible."""
-    if not (math.isfinite(resolution) and resolution > 0.0):
-        raise InputError("geometry", f"resolution is {resolution} m; it must be finite and greater than zero")
-
-
 def require_length(what: str, actual: int, wanted: int) -> None:
     """Raise `InputError` if the length of the data does not match the sizes."""
     if actual != wanted:
@@ -53,7 +47,6 @@ def grid_map_raster(message: Any, config: RasterConfig) -> Raster:
         if name not in layers and (name or parameter == "raster.layer"):
             raise InputError("layer", f"there is no layer {name!r}; {parameter} may be one of {', '.join(layers)}")
     require_length("the list of layers' data", len(message.data), len(message.layers))
-    require_resolution(info.resolution)
     along_x = _cells_of(info.length_x, info.resolution)
     along_y = _cells_of(info.length_y, info.resolution)
     require_cells(along_x * along_y)
@@ -74,7 +67,7 @@ def grid_map_raster(message: Any, config: RasterConfig) -> Raster:
 
 def _cells_of(length: float, resolution: float) -> int:
     """Return the number of cells of a length [m], rounded as grid_map does; its layers have as many."""
-    cells = length / resolution
+    cells = length / resolution if resolution > 0.0 else math.nan
     if not 0.5 <= cells < 2.0**31:
         raise InputError("geometry", f"a length of {length} m is no number of cells of {resolution} m")
     return math.floor(cells + 0.5)
@@ -122,7 +115,6 @@ def occupancy_raster(message: Any, config: RasterConfig) -> Raster:
     """Convert a nav_msgs/OccupancyGrid: occupied cells stand ``raster.scale`` metres high. ``info.origin`` is the outer
     corner of the first cell."""
     info = message.info
-    require_resolution(info.resolution)
     corner, turn = info.origin.position, info.origin.orientation
     return from_cells(
         occupancy_heights(_cells(message.data, info.height, info.width), config),

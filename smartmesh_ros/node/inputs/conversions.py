@@ -48,9 +48,7 @@ def _solid_of(body: Any) -> Solid | None:
     """Return the shape that a TrackedBody gives, None = none."""
     if not body.shape:
         return None
-    if body.shape not in [*SHAPES]:
-        known = ", ".join(f"{made.__name__.upper()} ({kind:d})" for kind, made in SHAPES.items())
-        raise InputError("shape", f"shape {body.shape} of {body.id!r} is not supported; use one of {known}")
+    _kind_of(body.shape)
     return shape_of(ShapeKind(body.shape), body.dimensions.tolist(), body.centre.tolist())
 
 
@@ -78,11 +76,15 @@ def state_from(pose: Any, twist: Any = None) -> BodyState:
 
 def shape_of_primitive(primitive: SolidPrimitive) -> Shape:
     """Convert a SolidPrimitive, or a capsule in one, to a shape. Numbers and dimensions are those of `ShapeKind`."""
-    made = SHAPES.get(primitive.type)
+    return shape_from(_kind_of(primitive.type), primitive.dimensions)
+
+
+def _kind_of(number: Any) -> type[Shape]:
+    made = SHAPES.get(number)
     if made is None:
-        known = ", ".join(f"{kind.__name__.upper()} ({number:d})" for number, kind in SHAPES.items())
-        raise InputError("shape", f"shape type {primitive.type} is not supported; use one of {known}")
-    return shape_from(made, primitive.dimensions)
+        known = ", ".join(f"{kind.__name__.upper()} ({of:d})" for of, kind in SHAPES.items())
+        raise InputError("shape", f"shape type {number} is not supported; use one of {known}")
+    return made
 
 
 def primitive_of(shape: Shape) -> SolidPrimitive:

@@ -1,7 +1,7 @@
 """The settings of ``terrain_collider``, as its parameters give them. The core's configs hold the core's defaults.
 
 Some parameters are lists of entries that name something: tracked bodies with their topics or frames, peer nodes, and
-what `entries` and `deck_entries` parse.
+what `entries` parses.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from rclpy.validate_topic_name import validate_topic_name
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
-from smartmesh_ros.node.parameters.deck_entries import DeckEntry
-from smartmesh_ros.node.parameters.entries import OutputEntry, ShapeEntry
+from smartmesh_ros.node.parameters.entries import DeckEntry, OutputEntry, ShapeEntry
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
 from smartmesh_ros.soil.soils import soils_from
 from smartmesh_ros.terrain.motion import MotionConfig

@@ -16,9 +16,8 @@ from rclpy.parameter import Parameter
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.parameters import declaring
-from smartmesh_ros.node.parameters.deck_entries import deck_entries
 from smartmesh_ros.node.parameters.declaring import Spec
-from smartmesh_ros.node.parameters.entries import output_entries, shape_entries
+from smartmesh_ros.node.parameters.entries import deck_entries, output_entries, shape_entries
 from smartmesh_ros.node.parameters.helping import files_of, mismatch
 from smartmesh_ros.node.parameters.settings import Settings, TerrainChanges, body_sources, peer_names
 from smartmesh_ros.node.timing.pacing import require_one_clock
