@@ -17,11 +17,10 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.endpoints import EndpointNames, OwnTopics
 from smartmesh_ros.node.inputs.checked_messages import message_from
-from smartmesh_ros.node.inputs.conversions import BodyInput, RobotNames
-from smartmesh_ros.node.inputs.tracked_solids import TrackedSolids
+from smartmesh_ros.node.inputs.conversions import RobotNames
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME, MOST_BODIES, Settings
-from smartmesh_ros.node.refusals import LOG_PERIOD, Refusals, shortened
+from smartmesh_ros.node.refusals import Refusals, shortened
 from smartmesh_ros.node.services.files import FileWork
 from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer, stamp_of
@@ -67,9 +66,8 @@ class Session:
     ``topics``: the node's inputs and outputs. ``jumps``: number of jumps of tracked bodies, by topic. ``unstamped``:
     number of transforms without stamp, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s],
     None = without stamps. ``names``: names of the peer nodes. ``turns``: answers under way. ``files``: reads
-    files and prepares robots. ``tracked_solids``: what tracked bodies are.
-    ``bases``: robots that drive, by name. ``lost``: why bodies were removed, by name, until a
-    reset.
+    files and prepares robots. ``bases``: robots that drive, by name. ``lost``: why bodies were removed, by name, until
+    a reset.
     """
 
     def __init__(self, node: Transport, settings: Settings, clock: Clock) -> None:
@@ -78,7 +76,6 @@ class Session:
         self.world = World(config=settings.world, stopwatch=Stopwatch(now=clock.steady))
         self.world.say, self.world.note = node.get_logger().warning, node.get_logger().info
         self.tracking = Tracking(self.world, settings.body_timeout, settings.max_velocity)
-        self.tracked_solids = TrackedSolids(settings.shapes)
         self.bases = {entry.body: Base(self.world, entry.body, entry.config) for entry in settings.bases}
         self.robot_names = RobotNames(self.world, always=settings.robot_prefix)
         self.jumps: Counter[str] = Counter()
@@ -242,16 +239,6 @@ class Session:
         known = self.world.bodies.get(name)
         if known is not None and not known.tracked:
             raise InputError("duplicate_id", f"{name!r} is simulated; a tracked body needs another name")
-
-    def track(self, topic: str, body: BodyInput, time: float) -> None:
-        """Set the state of a tracked body, or of all parts of a tracked robot, at ``time`` [s] of the loop's clock;
-        count and log a jump of its pose."""
-        parts = self.tracked_solids.parts(body)
-        self.require_room(part.name for part in parts)
-        jumps = [self.tracking.update(*part, time, self.clock.pace(), stated=body.stated) for part in parts]
-        if jump := next(filter(None, jumps), ""):
-            self.jumps[topic] += 1
-            self.node.get_logger().warning(f"{topic}: {jump}", throttle_duration_sec=LOG_PERIOD)
 
     def note_clock(self, source: str, placed: Placed) -> None:
         """Log a line if the stamps of a source, of which this is the first, are not on this node's clock."""

@@ -16,15 +16,18 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import SIZES, require_between, require_possible
+from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.conversions import BodyInput, joint_commands_from, tracked_joints_from
 from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.inputs.transform_input import FollowedFrames, TransformInput
 from smartmesh_ros.node.parameters.entries import topic_name
+from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.session import Session, require_name
 from smartmesh_ros.node.timing.stamps import Placed, StampClock, stamp_seconds
 from smartmesh_ros.world.base import Base
+from smartmesh_ros.world.tracked_robot import TrackedPart, TrackedRobot
 
 SOURCE = "bodies.frames"
 # Matches reliable and best-effort publishers alike.
@@ -38,13 +41,16 @@ class BodyInputs:
         self._session, self.transforms = session, transforms
         self._clocks: dict[str, StampClock] = {}
         self._pose_array_names: set[str] = set()
+        shapes = session.settings.shapes
+        self._solids = {entry.body: entry.solid for entry in shapes if entry.solid is not None}
+        self._robots = {entry.body: TrackedRobot(entry.body, entry.urdf) for entry in shapes if entry.urdf}
         self._sources = dict(session.settings.frames)
         self._frames = FollowedFrames(session, transforms, SOURCE, self._sources, self._follow)
-        self.refresh = self._frames.refresh
+        self.refresh = self._frames.refresh  # before each step
         session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT)
         session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT)
         session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
-        if session.tracked_solids.robots:
+        if self._robots:
             session.listen(JointState, "tracked_joint_states", self._on_tracked_joints, BEST_EFFORT)
         for name, topic in session.settings.poses:
             session.listen(PoseStamped, topic, partial(self._on_pose, name, topic), BEST_EFFORT, private=False)
@@ -93,7 +99,7 @@ class BodyInputs:
                 require_possible(body.name, state)
                 require_between(f"radius of {body.name!r}", radius, SIZES, "m")
             for body, state, radius in zip(bodies, states, radii, strict=True):
-                session.track(topic, body._replace(state=state, radius=radius), placed.time)
+                self._set(topic, body._replace(state=state, radius=radius), placed.time)
 
     def _follow(self, name: str, pose: Transform, stamp: float | None, restarted: bool) -> None:
         session, source, frame = self._session, f"{SOURCE} {name}", self._sources[name]
@@ -106,7 +112,29 @@ class BodyInputs:
         if restarted:
             self._clocks.pop(source, None)
         with self._placed(SOURCE, source, stamp) as placed:
-            session.track(SOURCE, BodyInput(name, BodyState(*pose), session.settings.default_radius), placed.time)
+            self._set(SOURCE, BodyInput(name, BodyState(*pose), session.settings.default_radius), placed.time)
+
+    def _set(self, topic: str, body: BodyInput, time: float) -> None:
+        """Set the state of a body, or of all parts of a robot, at ``time`` [s] of the loop's clock; count and log a
+        jump of its pose."""
+        session, parts = self._session, self._parts(body)
+        session.require_room(part.name for part in parts)
+        jumps = [session.tracking.update(*part, time, session.clock.pace(), stated=body.stated) for part in parts]
+        if jump := next(filter(None, jumps), ""):
+            session.jumps[topic] += 1
+            session.node.get_logger().warning(f"{topic}: {jump}", throttle_duration_sec=LOG_PERIOD)
+
+    def _parts(self, body: BodyInput) -> list[TrackedPart]:
+        """Return the tracked bodies that a body is: itself, or the parts of its robot. Without a stated velocity theirs
+        is zero, to be estimated from successive poses."""
+        robot = self._robots.get(body.name)
+        if robot is None:
+            solid = body.solid or self._solids.get(body.name) or Sphere(body.radius)
+            return [TrackedPart(body.name, solid, body.state)]
+        parts = [*robot.parts(body.state)]
+        if body.stated or any(body.state.linear) or any(body.state.angular):
+            return parts
+        return [part._replace(state=BodyState(part.state.position, part.state.orientation)) for part in parts]
 
     @contextmanager
     def _placed(self, topic: str, source: str, stamp: float | None) -> Iterator[Placed]:
@@ -127,10 +155,9 @@ class BodyInputs:
 
     def _on_tracked_joints(self, message: JointState) -> None:
         """Moves the joints of tracked robots, which take their places with the next pose of the root link."""
-        robots = self._session.tracked_solids.robots
-        known = {name: robot.joints for name, robot in robots.items()}
+        known = {name: robot.joints for name, robot in self._robots.items()}
         for name, joints in tracked_joints_from(message, known).items():
-            robots[name].move(joints)
+            self._robots[name].move(joints)
 
     def _drive(self, base: Base, twist: Twist) -> None:
         base.drive(twist.linear.x, twist.angular.z, self._session.settings.command_timeout or math.inf)

@@ -20,7 +20,6 @@ from smartmesh_ros.node.parameters.declaring import Spec
 from smartmesh_ros.node.parameters.entries import deck_entries, output_entries, shape_entries
 from smartmesh_ros.node.parameters.helping import files_of, mismatch
 from smartmesh_ros.node.parameters.settings import Settings, TerrainChanges, body_sources, peer_names
-from smartmesh_ros.node.timing.pacing import require_one_clock
 from smartmesh_ros.terrain.motion import MOST_SMOOTHING
 
 ConfigT = TypeVar("ConfigT")
@@ -191,7 +190,9 @@ def current_settings(node: Node, changes: Sequence[Parameter] = ()) -> Settings:
     these are invalid together."""
     new = {change.name: declaring.plain_value(change) for change in changes}
     settings = settings_from({**declaring.current_values(node, SPECS), **new})
-    require_one_clock(settings.publish.clock, new.get("use_sim_time", node.get_parameter("use_sim_time").value))
+    if settings.publish.clock > 0.0 and new.get("use_sim_time", node.get_parameter("use_sim_time").value):
+        words = "publish.clock makes this node the source of /clock, use_sim_time makes it follow another"
+        raise InputError("parameter", f"{words}; set one of them")
     return settings
 
 

@@ -12,7 +12,6 @@ from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from rclpy.node import Node
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.stopwatch import Stopwatch
 
 DeadlinePolicy = Literal["skip", "catch_up", "slow_down"]
@@ -66,15 +65,6 @@ def stamp_of(seconds: float) -> Time:
     """Return a time [s] as a stamp; negative times are clamped to zero."""
     nanoseconds = max(round(seconds * 1e9), 0)
     return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
-
-
-def require_one_clock(clock_rate: float, use_sim_time: bool) -> None:
-    """Raises `InputError` if a node would both publish ``/clock`` and follow it."""
-    if clock_rate > 0.0 and use_sim_time:
-        raise InputError(
-            "parameter",
-            "publish.clock makes this node the source of /clock, use_sim_time makes it follow another; set one of them",
-        )
 
 
 class Timeline:
