@@ -58,30 +58,37 @@ def disagreement(geometry: GridGeometry, heights: Heights, other: GridGeometry, 
 
 
 class RivalMaps:
-    """Looks for rivals of each tile. Their names are in the session."""
+    """Looks for rivals of each tile. ``warning``: the tile and the publishers whose maps disagree; empty = none."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self._tiles: dict[str, Rivals] = {}
         self._logged = False
+        self.warning = ""
 
     def clear(self) -> None:
-        """Forgets all maps, once the topics have no second publisher."""
+        """Forgets all maps."""
         self._tiles.clear()
-        self._session.rival_maps = []
+        self.warning = ""
 
     def take(self, tile: str, geometry: GridGeometry, heights: Heights) -> None:
-        """Records a new map of a tile; the names of the publishers change with what it shows."""
+        """Records a new map of a tile, while a topic has a second publisher."""
         session = self._session
+        if all(topic.get_publisher_count() <= 1 for topic in session.terrain_subscriptions):
+            self.clear()
+            return
         self._tiles.setdefault(tile, Rivals()).take(geometry, heights)
         if not any(of_tile.found for of_tile in self._tiles.values()):
-            session.rival_maps = []
-        elif not session.rival_maps:
+            self.warning = ""
+        elif not self.warning:
             topics = [topic.topic_name for topic in session.terrain_subscriptions]
-            session.rival_maps = session.names.of_publishers(session.node, topics) or []
-            if session.rival_maps and not self._logged:
+            names = session.names.of_publishers(session.node, topics)
+            if not names:
+                return
+            self.warning = (
+                f"maps of tile {tile!r} disagree; they come from {', '.join(names)}: remap one of them, or give each a "
+                "tile of its own"
+            )
+            if not self._logged:
                 self._logged = True
-                session.node.get_logger().warning(
-                    f"maps of tile {tile!r} disagree; they come from {', '.join(session.rival_maps)}: remap one of "
-                    "them, or give each a tile of its own"
-                )
+                session.node.get_logger().warning(self.warning)

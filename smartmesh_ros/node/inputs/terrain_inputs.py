@@ -73,7 +73,7 @@ class TerrainInputs:
         """Accepts any stamps from now on, after a reset."""
         self._clocks.clear()
         self._checks.forget()
-        self._session.map_warning = ""
+        self._session.map_warning = self._rivals.warning
 
     def _on_map(self, data: bytes) -> None:
         new = map_from(data)
@@ -94,10 +94,7 @@ class TerrainInputs:
                 target.tiles.remove(target.tile)
                 self._checks.forget(target.name)
                 return
-            if any(source.get_publisher_count() > 1 for source in session.terrain_subscriptions):
-                self._rivals.take(target.name, raster.geometry, raster.heights)
-            elif session.rival_maps:
-                self._rivals.clear()
+            self._rivals.take(target.name, raster.geometry, raster.heights)
             take_map(self._terrain, session.settings, target, raster, placed.time)
             taken = target.tiles.tiles[target.tile]
             if isinstance(taken, HeightMap):
@@ -222,7 +219,7 @@ class TerrainInputs:
                 session.frame_id = session.frame_id or start.frame_id or DEFAULT_FRAME
             session.last_map_time = session.clock.steady()
             session.maps += 1
-            session.map_warning = self._checks.warning
+            session.map_warning = self._rivals.warning or self._checks.warning
         self._on_terrain()
 
 

@@ -110,9 +110,6 @@ class Diagnostics:
             if not sources and session.maps > 1:
                 return DiagnosticStatus.WARN, f"{text}, and nobody publishes maps any more", values
             return DiagnosticStatus.OK, text, values
-        if session.rival_maps:
-            names = ", ".join(session.rival_maps)
-            return DiagnosticStatus.WARN, f"maps disagree; they come from {names}", values
         if session.map_warning:
             return DiagnosticStatus.WARN, session.map_warning, values
         return DiagnosticStatus.OK, "maps arrive", values
