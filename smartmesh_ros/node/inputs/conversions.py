@@ -48,7 +48,7 @@ def _solid_of(body: Any) -> Solid | None:
     """Return the shape that a TrackedBody gives, None = none."""
     if not body.shape:
         return None
-    _kind_of(body.shape)
+    _kind_of(body.shape, f" of {body.id!r}")
     return shape_of(ShapeKind(body.shape), body.dimensions.tolist(), body.centre.tolist())
 
 
@@ -79,11 +79,11 @@ def shape_of_primitive(primitive: SolidPrimitive) -> Shape:
     return shape_from(_kind_of(primitive.type), primitive.dimensions)
 
 
-def _kind_of(number: Any) -> type[Shape]:
+def _kind_of(number: Any, of_whom: str = "") -> type[Shape]:
     made = SHAPES.get(number)
     if made is None:
-        known = ", ".join(f"{kind.__name__.upper()} ({of:d})" for of, kind in SHAPES.items())
-        raise InputError("shape", f"shape type {number} is not supported; use one of {known}")
+        known = ", ".join(f"{kind.__name__.upper()} ({each:d})" for each, kind in SHAPES.items())
+        raise InputError("shape", f"shape type {number}{of_whom} is not supported; use one of {known}")
     return made
 
 
