@@ -131,21 +131,16 @@ class EntityServices:
             response.states.append(self._messages.EntityState())
             self._write_state(name, response.states[-1])
 
-    def _body(self, name: str) -> Body:
-        if (body := self._session.world.bodies.get(name)) is None:
-            raise InputError("unknown_body", f"there is no body {name!r}")
-        return body
-
     def _get_bounds(self, request: Any, response: Any) -> None:
-        body = self._body(request.entity)
+        body = self._session.world.body(request.entity)
         low, high = (Vector3(x=x, y=y, z=z) for x, y, z in (corner.tolist() for corner in own_bounds(body)))
         response.bounds.type, response.bounds.points = self._bounds.TYPE_BOX, [high, low]
 
     def _get_info(self, request: Any, response: Any) -> None:
-        response.info = self._info_of(self._body(request.entity))
+        response.info = self._info_of(self._session.world.body(request.entity))
 
     def _set_info(self, request: Any, _: Any) -> None:
-        name = self._body(request.entity).name
+        name = self._session.world.body(request.entity).name
         category = request.info.category
         known = [value for key, value in vars(type(category)).items() if key.startswith("CATEGORY_")]
         if category.category not in known:
