@@ -107,8 +107,7 @@ class Collider:
     def turn(self) -> bool:
         """Does one turn of a long answer; returns False if there is none under way."""
         with self.session.enduring("services"):
-            if not self.session.turns.advance():
-                return False
+            return self.session.turns.advance()
         return True
 
     def idle(self) -> None:
@@ -207,11 +206,7 @@ class Collider:
             self._peers.forget_stamps()
             session.tracking.restart(session.clock.pace())
             session.stamp_ages.clear()
-            self.restart()
-
-    def restart(self) -> None:
-        """Restarts the loop's deadlines and measurements."""
-        self.pacer.restart()
+            self.pacer.restart()
 
     def _on_terrain(self) -> None:
         self._stand_on_soil()

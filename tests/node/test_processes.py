@@ -41,9 +41,6 @@ class Slow(Node):
         self.pacer = Pacer(0.2, now=lambda: monotonic() + started[0])
         started[0] = 1000.0
 
-    def restart(self):
-        self.pacer.restart()
-
     def idle(self):
         pass
 
