@@ -146,7 +146,7 @@ def test_commands_that_cannot_be_are_refused(domain: int) -> None:
 def test_imus_measure_for_subscribers_alone_and_steps_of_a_pause_have_their_own_stamps(domain: int) -> None:
     with fed({"imus": ["{body: box, rate: 120}"], "frame_id": "map", "publish.clock": 60.0}) as node:
         node.world.spawn("box", Box(0.3, 0.3, 0.3), 1.0, BodyState((0.0, 0.0, 50.0)))
-        [output] = node.node._outputs._imus
+        [output] = node.node._outputs._of_entries["imu"]
         node.run(10)
         assert not node.world.watchers
         found: list[Imu] = []

@@ -40,7 +40,7 @@ def values(message: Float32MultiArray) -> np.ndarray:
 def test_scans_of_all_kinds_of_bodies_are_the_ground_around_them(domain: int) -> None:
     with fed({**SCANS, "physics.gravity": [0.0, 0.0, 0.0]}) as node:
         newest: dict[str, Any] = {}
-        for output in node.node._outputs._scans:
+        for output in node.node._outputs._of_entries["height_scan"]:
             keep = partial(newest.__setitem__, output.publisher.topic_name.rpartition("/")[2])
             output.publisher = SimpleNamespace(publish=keep, get_subscription_count=lambda: 1)
         world, turned = node.world, (0.0, 0.0, math.sin(0.3), math.cos(0.3))
@@ -80,7 +80,7 @@ def test_scans_come_at_their_rate_in_simulated_time_and_only_to_subscribers(monk
         assert not measured
         watcher = Node("watcher", context=node.context)
         watcher.create_subscription(Float32MultiArray, f"/{node.get_name()}/height_scan/ball", lambda _: None, 10)
-        [output] = node._outputs._scans
+        [output] = node._outputs._of_entries["height_scan"]
         wait_until(output.publisher.get_subscription_count)
         published: list[tuple[float, np.ndarray]] = []
         recorder = SimpleNamespace(

@@ -11,7 +11,9 @@ of a number from the end of the 4-byte header is a multiple of the number's size
 from __future__ import annotations
 
 import array
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from functools import partial
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -170,6 +172,25 @@ class ArrayMessage:
         self._end = layout.put(self._buffer, self._end, count, fields)
         self._count += count
 
+    def add_named(
+        self,
+        template: Callable[..., Any],
+        texts: Mapping[str, list[str]],
+        fields: Mapping[str, Any],
+        *,
+        ordered: bool = False,
+    ) -> None:
+        """Add an element for each row of the columns ``texts``, in groups of rows whose texts are of equal lengths;
+        in the order of the rows if ``ordered``. ``template``: returns an element with the texts of a row."""
+        lengths = [tuple(len(text.encode()) for text in row) for row in zip(*texts.values(), strict=True)]
+        order = range(len(lengths)) if ordered else sorted(range(len(lengths)), key=lengths.__getitem__)
+        for size, group in groupby(order, lengths.__getitem__):
+            rows = np.array([*group])
+            chosen = {path: [column[row] for row in rows.tolist()] for path, column in texts.items()}
+            values = {path: value[rows] if np.ndim(value) else value for path, value in fields.items()}
+            values |= {path: text_rows(column) for path, column in chosen.items()}
+            self.add(size, partial(template, *(column[0] for column in chosen.values())), len(rows), values)
+
     def finish(self) -> bytes:
         """Return the message's bytes."""
         self._buffer[: self._start][-4:] = np.array([self._count], "<u4").view(np.uint8)  # the sequence's length
@@ -179,15 +200,6 @@ class ArrayMessage:
 def stamp_fields(header: Header) -> dict[str, Any]:
     """Return the fields of a header's stamp."""
     return {"header.stamp.sec": header.stamp.sec, "header.stamp.nanosec": header.stamp.nanosec}
-
-
-def by_length(texts: list[str]) -> Iterator[tuple[NDArray[np.int64], list[str]]]:
-    """Yield the texts grouped by length in bytes, with their indices."""
-    groups: dict[int, list[int]] = {}
-    for index, text in enumerate(texts):
-        groups.setdefault(len(text.encode()), []).append(index)
-    for indices in groups.values():
-        yield np.array(indices), [texts[index] for index in indices]
 
 
 def floats(values: ArrayLike) -> array.array[float]:

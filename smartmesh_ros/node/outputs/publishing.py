@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import partial
+from itertools import chain
 from typing import Any, NamedTuple
 
 from nav_msgs.msg import Odometry
@@ -11,6 +12,7 @@ from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import (
+    BodyDescriptionArray,
     ColliderPatchArray,
     ContactArray,
     ContactWrenchArray,
@@ -19,7 +21,7 @@ from smartmesh_msgs.msg import (
     Timing,
     TrackedBodyArray,
 )
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.ground.bullet import undone
@@ -28,12 +30,12 @@ from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.node.outputs.audience import Audience
-from smartmesh_ros.node.outputs.body_outputs import BodyDescriptions
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
-from smartmesh_ros.node.outputs.motion_outputs import ImuOutput, OdometryOutput
+from smartmesh_ros.node.outputs.latched import LatchedOutput
+from smartmesh_ros.node.outputs.motion_outputs import ImuOutput, OdometryOutput, deck_state, frame_of
 from smartmesh_ros.node.outputs.scan_outputs import ROUNDING, GroundMapOutput, ScanOutput
-from smartmesh_ros.node.outputs.scene_outputs import RobotModel, SceneMarkers
+from smartmesh_ros.node.outputs.scene_outputs import SceneMarkers, robot_model, shown_robot
 from smartmesh_ros.node.outputs.soil_outputs import sinkage_message, update_message
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
@@ -84,7 +86,13 @@ class Publishing:
         self._contacts = body_outputs.Contacts()
         self._clock = ClockPublishing(session)
         self._transforms = TransformOutputs(session, transforms)
-        self._descriptions = BodyDescriptions(session)
+        self._descriptions = LatchedOutput(
+            session, BodyDescriptionArray, "~/body_descriptions", partial(body_outputs.described_bodies, session.world),
+            lambda bodies: body_outputs.descriptions(self._header(), bodies),
+        )  # fmt: skip
+        self._robot_model = LatchedOutput(
+            session, String, "~/robot_model", partial(shown_robot, session.world, session.robot_names), robot_model
+        )
         self._qos = QoSProfile(depth=10)
         self._outputs = {
             "patches": self._output(MarkerArray, "~/patches", self._make_patches),
@@ -108,16 +116,17 @@ class Publishing:
         if grid_map is not None:
             self._outputs["sinkage"] = self._output(grid_map, "~/sinkage", partial(self._make_sinkage, grid_map))
         self._sunk = -1  # revision of the map in the last message on ~/sinkage
-        self._robot_model = RobotModel(session)
-        self._scans = [ScanOutput(session, entry, self._qos) for entry in session.settings.height_scans]
-        self._ground_maps = [GroundMapOutput(session, entry, self._qos) for entry in session.settings.ground_maps]
-        self._imus = [ImuOutput(session, entry, self._qos) for entry in session.settings.imus]
-        self._odometry = [
-            OdometryOutput(session, entry, session.bases[entry.body], transforms, self._qos)
-            for entry in session.settings.bases
-        ]
-        of_bodies = [*self._scans, *self._ground_maps, *self._imus, *self._odometry]
-        ends: list[Any] = [self._descriptions, self._robot_model, *of_bodies, *self._outputs.values()]
+        settings, qos = session.settings, self._qos
+        self._of_entries: dict[str, list[Any]] = {
+            "height_scan": [ScanOutput(session, entry, qos) for entry in settings.height_scans],
+            "ground_map": [GroundMapOutput(session, entry, qos) for entry in settings.ground_maps],
+            "imu": [ImuOutput(session, entry, qos) for entry in settings.imus],
+            "odom": [
+                OdometryOutput(session, entry, session.bases[entry.body], transforms, qos) for entry in settings.bases
+            ],
+        }
+        of_entries = chain.from_iterable(self._of_entries.values())
+        ends: list[Any] = [self._descriptions, self._robot_model, *of_entries, *self._outputs.values()]
         self._diagnostics = Diagnostics(session, peers, self._clock, [end.publisher for end in ends])
         self._time = RateTime(session)
         # Staggered, so that no step publishes all outputs.
@@ -137,18 +146,10 @@ class Publishing:
         steady, time, enduring = self._now(), self._time.read(), session.enduring
         now, self._handled = now or (idle and session.handled != self._handled), session.handled
         self._publish(self._outputs, time, now=now, idle=idle)
-        with enduring("height_scan"):
-            for scan in self._scans:
-                scan.publish(now=now)
-        with enduring("ground_map"):
-            for ground_map in self._ground_maps:
-                ground_map.publish(now=now)
-        with enduring("imu"):
-            for imu in self._imus:
-                imu.publish()
-        with enduring("odom"):
-            for odometry in self._odometry:
-                odometry.publish(now=now)
+        for name, outputs in self._of_entries.items():
+            with enduring(name):
+                for output in outputs:
+                    output.publish(now=now)
         with enduring("clock"):
             self._clock.publish(steady)
         with enduring("tf"):
@@ -162,11 +163,12 @@ class Publishing:
 
     def close(self) -> None:
         """Deletes patches and scene from the displays of subscribers, which keep them else."""
-        for name, markers in (("patches", self._markers), ("scene", self._scene)):
+        for name, spaces in (("patches", [self._session.marker_namespace]), ("scene", self._scene.namespaces)):
             publisher = self._outputs[name].publisher
             with self._session.enduring(name):
                 if publisher.get_subscription_count():
-                    publisher.publish(markers.cleared(self._header()))
+                    markers = [patch_outputs.deletion(self._header(), space) for space in spaces]
+                    publisher.publish(MarkerArray(markers=markers))
                     publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
 
     def publish_patches(self) -> None:
@@ -200,8 +202,7 @@ class Publishing:
                 output.publisher.publish(message)
 
     def _output(self, kind: Any, topic: str, make: Callable[[], Any]) -> _Output:
-        self._session.topics.publish(topic)
-        return _Output(self._node.create_publisher(kind, topic, self._qos), make)
+        return _Output(self._session.publisher(kind, topic, self._qos), make)
 
     def _header(self) -> Header:
         return Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)
@@ -238,12 +239,11 @@ class Publishing:
         return [body_outputs.joint_states(self._header(), self._world, prefixes)] if prefixes else []
 
     def _make_odometry(self) -> list[Odometry]:
-        header, world, prefixes = self._header(), self._world, self._session.robot_names.prefixes()
-        decks = ((name, deck.frame(world.time)) for name, deck in world.terrain.decks.items())
-        return [
-            *(body_outputs.odometry(header, world, robot, prefix) for robot, prefix in prefixes.items()),
-            *(body_outputs.deck_odometry(header, name, frame) for name, frame in decks),
-        ]
+        """Return the true odometry of each robot, of its root link, and of each deck."""
+        session, world = self._session, self._world
+        robots = [(frame_of(session, name), world.base_state(name)) for name in session.robot_names.prefixes()]
+        decks = [(name, deck_state(deck.frame(world.time))) for name, deck in world.terrain.decks.items()]
+        return [body_outputs.odometry(self._header(), child, state) for child, state in (*robots, *decks)]
 
     def _make_pressed_ground(self) -> list[HeightmapUpdate]:
         """Return the message of what changed in the soil, if any did."""
