@@ -107,7 +107,8 @@ class Collider:
     def turn(self) -> bool:
         """Does one turn of a long answer; returns False if there is none under way."""
         with self.session.enduring("services"):
-            return self.session.turns.advance()
+            if not self.session.turns.advance():
+                return False
         return True
 
     def idle(self) -> None:

@@ -19,7 +19,7 @@ from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.node.timing.stamps import stamp_seconds
 from smartmesh_ros.tools.testing import Probe, heightmap_message, mesh_message
 from tests.core import mesh_parts
-from tests.node.shared import fed, refusal_at_start, spawn, stamped, transform_message
+from tests.node.shared import fed, spawn, stamped, transform_message
 
 FERRY = "{deck: ferry, frame: ferry/base_link, thickness: 0.5, at: [0, 0, 0.5]}"
 BARGE = "{deck: barge, odometry: /barge/odom, thickness: 0.5}"
@@ -157,25 +157,3 @@ def test_maps_in_the_frame_of_a_deck_are_its_maps_and_a_reset_keeps_them(domain:
         node.run(240)
         assert node.heights(0.0, 0.0) == pytest.approx(3.6, abs=0.5)  # a frame moves on for a while
         assert not node.world.terrain.decks["ferry"].moving(node.world.time)
-
-
-@pytest.mark.parametrize(
-    ("entry", "why"),
-    [
-        ("{deck: ferry}", "frame, odometry, body"),
-        ("{deck: ferry, frame: a, body: b}", "frame, odometry, body"),
-        ("{deck: a/b, frame: a}", "without '/'"),
-        ("{deck: ferry, frame: a, link: b}", "a link is that of a body"),
-        ("{deck: ferry, odometry: 'no topic'}", "odometry"),
-        ("{deck: ferry, frame: a, thickness: -1}", "thickness"),
-        ("{deck: ferry, frame: a, at: [0, 0]}", "at must be three numbers"),
-        ("{deck: ferry, frame: a, rpy: [0, 0, .inf]}", "rpy must be three finite numbers"),
-        ("ferry", "a mapping"),
-    ],
-)
-def test_entries_that_are_none_are_refused(domain: int, entry: str, why: str) -> None:
-    assert why in refusal_at_start({"decks": [entry]})
-
-
-def test_decks_need_names_of_their_own(domain: int) -> None:
-    assert "two entries" in refusal_at_start({"decks": [FERRY, FERRY]})

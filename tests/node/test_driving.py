@@ -17,7 +17,7 @@ from smartmesh_ros import BodyState, Box, HeightMap
 from smartmesh_ros.node.inputs.frames import FrameBuffer, Transform
 from smartmesh_ros.tools.testing import Probe, pose_message
 from tests import urdfs
-from tests.node.shared import fed, refusal_at_start, seconds, show_level_ground, spawn
+from tests.node.shared import fed, seconds, show_level_ground, spawn
 from tests.world.test_bases import HINGES, HUSKY_WHEELS, RACECAR, REAR, UNDERCARRIAGE
 
 BASES = [
@@ -163,27 +163,3 @@ def test_imus_measure_for_subscribers_alone_and_steps_of_a_pause_have_their_own_
         count = 0
         node.node.step(1)
         assert not node.world.watchers
-
-
-@pytest.mark.parametrize(
-    ("parameter", "entries", "words"),
-    [
-        ("imus", ["robot"], "must be a mapping with body and any of ['link', 'rate'"),
-        ("imus", ["{body: robot, position: [0, 0, 1]}"], "must be a mapping with body"),
-        ("imus", ["{body: robot, link: [a]}"], "link must be a text"),
-        ("imus", ["{body: robot, rate: 0}"], "rate of an IMU is 0; it must be 0.01 to 10000 Hz"),
-        ("imus", ["{body: robot, gyroscope_bias: [0, 0]}"], "must be three finite numbers"),
-        ("imus", ["{body: a, link: b c}", "{body: a, link: b_c}"], "two entries for ~/imu/a/b_c"),
-        ("bases", ["{body: robot}"], "a base has wheels, with or without steering, or tracks"),
-        ("bases", ["{body: robot, wheels: left}"], "it must be a list of different names"),
-        ("bases", ["{body: robot, wheels: [a, b], radius: -1}"], "radius of a base is -1"),
-        ("bases", ["{body: robot, wheels: [a, b], publish_tf: 1}"], "publish_tf must be true or false"),
-        ("bases", ["{body: robot, wheels: [a, b], speed: 1}"], "must be a mapping with body and any of"),
-        ("bases", ["{body: a, wheels: [a, b]}", "{body: a, tracks: [c]}"], "two entries for ~/odom/a"),
-        ("bases", [f"{{body: {name}, wheels: [a, b], publish_tf: true}}" for name in "ab"], "in one frame"),
-    ],
-)  # fmt: skip
-def test_entries_that_cannot_be_are_refused_at_the_start(parameter: str, entries: list[str], words: str) -> None:
-    refusal = refusal_at_start({parameter: entries})
-    assert f"{parameter} has" in refusal
-    assert words in refusal

@@ -24,7 +24,7 @@ from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.tools.score.terrain_score import TerrainScore
 from smartmesh_ros.tools.testing import Probe
 from tests.grid_maps import grid_map_message
-from tests.node.shared import fed, made_with, refusal_at_start, seconds
+from tests.node.shared import fed, made_with, seconds
 from tests.node.test_ground_services import HILLS, LOW, RESOLUTION
 
 SIZE, SPACING = (3.0, 2.0), 0.25
@@ -99,21 +99,6 @@ def test_sinkage_is_how_deep_soil_was_pressed() -> None:
         assert on_deck.sum() > 10
         assert layers["sinkage"].max() > 0.002
         np.testing.assert_allclose(layers["sinkage"], np.where(on_deck, 0.0, -layers["elevation"]), atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("entry", "words"),
-    [
-        ("{body: husky, layers: [elevation]}", "must be a mapping with body and any of"),
-        ("{body: husky, size: 3}", "size of a height scan is 3; it must be 2 numbers"),
-        ("{body: husky, size: [100, 100], spacing: 0.01}", "there are at most 100000 points"),
-        ("{body: husky, rate: 0}", "rate must be 0.01 to 1000 Hz"),
-    ],
-)
-def test_entries_that_cannot_be_are_refused_at_the_start(domain: int, entry: str, words: str) -> None:
-    refusal = refusal_at_start({"ground_maps": [entry]})
-    assert "ground_maps has" in refusal
-    assert words in refusal
 
 
 LEVEL = np.zeros((6, 8), np.float32)

@@ -17,7 +17,7 @@ from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.terrain.height_scan import yaws_of
 from smartmesh_ros.world.height_scanner import HeightScanner
 from tests import urdfs
-from tests.node.shared import fed, made_with, refusal_at_start, wait_until
+from tests.node.shared import fed, made_with, wait_until
 from tests.node.test_ground_services import hills
 
 SIZE = (0.5, 0.3, 0.2)
@@ -103,30 +103,3 @@ def test_scans_come_at_their_rate_in_simulated_time_and_only_to_subscribers(monk
             node.tick()
         assert len(measured) - count in (5, 6)
         watcher.destroy_node()
-
-
-@pytest.mark.parametrize(
-    ("entries", "words"),
-    [
-        (["robot"], "must be a mapping with body"),
-        (["{layout: isaac_lab}"], "must be a mapping with body"),
-        (["{body: robot, height: 2}"], "must be a mapping with body and any of"),
-        (["{body: robot"], "is no YAML"),
-        (["{body: 2024-13-45}"], "is no YAML"),
-        (["{body: null}"], "the name of a body"),
-        (["{body: [robot]}"], "the name of a body"),
-        (["{body: yes}"], "the name of a body"),
-        (["{body: ''}"], "not empty"),
-        (["{body: robot/base}"], "without '/'"),
-        (["{body: robot, layout: isaac_gym}"], "choose one of ['isaac_lab'"),
-        (["{body: robot, rate: 0}"], "rate must be 0.01 to 1000 Hz"),
-        (["{body: robot, rate: fast}"], "rate must be"),
-        (["{body: robot, rate: .nan}"], "rate must be"),
-        (["{body: robot, noise: -1}"], "noise of a height scan is -1.0; it must be 0 to 1000 m"),
-        (["{body: a b}", "{body: a_b}"], "two entries for ~/height_scan/a_b"),
-    ],
-)
-def test_entries_that_cannot_be_are_refused_at_the_start(entries: list[str], words: str) -> None:
-    refusal = refusal_at_start({"height_scans": entries})
-    assert "height_scans has" in refusal
-    assert words in refusal

@@ -14,7 +14,7 @@ from smartmesh_msgs.msg import BodyDescriptionArray, TrackedBody, TrackedBodyArr
 
 from smartmesh_ros import Box, Cylinder, Sphere
 from smartmesh_ros.tools.testing import Probe, pose_message
-from tests.node.shared import LATCHED, fed, refusal_at_start, show_level_ground, spawn, stamped
+from tests.node.shared import LATCHED, fed, show_level_ground, spawn, stamped
 from tests.world.test_tracked_shapes import ARM
 
 
@@ -78,18 +78,3 @@ def test_a_tracked_robot_follows_its_root_and_its_joints(domain: int, tmp_path: 
         np.testing.assert_allclose(hand.linear, (0.3, 0.0, 0.0) + 2.5 * np.array([-out[1], out[0], 0.0]), atol=1e-4)
         node.require_refused("tracked_joint_states", [("length", JointState(name=["yaw"]))])
         node.require_refused("tracked_joint_states", [("non_finite", JointState(name=["yaw"], position=[math.nan]))])
-
-
-@pytest.mark.parametrize(
-    ("entries", "words"),
-    [
-        (["{body: a}"], "it needs a shape and its size, or a urdf"),
-        (["{body: a, shape: cone, size: [1]}"], "there is no shape 'cone'; choose sphere, box, cylinder, capsule"),
-        (["{body: a, shape: box, size: 1}"], "size must be a list of numbers"),
-        (["{body: a, shape: box, size: [1, 2]}"], "BOX needs 3 dimensions [x, y, z], not 2"),
-        (["{body: a, shape: sphere, size: [1]}", "{body: a, shape: sphere, size: [2]}"], "two entries for a"),
-        (["{body: a, urdf: /nowhere.urdf}"], "/nowhere.urdf"),
-    ],
-)
-def test_entries_that_cannot_be_are_refused_at_the_start(entries: list[str], words: str) -> None:
-    assert words in refusal_at_start({"bodies.shapes": entries})

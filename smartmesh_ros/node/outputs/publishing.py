@@ -7,6 +7,7 @@ from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple
 
+import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
@@ -30,13 +31,14 @@ from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.node.outputs.audience import Audience
+from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
+from smartmesh_ros.node.outputs.grid_maps import grid_map_message
 from smartmesh_ros.node.outputs.latched import LatchedOutput
 from smartmesh_ros.node.outputs.motion_outputs import ImuOutput, OdometryOutput, deck_state, frame_of
 from smartmesh_ros.node.outputs.scan_outputs import ROUNDING, GroundMapOutput, ScanOutput
 from smartmesh_ros.node.outputs.scene_outputs import SceneMarkers, robot_model, shown_robot
-from smartmesh_ros.node.outputs.soil_outputs import sinkage_message, update_message
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.soil.soil import Soil
@@ -250,7 +252,16 @@ class Publishing:
         world, everything = self._world, self._needs_all("pressed_ground")
         soil = world.ground.soil
         region = soil.changes(world.time, everything=everything) if isinstance(soil, Soil) else None
-        return [] if region is None else [update_message(self._header(), "", region)]
+        if region is None:
+            return []
+        height, width = region.heights.shape
+        heights, velocities = floats(region.heights), floats(region.velocities)
+        return [
+            HeightmapUpdate(
+                header=self._header(), x=region.column, y=region.row, width=width, height=height, heights=heights,
+                velocities=velocities,
+            )
+        ]  # fmt: skip
 
     def _make_sinkage(self, kind: Any) -> list[Any]:
         """Return the grid map of the soil, if it changed or somebody is new."""
@@ -260,7 +271,9 @@ class Publishing:
         shown, self._sunk = self._sunk, soil.map.revision
         if shown == soil.map.revision and not (everything and self._audiences["sinkage"].new):
             return []
-        return [sinkage_message(kind, self._header(), soil)]
+        grid = soil.map.geometry
+        layers = {"elevation": soil.map.heights + np.float32(grid.origin[2]), "sinkage": soil.sinkage()}
+        return [grid_map_message(kind, self._header(), grid, layers)]
 
     def _make_scene(self) -> bytes:
         return self._scene.write(self._header(), clear=self._needs_all("scene"))

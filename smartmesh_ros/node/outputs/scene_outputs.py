@@ -16,7 +16,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls
-from smartmesh_ros.ground.shapes import ShapeKind, padded_dimensions
+from smartmesh_ros.ground.shapes import ShapeKind
 from smartmesh_ros.node.inputs.conversions import RobotNames
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, stamp_fields
 from smartmesh_ros.node.outputs.ground_view import GroundView, ground_points, window_around
@@ -26,7 +26,7 @@ from smartmesh_ros.node.session import Session
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.robots.description import is_text, named_file
-from smartmesh_ros.world.states import SimulatedStates
+from smartmesh_ros.world.states import SimulatedStates, body_table
 from smartmesh_ros.world.world import World
 
 BALL, BOX, CYLINDER, CAPSULE = ShapeKind.BALL, ShapeKind.BOX, ShapeKind.CYLINDER, ShapeKind.CAPSULE
@@ -59,9 +59,9 @@ class SceneMarkers:
     ``~/robot_model``; further ones are boxes. Ids of bodies are constant, and those of bodies that go are deleted.
     ``namespaces``: of bodies and ground."""
 
-    def __init__(self, session: Session, view: GroundView | None = None) -> None:
+    def __init__(self, session: Session) -> None:
         self._session, self._world = session, session.world
-        self._view = view or GroundView()
+        self._view = GroundView()
         own = session.marker_namespace
         self.namespaces = ("bodies", "ground") if own == "patches" else (f"{own}/bodies", f"{own}/ground")
         self._bodies, self._ground = self.namespaces
@@ -95,33 +95,25 @@ class SceneMarkers:
 
     def _groups(self) -> Iterator[Drawn]:
         """Yield the markers of all bodies."""
-        world, states = self._world, self._states.read()
-        prefixes = self._session.robot_names.prefixes()
-        first = next(iter(prefixes), None)
+        world, first = self._world, next(iter(self._session.robot_names.prefixes()), None)
         tracked = [body for body in world.bodies.values() if body.tracked]
-        names = [*states.names, *(body.name for body in tracked)]
+        poses_w = BulletCalls(world.client).poses([body.uid for body in tracked])
+        tables = self._states.read(), body_table(tracked)._replace(numbers=poses_w)
+        names = [name for table in tables for name in table.names]
         for name in names:
             if name not in self._ids:
                 self._ids[name], self._next_id = self._next_id, self._next_id + PER_BODY
         if len(self._ids) > 2 * len(names) + 100:
             self._ids = {name: self._ids[name] for name in names}
-        ids = np.array([self._ids[name] for name in states.names], np.int64)
-        drawn = np.array([name != first for name in states.names], np.bool_)
-        poses = states.numbers[:, :7].copy()
-        poses[:, :3] += turned(poses[:, 3:], states.centres)
-        for kind in COLOURS:
-            chosen = np.flatnonzero(drawn & (states.kinds == kind))
-            if len(chosen):
-                yield from parts_of(kind, COLOURS[kind], ids[chosen], poses[chosen], states.dimensions[chosen])
-        if tracked:
-            found = BulletCalls(world.client).poses([body.uid for body in tracked])
-            outlines = [body.outline for body in tracked]
-            found[:, :3] += turned(found[:, 3:], np.array([outline.centre for outline in outlines]))
-            numbers, kinds = np.array([self._ids[body.name] for body in tracked]), [one.kind for one in outlines]
-            sizes = np.array([padded_dimensions(outline) for outline in outlines])
-            for kind in COLOURS:
-                if rows := [row for row, one in enumerate(kinds) if one == kind]:
-                    yield from parts_of(kind, TRACKED, numbers[rows], found[rows], sizes[rows])
+        for table, one_colour in zip(tables, (None, TRACKED), strict=True):
+            ids = np.array([self._ids[name] for name in table.names], np.int64)
+            drawn = np.array([name != first for name in table.names], np.bool_)
+            poses = table.numbers[:, :7].copy()
+            poses[:, :3] += turned(poses[:, 3:], table.centres)
+            for kind, colour in COLOURS.items():
+                rows = np.flatnonzero(drawn & (table.kinds == kind))
+                if len(rows):
+                    yield from parts_of(kind, one_colour or colour, ids[rows], poses[rows], table.dimensions[rows])
 
     def _add_ground(self, header: Header, poses: FloatArray, *, again: bool) -> None:
         """Add the ground if it or the place of the bodies has changed, or ``again``."""

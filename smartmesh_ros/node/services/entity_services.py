@@ -17,7 +17,7 @@ from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.outputs.body_outputs import pose_message, twist_message
 from smartmesh_ros.node.services.entities import own_bounds, select
 from smartmesh_ros.node.services.files import allowed_folders, files_in, robot_name, urdf_text, with_package_paths
-from smartmesh_ros.node.services.standard import Standard, refuse_unsupported, tagged
+from smartmesh_ros.node.services.standard import Standard, tagged
 from smartmesh_ros.node.session import REFUSED, require_name
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.link_frames import centre_state
@@ -48,7 +48,7 @@ class EntityServices:
         serve("DeleteEntity", self._delete)
         serve("GetSpawnables", self._get_spawnables)
         serve("GetNamedPoses", self._get_poses)
-        serve("GetNamedPoseBounds", refuse_unsupported("named poses have no bounds here"))
+        serve("GetNamedPoseBounds", self._get_pose_bounds)
         serve("GetEntities", self._get_entities)
         serve("GetEntitiesStates", self._get_entities_states)
         serve("GetEntityBounds", self._get_bounds)
@@ -121,6 +121,9 @@ class EntityServices:
             words = f"where {name} starts"
             pose = self._messages.NamedPose(name=name, description=words, tags=[START], pose=pose_message(start))
             response.poses.append(pose)
+
+    def _get_pose_bounds(self, _: Any, __: Any) -> None:
+        raise InputError("unsupported", "named poses have no bounds here")
 
     def _get_entities(self, request: Any, response: Any) -> None:
         response.entities = select(self._session.world, request.filters, self._bounds, self._info_of)
