@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from nav_msgs.msg import Odometry
@@ -69,9 +70,13 @@ class RateTime:
         return self._time + ROUNDING * session.world.dt
 
 
-class _Output(NamedTuple):
+@dataclass
+class _Output:
     publisher: Any
     make: Callable[[], Any]  # the message, or a list of messages
+    audience: Audience
+    due: float = 0.0  # when the next message is [s]
+    served: int = 0  # number of subscribers of the last message
 
 
 class Publishing:
@@ -131,15 +136,10 @@ class Publishing:
         ends: list[Any] = [self._descriptions, self._robot_model, *of_entries, *self._outputs.values()]
         self._diagnostics = Diagnostics(session, peers, self._clock, [end.publisher for end in ends])
         self._time = RateTime(session)
-        # Staggered, so that no step publishes all outputs.
-        self._due = {
-            name: place / (len(self._outputs) * max(session.settings.publish.of(name), 1.0))
-            for place, name in enumerate(self._outputs)
-        }
+        for place, (name, output) in enumerate(self._outputs.items()):  # staggered, so that no step publishes all
+            output.due = place / (len(self._outputs) * max(settings.publish.of(name), 1.0))
         self._handled = 0  # messages and calls at the last time
-        self._served = dict.fromkeys(self._outputs, 0)  # numbers of subscribers of the last messages
         self._timing_window = Window(session)
-        self._audiences = {name: Audience(self._now) for name in (*PATCH_OUTPUTS, "pressed_ground", "sinkage", "scene")}
 
     def publish(self, *, now: bool = False, idle: bool = False) -> None:
         """Publishes every output that has subscribers and is due. ``now``: due or not. ``idle``: without a step, also
@@ -181,47 +181,41 @@ class Publishing:
         rates = self._session.settings.publish
         for name in names:
             output, rate = self._outputs[name], rates.of(name)
-            due = now or time >= self._due[name] or (idle and self._has_joined(name, output))
+            due = now or time >= output.due or (idle and _has_joined(output))
             if rate > 0.0 and due:
                 # Keeps the phase, unless a message was missed or came before it was due.
-                self._due[name] = max(min(self._due[name], time) + 1.0 / rate, time)
+                output.due = max(min(output.due, time) + 1.0 / rate, time)
                 with self._session.enduring(name):
-                    self._send(name, output)
+                    self._send(output)
 
-    def _has_joined(self, name: str, output: _Output) -> bool:
-        """Return True if an output has more subscribers than at its last message, or at the last call."""
-        before, self._served[name] = self._served[name], output.publisher.get_subscription_count()
-        return self._served[name] > before
-
-    def _send(self, name: str, output: _Output) -> None:
-        self._served[name] = output.publisher.get_subscription_count()
-        if not self._served[name]:
+    def _send(self, output: _Output) -> None:
+        output.served = output.publisher.get_subscription_count()
+        if not output.served:
             return
-        audience = self._audiences.get(name, Audience(self._now))
-        with self._world.stopwatch.stage("publish"), undone(audience.missed):
+        with self._world.stopwatch.stage("publish"), undone(output.audience.missed):
             made = output.make()
             for message in made if isinstance(made, list) else [made]:
                 output.publisher.publish(message)
 
     def _output(self, kind: Any, topic: str, make: Callable[[], Any]) -> _Output:
-        return _Output(self._session.publisher(kind, topic, self._qos), make)
+        return _Output(self._session.publisher(kind, topic, self._qos), make, Audience(self._now))
 
     def _header(self) -> Header:
         return Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)
 
-    def _needs_all(self, output: str) -> bool:
-        publisher, audience = self._outputs[output].publisher, self._audiences[output]
-        audience.count(publisher.get_subscription_count(), self._node.count_publishers(publisher.topic_name))
-        return audience.needs_all()
+    def _needs_all(self, name: str) -> bool:
+        output = self._outputs[name]
+        output.audience.count(output.served, self._node.count_publishers(output.publisher.topic_name))
+        return output.audience.needs_all()
 
-    def _only_changed(self, output: str) -> bool:
-        return not self._needs_all(output) and self._session.settings.incremental
+    def _only_changed(self, name: str) -> bool:
+        return not self._needs_all(name) and self._session.settings.incremental
 
     def _make_patches(self) -> bytes:
         world, only_changed = self._world, self._only_changed("patches")
         return self._markers.write(
             self._header(), world.patches(), world.followers.names, world.followers.epoch,
-            only_changed=only_changed, clear=self._audiences["patches"].new and not only_changed,
+            only_changed=only_changed, clear=self._outputs["patches"].audience.new and not only_changed,
         )  # fmt: skip
 
     def _make_collider_patches(self) -> bytes:
@@ -269,7 +263,7 @@ class Publishing:
         if not isinstance(soil, Soil):
             return []
         shown, self._sunk = self._sunk, soil.map.revision
-        if shown == soil.map.revision and not (everything and self._audiences["sinkage"].new):
+        if shown == soil.map.revision and not (everything and self._outputs["sinkage"].audience.new):
             return []
         grid = soil.map.geometry
         layers = {"elevation": soil.map.heights + np.float32(grid.origin[2]), "sinkage": soil.sinkage()}
@@ -289,3 +283,9 @@ class Publishing:
         message = Timing(window_s=length, real_time_factor=factor, deadline_misses=misses, stages=stages)
         message.header.stamp = self._session.stamp_now()
         return message
+
+
+def _has_joined(output: _Output) -> bool:
+    """Return True if an output has more subscribers than at its last message, or at the last call."""
+    before, output.served = output.served, output.publisher.get_subscription_count()
+    return output.served > before
