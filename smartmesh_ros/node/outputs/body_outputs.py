@@ -144,11 +144,6 @@ def quaternion_message(values: Sequence[float]) -> Quaternion:
     return Quaternion(x=x, y=y, z=z, w=w)
 
 
-def described_bodies(world: World) -> list[Body]:
-    """Return the bodies that are described: all but those of other nodes."""
-    return [body for body in world.bodies.values() if not body.owner]
-
-
 def descriptions(header: Header, bodies: list[Body]) -> BodyDescriptionArray:
     """Return the descriptions of bodies."""
     return BodyDescriptionArray(header=header, bodies=[description(body) for body in bodies])

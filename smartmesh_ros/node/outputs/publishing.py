@@ -94,7 +94,8 @@ class Publishing:
         self._clock = ClockPublishing(session)
         self._transforms = TransformOutputs(session, transforms)
         self._descriptions = LatchedOutput(
-            session, BodyDescriptionArray, "~/body_descriptions", partial(body_outputs.described_bodies, session.world),
+            session, BodyDescriptionArray, "~/body_descriptions",
+            lambda: [body for body in session.world.bodies.values() if not body.owner],
             lambda bodies: body_outputs.descriptions(self._header(), bodies),
         )  # fmt: skip
         self._robot_model = LatchedOutput(
