@@ -9,7 +9,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -96,12 +96,12 @@ def started(make_node: Callable[[], Any], args: Sequence[str] | None) -> Iterato
 
 def spin(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> None:
     """Make a node without a loop of its own, as `started` does, and handle its messages until SIGINT or SIGTERM."""
-    with started(make_node, args) as (node, stop):
+    with started(make_node, args) as (node, stop), ExitStack() as ends:
         executor = SingleThreadedExecutor()
+        ends.callback(executor.shutdown)
         executor.add_node(node)
         while not stop.asked:
             executor.spin_once(timeout_sec=LONGEST_WAIT)
-        executor.shutdown()
 
 
 def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
@@ -112,9 +112,10 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
     240 Hz. Long answers continue in between by the node's ``turn()``. Input that rclpy rejects (a malformed request, a
     parameter without a type) is counted in the node's ``refusals``.
     """
-    with started(make_node, args) as (node, stop):
+    with started(make_node, args) as (node, stop), ExitStack() as ends:
         executor = EventsExecutor()
         executor.add_node(node)
+        ends.callback(executor.remove_node, node)
         gc.collect()
         gc.freeze()  # the objects so far live as long as the node; each collection of them would take 20 ms
         node.pacer.restart()
@@ -134,7 +135,6 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
             if not stop.asked:
                 node.tick(node.pacer.advance())
                 worked = monotonic()
-        executor.remove_node(node)
 
 
 def _handle_some(executor: Executor, node: Any) -> None:
