@@ -37,42 +37,30 @@ from smartmesh_ros.world.state_table import StateTable
 from smartmesh_ros.world.world import World
 
 
-class BodyStates:
-    """``~/body_states``: every simulated body."""
-
-    def __init__(self) -> None:
-        self._message = ArrayMessage()
-
-    def write(self, header: Header, states: StateTable, physics: PhysicsConfig, ahead: float) -> bytes:
-        """Return the TrackedBodyArray; ``ahead``: lead of the states' time over the header's stamp [s]."""
-        message = self._message
-        message.start(
-            (header.frame_id, physics.rate, physics.gravity),
-            lambda: TrackedBodyArray(header=header, rate=physics.rate, gravity=np.array(physics.gravity, np.float32)),
-            {**stamp_fields(header), "ahead": ahead},
-        )
-        fields = {
-            "radius": states.radii, "shape": states.kinds, "dimensions": states.dimensions, "centre": states.centres,
-            "mass": states.masses, **dict(zip(_STATE_FIELDS, states.numbers.T, strict=True)),
-        }  # fmt: skip
-        message.add_named(lambda name: TrackedBody(id=name), {"id": states.names}, fields, ordered=True)
-        return message.finish()
+def body_states(
+    message: ArrayMessage, header: Header, states: StateTable, physics: PhysicsConfig, ahead: float
+) -> bytes:
+    """Return the TrackedBodyArray of bodies; ``ahead``: lead of the states' time over the header's stamp [s]."""
+    message.start(
+        (header.frame_id, physics.rate, physics.gravity),
+        lambda: TrackedBodyArray(header=header, rate=physics.rate, gravity=np.array(physics.gravity, np.float32)),
+        {**stamp_fields(header), "ahead": ahead},
+    )
+    fields = {
+        "radius": states.radii, "shape": states.kinds, "dimensions": states.dimensions, "centre": states.centres,
+        "mass": states.masses, **dict(zip(_STATE_FIELDS, states.numbers.T, strict=True)),
+    }  # fmt: skip
+    message.add_named(lambda name: TrackedBody(id=name), {"id": states.names}, fields, ordered=True)
+    return message.finish()
 
 
-class Contacts:
-    """``~/contacts``: contacts between bodies and the ground."""
-
-    def __init__(self) -> None:
-        self._message = ArrayMessage()
-
-    def write(self, header: Header, contacts: list[GroundContact]) -> bytes:
-        """Return the ContactArray."""
-        message = self._message
-        message.start(header.frame_id, lambda: ContactArray(header=header), stamp_fields(header))
-        numbers = np.array([(*c.position, *c.normal, c.depth, c.normal_force) for c in contacts]).reshape(-1, 8)
-        names, fields = [contact.body for contact in contacts], dict(zip(_CONTACT_FIELDS, numbers.T, strict=True))
-        message.add_named(lambda name: Contact(body_id=name), {"body_id": names}, fields)
-        return message.finish()
+def contact_array(message: ArrayMessage, header: Header, contacts: list[GroundContact]) -> bytes:
+    """Return the ContactArray of contacts between bodies and the ground."""
+    message.start(header.frame_id, lambda: ContactArray(header=header), stamp_fields(header))
+    numbers = np.array([(*c.position, *c.normal, c.depth, c.normal_force) for c in contacts]).reshape(-1, 8)
+    names, fields = [contact.body for contact in contacts], dict(zip(_CONTACT_FIELDS, numbers.T, strict=True))
+    message.add_named(lambda name: Contact(body_id=name), {"body_id": names}, fields)
+    return message.finish()
 
 
 _CONTACT_FIELDS = (

@@ -32,7 +32,7 @@ from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.node.outputs.audience import Audience
-from smartmesh_ros.node.outputs.cdr import floats
+from smartmesh_ros.node.outputs.cdr import ArrayMessage, floats
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
 from smartmesh_ros.node.outputs.grid_maps import grid_map_message
@@ -89,8 +89,7 @@ class Publishing:
         self._collider_patches = patch_outputs.ColliderPatches()
         self._scene = SceneMarkers(session)
         self._states = SimulatedStates(session.world)
-        self._body_states = body_outputs.BodyStates()
-        self._contacts = body_outputs.Contacts()
+        self._body_states, self._contacts = ArrayMessage(), ArrayMessage()
         self._clock = ClockPublishing(session)
         self._transforms = TransformOutputs(session, transforms)
         self._descriptions = LatchedOutput(
@@ -106,9 +105,7 @@ class Publishing:
             "patches": self._output(MarkerArray, "~/patches", self._make_patches),
             "collider_patches": self._output(ColliderPatchArray, "~/collider_patches", self._make_collider_patches),
             "body_states": self._output(TrackedBodyArray, "~/body_states", self._make_body_states),
-            "contacts": self._output(
-                ContactArray, "~/contacts", lambda: self._contacts.write(self._header(), self._world.contacts())
-            ),
+            "contacts": self._output(ContactArray, "~/contacts", self._make_contacts),
             "timing": self._output(Timing, "~/timing", self._make_timing),
             "joint_states": self._output(JointState, "~/joint_states", self._make_joint_states),
             "odometry": self._output(Odometry, "~/odometry", self._make_odometry),
@@ -228,7 +225,11 @@ class Publishing:
 
     def _make_body_states(self) -> bytes:
         physics = self._world.config.physics
-        return self._body_states.write(self._header(), self._states.read(), physics, self._session.ahead_of_stamps())
+        states, ahead = self._states.read(), self._session.ahead_of_stamps()
+        return body_outputs.body_states(self._body_states, self._header(), states, physics, ahead)
+
+    def _make_contacts(self) -> bytes:
+        return body_outputs.contact_array(self._contacts, self._header(), self._world.contacts())
 
     def _make_joint_states(self) -> list[JointState]:
         """Return one message, or none if the world has no robot."""
