@@ -139,7 +139,11 @@ class Elements:
 
 def text_rows(texts: list[str]) -> NDArray[np.uint8]:
     """Return texts of equal length in bytes as an array (n, bytes), each with its terminating zero."""
-    data = [text.encode() + b"\0" for text in texts]
+    return byte_rows([text.encode() + b"\0" for text in texts])
+
+
+def byte_rows(data: list[bytes]) -> NDArray[np.uint8]:
+    """Return bytes of equal length as an array (n, length)."""
     return np.frombuffer(b"".join(data), np.uint8).reshape(len(data), -1)
 
 
@@ -182,14 +186,16 @@ class ArrayMessage:
     ) -> None:
         """Add an element for each row of the columns ``texts``, in groups of rows whose texts are of equal lengths;
         in the order of the rows if ``ordered``. ``template``: returns an element with the texts of a row."""
-        lengths = [tuple(len(text.encode()) for text in row) for row in zip(*texts.values(), strict=True)]
+        encoded = {path: [text.encode() + b"\0" for text in column] for path, column in texts.items()}
+        lengths = [*zip(*(map(len, column) for column in encoded.values()), strict=True)]
         order = range(len(lengths)) if ordered else sorted(range(len(lengths)), key=lengths.__getitem__)
         for size, group in groupby(order, lengths.__getitem__):
-            rows = np.array([*group])
-            chosen = {path: [column[row] for row in rows.tolist()] for path, column in texts.items()}
-            values = {path: value[rows] if np.ndim(value) else value for path, value in fields.items()}
-            values |= {path: text_rows(column) for path, column in chosen.items()}
-            self.add(size, partial(template, *(column[0] for column in chosen.values())), len(rows), values)
+            rows = [*group]
+            whole = rows[-1] - rows[0] == len(rows) - 1
+            chosen: Any = slice(rows[0], rows[-1] + 1) if whole else np.array(rows)
+            values = {path: value[chosen] if np.ndim(value) else value for path, value in fields.items()}
+            values |= {path: byte_rows([column[row] for row in rows]) for path, column in encoded.items()}
+            self.add(size, partial(template, *(column[rows[0]] for column in texts.values())), len(rows), values)
 
     def finish(self) -> bytes:
         """Return the message's bytes."""
