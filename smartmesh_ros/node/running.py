@@ -8,7 +8,8 @@ import signal
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -66,25 +67,26 @@ def init(args: Sequence[str] | None = None) -> None:
     rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
 
 
-def spin(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> None:
-    """Make a node without a loop of its own and handle its messages until SIGINT or SIGTERM; exits with 2 and the
-    reason if the node refuses its settings."""
-    init(args)
-    executor, stop, node = SingleThreadedExecutor(), Stop(), None
+@contextmanager
+def started(make_node: Callable[[], Any], args: Sequence[str] | None) -> Iterator[tuple[Any, Stop]]:
+    """Make a node, and destroy it after the block; exits with 2 and the reason if the node refuses its settings, and
+    with 0 after a signal during the start."""
+    stop, node = Stop(), None
     try:
+        init(args)
         node = make_node()
         stop.starting = False
         warn_of_unused_overrides(node)
-        executor.add_node(node)
-        while not stop.asked:
-            executor.spin_once(timeout_sec=LONGEST_WAIT)
-    except InputError as error:
-        print(f"cannot start: {error}", file=sys.stderr)
+        yield node, stop
+    except (InputError, rclpy_implementation.RCLError) as error:
+        words = "" if isinstance(error, InputError) else "no security, which ROS_SECURITY_ENABLE asks for: "
+        if node is not None or (words and os.environ.get("ROS_SECURITY_ENABLE", "").lower() != "true"):
+            raise
+        print(f"cannot start: {words}{error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
-        pass
+        sys.exit()
     finally:
-        executor.shutdown()
         # Otherwise, if Python ends without freeing its objects, peers may send to the shared memory of this node, and
         # not to that of the next one.
         if node is not None:
@@ -92,59 +94,47 @@ def spin(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> Non
         try_shutdown()
 
 
-def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
-    """Makes a node, calls its ``tick(skipped)`` at each deadline of its ``pacer``, and handles messages in between.
+def spin(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> None:
+    """Make a node without a loop of its own, as `started` does, and handle its messages until SIGINT or SIGTERM."""
+    with started(make_node, args) as (node, stop), ExitStack() as ends:
+        executor = SingleThreadedExecutor()
+        ends.callback(executor.shutdown)
+        executor.add_node(node)
+        while not stop.asked:
+            executor.spin_once(timeout_sec=LONGEST_WAIT)
 
-    The node's ``restart()`` sets the first deadline as soon as the node is ready. This loop keeps the deadlines and
-    calls ``spin_once`` of the events executor, which costs a tenth of the others at 240 Hz. Long answers continue
-    in between by the node's ``turn()``. Input that rclpy rejects (a malformed request, a parameter without a type) is
-    counted in the node's ``refusals``. Returns after SIGINT or SIGTERM; exits with 2 if the node's settings are
-    invalid.
+
+def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
+    """Make a node, as `started` does, call its ``tick(skipped)`` at each deadline of its ``pacer``, and handle messages
+    in between, until SIGINT or SIGTERM.
+
+    This loop keeps the deadlines and calls ``spin_once`` of the events executor, which costs a tenth of the others at
+    240 Hz. Long answers continue in between by the node's ``turn()``. Input that rclpy rejects (a malformed request, a
+    parameter without a type) is counted in the node's ``refusals``.
     """
-    stop = Stop()
-    try:
-        try:
-            init(args)
-            node = make_node()
-            stop.starting = False
-        except KeyboardInterrupt:
-            return
-        except InputError as error:
-            print(f"cannot start: {error}", file=sys.stderr)
-            sys.exit(2)
-        except rclpy_implementation.RCLError as error:
-            if os.environ.get("ROS_SECURITY_ENABLE", "").lower() != "true":
-                raise
-            print(f"cannot start: no security, which ROS_SECURITY_ENABLE asks for: {error}", file=sys.stderr)
-            sys.exit(2)
-        warn_of_unused_overrides(node)
+    with started(make_node, args) as (node, stop), ExitStack() as ends:
         executor = EventsExecutor()
         executor.add_node(node)
+        ends.callback(executor.remove_node, node)
         gc.collect()
         gc.freeze()  # the objects so far live as long as the node; each collection of them would take 20 ms
-        node.restart()
+        node.pacer.restart()
         worked = monotonic()
-        try:
-            while not stop.asked:
-                if node.pacer.remaining() <= 0.0:
-                    _handle_some(executor, node)
-                    node.turn()
-                turned = False
-                while not stop.asked and (left := node.pacer.remaining()) > 0.0:
-                    works = (left > TURN or not turned) and node.turn()
-                    turned |= works
-                    _handle(executor, node, 0.0 if works else min(left, LONGEST_WAIT))
-                    if monotonic() - worked > LONGEST_WAIT:
-                        node.idle()
-                        worked = monotonic()
-                if not stop.asked:
-                    node.tick(node.pacer.advance())
+        while not stop.asked:
+            if node.pacer.remaining() <= 0.0:
+                _handle_some(executor, node)
+                node.turn()
+            turned = False
+            while not stop.asked and (left := node.pacer.remaining()) > 0.0:
+                works = (left > TURN or not turned) and node.turn()
+                turned |= works
+                _handle(executor, node, 0.0 if works else min(left, LONGEST_WAIT))
+                if monotonic() - worked > LONGEST_WAIT:
+                    node.idle()
                     worked = monotonic()
-        finally:
-            executor.remove_node(node)
-            node.destroy_node()
-    finally:
-        try_shutdown()
+            if not stop.asked:
+                node.tick(node.pacer.advance())
+                worked = monotonic()
 
 
 def _handle_some(executor: Executor, node: Any) -> None:

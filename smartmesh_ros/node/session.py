@@ -11,7 +11,7 @@ from typing import Any
 import pybullet as pb
 from builtin_interfaces.msg import Time
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import BodyState
@@ -34,6 +34,8 @@ from smartmesh_ros.world.world import World
 Act = Callable[[Any, Any], Any]
 # Queue depth of requests and responses. The default of ROS drops all but ten.
 SERVICES = QoSProfile(depth=2000)
+# Late subscribers receive the last message.
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # Errors that end a message or call, and leave the world as it was.
 REFUSED = (InputError, pb.error)
 # Most lost bodies that a line of the log names.
@@ -135,6 +137,11 @@ class Session:
         name = f"~/{topic}" if private else topic
         self.topics.take(name)
         self.subscriptions.append(self.node.create_subscription(kind, name, callback, qos, raw=True))
+
+    def publisher(self, kind: Any, topic: str, qos: QoSProfile) -> Any:
+        """Return a publisher of a private topic; raises `InputError` if the node subscribes to it."""
+        self.topics.publish(topic)
+        return self.node.create_publisher(kind, topic, qos)
 
     @contextmanager
     def enduring(self, part: str) -> Iterator[None]:

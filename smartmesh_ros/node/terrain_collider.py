@@ -207,11 +207,7 @@ class Collider:
             self._peers.forget_stamps()
             session.tracking.restart(session.clock.pace())
             session.stamp_ages.clear()
-            self.restart()
-
-    def restart(self) -> None:
-        """Restarts the loop's deadlines and measurements."""
-        self.pacer.restart()
+            self.pacer.restart()
 
     def _on_terrain(self) -> None:
         self._stand_on_soil()

@@ -38,54 +38,23 @@ class Transport(Protocol):
     ``get_publisher_count`` and ``topic_name``; a service ``send_response``.
     """
 
-    def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any) -> Any:
-        """Return a publisher of messages ``msg_type``."""
-
+    def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any) -> Any: ...
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Callable[[Any], None], qos_profile: Any, *, raw: bool
-    ) -> Any:
-        """Call ``callback`` with each message on a topic; with its bytes if ``raw``."""
-
+    ) -> Any: ...
     def create_service(
         self, srv_type: Any, srv_name: str, callback: Callable[[Any, Any], Any], *, qos_profile: Any
-    ) -> Any:
-        """Call ``callback`` with each request and an empty response, and answer with what it returns."""
-
-    def destroy_publisher(self, publisher: Any) -> Any:
-        """End a publisher."""
-
-    def destroy_subscription(self, subscription: Any) -> Any:
-        """End a subscription."""
-
-    def get_logger(self) -> Any:
-        """Return the logger, which has ``info``, ``warning`` and ``error``."""
-
-    def get_name(self) -> str:
-        """Return the node's name."""
-
-    def get_namespace(self) -> str:
-        """Return the node's namespace."""
-
-    def get_fully_qualified_name(self) -> str:
-        """Return the node's namespace and name."""
-
-    def resolve_topic_name(self, topic: str) -> str:
-        """Return the full name of a topic, after remapping."""
-
-    def count_publishers(self, topic_name: str) -> int:
-        """Return the number of publishers of a topic."""
-
-    def count_subscribers(self, topic_name: str) -> int:
-        """Return the number of subscriptions to a topic."""
-
-    def get_publishers_info_by_topic(self, topic_name: str) -> list[Any]:
-        """Return rclpy's `TopicEndpointInfo` of each publisher of a topic."""
-
-    def get_subscriptions_info_by_topic(self, topic_name: str) -> list[Any]:
-        """Return rclpy's `TopicEndpointInfo` of each subscription to a topic."""
-
-    def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
-        """Return all topics, each with its types ``package/msg/Name``."""
-
-    def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
-        """Return the name and namespace of each node."""
+    ) -> Any: ...
+    def destroy_publisher(self, publisher: Any) -> Any: ...
+    def destroy_subscription(self, subscription: Any) -> Any: ...
+    def get_logger(self) -> Any: ...
+    def get_name(self) -> str: ...
+    def get_namespace(self) -> str: ...
+    def get_fully_qualified_name(self) -> str: ...
+    def resolve_topic_name(self, topic: str) -> str: ...
+    def count_publishers(self, topic_name: str) -> int: ...
+    def count_subscribers(self, topic_name: str) -> int: ...
+    def get_publishers_info_by_topic(self, topic_name: str) -> list[Any]: ...
+    def get_subscriptions_info_by_topic(self, topic_name: str) -> list[Any]: ...
+    def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]: ...
+    def get_node_names_and_namespaces(self) -> list[tuple[str, str]]: ...

@@ -101,7 +101,7 @@ class Driving:
     def require_command(self, name: str, joint: str, command: JointCommand) -> None:
         """Raise `InputError` if there is no robot of that name with this joint or driven surface, or if the command is
         not one for a surface."""
-        body = self._body(name)
+        body = self.body(name)
         if joint in body.surfaces:
             if command.velocity is None or command.position is not None or command.effort is not None:
                 raise InputError("joint_command", f"{joint!r} of {name!r} is a track; it takes a velocity alone [m/s]")
@@ -116,7 +116,7 @@ class Driving:
         link, forward for the default if x points forward and y to the left. Raises `InputError`, as for a link that
         cannot touch the ground.
         """
-        body = self._body(name)
+        body = self.body(name)
         if not body.simulated:
             raise InputError("tracked", f"{name!r} is not simulated here; only the surface of a simulated body moves")
         index = link_of(body, link)
@@ -126,12 +126,12 @@ class Driving:
 
     def joints(self, name: str) -> list[JointReading]:
         """Return the current readings of a robot's joints."""
-        body = self._body(name)
+        body = self.body(name)
         return read_joints(self.client, body.uid, body.joints, body.commands)
 
     def surfaces(self, name: str) -> list[SurfaceReading]:
         """Return the driven surfaces of a robot, as its URDF names them."""
-        body = self._body(name)
+        body = self.body(name)
         found = []
         for surface, drive in body.surfaces.items():
             follower = self.ground.followers.at(body.uid, link_of(body, drive.link))
@@ -156,7 +156,8 @@ class Driving:
             raise InputError("unknown_joint", f"{body.name!r} has no joint {joint!r}; it has {there}")
         return body.joints[joint]
 
-    def _body(self, name: str) -> Body:
+    def body(self, name: str) -> Body:
+        """Return a body; raises `InputError` if there is none of that name."""
         try:
             return self.bodies[name]
         except KeyError:

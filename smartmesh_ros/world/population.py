@@ -179,20 +179,20 @@ class Population(Driving):
 
     def wake(self, name: str | None = None) -> None:
         """Wake a body, or all (None), with what it touches; see `Ground.let_sleep`."""
-        self.ground.wake(None if name is None else self._body(name).uid)
+        self.ground.wake(None if name is None else self.body(name).uid)
 
     def is_asleep(self, name: str) -> bool:
         """Return True if a body sleeps; raises `InputError` if there is none of that name."""
-        return self.ground.is_asleep(self._body(name).uid)
+        return self.ground.is_asleep(self.body(name).uid)
 
     def state(self, name: str) -> BodyState:
         """Return the state of a body's centre of mass."""
-        body = self._body(name)
+        body = self.body(name)
         return BodyState(*self.client.getBasePositionAndOrientation(body.uid), *self.client.getBaseVelocity(body.uid))
 
     def base_state(self, name: str) -> BodyState:
         """Return the state of the frame of a robot's base link; of another body, the state of its centre of mass."""
-        return frame_state(self.state(name), self._body(name).inertial)
+        return frame_state(self.state(name), self.body(name).inertial)
 
     @property
     def followers(self) -> Followers:
@@ -222,7 +222,7 @@ class Population(Driving):
 
     def _own_body(self, name: str) -> Body:
         """Return a body that this world simulates or tracks; raises `InputError` for a remote body."""
-        body = self._body(name)
+        body = self.body(name)
         if body.owner:
             raise InputError("guest", f"{name!r} is simulated by {body.owner}; ask that one")
         return body
@@ -231,7 +231,7 @@ class Population(Driving):
         return bool(self.bodies[name.partition("/")[0]].owner)
 
     def _remove(self, name: str) -> None:
-        self._discard(self._body(name))
+        self._discard(self.body(name))
         del self.bodies[name]
 
     def _exchange(self, old: Body, new: Body) -> None:

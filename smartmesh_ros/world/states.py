@@ -39,7 +39,7 @@ class SimulatedStates:
         self._uids = [body.uid for body in bodies]
         self._slots = np.array([followers.of(uid)[0] for uid in self._uids], np.int64)
         self._robot = np.array([body.is_robot for body in bodies], bool)
-        self._bodies = _table(bodies)
+        self._bodies = body_table(bodies)
 
 
 def simulated_states(world: World) -> StateTable:
@@ -47,7 +47,7 @@ def simulated_states(world: World) -> StateTable:
     return SimulatedStates(world).read()
 
 
-def _table(bodies: list[Body]) -> StateTable:
+def body_table(bodies: list[Body]) -> StateTable:
     """Return a table of the constant data of bodies, without states."""
     shapes = [body.outline for body in bodies]
     radii, masses = np.array([(body.radius, body.mass) for body in bodies], np.float64).reshape(-1, 2).T.copy()

@@ -169,7 +169,7 @@ class World(SavedWorld, Carrying):
         `HeightScanner` keeps earlier scans."""
         if scan.delay:
             raise InputError("height_scan", "World.height_scan scans now; for a delay use a HeightScanner")
-        bodies = [self._body(name) for name in ([names] if isinstance(names, str) else names)]
+        bodies = [self.body(name) for name in ([names] if isinstance(names, str) else names)]
         poses_w = BulletCalls(self.client).poses([body.uid for body in bodies])
         for row, body in enumerate(bodies):
             if body.is_robot:

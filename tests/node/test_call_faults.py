@@ -86,7 +86,7 @@ def publish_all(node: TerrainCollider) -> None:
     """Runs a step and publishes every output, due or not."""
     outputs = node._outputs
     outputs._diagnostics._due = outputs._descriptions._due = outputs._robot_model._due = 0.0
-    outputs._descriptions._described = outputs._robot_model._sent = None
+    outputs._descriptions._sent = outputs._robot_model._sent = None
     node.step(1)
 
 
@@ -132,7 +132,7 @@ def test_changes_that_were_not_sent_are_sent_again(wire: Wire, node: TerrainColl
 def test_descriptions_that_were_not_sent_are_sent_again(wire: Wire, node: TerrainCollider) -> None:
     descriptions = node._outputs._descriptions
     for number in wire.faults.runs():
-        descriptions._due, descriptions._described = 0.0, None
+        descriptions._due, descriptions._sent = 0.0, None
         with wire.faults.failing(number), node.session.enduring("body_descriptions"):
             descriptions.publish()
         descriptions._due = 0.0

@@ -14,10 +14,10 @@ from sensor_msgs.msg import Imu
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import BodyState, Box, HeightMap
-from smartmesh_ros.node.inputs.frames import FrameBuffer, Transform
 from smartmesh_ros.tools.testing import Probe, pose_message
 from tests import urdfs
 from tests.node.shared import fed, seconds, show_level_ground, spawn
+from tests.node.test_transform_outputs import buffer_of
 from tests.world.test_bases import HINGES, HUSKY_WHEELS, RACECAR, REAR, UNDERCARRIAGE
 
 BASES = [
@@ -95,13 +95,7 @@ def test_the_frame_of_odometry_is_between_the_map_and_the_root_link(shared: Prob
         parents = {one.child_frame_id: one.header.frame_id for message in received for one in message.transforms}
         [root] = [frame for frame, parent in parents.items() if parent == "odom"]
         assert parents["odom"] == "map"
-        buffer = FrameBuffer()
-        for message in received:
-            for one in message.transforms:
-                t, q = one.transform.translation, one.transform.rotation
-                pose = Transform((t.x, t.y, t.z), (q.x, q.y, q.z, q.w))
-                buffer.add(one.header.frame_id, one.child_frame_id, pose, None)
-        there, _ = buffer.lookup("map", root)
+        there, _ = buffer_of(*received).lookup("map", root)
         last = [one for one in truth if one.child_frame_id == root][-1].pose.pose.position
         return bool(np.allclose(there.translation, (last.x, last.y, last.z), atol=1e-3))
 
@@ -146,7 +140,7 @@ def test_commands_that_cannot_be_are_refused(domain: int) -> None:
 def test_imus_measure_for_subscribers_alone_and_steps_of_a_pause_have_their_own_stamps(domain: int) -> None:
     with fed({"imus": ["{body: box, rate: 120}"], "frame_id": "map", "publish.clock": 60.0}) as node:
         node.world.spawn("box", Box(0.3, 0.3, 0.3), 1.0, BodyState((0.0, 0.0, 50.0)))
-        [output] = node.node._outputs._imus
+        [output] = node.node._outputs._of_entries["imu"]
         node.run(10)
         assert not node.world.watchers
         found: list[Imu] = []

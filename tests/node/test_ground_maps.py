@@ -42,7 +42,7 @@ def test_a_ground_map_is_the_ground_in_the_layout_of_grid_map(domain: int, monke
         deck = Deck(HeightMap(np.zeros((5, 5)), resolution=0.25, friction=0.1), position=(1.9, 1.1, 2.0))
         terrain.put("deck", deck)
         node.world.track("1 ball", 0.2, BodyState((1.3, 0.6, 1.0)))
-        output, _ = node.node._outputs._ground_maps
+        output, _ = node.node._outputs._of_entries["ground_map"]
         assert output.publisher.topic_name.endswith("/ground_map/_1_ball")
         found: list[tuple[float, Any]] = []
         with monkeypatch.context() as without_subscribers:

@@ -22,9 +22,6 @@ from tests.urdfs import ROVER, joint, link, robot
 SHARED = {"bodies.urdf_folders": [tempfile.gettempdir()]}
 REFUSED = {
     "two roots": (robot(link("a"), link("b")), "2 links have no parent"),
-    "raw Xacro": (robot(link("a", '<sphere radius="${radius}"/>')), "Xacro"),
-    "Xacro elements": ("<robot><xacro:include/></robot>", "Xacro"),
-    "a floating joint": (robot(link("a"), link("b"), joint("free", "floating", "a", "b")), "'free' is floating"),
     "a mesh of another kind": (robot(link("a", '<mesh filename="{folder}/part.glb"/>')), "part.glb"),
     "a package that is not there": (
         robot(link("a", '<mesh filename="package://no_such_pkg/m.stl"/>')), "'no_such_pkg' is not installed",

@@ -16,10 +16,10 @@ from simulation_interfaces.msg import Bounds, EntityFilters, Resource, Result, S
 from smartmesh_msgs.srv import QueryGround, StartEpisode
 
 from smartmesh_ros.node.services import simulation_services
-from smartmesh_ros.node.services.turns import Work
-from smartmesh_ros.node.terrain_collider import TerrainCollider
+from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import Probe, heightmap_message
-from tests.node.shared import changed, fed, made_with
+from smartmesh_ros.tools.testing.replaying import replayed
+from tests.node.shared import changed, fed
 from tests.node.test_simulation_services import OK, ROVER, ask, entities, placed, pose_of, set_state, spawn, state
 
 SHARED = {"simulation_interfaces": True, "frame_id": "map", "raster.resolution": 0.25}
@@ -199,51 +199,45 @@ def test_nonsense_is_refused_with_the_codes_of_the_standard(shared: Probe) -> No
 
 
 @contextmanager
-def node_with(folder: Path, *, without: tuple[str, ...] = (), later: tuple[str, ...] = ()) -> Iterator[TerrainCollider]:
-    """A node in this process with definitions other than those of Jazzy (1.5): ``without`` those whose names contain
-    one of some words, and with those of 2.1 for ``later`` names, which the tests' package has as Name2."""
+def run_with(folder: Path, *, without: tuple[str, ...] = (), later: tuple[str, ...] = ()) -> Iterator[Replay]:
+    """A collider with definitions other than those of Jazzy (1.5): ``without`` those whose names contain one of some
+    words, and with those of 2.1 for ``later`` names, which the tests' package has as Name2."""
     found = {}
     for kind, module in (("msg", msg), ("srv", srv)):
         names = {name: made for name, made in vars(module).items() if not any(word in name for word in without)}
         names |= {name: names[f"{name}2"] for name in later if f"{name}2" in names}
         found[kind] = SimpleNamespace(**names)
     parameters = {"simulation_interfaces": True, "bodies.urdf_folders": [str(folder)]}
+    ground = [("heightmap", 0.0, heightmap_message(np.zeros((9, 9))))]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulation_services, "find_interfaces", lambda _, kind: found.get(kind))
-        with made_with(TerrainCollider, parameters) as node:
-            yield node
+        with replayed(ground, parameters) as run:
+            yield run
 
 
-def begin(node: TerrainCollider, service_name: str, **fields: Any) -> list[Any]:
-    """Calls a service of a node in this process; returns a list that gets its response."""
-    [service] = [one for one in node.services if one.srv_name.endswith(f"/{service_name}")]
-    found = service.callback(service.srv_type.Request(**fields), service.srv_type.Response())
-    if not isinstance(found, Work):
-        return [found]
-    answers: list[Any] = []
-    node.session.turns.add(found, answers.append)
-    return answers
+def begin(run: Replay, service: str, **fields: Any) -> list[Any]:
+    """Calls a service; returns a list that gets its response."""
+    served = run.node.services[run.names.full(service)]
+    return served.call(served.kind.Request(**fields))
 
 
-def answer(node: TerrainCollider, service_name: str, **fields: Any) -> Any:
-    """The response of a service of a node in this process."""
-    answers = begin(node, service_name, **fields)
-    while not answers:
-        node.turn()
-    return answers[0]
+def answer(run: Replay, service: str, **fields: Any) -> Any:
+    """The response of a service."""
+    return run.call(service, run.node.services[run.names.full(service)].kind.Request(**fields))
 
 
-def test_one_world_is_loaded_at_a_time(domain: int, worlds: Path) -> None:
-    with node_with(worlds) as node:
-        answers = begin(node, "load_world", uri=f"{worlds}/scene.yaml")
-        assert answer(node, "get_simulation_state").state.state == SimulationState.STATE_LOADING_WORLD
-        playing = SimulationState(state=SimulationState.STATE_PLAYING)
-        refused = answer(node, "set_simulation_state", state=playing).result.result
-        assert refused == srv.SetSimulationState.Response.INCORRECT_TRANSITION
+def test_one_world_is_loaded_at_a_time(worlds: Path) -> None:
+    with run_with(worlds) as run:
+        answers = begin(run, "load_world", uri=f"{worlds}/scene.yaml")
+        [now] = begin(run, "get_simulation_state")
+        assert now.state.state == SimulationState.STATE_LOADING_WORLD
+        [refused] = begin(run, "set_simulation_state", state=SimulationState(state=SimulationState.STATE_PLAYING))
+        assert refused.result.result == srv.SetSimulationState.Response.INCORRECT_TRANSITION
         for service, fields in (("load_world", {"uri": f"{worlds}/slope.npy"}), ("unload_world", {})):
-            assert answer(node, service, **fields).result.result == Result.RESULT_INCORRECT_STATE
-        while not answers:
-            node.turn()
+            [refused] = begin(run, service, **fields)
+            assert refused.result.result == Result.RESULT_INCORRECT_STATE
+        assert not answers
+        assert answer(run, "get_simulation_state").state.state == SimulationState.STATE_LOADING_WORLD
         assert answers[0].world.name == "scene"
 
 
@@ -263,27 +257,27 @@ def test_a_robot_on_its_way_onto_the_ground_is_no_part_of_another_scene(domain: 
         assert not run.world.bodies
 
 
-def test_the_definitions_of_2_are_served(domain: int, worlds: Path) -> None:
+def test_the_definitions_of_2_are_served(worlds: Path) -> None:
     changes = ("SpawnEntity", "SetEntityState", "LoadWorld", "GetSpawnables", "Spawnable")
-    with node_with(worlds, later=changes) as node:
-        [spawnable] = answer(node, "get_spawnables").spawnables
+    with run_with(worlds, later=changes) as run:
+        [spawnable] = answer(run, "get_spawnables").spawnables
         resource = Resource(uri=(worlds / "scene.yaml").as_uri())
-        assert answer(node, "load_world", world_resource=resource).world.world_resource == resource
+        assert answer(run, "load_world", world_resource=resource).world.world_resource == resource
         given = {"entity_resource": spawnable.entity_resource, "initial_pose": placed(1.0, 2.0, 9.0)}
-        assert answer(node, "spawn_entity", name="a", **given).entity_name == "a"
+        assert answer(run, "spawn_entity", name="a", **given).entity_name == "a"
         moved = msg.EntityState(pose=placed(0.0, 0.0, 5.0).pose, twist=Twist(linear=Vector3(x=1.5)))
-        assert answer(node, "set_entity_state", entity="a", state=moved, set_twist=True).result.result == OK
-        found = answer(node, "get_entity_state", entity="a").state
+        assert answer(run, "set_entity_state", entity="a", state=moved, set_twist=True).result.result == OK
+        found = answer(run, "get_entity_state", entity="a").state
         assert (found.pose.position.z, found.twist.linear.x) == pytest.approx((9.0, 1.5), abs=1e-6)
-        features = answer(node, "get_simulator_features").features
+        features = answer(run, "get_simulator_features").features
         assert features.STEP_SIMULATION_ACTION not in features.features, "this package has no action"
         assert features.WORLD_LOADING in features.features
 
 
-def test_the_definitions_of_1_0_are_served(domain: int, tmp_path: Path) -> None:
+def test_the_definitions_of_1_0_are_served(tmp_path: Path) -> None:
     """They have neither worlds nor SpawnEntities."""
-    with node_with(tmp_path, without=("World", "SpawnEntities", "Resource")) as node:
-        features = answer(node, "get_simulator_features").features
+    with run_with(tmp_path, without=("World", "SpawnEntities", "Resource")) as run:
+        features = answer(run, "get_simulator_features").features
         assert {features.WORLD_LOADING, features.SPAWNING_ENTITIES} & set(features.features) == set()
         assert features.NAMED_POSES in features.features
-        assert answer(node, "get_named_poses").result.result == OK
+        assert answer(run, "get_named_poses").result.result == OK

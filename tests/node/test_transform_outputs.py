@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState, PointCloud2
 from smartmesh_msgs.srv import CastRays, RemoveBody, StepPhysics
@@ -24,11 +23,6 @@ SHARED = {"frame_id": "map", "publish.tf": 50.0}
 TF, NAME = "/tf", "terrain_collider"
 
 
-def pose(transform: TransformStamped) -> Transform:
-    t, q = transform.transform.translation, transform.transform.rotation
-    return Transform((t.x, t.y, t.z), (q.x, q.y, q.z, q.w))
-
-
 def parents(probe: Probe, messages: int = 3) -> dict[str, str]:
     """Parents by frame, in the next messages on /tf."""
     received = probe.listen(TF, TFMessage)
@@ -37,11 +31,13 @@ def parents(probe: Probe, messages: int = 3) -> dict[str, str]:
     return {item.child_frame_id: item.header.frame_id for message in received[seen:] for item in message.transforms}
 
 
-def buffer_of(probe: Probe) -> FrameBuffer:
-    """All frames of the newest message."""
+def buffer_of(*messages: TFMessage) -> FrameBuffer:
+    """All frames of some messages."""
     buffer = FrameBuffer()
-    for item in probe.received[TF][-1].transforms:
-        buffer.add(item.header.frame_id, item.child_frame_id, pose(item), None)
+    for item in (item for message in messages for item in message.transforms):
+        t, q = item.transform.translation, item.transform.rotation
+        pose = Transform((t.x, t.y, t.z), (q.x, q.y, q.z, q.w))
+        buffer.add(item.header.frame_id, item.child_frame_id, pose, None)
     return buffer
 
 
@@ -70,7 +66,7 @@ def test_bodies_and_links_have_frames_where_they_are(shared: Probe) -> None:
     for messages in (received, bases):
         messages.clear()
     shared.wait_for(lambda: len(received) > 3 and len(bases) > 9)  # the last of them are of after the step
-    buffer = buffer_of(shared)
+    buffer = buffer_of(received[-1])
     joints = dict(zip((m := shared.latest("joint_states")).name, m.position, strict=True))
     arm, _ = buffer.lookup("base", "slider")
     c, s = np.cos(joints["hinge"]), np.sin(joints["hinge"])
@@ -147,9 +143,7 @@ def test_the_frame_of_a_sensors_cloud_exists(shared: Probe) -> None:
         optical = "shared/terrain_sensor_optical"  # with the namespace, because others have a camera of this name
         shared.wait_for(lambda: clouds and optical in {item.child_frame_id for m in static for item in m.transforms})
         shared.wait_for(lambda: "rover" in parents(shared))
-        buffer = buffer_of(shared)
-        for item in (item for message in static for item in message.transforms):
-            buffer.add(item.header.frame_id, item.child_frame_id, pose(item), None)
+        buffer = buffer_of(shared.received[TF][-1], *static)
         for frame in (clouds[-1].header.frame_id, optical):
             buffer.lookup("map", frame)
 

@@ -206,9 +206,6 @@ SIDE = 150
 UNSEEN = 1000.0  # its variance of cells without a measurement [m^2]
 # By which the ground may be off where the middle is off by half a cell along x and y, on slopes of `ground` [m].
 HALF_CELL = 0.5 * RESOLUTION * (0.2 + 0.1)
-# Layers and basic layers of its publishers elevation_map_raw and elevation_map_filter.
-RAW = (["elevation", "traversability", "variance", "rgb"], ["elevation"])
-FILTERED = (["min_filter", "smooth", "inpaint", "elevation"], ["min_filter"])
 
 
 def cells_around(x: float, y: float) -> tuple[FloatArray, FloatArray]:
@@ -218,36 +215,27 @@ def cells_around(x: float, y: float) -> tuple[FloatArray, FloatArray]:
     return middle[0] + columns, middle[1] + rows
 
 
-def layer(name: str, cells: tuple[FloatArray, FloatArray], seen: Any) -> FloatArray:
-    heights = ground(*cells)
-    seen = np.broadcast_to(seen, heights.shape)
+def cupy_map(x: float, y: float, *, seen: bool = True) -> GridMap:
+    """A map of its publisher elevation_map_raw."""
+    heights = ground(*cells_around(x, y))
     edge = np.ones_like(heights, bool)
     edge[3:-3, 3:-3] = False  # where its filter of traversability has no result
     color = np.full(heights.shape, 0x00FF7F10, np.uint32).view(np.float32)
-    return {
+    values = {
         "elevation": np.where(seen, heights, np.nan),
         "traversability": np.where(seen & ~edge, 0.9, np.nan),
-        "variance": np.where(seen, 1e-4, UNSEEN),
+        "variance": np.full_like(heights, 1e-4 if seen else UNSEEN),
         "rgb": np.where(seen, color, np.nan),
-        "min_filter": np.where(seen, heights, 0.0),
-        "smooth": np.where(seen, heights, 0.0),
-        "inpaint": heights,
-    }[name]
-
-
-def cupy_map(layers: tuple[list[str], list[str]], x: float, y: float, *, seen: bool | FloatArray = True) -> GridMap:
-    values = {name: layer(name, cells_around(x, y), seen) for name in layers[0]}
+    }
     made = grid_map_message(values, RESOLUTION, (x, y, 0.0), frame_id="odom")
-    made.basic_layers = layers[1]
+    made.basic_layers = ["elevation"]
     return made
 
 
-@pytest.mark.parametrize("layers", [(RAW, "elevation"), (FILTERED, "inpaint")], ids=["raw", "filter"])
 @pytest.mark.parametrize("place", [(0.0, 0.0), (3.2, -1.7), (0.033, -4.048)])
-def test_heights_of_elevation_mapping_cupy_are_where_it_says(layers: Any, place: tuple[float, float]) -> None:
+def test_heights_of_elevation_mapping_cupy_are_where_it_says(place: tuple[float, float]) -> None:
     """Within the half cell by which the middle that it sends is off."""
-    form, name = layers
-    geometry, heights, *_ = raster_from(cupy_map(form, *place), RasterConfig(layer=name))
+    geometry, heights, *_ = raster_from(cupy_map(*place), RasterConfig(layer="elevation"))
     rows, columns = np.mgrid[:SIDE, :SIDE]
     off = np.abs(heights - ground(*np.moveaxis(geometry.to_world(rows, columns), -1, 0))).max()
     on_grid = np.allclose(np.round(place, 1), place)
@@ -258,7 +246,7 @@ def test_the_node_takes_maps_of_elevation_mapping_cupy_with_the_file_of_the_page
     arguments = ["--params-file", str(ROOT / "config" / "elevation_mapping.yaml")]
     with fed({}, arguments) as node:
         for x, seen in ((0.0, False), (0.0, True), (0.033, True), (0.31, True), (1.248, True)):
-            node.give("grid_map", stamped(node, cupy_map(RAW, x, 0.2, seen=seen), "odom"), steps=240)
+            node.give("grid_map", stamped(node, cupy_map(x, 0.2, seen=seen), "odom"), steps=240)
             height = node.heights(x, 0.2)
             assert abs(height - ground(x, 0.2)) < HALF_CELL if seen else np.isnan(height)
         assert not node.node.refusals.counts

@@ -11,7 +11,9 @@ of a number from the end of the 4-byte header is a multiple of the number's size
 from __future__ import annotations
 
 import array
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from functools import partial
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -137,7 +139,11 @@ class Elements:
 
 def text_rows(texts: list[str]) -> NDArray[np.uint8]:
     """Return texts of equal length in bytes as an array (n, bytes), each with its terminating zero."""
-    data = [text.encode() + b"\0" for text in texts]
+    return byte_rows([text.encode() + b"\0" for text in texts])
+
+
+def byte_rows(data: list[bytes]) -> NDArray[np.uint8]:
+    """Return bytes of equal length as an array (n, length)."""
     return np.frombuffer(b"".join(data), np.uint8).reshape(len(data), -1)
 
 
@@ -170,6 +176,27 @@ class ArrayMessage:
         self._end = layout.put(self._buffer, self._end, count, fields)
         self._count += count
 
+    def add_named(
+        self,
+        template: Callable[..., Any],
+        texts: Mapping[str, list[str]],
+        fields: Mapping[str, Any],
+        *,
+        ordered: bool = False,
+    ) -> None:
+        """Add an element for each row of the columns ``texts``, in groups of rows whose texts are of equal lengths;
+        in the order of the rows if ``ordered``. ``template``: returns an element with the texts of a row."""
+        encoded = {path: [text.encode() + b"\0" for text in column] for path, column in texts.items()}
+        lengths = [*zip(*(map(len, column) for column in encoded.values()), strict=True)]
+        order = range(len(lengths)) if ordered else sorted(range(len(lengths)), key=lengths.__getitem__)
+        for size, group in groupby(order, lengths.__getitem__):
+            rows = [*group]
+            whole = rows[-1] - rows[0] == len(rows) - 1
+            chosen: Any = slice(rows[0], rows[-1] + 1) if whole else np.array(rows)
+            values = {path: value[chosen] if np.ndim(value) else value for path, value in fields.items()}
+            values |= {path: byte_rows([column[row] for row in rows]) for path, column in encoded.items()}
+            self.add(size, partial(template, *(column[rows[0]] for column in texts.values())), len(rows), values)
+
     def finish(self) -> bytes:
         """Return the message's bytes."""
         self._buffer[: self._start][-4:] = np.array([self._count], "<u4").view(np.uint8)  # the sequence's length
@@ -179,15 +206,6 @@ class ArrayMessage:
 def stamp_fields(header: Header) -> dict[str, Any]:
     """Return the fields of a header's stamp."""
     return {"header.stamp.sec": header.stamp.sec, "header.stamp.nanosec": header.stamp.nanosec}
-
-
-def by_length(texts: list[str]) -> Iterator[tuple[NDArray[np.int64], list[str]]]:
-    """Yield the texts grouped by length in bytes, with their indices."""
-    groups: dict[int, list[int]] = {}
-    for index, text in enumerate(texts):
-        groups.setdefault(len(text.encode()), []).append(index)
-    for indices in groups.values():
-        yield np.array(indices), [texts[index] for index in indices]
 
 
 def floats(values: ArrayLike) -> array.array[float]:

@@ -6,20 +6,24 @@ import array
 import math
 from typing import Any
 
-from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
+from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu as ImuMessage
 from std_msgs.msg import Header
 
+from smartmesh_ros.ground.quaternions import quaternion_of
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
+from smartmesh_ros.node.outputs.body_outputs import pose_message, quaternion_message, vector_message
 from smartmesh_ros.node.outputs.scan_outputs import Beat
 from smartmesh_ros.node.parameters.entries import OutputEntry
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.node.timing.stamps import stamp_seconds
+from smartmesh_ros.terrain.deck import Frame
 from smartmesh_ros.world.base import Base
 from smartmesh_ros.world.imu import Imu, ImuReading
 
@@ -29,12 +33,11 @@ class ImuOutput:
     there. ``publisher``: of the readings."""
 
     def __init__(self, session: Session, entry: OutputEntry, qos: Any) -> None:
-        session.topics.publish(entry.topic)
         self._session, self._entry = session, entry
-        self.publisher = session.node.create_publisher(ImuMessage, entry.topic, qos)
+        self.publisher = session.publisher(ImuMessage, entry.topic, qos)
         self._imu: Imu | None = None
 
-    def publish(self) -> None:
+    def publish(self, *, now: bool) -> None:
         """Publish the readings since the last call, each with the stamp of its own step."""
         if not self.publisher.get_subscription_count():
             if self._imu is not None:
@@ -51,10 +54,9 @@ class ImuOutput:
         age = session.world.time - reading.time
         stamp = stamp_of((stamp_seconds(session.stamp_now()) or 0.0) - age)
         message = ImuMessage(header=Header(stamp=stamp, frame_id=frame_of(session, entry.body, entry.link)))
-        x, y, z, w = reading.orientation
-        message.orientation = Quaternion(x=x, y=y, z=z, w=w)
-        message.angular_velocity = _vector(reading.angular_velocity.tolist())
-        message.linear_acceleration = _vector(reading.acceleration.tolist())
+        message.orientation = quaternion_message(reading.orientation)
+        message.angular_velocity = vector_message(reading.angular_velocity.tolist())
+        message.linear_acceleration = vector_message(reading.acceleration.tolist())
         message.angular_velocity_covariance = _diagonal(config.gyroscope_noise_density**2 / reading.duration)
         message.linear_acceleration_covariance = _diagonal(config.accelerometer_noise_density**2 / reading.duration)
         return message
@@ -65,9 +67,8 @@ class OdometryOutput:
     from its frame to the root link. ``publisher``: of the odometry."""
 
     def __init__(self, session: Session, entry: OutputEntry, base: Base, transforms: TransformInput, qos: Any) -> None:
-        session.topics.publish(entry.topic)
         self._session, self._entry, self._base, self._transforms = session, entry, base, transforms
-        self.publisher = session.node.create_publisher(Odometry, entry.topic, qos)
+        self.publisher = session.publisher(Odometry, entry.topic, qos)
         self._broadcast: Any = None
         if entry.publish_tf:
             self._kind = require_message("tf2_msgs", "TFMessage", "publish_tf of bases")
@@ -91,16 +92,15 @@ class OdometryOutput:
         if self._broadcast is not None and stamp != self._stamp:  # listeners warn of a frame that comes twice
             self._stamp = stamp
             made = TransformStamped(header=header, child_frame_id=child)
-            made.transform.translation, made.transform.rotation = _vector(pose.translation), _quaternion(pose)
+            made.transform.translation = vector_message(pose.translation)
+            made.transform.rotation = quaternion_message(pose.rotation)
             data = serialize_message(self._kind(transforms=[made]))
             self._transforms.note_own(data)
             self._broadcast.publish(data)
 
     def _message(self, header: Header, child: str, pose: Transform) -> Odometry:
         found, message = self._base.odometry, Odometry(header=header, child_frame_id=child)
-        position, twist = message.pose.pose.position, message.twist.twist
-        position.x, position.y = found.x, found.y
-        message.pose.pose.orientation = _quaternion(pose)
+        message.pose.pose, twist = pose_message(BodyState(*pose)), message.twist.twist
         twist.linear.x, twist.linear.y, twist.angular.z = found.linear, found.side, found.angular
         return message
 
@@ -111,22 +111,19 @@ def odometry_pose(base: Base) -> Transform:
     return Transform((found.x, found.y, 0.0), (0.0, 0.0, math.sin(0.5 * found.yaw), math.cos(0.5 * found.yaw)))
 
 
+def deck_state(frame: Frame) -> BodyState:
+    """Return the state of the frame of a deck."""
+    vectors = (vector.tolist() for vector in (frame.position, frame.velocity, frame.spin))
+    position, linear, angular = ((x, y, z) for x, y, z in vectors)
+    return BodyState(position, quaternion_of(frame.rotation), linear, angular)
+
+
 def frame_of(session: Session, body: str, link: str = "") -> str:
     """Return the frame of a body, of a robot's link ("" = the root link), as on ``/tf``."""
     world, prefix = session.world, session.robot_names.prefixes().get(body)
     if prefix is None:
         return body
     return prefix + (link or world.client.getBodyInfo(world.bodies[body].uid)[0].decode())
-
-
-def _vector(values: Any) -> Vector3:
-    x, y, z = values
-    return Vector3(x=x, y=y, z=z)
-
-
-def _quaternion(pose: Transform) -> Quaternion:
-    x, y, z, w = pose.rotation
-    return Quaternion(x=x, y=y, z=z, w=w)
 
 
 def _diagonal(variance: float) -> Any:

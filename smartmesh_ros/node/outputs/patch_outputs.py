@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from shape_msgs.msg import MeshTriangle
 from smartmesh_msgs.msg import ColliderPatch, ColliderPatchArray
 from std_msgs.msg import Header
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import Marker
 
 from smartmesh_ros.ground.shown_patches import PatchTable, ShownPatches
-from smartmesh_ros.node.outputs.cdr import ArrayMessage, bytes_of, stamp_fields, text_rows
+from smartmesh_ros.node.outputs.cdr import ArrayMessage, stamp_fields, text_rows
 from smartmesh_ros.terrain.grid import IntArray
 
 
@@ -40,6 +40,11 @@ NO_ID = -1
 LIFT = 0.005
 # Colour of the patches (r, g, b, a).
 COLOUR = (0.95, 0.55, 0.15, 0.85)
+
+
+def deletion(header: Header, namespace: str) -> Marker:
+    """Return the marker that deletes all markers of a namespace."""
+    return Marker(header=header, ns=namespace, id=NO_ID, action=Marker.DELETEALL)
 
 
 class PatchMarkers:
@@ -82,11 +87,6 @@ class PatchMarkers:
             patches.slots[written], shown[written], gone, (header.stamp.sec, header.stamp.nanosec), header.frame_id,
             self._namespace, COLOUR, LIFT, clear=clear,
         )  # fmt: skip
-
-    def cleared(self, header: Header) -> bytes:
-        """Return the MarkerArray that deletes all markers of the namespace."""
-        marker = Marker(header=header, ns=self._namespace, id=NO_ID, action=Marker.DELETEALL)
-        return bytes_of(MarkerArray(markers=[marker]))
 
     def _assign_ids(self, names: list[str], epoch: int) -> None:
         """Assigns marker ids to new bodies."""

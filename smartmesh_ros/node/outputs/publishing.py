@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from itertools import chain
+from typing import Any
 
+import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import (
+    BodyDescriptionArray,
     ColliderPatchArray,
     ContactArray,
     ContactWrenchArray,
@@ -19,7 +23,7 @@ from smartmesh_msgs.msg import (
     Timing,
     TrackedBodyArray,
 )
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.ground.bullet import undone
@@ -28,13 +32,14 @@ from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.node.outputs.audience import Audience
-from smartmesh_ros.node.outputs.body_outputs import BodyDescriptions
+from smartmesh_ros.node.outputs.cdr import ArrayMessage, floats
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
-from smartmesh_ros.node.outputs.motion_outputs import ImuOutput, OdometryOutput
+from smartmesh_ros.node.outputs.grid_maps import grid_map_message
+from smartmesh_ros.node.outputs.latched import LatchedOutput
+from smartmesh_ros.node.outputs.motion_outputs import ImuOutput, OdometryOutput, deck_state, frame_of
 from smartmesh_ros.node.outputs.scan_outputs import ROUNDING, GroundMapOutput, ScanOutput
-from smartmesh_ros.node.outputs.scene_outputs import RobotModel, SceneMarkers
-from smartmesh_ros.node.outputs.soil_outputs import sinkage_message, update_message
+from smartmesh_ros.node.outputs.scene_outputs import SceneMarkers, robot_model, shown_robot
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.soil.soil import Soil
@@ -65,9 +70,13 @@ class RateTime:
         return self._time + ROUNDING * session.world.dt
 
 
-class _Output(NamedTuple):
+@dataclass
+class _Output:
     publisher: Any
     make: Callable[[], Any]  # the message, or a list of messages
+    audience: Audience
+    due: float = 0.0  # when the next message is [s]
+    served: int = 0  # number of subscribers of the last message
 
 
 class Publishing:
@@ -80,19 +89,23 @@ class Publishing:
         self._collider_patches = patch_outputs.ColliderPatches()
         self._scene = SceneMarkers(session)
         self._states = SimulatedStates(session.world)
-        self._body_states = body_outputs.BodyStates()
-        self._contacts = body_outputs.Contacts()
+        self._body_states, self._contacts = ArrayMessage(), ArrayMessage()
         self._clock = ClockPublishing(session)
         self._transforms = TransformOutputs(session, transforms)
-        self._descriptions = BodyDescriptions(session)
+        self._descriptions = LatchedOutput(
+            session, BodyDescriptionArray, "~/body_descriptions",
+            lambda: [body for body in session.world.bodies.values() if not body.owner],
+            lambda bodies: body_outputs.descriptions(self._header(), bodies),
+        )  # fmt: skip
+        self._robot_model = LatchedOutput(
+            session, String, "~/robot_model", partial(shown_robot, session.world, session.robot_names), robot_model
+        )
         self._qos = QoSProfile(depth=10)
         self._outputs = {
             "patches": self._output(MarkerArray, "~/patches", self._make_patches),
             "collider_patches": self._output(ColliderPatchArray, "~/collider_patches", self._make_collider_patches),
             "body_states": self._output(TrackedBodyArray, "~/body_states", self._make_body_states),
-            "contacts": self._output(
-                ContactArray, "~/contacts", lambda: self._contacts.write(self._header(), self._world.contacts())
-            ),
+            "contacts": self._output(ContactArray, "~/contacts", self._make_contacts),
             "timing": self._output(Timing, "~/timing", self._make_timing),
             "joint_states": self._output(JointState, "~/joint_states", self._make_joint_states),
             "odometry": self._output(Odometry, "~/odometry", self._make_odometry),
@@ -108,27 +121,23 @@ class Publishing:
         if grid_map is not None:
             self._outputs["sinkage"] = self._output(grid_map, "~/sinkage", partial(self._make_sinkage, grid_map))
         self._sunk = -1  # revision of the map in the last message on ~/sinkage
-        self._robot_model = RobotModel(session)
-        self._scans = [ScanOutput(session, entry, self._qos) for entry in session.settings.height_scans]
-        self._ground_maps = [GroundMapOutput(session, entry, self._qos) for entry in session.settings.ground_maps]
-        self._imus = [ImuOutput(session, entry, self._qos) for entry in session.settings.imus]
-        self._odometry = [
-            OdometryOutput(session, entry, session.bases[entry.body], transforms, self._qos)
-            for entry in session.settings.bases
-        ]
-        of_bodies = [*self._scans, *self._ground_maps, *self._imus, *self._odometry]
-        ends: list[Any] = [self._descriptions, self._robot_model, *of_bodies, *self._outputs.values()]
+        settings, qos = session.settings, self._qos
+        self._of_entries: dict[str, list[Any]] = {
+            "height_scan": [ScanOutput(session, entry, qos) for entry in settings.height_scans],
+            "ground_map": [GroundMapOutput(session, entry, qos) for entry in settings.ground_maps],
+            "imu": [ImuOutput(session, entry, qos) for entry in settings.imus],
+            "odom": [
+                OdometryOutput(session, entry, session.bases[entry.body], transforms, qos) for entry in settings.bases
+            ],
+        }
+        of_entries = chain.from_iterable(self._of_entries.values())
+        ends: list[Any] = [self._descriptions, self._robot_model, *of_entries, *self._outputs.values()]
         self._diagnostics = Diagnostics(session, peers, self._clock, [end.publisher for end in ends])
         self._time = RateTime(session)
-        # Staggered, so that no step publishes all outputs.
-        self._due = {
-            name: place / (len(self._outputs) * max(session.settings.publish.of(name), 1.0))
-            for place, name in enumerate(self._outputs)
-        }
+        for place, (name, output) in enumerate(self._outputs.items()):  # staggered, so that no step publishes all
+            output.due = place / (len(self._outputs) * max(settings.publish.of(name), 1.0))
         self._handled = 0  # messages and calls at the last time
-        self._served = dict.fromkeys(self._outputs, 0)  # numbers of subscribers of the last messages
         self._timing_window = Window(session)
-        self._audiences = {name: Audience(self._now) for name in (*PATCH_OUTPUTS, "pressed_ground", "sinkage", "scene")}
 
     def publish(self, *, now: bool = False, idle: bool = False) -> None:
         """Publishes every output that has subscribers and is due. ``now``: due or not. ``idle``: without a step, also
@@ -137,18 +146,10 @@ class Publishing:
         steady, time, enduring = self._now(), self._time.read(), session.enduring
         now, self._handled = now or (idle and session.handled != self._handled), session.handled
         self._publish(self._outputs, time, now=now, idle=idle)
-        with enduring("height_scan"):
-            for scan in self._scans:
-                scan.publish(now=now)
-        with enduring("ground_map"):
-            for ground_map in self._ground_maps:
-                ground_map.publish(now=now)
-        with enduring("imu"):
-            for imu in self._imus:
-                imu.publish()
-        with enduring("odom"):
-            for odometry in self._odometry:
-                odometry.publish(now=now)
+        for name, outputs in self._of_entries.items():
+            with enduring(name):
+                for output in outputs:
+                    output.publish(now=now)
         with enduring("clock"):
             self._clock.publish(steady)
         with enduring("tf"):
@@ -162,11 +163,12 @@ class Publishing:
 
     def close(self) -> None:
         """Deletes patches and scene from the displays of subscribers, which keep them else."""
-        for name, markers in (("patches", self._markers), ("scene", self._scene)):
+        for name, spaces in (("patches", [self._session.marker_namespace]), ("scene", self._scene.namespaces)):
             publisher = self._outputs[name].publisher
             with self._session.enduring(name):
                 if publisher.get_subscription_count():
-                    publisher.publish(markers.cleared(self._header()))
+                    markers = [patch_outputs.deletion(self._header(), space) for space in spaces]
+                    publisher.publish(MarkerArray(markers=markers))
                     publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
 
     def publish_patches(self) -> None:
@@ -177,48 +179,41 @@ class Publishing:
         rates = self._session.settings.publish
         for name in names:
             output, rate = self._outputs[name], rates.of(name)
-            due = now or time >= self._due[name] or (idle and self._has_joined(name, output))
+            due = now or time >= output.due or (idle and _has_joined(output))
             if rate > 0.0 and due:
                 # Keeps the phase, unless a message was missed or came before it was due.
-                self._due[name] = max(min(self._due[name], time) + 1.0 / rate, time)
+                output.due = max(min(output.due, time) + 1.0 / rate, time)
                 with self._session.enduring(name):
-                    self._send(name, output)
+                    self._send(output)
 
-    def _has_joined(self, name: str, output: _Output) -> bool:
-        """Return True if an output has more subscribers than at its last message, or at the last call."""
-        before, self._served[name] = self._served[name], output.publisher.get_subscription_count()
-        return self._served[name] > before
-
-    def _send(self, name: str, output: _Output) -> None:
-        self._served[name] = output.publisher.get_subscription_count()
-        if not self._served[name]:
+    def _send(self, output: _Output) -> None:
+        output.served = output.publisher.get_subscription_count()
+        if not output.served:
             return
-        audience = self._audiences.get(name, Audience(self._now))
-        with self._world.stopwatch.stage("publish"), undone(audience.missed):
+        with self._world.stopwatch.stage("publish"), undone(output.audience.missed):
             made = output.make()
             for message in made if isinstance(made, list) else [made]:
                 output.publisher.publish(message)
 
     def _output(self, kind: Any, topic: str, make: Callable[[], Any]) -> _Output:
-        self._session.topics.publish(topic)
-        return _Output(self._node.create_publisher(kind, topic, self._qos), make)
+        return _Output(self._session.publisher(kind, topic, self._qos), make, Audience(self._now))
 
     def _header(self) -> Header:
         return Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)
 
-    def _needs_all(self, output: str) -> bool:
-        publisher, audience = self._outputs[output].publisher, self._audiences[output]
-        audience.count(publisher.get_subscription_count(), self._node.count_publishers(publisher.topic_name))
-        return audience.needs_all()
+    def _needs_all(self, name: str) -> bool:
+        output = self._outputs[name]
+        output.audience.count(output.served, self._node.count_publishers(output.publisher.topic_name))
+        return output.audience.needs_all()
 
-    def _only_changed(self, output: str) -> bool:
-        return not self._needs_all(output) and self._session.settings.incremental
+    def _only_changed(self, name: str) -> bool:
+        return not self._needs_all(name) and self._session.settings.incremental
 
     def _make_patches(self) -> bytes:
         world, only_changed = self._world, self._only_changed("patches")
         return self._markers.write(
             self._header(), world.patches(), world.followers.names, world.followers.epoch,
-            only_changed=only_changed, clear=self._audiences["patches"].new and not only_changed,
+            only_changed=only_changed, clear=self._outputs["patches"].audience.new and not only_changed,
         )  # fmt: skip
 
     def _make_collider_patches(self) -> bytes:
@@ -230,7 +225,11 @@ class Publishing:
 
     def _make_body_states(self) -> bytes:
         physics = self._world.config.physics
-        return self._body_states.write(self._header(), self._states.read(), physics, self._session.ahead_of_stamps())
+        states, ahead = self._states.read(), self._session.ahead_of_stamps()
+        return body_outputs.body_states(self._body_states, self._header(), states, physics, ahead)
+
+    def _make_contacts(self) -> bytes:
+        return body_outputs.contact_array(self._contacts, self._header(), self._world.contacts())
 
     def _make_joint_states(self) -> list[JointState]:
         """Return one message, or none if the world has no robot."""
@@ -238,19 +237,27 @@ class Publishing:
         return [body_outputs.joint_states(self._header(), self._world, prefixes)] if prefixes else []
 
     def _make_odometry(self) -> list[Odometry]:
-        header, world, prefixes = self._header(), self._world, self._session.robot_names.prefixes()
-        decks = ((name, deck.frame(world.time)) for name, deck in world.terrain.decks.items())
-        return [
-            *(body_outputs.odometry(header, world, robot, prefix) for robot, prefix in prefixes.items()),
-            *(body_outputs.deck_odometry(header, name, frame) for name, frame in decks),
-        ]
+        """Return the true odometry of each robot, of its root link, and of each deck."""
+        session, world = self._session, self._world
+        robots = [(frame_of(session, name), world.base_state(name)) for name in session.robot_names.prefixes()]
+        decks = [(name, deck_state(deck.frame(world.time))) for name, deck in world.terrain.decks.items()]
+        return [body_outputs.odometry(self._header(), child, state) for child, state in (*robots, *decks)]
 
     def _make_pressed_ground(self) -> list[HeightmapUpdate]:
         """Return the message of what changed in the soil, if any did."""
         world, everything = self._world, self._needs_all("pressed_ground")
         soil = world.ground.soil
         region = soil.changes(world.time, everything=everything) if isinstance(soil, Soil) else None
-        return [] if region is None else [update_message(self._header(), "", region)]
+        if region is None:
+            return []
+        height, width = region.heights.shape
+        heights, velocities = floats(region.heights), floats(region.velocities)
+        return [
+            HeightmapUpdate(
+                header=self._header(), x=region.column, y=region.row, width=width, height=height, heights=heights,
+                velocities=velocities,
+            )
+        ]  # fmt: skip
 
     def _make_sinkage(self, kind: Any) -> list[Any]:
         """Return the grid map of the soil, if it changed or somebody is new."""
@@ -258,9 +265,11 @@ class Publishing:
         if not isinstance(soil, Soil):
             return []
         shown, self._sunk = self._sunk, soil.map.revision
-        if shown == soil.map.revision and not (everything and self._audiences["sinkage"].new):
+        if shown == soil.map.revision and not (everything and self._outputs["sinkage"].audience.new):
             return []
-        return [sinkage_message(kind, self._header(), soil)]
+        grid = soil.map.geometry
+        layers = {"elevation": soil.map.heights + np.float32(grid.origin[2]), "sinkage": soil.sinkage()}
+        return [grid_map_message(kind, self._header(), grid, layers)]
 
     def _make_scene(self) -> bytes:
         return self._scene.write(self._header(), clear=self._needs_all("scene"))
@@ -276,3 +285,9 @@ class Publishing:
         message = Timing(window_s=length, real_time_factor=factor, deadline_misses=misses, stages=stages)
         message.header.stamp = self._session.stamp_now()
         return message
+
+
+def _has_joined(output: _Output) -> bool:
+    """Return True if an output has more subscribers than at its last message, or at the last call."""
+    before, output.served = output.served, output.publisher.get_subscription_count()
+    return output.served > before

@@ -41,9 +41,8 @@ class ScanOutput:
     simulated time, while it has subscribers and its body is there. ``publisher``: of the scan."""
 
     def __init__(self, session: Session, entry: OutputEntry, qos: QoSProfile) -> None:
-        session.topics.publish(entry.topic)
         self._world, self._entry, self._beat = session.world, entry, Beat(session.world, entry.rate)
-        self.publisher = session.node.create_publisher(Float32MultiArray, entry.topic, qos)
+        self.publisher = session.publisher(Float32MultiArray, entry.topic, qos)
         self._layout = layout_message(entry.config)
         self._scanner = HeightScanner(session.world, entry.body, entry.config)
 
@@ -73,10 +72,9 @@ class GroundMapOutput:
     has subscribers, its body is there, and there is ground. ``publisher``: of the map."""
 
     def __init__(self, session: Session, entry: OutputEntry, qos: QoSProfile) -> None:
-        session.topics.publish(entry.topic)
         self._session, self._entry, self._beat = session, entry, Beat(session.world, entry.rate)
         self._kind = require_message("grid_map_msgs", "GridMap", "ground_maps")
-        self.publisher = session.node.create_publisher(self._kind, entry.topic, qos)
+        self.publisher = session.publisher(self._kind, entry.topic, qos)
 
     def publish(self, *, now: bool) -> None:
         """Publish the map if it is due, or ``now``."""

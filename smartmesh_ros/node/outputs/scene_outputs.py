@@ -16,17 +16,18 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls
-from smartmesh_ros.ground.shapes import ShapeKind, padded_dimensions
-from smartmesh_ros.node.outputs.body_outputs import LATCHED, PERIOD
+from smartmesh_ros.ground.shapes import ShapeKind
+from smartmesh_ros.node.inputs.conversions import RobotNames
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, stamp_fields
 from smartmesh_ros.node.outputs.ground_view import GroundView, ground_points, window_around
-from smartmesh_ros.node.outputs.patch_outputs import NO_ID
+from smartmesh_ros.node.outputs.patch_outputs import deletion
 from smartmesh_ros.node.services.files import urdf_text
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.robots.description import is_text, named_file
-from smartmesh_ros.world.states import SimulatedStates
+from smartmesh_ros.world.states import SimulatedStates, body_table
+from smartmesh_ros.world.world import World
 
 BALL, BOX, CYLINDER, CAPSULE = ShapeKind.BALL, ShapeKind.BOX, ShapeKind.CYLINDER, ShapeKind.CAPSULE
 TYPES = {BALL: Marker.SPHERE, BOX: Marker.CUBE, CYLINDER: Marker.CYLINDER}
@@ -54,14 +55,16 @@ class Drawn(NamedTuple):
 
 
 class SceneMarkers:
-    """Markers of the bodies, and of the ground around them when it changed. The first robot is left to `RobotModel`;
-    further ones are boxes. Ids of bodies are constant, and those of bodies that go are deleted."""
+    """Markers of the bodies, and of the ground around them when it changed. The first robot is left to
+    ``~/robot_model``; further ones are boxes. Ids of bodies are constant, and those of bodies that go are deleted.
+    ``namespaces``: of bodies and ground."""
 
-    def __init__(self, session: Session, view: GroundView | None = None) -> None:
+    def __init__(self, session: Session) -> None:
         self._session, self._world = session, session.world
-        self._view = view or GroundView()
+        self._view = GroundView()
         own = session.marker_namespace
-        self._bodies, self._ground = ("bodies", "ground") if own == "patches" else (f"{own}/bodies", f"{own}/ground")
+        self.namespaces = ("bodies", "ground") if own == "patches" else (f"{own}/bodies", f"{own}/ground")
+        self._bodies, self._ground = self.namespaces
         self._message, self._states = ArrayMessage(), SimulatedStates(session.world)
         self._ids: dict[str, int] = {}
         self._next_id = 0
@@ -74,8 +77,8 @@ class SceneMarkers:
         whose end a subscriber missed."""
         message, stamp, frame = self._message, stamp_fields(header), header.frame_id
         message.start("markers", MarkerArray)
-        if clear:
-            self._clear(header)
+        for namespace in self.namespaces if clear else ():
+            message.add((frame, namespace), partial(deletion, header, namespace), 1, stamp)
         groups = list(self._groups())
         shown = np.concatenate([np.empty(0, np.int64), *(group.ids for group in groups)])
         for kind, colour, ids, poses, sizes in groups:
@@ -90,46 +93,27 @@ class SceneMarkers:
         self._add_ground(header, np.concatenate([np.empty((0, 7)), *(group.poses for group in groups)]), again=clear)
         return message.finish()
 
-    def cleared(self, header: Header) -> bytes:
-        """Return the MarkerArray that deletes all markers."""
-        self._message.start("markers", MarkerArray)
-        self._clear(header)
-        return self._message.finish()
-
-    def _clear(self, header: Header) -> None:
-        for namespace in (self._bodies, self._ground):
-            make = partial(_marker, namespace, header.frame_id, Marker.CUBE, TRACKED, Marker.DELETEALL)
-            self._message.add((header.frame_id, namespace), make, 1, {**stamp_fields(header), "id": NO_ID})
-
     def _groups(self) -> Iterator[Drawn]:
         """Yield the markers of all bodies."""
-        world, states = self._world, self._states.read()
-        prefixes = self._session.robot_names.prefixes()
-        first = next(iter(prefixes), None)
+        world, first = self._world, next(iter(self._session.robot_names.prefixes()), None)
         tracked = [body for body in world.bodies.values() if body.tracked]
-        names = [*states.names, *(body.name for body in tracked)]
+        poses_w = BulletCalls(world.client).poses([body.uid for body in tracked])
+        tables = self._states.read(), body_table(tracked)._replace(numbers=poses_w)
+        names = [name for table in tables for name in table.names]
         for name in names:
             if name not in self._ids:
                 self._ids[name], self._next_id = self._next_id, self._next_id + PER_BODY
         if len(self._ids) > 2 * len(names) + 100:
             self._ids = {name: self._ids[name] for name in names}
-        ids = np.array([self._ids[name] for name in states.names], np.int64)
-        drawn = np.array([name != first for name in states.names], np.bool_)
-        poses = states.numbers[:, :7].copy()
-        poses[:, :3] += turned(poses[:, 3:], states.centres)
-        for kind in COLOURS:
-            chosen = np.flatnonzero(drawn & (states.kinds == kind))
-            if len(chosen):
-                yield from parts_of(kind, COLOURS[kind], ids[chosen], poses[chosen], states.dimensions[chosen])
-        if tracked:
-            found = BulletCalls(world.client).poses([body.uid for body in tracked])
-            outlines = [body.outline for body in tracked]
-            found[:, :3] += turned(found[:, 3:], np.array([outline.centre for outline in outlines]))
-            numbers, kinds = np.array([self._ids[body.name] for body in tracked]), [one.kind for one in outlines]
-            sizes = np.array([padded_dimensions(outline) for outline in outlines])
-            for kind in COLOURS:
-                if rows := [row for row, one in enumerate(kinds) if one == kind]:
-                    yield from parts_of(kind, TRACKED, numbers[rows], found[rows], sizes[rows])
+        for table, one_colour in zip(tables, (None, TRACKED), strict=True):
+            ids = np.array([self._ids[name] for name in table.names], np.int64)
+            drawn = np.array([name != first for name in table.names], np.bool_)
+            poses = table.numbers[:, :7].copy()
+            poses[:, :3] += turned(poses[:, 3:], table.centres)
+            for kind, colour in COLOURS.items():
+                rows = np.flatnonzero(drawn & (table.kinds == kind))
+                if len(rows):
+                    yield from parts_of(kind, one_colour or colour, ids[rows], poses[rows], table.dimensions[rows])
 
     def _add_ground(self, header: Header, poses: FloatArray, *, again: bool) -> None:
         """Add the ground if it or the place of the bodies has changed, or ``again``."""
@@ -185,31 +169,16 @@ def _marker(
     return marker
 
 
-class RobotModel:
-    """``~/robot_model``: the URDF of the first robot with the names of its frames on ``/tf``, and with the files of its
-    meshes, published when it changes while the topic has subscribers; latched. Empty = there is no robot."""
+def shown_robot(world: World, names: RobotNames) -> tuple[Body | None, str]:
+    """Return the first robot and the prefix of its frames on ``/tf``; None = there is no robot."""
+    robot, prefix = next(iter(names.prefixes().items()), ("", ""))
+    return world.bodies.get(robot), prefix
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        session.topics.publish("~/robot_model")
-        self.publisher = session.node.create_publisher(String, "~/robot_model", LATCHED)
-        self._sent: tuple[Body | None, str] | None = None  # None = no subscribers
-        self._due = 0.0
 
-    def publish(self) -> None:
-        """Publish the URDF if it is due and has changed."""
-        now = self._session.clock.steady()
-        if now < self._due:
-            return
-        self._due = now + PERIOD
-        if not self.publisher.get_subscription_count():
-            self._sent = None
-            return
-        robot, prefix = next(iter(self._session.robot_names.prefixes().items()), ("", ""))
-        body = self._session.world.bodies.get(robot)
-        if self._sent is None or self._sent[0] is not body or self._sent[1] != prefix:
-            self._sent = body, prefix
-            self.publisher.publish(String(data="" if body is None else shown_urdf(body.urdf or "", prefix)))
+def robot_model(shown: tuple[Body | None, str]) -> String:
+    """Return the URDF of a robot with the names of its frames, and with the files of its meshes; empty without one."""
+    body, prefix = shown
+    return String(data="" if body is None else shown_urdf(body.urdf or "", prefix))
 
 
 def shown_urdf(urdf: str, prefix: str) -> str:

@@ -13,7 +13,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.frames import IDENTITY, Transform
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
-from smartmesh_ros.node.outputs.cdr import ArrayMessage, stamp_fields, text_rows
+from smartmesh_ros.node.outputs.cdr import ArrayMessage, stamp_fields
 from smartmesh_ros.node.outputs.motion_outputs import odometry_pose
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.world.bodies import Body
@@ -142,23 +142,17 @@ class TransformOutputs:
 
     def _written(self, header: Header, frames: list[Frame]) -> bytes:
         """Return the TFMessage."""
-        message, stamp = self._message, stamp_fields(header)
+        message = self._message
         message.start("frames", self._kind)
-        groups: dict[tuple[int, int], list[Frame]] = {}
-        for frame in frames:
-            groups.setdefault((len(frame.parent.encode()), len(frame.child.encode())), []).append(frame)
-        for lengths, group in groups.items():
-            numbers = np.array([(*frame.pose.translation, *frame.pose.rotation) for frame in group])
-            fields: dict[str, Any] = dict(zip(_FIELDS, numbers.T, strict=True)) | stamp
-            fields["header.frame_id"] = text_rows([frame.parent for frame in group])
-            fields["child_frame_id"] = text_rows([frame.child for frame in group])
-            parent, child = ("x" * length for length in lengths)
-            message.add(
-                lengths,
-                lambda: TransformStamped(header=Header(frame_id=parent), child_frame_id=child),  # noqa: B023
-                len(group),
-                fields,
-            )
+        numbers = np.array([(*frame.pose.translation, *frame.pose.rotation) for frame in frames])
+        message.add_named(
+            lambda parent, child: TransformStamped(header=Header(frame_id=parent), child_frame_id=child),
+            {
+                "header.frame_id": [frame.parent for frame in frames],
+                "child_frame_id": [frame.child for frame in frames],
+            },
+            dict(zip(_FIELDS, numbers.T, strict=True)) | stamp_fields(header),
+        )
         return message.finish()
 
 

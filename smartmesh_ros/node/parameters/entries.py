@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any, Literal, NamedTuple, TypeVar
@@ -13,14 +13,16 @@ import yaml
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_topic_name import validate_topic_name
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, suggestion
 from smartmesh_ros.ground.quaternions import product
-from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Solid, shape_from
+from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Shape, Solid, shape_from
 from smartmesh_ros.ground.state import Quaternion, Vector
 from smartmesh_ros.terrain.height_scan import HeightScan
 from smartmesh_ros.world.base_config import BaseConfig
 from smartmesh_ros.world.imu import ImuConfig
 
+# The C parser takes a tenth of the time, which matters for a thousand bodies.
+LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 # Bounds of a rate [Hz].
 RATES = (0.01, 1000.0)
 EntryT = TypeVar("EntryT")
@@ -141,12 +143,7 @@ def shape_entries(parameter: str, texts: Sequence[str]) -> tuple[ShapeEntry, ...
             raise InputError("parameter", "it needs a shape and its size, or a urdf")
         if "urdf" in found:
             return ShapeEntry(_body(found), urdf=_checked("urdf", found["urdf"], ""))
-        name, size = found["shape"], found.get("size")
-        if name not in [*SHAPES_BY_NAME]:
-            raise InputError("parameter", f"there is no shape {name!r}; choose {', '.join(SHAPES_BY_NAME)}")
-        if not isinstance(size, list) or not all(type(value) in (int, float) for value in size):
-            raise InputError("parameter", "size must be a list of numbers in metres, such as [0.2]")
-        return ShapeEntry(_body(found), shape_from(SHAPES_BY_NAME[name], size))
+        return ShapeEntry(_body(found), shape_in(found))
 
     return entries_of(parameter, texts, ("shape", "size", "urdf"), entry)
 
@@ -226,6 +223,21 @@ def _three(values: Any, what: str) -> Vector:
     return x, y, z
 
 
+def shape_in(found: Mapping[str, Any]) -> Shape:
+    """Return the shape of an entry, by its ``shape`` and ``size`` [m]. Raises `InputError`."""
+    name, known = found.get("shape"), ", ".join(SHAPES_BY_NAME)
+    if name is None:
+        raise InputError("parameter", f"it needs a shape ({known}) and its size, or a urdf")
+    if name not in [*SHAPES_BY_NAME]:
+        words = f"there is no shape {name!r}{suggestion(str(name), SHAPES_BY_NAME)}; choose {known}"
+        raise InputError("parameter", words)
+    try:
+        size = [float(value) for value in found["size"]]
+    except (KeyError, TypeError, ValueError):
+        raise InputError("parameter", "size must be a list of numbers in metres, such as [0.2]") from None
+    return shape_from(SHAPES_BY_NAME[name], size)
+
+
 def entries_of(
     parameter: str,
     texts: Sequence[str],
@@ -238,9 +250,12 @@ def entries_of(
     entries: dict[str, EntryT] = {}
     for place, text in enumerate(texts):
         try:
-            found = yaml.safe_load(text)
+            found = yaml.load(text, Loader=LOADER)
             if not isinstance(found, dict) or not {owner} <= found.keys() <= {owner, *keys}:
-                raise InputError("parameter", f"it must be a mapping with {owner} and any of {[*keys]}")
+                unknown = found.keys() - {owner, *keys} if isinstance(found, dict) else ()
+                hints = [f"; {key!r} is unknown{suggestion(str(key), keys)}" for key in unknown]
+                words = f"it must be a mapping with {owner} and any of {[*keys]}{''.join(hints)}"
+                raise InputError("parameter", words)
             entry = make(found, place)
         except InputError as error:
             raise InputError("parameter", f"{parameter} has entry {text!r}: {error}") from None

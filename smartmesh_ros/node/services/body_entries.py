@@ -9,22 +9,19 @@ its centre starts that far above the ground. ``yaw`` [rad] is the turn about z.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-import yaml
-
-from smartmesh_ros.errors import InputError, suggestion
-from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Shape, shape_from
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.node.parameters.entries import entries_of, shape_in
 from smartmesh_ros.world.robots.prepared import PreparedRobot
 
-# The C parser takes a tenth of the time, which matters for a thousand bodies.
-LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_BODY = {"shape", "size", "mass", "urdf"}
-_KEYS = {"id", "xyz", "xy", "above", "clearance", "align", "yaw"} | _BODY
+_PLACE = ("xyz", "xy", "above", "clearance", "align", "yaw")
+_KEYS = ("shape", "size", "mass", "urdf", *_PLACE)
 
 
 @dataclass(frozen=True)
@@ -48,72 +45,51 @@ class Entry:
     yaw: float = 0.0
 
     @property
+    def topic(self) -> str:
+        """The name, of which there is one entry."""
+        return self.name
+
+    @property
     def on_ground(self) -> bool:
         """True if the ground determines the height of the lowest point."""
         return self.xyz is None and self.above is None
 
 
-def entry_from_text(text: str, urdf: str = "") -> Entry:
-    """Return the entry of a YAML mapping, of a robot if its ``urdf`` is given. Raises `InputError` if the text is no
-    valid entry."""
-    what, keys = ("robot.start", _KEYS - _BODY) if urdf else ("bodies.spawn entry", _KEYS)
-    try:
-        entry = yaml.load(text, Loader=LOADER)
-    except yaml.YAMLError as error:
-        raise InputError("spawn", f"{what} {text!r} is not YAML: {error}") from None
-    if not isinstance(entry, dict) or "id" not in entry:
-        raise InputError("spawn", f"{what} {text!r} must be a mapping with id and any of {sorted(keys)}")
-    for key in entry.keys() - keys:
-        words = f"{key!r} is unknown{suggestion(str(key), keys)}; the keys are {', '.join(sorted(keys))}"
-        raise InputError("spawn", f"{what} {text!r}: {words}")
-    urdf = urdf or str(entry.get("urdf", ""))
-    shape = None if urdf else _shape_of(entry, text)
-    with _refused(text, ": mass and yaw must be numbers"):
-        mass, yaw = float(entry.get("mass", 1.0)), float(entry.get("yaw", 0.0))
-    with _refused(text, " needs xyz: [x, y, z], or xy: [x, y] with clearance or above"):
-        place = _place(entry)
-    if {"clearance", "align"} & entry.keys() and {"xyz", "above"} & entry.keys():
-        raise InputError(
-            "spawn", f"bodies.spawn entry {text!r}: clearance and align go with xy alone, not with xyz or above"
-        )
-    return Entry(str(entry["id"]), shape=shape, mass=mass, urdf=urdf, yaw=yaw, **place)
-
-
-def entries_from(texts: Iterable[str]) -> dict[str, Entry]:
+def entries_from(texts: Sequence[str]) -> dict[str, Entry]:
     """Return the entries of YAML mappings by their names. Raises `InputError`."""
-    entries: dict[str, Entry] = {}
-    for text in texts:
-        entry = entry_from_text(text)
-        if entry.name in entries:
-            raise InputError("spawn", f"bodies.spawn names {entry.name!r} twice; names must be distinct")
-        entries[entry.name] = entry
-    return entries
+    return {entry.name: entry for entry in entries_of("bodies.spawn", texts, _KEYS, _entry, owner="id")}
 
 
-def _shape_of(entry: dict[str, Any], text: str) -> Shape:
-    """Return the shape of an entry. Raises `InputError`."""
-    known, name = ", ".join(SHAPES_BY_NAME), entry.get("shape")
-    if name is None:
-        raise InputError("spawn", f"bodies.spawn entry {text!r} needs a shape ({known}) and its size, or a urdf")
-    if name not in [*SHAPES_BY_NAME]:
-        words = f"there is no shape {name!r}{suggestion(str(name), SHAPES_BY_NAME)}; choose {known}"
-        raise InputError("spawn", f"bodies.spawn entry {text!r}: {words}")
-    with _refused(text, " needs the size of its shape in metres, such as size: [0.2]"):
-        try:
-            return shape_from(SHAPES_BY_NAME[name], entry["size"])
-        except InputError as error:
-            raise InputError("spawn", f"bodies.spawn entry {text!r}: {error}") from None
+def start_from(text: str) -> Entry:
+    """Return the entry of a robot whose URDF comes later, of the parameter ``robot.start``. Raises `InputError`."""
+
+    def entry(found: dict[str, Any], place: int) -> Entry:
+        return _entry({**found, "urdf": "of the description"}, place)
+
+    [start] = entries_of("robot.start", [text], _PLACE, entry, owner="id")
+    return start
+
+
+def _entry(found: dict[str, Any], _: int) -> Entry:
+    """Return the entry of a mapping. Raises `InputError`."""
+    urdf = str(found.get("urdf", ""))
+    shape = None if urdf else shape_in(found)
+    with _refused("mass and yaw must be numbers"):
+        mass, yaw = float(found.get("mass", 1.0)), float(found.get("yaw", 0.0))
+    with _refused("it needs xyz: [x, y, z], or xy: [x, y] with clearance or above"):
+        place = _place(found)
+    if {"clearance", "align"} & found.keys() and {"xyz", "above"} & found.keys():
+        raise InputError("parameter", "clearance and align go with xy alone, not with xyz or above")
+    return Entry(str(found["id"]), shape=shape, mass=mass, urdf=urdf, yaw=yaw, **place)
 
 
 @contextmanager
-def _refused(text: str, words: str) -> Iterator[None]:
-    """Raise `InputError` with ``words`` about an entry's text if the block cannot convert it."""
+def _refused(words: str) -> Iterator[None]:
+    """Raise `InputError` with ``words`` if the block cannot convert a value."""
     try:
         yield
-    except InputError:
-        raise
     except (KeyError, TypeError, ValueError):
-        raise InputError("spawn", f"bodies.spawn entry {text!r}{words}") from None
+        raise InputError("parameter", words) from None
 
 
 def _place(entry: dict[str, Any]) -> dict[str, Any]:

@@ -11,11 +11,13 @@ from smartmesh_msgs.msg import BodyFailure
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.refusals import shortened
+from smartmesh_ros.node.services.initial_bodies import adding
 from smartmesh_ros.node.services.turns import in_turns
 from smartmesh_ros.node.session import REFUSED, Session, require_name
+from smartmesh_ros.world.robots.prepared import PreparedRobot
 
 # Number of failures that a response's message quotes. The list of failures in the response is complete.
 QUOTED = 3
@@ -41,41 +43,32 @@ class BodyServices:
         require_name(body.id)
         session.require_room([body.id])
         state = conversions.state_from(body.pose, body.twist)
-        if not body.urdf:
-            shape = conversions.shape_of_primitive(body.shape)
-            standing = {"on_ground": body.on_ground, "clearance": body.clearance, "align": body.align}
-            return self._told(body, state, lambda: world.spawn(body.id, shape, body.mass, state, **standing))
-        robot = await session.files.prepared(body.urdf, session.settings)
-        if not body.on_ground:
-            return self._told(body, state, lambda: world.spawn_robot(body.id, robot, state))
-        stance = await in_turns(world.stance_of_robot(body.id, robot, state, align=body.align), session.lock)
-        return self._told(
-            body, state, lambda: world.spawn_robot(body.id, robot, stance.on(world.ground_at, body.clearance))
-        )
+        what: Shape | PreparedRobot
+        if body.urdf:
+            what = await session.files.prepared(body.urdf, session.settings)
+        else:
+            what = conversions.shape_of_primitive(body.shape)
+        standing = {"on_ground": body.on_ground, "clearance": body.clearance, "align": body.align}
+        add = await in_turns(adding(world, body.id, what, body.mass, state, **standing), session.lock)
 
-    def _told(self, body: Any, state: BodyState, add: Callable[[], None]) -> Callable[[], str]:
         def action() -> str:
+            session.require_room([body.id])
             add()
-            return self._session.start_of(body.id, state, on_ground=body.on_ground)
+            return session.start_of(body.id, state, on_ground=body.on_ground)
 
         return action
-
-    def _add(self, name: str, action: Callable[[], str]) -> str:
-        """Do the action that adds a body, and return its words. Raises `InputError` if there is no room."""
-        self._session.require_room([name])
-        return action()
 
     async def _on_spawn(self, request: SpawnBody.Request, response: SpawnBody.Response) -> None:
         action = await self._ready(request)
         with self._session.lock:
-            response.message = self._add(request.id, action)
+            response.message = action()
 
     async def _on_spawn_all(self, request: SpawnBodies.Request, response: SpawnBodies.Response) -> None:
         world, added, told = self._session.world, [], []
         tasks: list[tuple[str, Callable[[], Any]]] = []
 
         def add(name: str, action: Callable[[], str]) -> None:
-            told.append(self._add(name, action))
+            told.append(action())
             added.append(name)
 
         for body in request.bodies:
@@ -95,8 +88,7 @@ class BodyServices:
         session, counts = self._session, Counter(request.ids)
 
         def check(name: str) -> None:
-            if name not in session.world.bodies:
-                raise InputError("unknown_body", f"there is no body {name!r}")
+            session.world.body(name)
             if counts[name] > 1:
                 raise InputError("duplicate_id", f"{name!r} is named {counts[name]} times; name each body once")
 

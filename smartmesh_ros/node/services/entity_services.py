@@ -17,7 +17,7 @@ from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.outputs.body_outputs import pose_message, twist_message
 from smartmesh_ros.node.services.entities import own_bounds, select
 from smartmesh_ros.node.services.files import allowed_folders, files_in, robot_name, urdf_text, with_package_paths
-from smartmesh_ros.node.services.standard import Standard, refuse_unsupported, tagged
+from smartmesh_ros.node.services.standard import Standard, tagged
 from smartmesh_ros.node.session import REFUSED, require_name
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.link_frames import centre_state
@@ -48,7 +48,7 @@ class EntityServices:
         serve("DeleteEntity", self._delete)
         serve("GetSpawnables", self._get_spawnables)
         serve("GetNamedPoses", self._get_poses)
-        serve("GetNamedPoseBounds", refuse_unsupported("named poses have no bounds here"))
+        serve("GetNamedPoseBounds", self._get_pose_bounds)
         serve("GetEntities", self._get_entities)
         serve("GetEntitiesStates", self._get_entities_states)
         serve("GetEntityBounds", self._get_bounds)
@@ -122,6 +122,9 @@ class EntityServices:
             pose = self._messages.NamedPose(name=name, description=words, tags=[START], pose=pose_message(start))
             response.poses.append(pose)
 
+    def _get_pose_bounds(self, _: Any, __: Any) -> None:
+        raise InputError("unsupported", "named poses have no bounds here")
+
     def _get_entities(self, request: Any, response: Any) -> None:
         response.entities = select(self._session.world, request.filters, self._bounds, self._info_of)
 
@@ -131,21 +134,16 @@ class EntityServices:
             response.states.append(self._messages.EntityState())
             self._write_state(name, response.states[-1])
 
-    def _body(self, name: str) -> Body:
-        if (body := self._session.world.bodies.get(name)) is None:
-            raise InputError("unknown_body", f"there is no body {name!r}")
-        return body
-
     def _get_bounds(self, request: Any, response: Any) -> None:
-        body = self._body(request.entity)
+        body = self._session.world.body(request.entity)
         low, high = (Vector3(x=x, y=y, z=z) for x, y, z in (corner.tolist() for corner in own_bounds(body)))
         response.bounds.type, response.bounds.points = self._bounds.TYPE_BOX, [high, low]
 
     def _get_info(self, request: Any, response: Any) -> None:
-        response.info = self._info_of(self._body(request.entity))
+        response.info = self._info_of(self._session.world.body(request.entity))
 
     def _set_info(self, request: Any, _: Any) -> None:
-        name = self._body(request.entity).name
+        name = self._session.world.body(request.entity).name
         category = request.info.category
         known = [value for key, value in vars(type(category)).items() if key.startswith("CATEGORY_")]
         if category.category not in known:

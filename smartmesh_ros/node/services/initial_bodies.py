@@ -6,20 +6,22 @@ They are spawned at the start or once the terrain covers their place, and again 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.node.services.body_entries import Entry, entries_from, entry_from_text
+from smartmesh_ros.node.services.body_entries import Entry, entries_from, start_from
 from smartmesh_ros.node.services.files import robot_name, with_package_paths
-from smartmesh_ros.node.services.turns import Work, in_turns
-from smartmesh_ros.node.session import REFUSED, Session
+from smartmesh_ros.node.services.turns import in_turns
+from smartmesh_ros.node.session import LATCHED, REFUSED, Session
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
+from smartmesh_ros.world.standing import Parts, finished
 from smartmesh_ros.world.world import World
 
 
@@ -35,18 +37,17 @@ def state_of(world: World, entry: Entry) -> BodyState | None:
     return BodyState(position, (0.0, 0.0, math.sin(0.5 * entry.yaw), math.cos(0.5 * entry.yaw)))
 
 
-def spawn(world: World, entry: Entry) -> bool:
-    """Spawn the body of an entry. Return False if the terrain does not cover its place yet. Raises `InputError` if the
-    world refuses the body."""
-    state = state_of(world, entry)
-    if state is None:
-        return False
-    standing: dict[str, Any] = {"on_ground": entry.on_ground, "clearance": entry.clearance, "align": entry.align}
-    if entry.shape is None:
-        world.spawn_robot(entry.name, entry.robot or entry.urdf, state, **standing)
-    else:
-        world.spawn(entry.name, entry.shape, entry.mass, state, **standing)
-    return True
+def adding(
+    world: World, name: str, what: Shape | PreparedRobot, mass: float, state: BodyState, **standing: Any
+) -> Parts[Callable[[], None]]:
+    """Find in parts how a body, or a robot, is added, and return the action that adds it; ``standing``: options of
+    `World.spawn`. The action raises `InputError` if the world refuses the body."""
+    if not isinstance(what, PreparedRobot):
+        return partial(world.spawn, name, what, mass, state, **standing)
+    if not standing["on_ground"]:
+        return partial(world.spawn_robot, name, what, state)
+    stance = yield from world.stance_of_robot(name, what, state, align=standing["align"])
+    return lambda: world.spawn_robot(name, what, stance.on(world.ground_at, standing["clearance"]))
 
 
 class InitialBodies:
@@ -60,7 +61,7 @@ class InitialBodies:
         self.starts: dict[str, BodyState] = {}
         self.refused: dict[str, str] = {}
         self._waiting: list[str] = []
-        self._standing: set[str] = set()  # robots that are being put onto the ground
+        self._standing: set[str] = set()  # bodies that are being put onto the ground
         for entry in entries_from(session.settings.spawn).values():
             self.add(entry)
 
@@ -74,12 +75,12 @@ class InitialBodies:
         Raises `InputError`, and changes nothing, if the body is refused."""
         if entry.urdf and entry.robot is None:
             entry = replace(entry, robot=prepare_robot(with_package_paths(entry.urdf)))
-        waiting = not self._spawn(entry)
-        if not waiting and entry.xyz is not None and not self._session.world.terrain.empty:
+        spawned = self._spawn(entry, finished(self._adding(entry)))
+        if spawned and entry.xyz is not None and not self._session.world.terrain.empty:
             self._session.start_of(entry.name, BodyState(entry.xyz))
         self._entries[entry.name] = entry
         self._waiting = [name for name in self._waiting if name != entry.name]
-        if waiting:
+        if not spawned:
             self._waiting.append(entry.name)
 
     def start_over(self, entries: Mapping[str, Entry]) -> None:
@@ -94,12 +95,21 @@ class InitialBodies:
         """True while robots are being put onto the ground."""
         return bool(self._standing)
 
-    def _spawn(self, entry: Entry) -> bool:
-        """Spawn the body of an entry, as `spawn` does."""
-        world = self._session.world
-        if spawned := spawn(world, entry):
-            self.starts[entry.name] = world.base_state(entry.name)
-        return spawned
+    def _adding(self, entry: Entry) -> Parts[Callable[[], None] | None]:
+        """Find in parts how the body of an entry is added, as `adding` does; None if the terrain does not cover its
+        place yet."""
+        world, what = self._session.world, entry.shape or entry.robot
+        if what is None or (state := state_of(world, entry)) is None:
+            return None
+        standing = {"on_ground": entry.on_ground, "clearance": entry.clearance, "align": entry.align}
+        return (yield from adding(world, entry.name, what, entry.mass, state, **standing))
+
+    def _spawn(self, entry: Entry, action: Callable[[], None] | None) -> bool:
+        """Spawn the body of an entry by an action. Return False if there is none."""
+        if action is not None:
+            action()
+            self.starts[entry.name] = self._session.world.base_state(entry.name)
+        return action is not None
 
     def replace(self, entry: Entry) -> None:
         """Replace the entry of the same name without spawning: its body is in the world already, or waits."""
@@ -109,34 +119,16 @@ class InitialBodies:
         """Spawn the bodies that waited for terrain."""
         waiting, self._waiting = self._waiting, []
         for name in waiting:
-            entry = self._entries[name]
-            if entry.robot is not None and entry.on_ground and state_of(self._session.world, entry) is not None:
-                self._standing.add(name)
-                self._session.turns.add(Work(self._stand(entry, entry.robot)), lambda _: None)
-                continue
-            try:
-                if not self._spawn(entry):
-                    self._waiting.append(name)
-            except REFUSED as error:
-                self._note(name, error)
+            self._standing.add(name)
+            self._session.turns.begin(self._stand(self._entries[name]))
 
-    async def _stand(self, entry: Entry, robot: PreparedRobot) -> None:
-        """Spawn a robot on the ground, in turns, unless there is another scene by then."""
-        session = self._session
-        world = session.world
+    async def _stand(self, entry: Entry) -> None:
+        """Spawn the body of an entry, a robot on the ground in turns, unless there is another scene by then."""
         try:
-            stance, state = None, state_of(world, entry)
-            if state is not None:
-                parts = world.stance_of_robot(entry.name, robot, state, align=entry.align)
-                stance = await in_turns(parts, session.lock)
-            with session.lock:
-                if self._entries.get(entry.name) is not entry:
-                    return
-                if stance is None:
+            action = await in_turns(self._adding(entry), self._session.lock)
+            with self._session.lock:
+                if self._entries.get(entry.name) is entry and not self._spawn(entry, action):
                     self._waiting.append(entry.name)
-                    return
-                world.spawn_robot(entry.name, robot, stance.on(world.ground_at, entry.clearance))
-                self.starts[entry.name] = world.base_state(entry.name)
         except REFUSED as error:
             if self._entries.get(entry.name) is entry:
                 self._note(entry.name, error)
@@ -161,9 +153,6 @@ class InitialBodies:
         self.on_terrain()
 
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-
 class RobotDescription:
     """Keeps one robot, as described last.
 
@@ -176,7 +165,7 @@ class RobotDescription:
         self._session, self._bodies = session, bodies
         self._urdf = ""
         self._received = self._applied = 0  # numbers of descriptions
-        self._entry = entry_from_text(session.settings.robot.start, "of the description")
+        self._entry = start_from(session.settings.robot.start)
         if session.settings.robot.description:
             self._take(prepare_robot(with_package_paths(session.settings.robot.description)))
         session.listen(String, "robot_description", self._on_description, LATCHED)
@@ -184,7 +173,7 @@ class RobotDescription:
     def _on_description(self, message: Any) -> None:
         robot_name(message.data)  # refuses all but URDF text, such as the path of a file
         self._received += 1
-        self._session.turns.add(Work(self._describe(message.data, self._received)), lambda _: None)
+        self._session.turns.begin(self._describe(message.data, self._received))
 
     async def _describe(self, text: str, number: int) -> None:
         """Prepare a description and take it, unless a later one was taken meanwhile."""

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.refusals import reason_of, shortened
 from smartmesh_ros.node.services.world_files import WorldFile
 from smartmesh_ros.node.session import Session
@@ -67,15 +66,6 @@ class Standard:
         if (own := reasons.get(reason)) is not None:
             return int(getattr(codes, own))
         return int(getattr(self.messages.Result, _REASONS.get(reason, "RESULT_OPERATION_FAILED")))
-
-
-def refuse_unsupported(words: str) -> Callable[[Any, Any], None]:
-    """Return what a service does that is always refused, with ``words`` that say why."""
-
-    def act(_: Any, __: Any) -> None:
-        raise InputError("unsupported", words)
-
-    return act
 
 
 def tagged(tags: list[str], wanted: Any) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Coroutine, Generator, Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
 
@@ -60,6 +60,12 @@ class Turns:
     def add(self, work: Work, send: Callable[[Any], None]) -> None:
         """Add work; ``send`` is called with its response."""
         self._waiting.append((work.steps, send))
+
+    def begin(self, steps: Coroutine[Any, Any, Any]) -> None:
+        """Do the first turn of some work, which has no response, now, and the others in turns."""
+        with suppress(StopIteration):
+            steps.send(None)
+            self.add(Work(steps), lambda _: None)
 
     def answer_later(self, service: Service) -> None:
         """Let a service's callback return the `Work` that makes the response in turns, in place of the response.

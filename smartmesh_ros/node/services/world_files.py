@@ -21,10 +21,11 @@ from smartmesh_ros.io.rasters import Raster, RasterConfig
 from smartmesh_ros.io.urdf import require_inside
 from smartmesh_ros.node.inputs.cdr_reader import MOST_SAMPLES
 from smartmesh_ros.node.parameters.declaring import checked_value
+from smartmesh_ros.node.parameters.entries import LOADER
 from smartmesh_ros.node.parameters.helping import PARAMETERS, parameters_by_node
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.parameters.specifications import SPECS
-from smartmesh_ros.node.services.body_entries import LOADER, Entry, entries_from
+from smartmesh_ros.node.services.body_entries import Entry, entries_from
 from smartmesh_ros.node.services.files import allowed_folders, files_in, with_package_paths
 
 SCENES = (".yaml", ".yml")

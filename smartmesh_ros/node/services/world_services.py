@@ -26,7 +26,7 @@ _LOADING = {
     "asset": "UNSUPPORTED_ASSETS",
     "elements": "UNSUPPORTED_ELEMENTS",
     **dict.fromkeys(
-        ("world", "parameter", "spawn", "file", "type", "length", "geometry", "bands", "unit", "urdf", "urdf_package"),
+        ("world", "parameter", "file", "type", "length", "geometry", "bands", "unit", "urdf", "urdf_package"),
         "RESOURCE_PARSE_ERROR",
     ),
 }

@@ -80,7 +80,7 @@ class Replay:
             raise
         self.clock.start = self._next.time
         self.clock.elapsed = -self.world.dt
-        self.collider.restart()
+        self.collider.pacer.restart()
         self.clock.elapsed = 0.0
         self._digest, self._digested = Digest(self.world), self.world.time
 
