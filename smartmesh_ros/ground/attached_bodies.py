@@ -13,12 +13,13 @@ from smartmesh_ros.ground.body_shapes import require_body, shapes_of
 from smartmesh_ros.ground.bullet import BulletCalls, NoClient, connected_client, is_fixed, undone
 from smartmesh_ros.ground.config import SleepConfig, time_step_of
 from smartmesh_ros.ground.followers import Belt, Follower, Followers
-from smartmesh_ros.ground.map_contacts import MapContacts, SoilSupport, SteppedSoil
+from smartmesh_ros.ground.map_contacts import MapContacts, SoilSupport
 from smartmesh_ros.ground.shapes import Solid
 from smartmesh_ros.ground.shown_ground import ShownGround
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.patches.shapes import BodyShape
+from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -40,7 +41,7 @@ class AttachedBodies:
         self.terrain = Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.followers = Followers()
-        self.soil: SteppedSoil | None = None
+        self.soil: Soil | None = None
         self._soil_revision = 0  # of the places of soils that bodies stand on
         self._shown: ShownGround | None = None
         self._printed = math.nan  # time at which prints of the soil were written into its map [s]
@@ -111,7 +112,7 @@ class AttachedBodies:
 
     def _drop_gone(self) -> None:
         """Take off what was removed from PyBullet, whose number another body may have by now."""
-        if gone := self.contacts.find_gone():
+        if gone := self.contacts.core.find_gone():
             self._take_off(gone)
 
     def _take_off(self, slots: list[int]) -> None:
@@ -161,7 +162,7 @@ class AttachedBodies:
 
     def is_asleep(self, body: int) -> bool:
         """Return True if a body sleeps with all its links."""
-        return all(self.contacts.is_asleep(slot) for slot in self.followers.of(body))
+        return all(self.contacts.core.is_asleep(slot) for slot in self.followers.of(body))
 
     def note_remote_states(self, bodies: list[int], states: FloatArray) -> None:
         """Note that bodies of other nodes are about to be set to states (n, 13). They sleep only while their owners say
@@ -190,7 +191,7 @@ class AttachedBodies:
             raise InputError("rate", f"the ground is drawn at a rate of {rate} Hz; it must be finite and above zero")
         self.contacts.require_client()
         if self._shown is None:
-            self._shown = self.contacts.shown(rate)
+            self._shown = ShownGround(self._client, self.contacts.core, self.terrain, rate)
         self._shown.rate = rate
         self._shown.draw(self.clock)
 
@@ -210,8 +211,8 @@ class AttachedBodies:
         """PyBullet's bodies of the drawn tiles, by the tiles' names: the ids that rays report."""
         return {} if self._shown is None else self._shown.bodies
 
-    def set_soil(self, soil: SteppedSoil | None) -> None:
-        """Let bodies stand on a soil of one of the terrain's height maps, such as a `Soil`, from now on; None =
+    def set_soil(self, soil: Soil | None) -> None:
+        """Let bodies stand on a soil of one of the terrain's height maps from now on; None =
         on the map itself. Raises `InputError` and changes nothing if the soil is of another map."""
         if soil is not None and not self._has(soil.map):
             raise InputError("soil", "the map of the soil is no tile of this ground's terrain")
@@ -233,7 +234,8 @@ class AttachedBodies:
 
     def on_soil(self) -> dict[str, SoilSupport]:
         """Return how the soil bore each body and link on it in the last step, by the names of the followers."""
-        parts = {follower.name: self.contacts.on_soil(follower.slot) for follower in self.followers}
+        core = self.contacts.core
+        parts = {follower.name: np.asarray(core.on_soil(follower.slot)) for follower in self.followers}
         return {
             name: SoilSupport(float(found[:, 0].max()), float(found[:, 1].sum()), float(found[:, 2].sum()))
             for name, found in parts.items()
@@ -244,12 +246,12 @@ class AttachedBodies:
     def rescues(self) -> int:
         """How often bodies were put back onto the ground: that were spawned or teleported below it, covered by a map,
         or pushed there by another body. It is the last resort."""
-        return self.contacts.rescues
+        return int(self.contacts.core.rescues)
 
     @property
     def clock(self) -> float:
         """Time [s] at the start of the next step. PyBullet's steps advance it, whoever calls them."""
-        return self.contacts.time
+        return float(self.contacts.core.time)
 
     def _has(self, mesh: MainMesh) -> bool:
         """Return True if a mesh is a tile of the terrain."""

@@ -110,7 +110,7 @@ class SavedBodies(AttachedBodies):
     def _memory(self, contacts: MapContacts) -> dict[str, Any]:
         """Return what PyBullet and the core know of the bodies."""
         return {
-            "time": contacts.time,
+            "time": self.clock,
             "bullet": np.frombuffer(_saved_bullet(self._client), np.uint8),
             "belts": [follower.belt for follower in self.followers],
             "memory": contacts.memory([follower.slot for follower in self.followers]),
@@ -118,7 +118,7 @@ class SavedBodies(AttachedBodies):
 
     def _recall(self, contacts: MapContacts, known: dict[str, Any]) -> None:
         """Let PyBullet and the core know what `_memory` returned, and nothing else of the past."""
-        contacts.time = known["time"]
+        contacts.core.time = known["time"]
         contacts.set_soil(None)  # PyBullet finds contacts, which must not press it
         # It finds them by where bodies were before, too, which the first round brings up to date.
         _restore_bullet(self._client, known["bullet"])

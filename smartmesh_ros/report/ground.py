@@ -60,7 +60,7 @@ class ReportGround(Ground):
             self.chosen.take(mesh)
         self._lifetime = 0  # until the end: a refresh that failed is made again before the next step
         self.contacts.begin(time, dt)
-        self.contacts.update()
+        self.contacts.core.update()
         steps = max(round(1.0 / (self.config.rate * dt)), 1) if self.config.rate else 1
         self.chosen.refresh(time, dt * steps, self.contacts.states_of(np.arange(self.followers.capacity)))
         self.colliders.refresh()

@@ -94,15 +94,15 @@ class PatchContacts(MapContacts):
     ) -> None:  # fmt: skip
         super().__init__(client, followers, terrain)
         self.replacements = self.leaked = 0
-        self._config, self._patches, self._stopwatch = config, patches, stopwatch
+        self._terrain, self._config, self._patches, self._stopwatch = terrain, config, patches, stopwatch
         self._pairs = Pairs(client)
         self._held: dict[Follower, Field | MeshCollider] = {}
         self._whole = WholeMesh(client, config.kind) if is_whole(config.kind) else None
 
     def attach(self, follower: Follower) -> None:
         """The core only reads and moves a follower, which gets its collider in the next `refresh`."""
-        self._core.attach(follower.slot, follower.body, follower.link, -1)
-        self._core.set_shapes(self._followers.shape_table.core)
+        self.core.attach(follower.slot, follower.body, follower.link, -1)
+        self.core.set_shapes(self._followers.shape_table.core)
         self.note_kind(follower.slot)
 
     def note_kind(self, slot: int) -> None:
@@ -133,11 +133,11 @@ class PatchContacts(MapContacts):
         """Set the colliders to the patches of the followers, or the collider of the whole mesh to the ground."""
         with self._stopwatch.stage("collider"):
             if self._whole is not None:
-                self._whole.update(next(iter(self._terrain.tiles.values())), self.time)
+                self._whole.update(next(iter(self._terrain.tiles.values())), self.core.time)
                 return
             served = set()
             for batch in self._patches.batches:
-                found = ground_samples(self._terrain, checked_points(batch.feet_w[:, :2]), self.time)
+                found = ground_samples(self._terrain, checked_points(batch.feet_w[:, :2]), self.core.time)
                 friction = np.nan_to_num(found.friction, nan=1.0).tolist()
                 for row, slot in enumerate(batch.slots.tolist()):
                     self._apply(self._followers[slot], batch, row)

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.soil.config import SoilType
-from smartmesh_ros.soil.soils import map_from, soil_table, soils_from
+from smartmesh_ros.soil.soils import soil_table, soils_from
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.material import checked_soil
 from smartmesh_ros.terrain.prints import NOTHING, corners
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -68,7 +69,10 @@ class Soil:
         if not 1e-3 <= spacing <= 10.0:
             raise InputError("soil", f"spacing is {spacing}; it must be 0.001 to 10 m")
         self.soils = soils_from(soil)
-        self.map = map_from(terrain, tile)
+        mesh = Terrain.of(terrain).tile(tile)
+        if not isinstance(mesh, HeightMap):
+            raise InputError("terrain", "soil needs a height map; general meshes do not give way")
+        self.map = mesh
         cell = self.map.geometry.resolution
         if not cell < MOST_ACROSS * spacing:
             least = f"it must be above {cell / MOST_ACROSS:g} m there, or the map finer"

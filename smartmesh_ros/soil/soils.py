@@ -13,9 +13,7 @@ import numpy as np
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.soil.config import SoilType
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.material import MOST_SOILS
-from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 KNOWN = Path(__file__).parent / "soils.yaml"
 # Column of the table of soils, in the order of `SoilType`.
@@ -60,14 +58,6 @@ def _soil(name: str, values: Any) -> SoilType:
         raise InputError("soil", f"soil {name!r} lacks {', '.join(missing)}") from None
     except InputError as error:
         raise InputError("soil", f"soil {name!r}: {error}") from None
-
-
-def map_from(terrain: MainMesh | Terrain, tile: str) -> HeightMap:
-    """Return the height map that gives way; raises `InputError`."""
-    mesh = Terrain.of(terrain).tile(tile)
-    if not isinstance(mesh, HeightMap):
-        raise InputError("terrain", "soil needs a height map; general meshes do not give way")
-    return mesh
 
 
 def soils_from(soil: SoilType | str | Sequence[SoilType | str]) -> list[SoilType]:

@@ -11,7 +11,6 @@ variance is underestimated; ``growth`` bounds the error.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,19 +25,13 @@ from smartmesh_ros.terrain.state_file import filled
 FloatGrid = NDArray[np.float32]
 
 
-@dataclass(frozen=True, kw_only=True)
-class FusionConfig:
-    """Parameters of the filter.
-
-    ``growth`` [m^2/s], at least zero: variance added to every height per second. Raising it shortens the memory: with
-    measurements of variance R every T seconds, about the last ``sqrt(R T / growth)`` seconds count. The default gives
-    3 s for maps at 10 Hz with 10 mm noise. At zero all measurements count for ever.
-    ``gate`` [standard deviations], above zero: innovation beyond which a sample restarts from the measurement. Raising
-    it causes fewer restarts: at 5, noise restarts one sample in two million; at infinity, none.
-    """
-
-    growth: float = 1e-6
-    gate: float = 5.0
+# Variance added to every height per second [m^2/s]. Raising it shortens the memory: with measurements of variance R
+# every T seconds, about the last ``sqrt(R T / GROWTH)`` seconds count, 3 s for maps at 10 Hz with 10 mm noise. At zero
+# all measurements count for ever.
+GROWTH = 1e-6
+# Innovation beyond which a sample restarts from the measurement [standard deviations]. Raising it causes fewer
+# restarts: at 5, noise restarts one sample in two million; at infinity, none.
+GATE = 5.0
 
 
 class FusedMap(NamedTuple):
@@ -61,19 +54,22 @@ def fuse(
     measured: FloatGrid,
     variance: float | FloatGrid,
     elapsed: float,
-    config: FusionConfig,
     first: tuple[int, int] = (0, 0),
+    *,
+    growth: float = GROWTH,
+    gate: float = GATE,
 ) -> None:
     """Update ``known`` in place with heights of the whole map, or of the rectangle whose first sample is ``first``.
 
     ``measured``: heights (h, w) [m]; NaN = not seen, which keeps the height and raises its variance.
     ``variance``: variances of the heights [m^2], one number or (h, w). At zero the measured height replaces the old one
     exactly; heights with a negative or non-finite variance are ignored. ``elapsed``: time since these samples were last
-    fused [s]. ``first``: (row, column). Raises `ValueError` if shapes do not match, and changes nothing.
+    fused [s]. ``growth`` and ``gate`` are `GROWTH` and `GATE`. Raises `ValueError` if shapes do not match, and changes
+    nothing.
     """
     seen = dense(measured)
     noises = dense(variance) if isinstance(variance, np.ndarray) else np.full((1, 1), variance, np.float32)
-    CORE.fuse(known.heights, known.variances, first, seen, noises, config.growth * elapsed, min(config.gate, 1e18) ** 2)
+    CORE.fuse(known.heights, known.variances, first, seen, noises, growth * elapsed, min(gate, 1e18) ** 2)
 
 
 class Corrections:
@@ -143,7 +139,7 @@ class Corrections:
         columns = slice(column // BLOCK, (column + wide - 1) // BLOCK + 1)
         before = float(clocks["time"][rows, columns].min())
         elapsed = max(time - before, 0.0) if math.isfinite(before) else 0.0
-        fuse(fused, new, variance, elapsed, FusionConfig(), first)
+        fuse(fused, new, variance, elapsed, first)
         known: FloatGrid = fused.heights[row : row + high, column : column + wide]
         return known
 
@@ -155,5 +151,5 @@ class Corrections:
         known, measured = nothing_known(*self.offsets.shape), self.fused
         new, old = overlap(cells, self.offsets.shape)
         known.heights[new], known.variances[new] = before.fused.heights[old], before.fused.variances[old]
-        fuse(known, measured.heights, measured.variances, elapsed, FusionConfig())
+        fuse(known, measured.heights, measured.variances, elapsed)
         self.put(known)

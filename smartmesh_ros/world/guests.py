@@ -23,8 +23,8 @@ from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.bodies import Body
-from smartmesh_ros.world.guest_config import GuestConfig
 from smartmesh_ros.world.guest_owner import NOBODY, Guest, GuestOwner, Received
+from smartmesh_ros.world.settings import GuestConfig
 from smartmesh_ros.world.state_table import StateTable, require_valid
 
 # Indices into a contact point of PyBullet: the other body, and the normal force.

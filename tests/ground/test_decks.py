@@ -32,7 +32,7 @@ from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from smartmesh_ros.world.carrying import Carrier
+from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.joints import JointCommand
 from tests.bodies import put, rotation
 from tests.core import mesh_parts

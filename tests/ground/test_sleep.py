@@ -35,7 +35,7 @@ def sleeping_box(ground: HeightMap | None = None, seconds: int = 1, **settings: 
 
 def asleep(world: World) -> set[str]:
     """Names of the sleeping bodies and links."""
-    return {world.followers[slot].name for slot in world.ground.contacts.asleep()}
+    return {world.followers[slot].name for slot in world.ground.contacts.core.find_asleep()}
 
 
 def test_bodies_at_rest_sleep_and_keep_patches_contacts_and_wrenches() -> None:

@@ -20,7 +20,7 @@ from smartmesh_ros import (
 )
 from smartmesh_ros.soil.config import SoilType
 from smartmesh_ros.soil.soil import Soil
-from smartmesh_ros.soil.soils import map_from, soil_named
+from smartmesh_ros.soil.soils import soil_named
 from studies.soil.arcs import free_slip, undamped, wheel_forces
 from studies.soil.trials import Wheel, plate_sinkage, standing_sinkage
 from studies.soil.vehicles import BELOW, WARTHOG, Cart, drive, roll, set_down, vertical_forces
@@ -116,7 +116,7 @@ def pressed(every: int) -> tuple[np.ndarray, np.ndarray]:
     """Return where a box is that stood on soil for two seconds, and the map, which was sent again after ``every``
     steps; 0 = never."""
     with with_box("dry_sand") as world:
-        tile = map_from(world.terrain, "")
+        tile = world.terrain.tile("")
         for step in range(480):
             if every and step % every == 0:
                 tile.replace(FLAT, time=world.time)
@@ -136,7 +136,7 @@ def test_a_map_that_is_sent_again_leaves_prints_and_what_stands_or_sleeps_in_the
 
 def test_prints_under_a_body_and_the_body_move_with_the_ground() -> None:
     with with_box("dry_sand") as world:
-        tile = map_from(world.terrain, "")
+        tile = world.terrain.tile("")
         world.step(240)
         sunk, low, start = -tile.heights.min(), world.state("box").position[2], world.time
         step_on_moving(world, lambda time: 0.1 * (time - start), 240, every=8)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, Deck, HeightMap, HeightScan, InputError, Soil, Sphere, World
-from smartmesh_ros.world.carrying import Carrier
+from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.joints import JointCommand
 from tests.memory import allocated
 from tests.urdfs import HUSKY, ROVER
