@@ -15,8 +15,8 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
-from smartmesh_ros.ground.height_field import quarter_turn
 from smartmesh_ros.ground.map_contacts import MapContacts
+from smartmesh_ros.ground.shown_ground import quarter_turn
 from smartmesh_ros.report.batch import PatchBatch
 from smartmesh_ros.report.config import MeshKind, ReportConfig, is_whole
 from smartmesh_ros.report.made import Field, MeshCollider, make_field, make_mesh

@@ -88,11 +88,6 @@ class Corrections:
         return float(self._core.shown)
 
     @property
-    def settled(self) -> float:
-        """Instant at which all of them are blended in [s]."""
-        return float(self._core.settled)
-
-    @property
     def fused(self) -> FusedMap | None:
         """The estimate; None if heights are not fused."""
         return None if self._core.fused is None else FusedMap(*self._core.fused)
@@ -107,7 +102,7 @@ class Corrections:
     @property
     def blending(self) -> bool:
         """True while corrections are being blended in."""
-        return self.shown < self.settled
+        return self.shown < float(self._core.settled)
 
     def show(self, time: float) -> None:
         """Blend corrections in up to ``time`` [s]; earlier times than before have no effect."""
@@ -117,11 +112,6 @@ class Corrections:
         """Add ``by`` [s] to all times."""
         self._core.show(self.shown + by)
         self._core.settled += by
-
-    def take(self, first: tuple[int, int], known: NDArray[np.float32], time: float) -> None:
-        """Store the estimate ``known`` (h, w) [m] of ``time`` [s], of the rectangle whose ``first`` sample is given, in
-        the map."""
-        CORE.take_corrected(self._core, first, dense(known), time)
 
     def fuse(
         self, first: tuple[int, int], new: NDArray[np.float32], variance: float | NDArray[np.float32], time: float,

@@ -93,7 +93,7 @@ class MovingHeights(LaidGround, MovingGround):
             "version": self.version,
             "deviation": self._deviation,
             "shown": corrections.shown,
-            "settled": corrections.settled,
+            "settled": float(self.core_reader.settled),
             "fused": corrections.fused,
             "prints": None if prints is None else (prints.given, prints.corners),
         }
@@ -267,4 +267,4 @@ class MovingHeights(LaidGround, MovingGround):
 
     def _correct(self, row: int, column: int, known: NDArray[np.float32], time: float) -> None:
         """Store the new estimate of a rectangle of static ground."""
-        self.corrections.take((row, column), known, time)
+        CORE.take_corrected(self.core_reader, (row, column), dense(known), time)

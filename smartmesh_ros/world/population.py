@@ -22,7 +22,6 @@ from smartmesh_ros.terrain.surface_query import GroundSamples, checked_rays
 from smartmesh_ros.world.bodies import Body, BodyFactory
 from smartmesh_ros.world.body_rays import RayHits, cast_rays, require_bodies
 from smartmesh_ros.world.driving import Driving
-from smartmesh_ros.world.guests import Guests
 from smartmesh_ros.world.link_frames import frame_state
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.standing import NO_TERRAIN, Parts, Stance, finished, stance_of
@@ -34,7 +33,7 @@ class Population(Driving):
     description was taken as, ``say`` what may be wrong."""
 
     time: float
-    guests: Guests
+    guests: Any  # the `Guests`, which know this class
     say: Callable[[str], object] = logging.getLogger("smartmesh_ros").warning
     note: Callable[[str], object] = logging.getLogger("smartmesh_ros").info
 
@@ -189,6 +188,11 @@ class Population(Driving):
     def base_state(self, name: str) -> BodyState:
         """Return the state of the frame of a robot's base link; of another body, the state of its centre of mass."""
         return frame_state(self.state(name), self._body(name).inertial)
+
+    @property
+    def dt(self) -> float:
+        """Length of a step [s]."""
+        return self._factory.config.dt
 
     @property
     def followers(self) -> Followers:

@@ -49,6 +49,8 @@ class World(SavedWorld):
     their own.
     """
 
+    guests: Guests
+
     def __init__(
         self,
         terrain: MainMesh | Terrain | None = None,
@@ -110,11 +112,6 @@ class World(SavedWorld):
             for body in self.bodies.values():
                 self._factory.damp(body)
         self.guests.config, self.falls.config = config.guests, config.falls
-
-    @property
-    def dt(self) -> float:
-        """Length of a step [s]."""
-        return self.config.physics.dt
 
     def close(self) -> None:
         """Disconnect from PyBullet."""

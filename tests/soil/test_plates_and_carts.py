@@ -235,19 +235,6 @@ def test_prints_stay_in_the_map_and_new_ground_is_new_soil() -> None:
         assert soil.sinkage().max() == pytest.approx(deep, rel=0.05)
 
 
-def test_soil_outlives_a_restored_world_and_can_be_taken_away() -> None:
-    with with_box("lunar") as world:
-        world.step(240)
-        sunk = world.state("box").position[2]
-        world.save()
-        world.step(60)
-        assert world.state("box").position[2] == pytest.approx(sunk, abs=1e-4)
-        assert "box" in world.ground.on_soil()
-        world.ground.set_soil(None)
-        world.step(60)
-        assert world.ground.on_soil() == {}
-
-
 @pytest.mark.parametrize("way", ["update", "restore"])
 def test_soil_goes_with_its_map(way: str, caplog: pytest.LogCaptureFixture) -> None:
     """Whose place another map takes: bodies stand on that one."""
@@ -279,16 +266,6 @@ def test_what_sleeps_in_pybullet_wakes_on_another_soil(client: Any, maximal: boo
     for _ in range(480):
         ground.step(ground.clock, 1.0 / 240.0)
     assert 0.1 - height(client, body) == pytest.approx(20.0 * 9.81 / 0.04 / 820e3, rel=0.1)
-
-
-def test_a_driven_track_pulls_itself_through_the_soil() -> None:
-    with World(HeightMap(FLAT, resolution=0.04)) as world:
-        world.spawn("track", Box(0.5, 0.1, 0.1), 20.0, BodyState((1.0, 2.0, 0.051)))
-        world.ground.set_soil(Soil(world.terrain, "dry_sand"))
-        world.step(60)
-        world.ground.drive(world.bodies["track"].uid, -1, (0.0, 1.0, 0.0), 0.3)
-        world.step(480)
-        assert world.state("track").linear[0] == pytest.approx(0.3, rel=0.1)
 
 
 def test_soils_are_where_kinds_say() -> None:
