@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -93,7 +94,9 @@ class AttachedBodies:
         added: list[int] = []
         with undone(lambda: self._take_off(added)):
             for follower in made:
-                self._put_on(follower, own=own)
+                self.followers.add(follower, own=own)
+                with undone(partial(self.followers.remove, follower.slot)):
+                    self.contacts.attach(follower)
                 added.append(follower.slot)
         return made[0]
 
@@ -104,11 +107,6 @@ class AttachedBodies:
     def detach(self, body: int) -> None:
         """Take ``body`` and its links off the ground. A body that is removed from PyBullet is taken off by itself."""
         self._take_off(list(self.followers.of(body)))
-
-    def _put_on(self, follower: Follower, *, own: bool) -> None:
-        self.followers.add(follower, own=own)
-        with undone(lambda: self.followers.remove(follower.slot)):
-            self.contacts.attach(follower)
 
     def _drop_gone(self) -> None:
         """Take off what was removed from PyBullet, whose number another body may have by now."""

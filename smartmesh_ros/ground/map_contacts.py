@@ -38,25 +38,20 @@ class SoilSupport(NamedTuple):
 ELSEWHERE = (pb.SHARED_MEMORY, pb.UDP, pb.TCP)
 
 
-def missing_for(client: Any) -> str:
-    """Return why a client cannot have ground proxies, empty if it can."""
-    if wrong := misread():
-        return f"the core was built for another PyBullet: the two differ in {wrong}"
-    if client.getConnectionInfo().get("connectionMethod") in ELSEWHERE:
-        return "the server of this PyBullet client runs in another process; connect with pybullet.DIRECT or GUI"
-    if number_of(client) < 0:
-        return f"this PyBullet does not load the core {CORE.__file__}"
-    return ""
-
-
 def ground_in(client: Any) -> Any:
     """Return the core's ground in a client; raises `InputError` if there can be none, or the client has one already."""
-    if why := missing_for(client):
-        raise InputError("client", f"bodies cannot stand on the ground: {why}")
-    try:
-        return CORE.Ground(number_of(client))
-    except RuntimeError as error:
-        raise InputError("client", str(error)) from None
+    if wrong := misread():
+        why = f"the core was built for another PyBullet: the two differ in {wrong}"
+    elif client.getConnectionInfo().get("connectionMethod") in ELSEWHERE:
+        why = "the server of this PyBullet client runs in another process; connect with pybullet.DIRECT or GUI"
+    elif (number := number_of(client)) < 0:
+        why = f"this PyBullet does not load the core {CORE.__file__}"
+    else:
+        try:
+            return CORE.Ground(number)
+        except RuntimeError as error:
+            raise InputError("client", str(error)) from None
+    raise InputError("client", f"bodies cannot stand on the ground: {why}")
 
 
 class MapContacts:

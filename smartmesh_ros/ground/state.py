@@ -4,12 +4,10 @@ import math
 from dataclasses import dataclass
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.deck import QUATERNION_SLACK
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
-
-# Largest accepted difference between a quaternion's length and one.
-QUATERNION_SLACK = 1e-3
 
 
 @dataclass(frozen=True)

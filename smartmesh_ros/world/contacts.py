@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.ground.followers import Follower
+from smartmesh_ros.ground.bullet import BulletCalls
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.terrain.grid import FloatArray
 
@@ -68,9 +68,10 @@ def wrenches_of_step(client: Any, ground: Ground) -> list[GroundWrench]:
     """
     found: list[GroundWrench] = []
     of_colliders: dict[int, GroundWrench] = {}
+    calls = BulletCalls(client)
     for follower in ground.followers:
         if follower.solid:
-            centre = np.array(_centre(client, follower))
+            centre = calls.state(follower.body, follower.link)[:3]
             wrench = GroundWrench(follower.name, centre, np.zeros(3), np.zeros(3))
             found.append(wrench)
             if follower.collider is not None:
@@ -85,12 +86,3 @@ def wrenches_of_step(client: Any, ground: Ground) -> list[GroundWrench]:
         touched.force[:] += force
         touched.torque[:] += np.cross(np.array(position) - touched.centre, force)
     return found
-
-
-def _centre(client: Any, follower: Follower) -> tuple[float, float, float]:
-    if follower.link < 0:
-        position = client.getBasePositionAndOrientation(follower.body)[0]
-    else:
-        position = client.getLinkState(follower.body, follower.link)[0]
-    x, y, z = position
-    return x, y, z

@@ -15,7 +15,7 @@ from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.quaternions import conjugate, product, rotate
 from smartmesh_ros.ground.state import Quaternion, Vector
-from smartmesh_ros.terrain.deck import Deck
+from smartmesh_ros.terrain.deck import LEVEL, Deck
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.bodies import Body, BodyFactory
 from smartmesh_ros.world.joints import JointCommand, JointReading, command_joint, read_joints
@@ -23,9 +23,6 @@ from smartmesh_ros.world.link_frames import InertialFrame
 
 # Steps from one fit of joints' damping to the next, in which postures change little.
 DAMPED_STEPS = 8
-
-
-LEVEL: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
 
 class Carrier(NamedTuple):
@@ -92,7 +89,7 @@ class Driving:
         """Drive a joint by a command from now on."""
         command_joint(self.client, body.uid, body.joints[joint], command)
         self._efforts.pop((body.name, joint), None)
-        if command.is_effort and command.effort is not None:
+        if command.effort is not None and not command.has_target:  # to be applied in every step
             self._efforts[body.name, joint] = command.effort
 
     def _drive_all(self) -> None:

@@ -45,11 +45,6 @@ class JointCommand:
         """Return True if the command has a position or velocity to reach."""
         return self.position is not None or self.velocity is not None
 
-    @property
-    def is_effort(self) -> bool:
-        """Return True if the command is an effort to apply in every step."""
-        return self.effort is not None and not self.has_target
-
 
 @dataclass(frozen=True)
 class JointReading:
