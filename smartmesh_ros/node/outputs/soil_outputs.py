@@ -10,7 +10,8 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.node.outputs.grid_maps import grid_map_message
-from smartmesh_ros.soil.soil import Region, Soil
+from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros.terrain.grid import Region
 
 
 def update_message(header: Header, tile: str, region: Region) -> HeightmapUpdate:
@@ -18,7 +19,7 @@ def update_message(header: Header, tile: str, region: Region) -> HeightmapUpdate
     height, width = region.heights.shape
     return HeightmapUpdate(
         header=header, tile=tile, x=region.column, y=region.row, width=width, height=height,
-        heights=floats(region.heights), velocities=floats(region.velocities),
+        heights=floats(region.heights), velocities=floats(np.zeros_like(region.heights)),
     )  # fmt: skip
 
 
