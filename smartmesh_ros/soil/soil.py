@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.soil.config import SoilType
-from smartmesh_ros.soil.soils import soil_table, soils_from
+from smartmesh_ros.soil.config import SoilType, soil_table, soils_from
 from smartmesh_ros.terrain.grid import FloatArray, Region
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.material import checked_soil

@@ -18,9 +18,8 @@ from smartmesh_ros import (
     World,
     WorldConfig,
 )
-from smartmesh_ros.soil.config import SoilType
+from smartmesh_ros.soil.config import SoilType, soil_named
 from smartmesh_ros.soil.soil import Soil
-from smartmesh_ros.soil.soils import soil_named
 from studies.soil.arcs import free_slip, undamped, wheel_forces
 from studies.soil.trials import Wheel, plate_sinkage, standing_sinkage
 from studies.soil.vehicles import BELOW, WARTHOG, Cart, drive, roll, set_down, vertical_forces
