@@ -44,11 +44,6 @@ class FusedMap(NamedTuple):
     variances: FloatGrid
 
 
-def nothing_known(rows: int, columns: int) -> FusedMap:
-    """Return the state before the first measurement."""
-    return FusedMap(np.full((rows, columns), np.nan, np.float32), np.zeros((rows, columns), np.float32))
-
-
 def fuse(
     known: FusedMap,
     measured: FloatGrid,
@@ -72,74 +67,47 @@ def fuse(
     CORE.fuse(known.heights, known.variances, first, seen, noises, growth * elapsed, min(gate, 1e18) ** 2)
 
 
-class Corrections:
-    """The corrections of one map, which is the ``core``'s.
+def fused_of(core: Any) -> FusedMap | None:
+    """Return the estimate of a map of the core; None if its heights are not fused."""
+    return None if core.fused is None else FusedMap(*core.fused)
 
-    ``offsets``: old minus new heights (rows, columns) [m].
-    """
 
-    def __init__(self, core: Any) -> None:
-        self._core = core
-        self.offsets: FloatGrid = core.offsets
+def put_fused(core: Any, known: FusedMap) -> None:
+    """Replace the estimate of a map of the core."""
+    if core.fused is None:
+        core.begin_fusion()
+    for array, new in zip(core.fused, known, strict=True):
+        filled(array, new)
 
-    @property
-    def shown(self) -> float:
-        """Instant up to which corrections are blended in [s], infinity before the first."""
-        return float(self._core.shown)
 
-    @property
-    def fused(self) -> FusedMap | None:
-        """The estimate; None if heights are not fused."""
-        return None if self._core.fused is None else FusedMap(*self._core.fused)
+def fuse_rectangle(
+    core: Any, first: tuple[int, int], new: FloatGrid, variance: float | FloatGrid, time: float, clocks: Any
+) -> FloatGrid:
+    """Return the estimate of a rectangle of a map of the core after its ``new`` heights (h, w) [m] of ``time`` [s];
+    exact heights are returned unchanged."""
+    if core.fused is None:
+        if isinstance(variance, float) and variance == 0.0:
+            return new
+        core.begin_fusion()
+    fused = FusedMap(*core.fused)
+    (row, column), (high, wide) = first, new.shape
+    rows = slice(row // BLOCK, (row + high - 1) // BLOCK + 1)
+    columns = slice(column // BLOCK, (column + wide - 1) // BLOCK + 1)
+    before = float(clocks["time"][rows, columns].min())
+    elapsed = max(time - before, 0.0) if math.isfinite(before) else 0.0
+    fuse(fused, new, variance, elapsed, first)
+    return fused.heights[row : row + high, column : column + wide]
 
-    def put(self, known: FusedMap) -> None:
-        """Replace the estimate."""
-        if self._core.fused is None:
-            self._core.begin_fusion()
-        for array, new in zip(self._core.fused, known, strict=True):
-            filled(array, new)
 
-    @property
-    def blending(self) -> bool:
-        """True while corrections are being blended in."""
-        return self.shown < float(self._core.settled)
-
-    def show(self, time: float) -> None:
-        """Blend corrections in up to ``time`` [s]; earlier times than before have no effect."""
-        self._core.show(time if self.shown == math.inf else max(self.shown, time))
-
-    def shift_time(self, by: float) -> None:
-        """Add ``by`` [s] to all times."""
-        self._core.show(self.shown + by)
-        self._core.settled += by
-
-    def fuse(
-        self, first: tuple[int, int], new: NDArray[np.float32], variance: float | NDArray[np.float32], time: float,
-        clocks: Any,
-    ) -> NDArray[np.float32]:  # fmt: skip
-        """Return the estimate of a rectangle after its ``new`` heights (h, w) [m] of ``time`` [s]; exact heights are
-        returned unchanged."""
-        if self.fused is None:
-            if isinstance(variance, float) and variance == 0.0:
-                return new
-            self._core.begin_fusion()
-        fused: Any = self.fused
-        (row, column), (high, wide) = first, new.shape
-        rows = slice(row // BLOCK, (row + high - 1) // BLOCK + 1)
-        columns = slice(column // BLOCK, (column + wide - 1) // BLOCK + 1)
-        before = float(clocks["time"][rows, columns].min())
-        elapsed = max(time - before, 0.0) if math.isfinite(before) else 0.0
-        fuse(fused, new, variance, elapsed, first)
-        known: FloatGrid = fused.heights[row : row + high, column : column + wide]
-        return known
-
-    def fuse_across(self, before: Corrections, cells: tuple[int, int], elapsed: float) -> None:
-        """Fuse with the estimate of the map ``before``, which lies ``cells`` (rows, columns) back and is ``elapsed``
-        [s] older."""
-        if self.fused is None or before.fused is None:
-            return
-        known, measured = nothing_known(*self.offsets.shape), self.fused
-        new, old = overlap(cells, self.offsets.shape)
-        known.heights[new], known.variances[new] = before.fused.heights[old], before.fused.variances[old]
-        fuse(known, measured.heights, measured.variances, elapsed)
-        self.put(known)
+def fuse_across(core: Any, before: Any, cells: tuple[int, int], elapsed: float) -> None:
+    """Fuse the estimate of a map of the core with that of the map ``before``, which lies ``cells`` (rows, columns) back
+    and is ``elapsed`` [s] older."""
+    measured, earlier = fused_of(core), fused_of(before)
+    if measured is None or earlier is None:
+        return
+    shape = measured.heights.shape
+    known = FusedMap(np.full(shape, np.nan, np.float32), np.zeros(shape, np.float32))
+    new, old = overlap(cells, shape)
+    known.heights[new], known.variances[new] = earlier.heights[old], earlier.variances[old]
+    fuse(known, measured.heights, measured.variances, elapsed)
+    put_fused(core, known)
