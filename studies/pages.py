@@ -21,7 +21,7 @@ import smartmesh_ros
 from smartmesh_ros.errors import InputError
 
 ROOT = Path(__file__).parents[1]
-_CORE = ("core", "terrain", "patches", "report", "ground", "world")
+_CORE = ("core", "terrain", "report", "ground", "world")
 # The rooms that the figures of a block depend on, by its subject.
 SUBJECTS = {
     "core": _CORE,

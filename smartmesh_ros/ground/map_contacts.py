@@ -20,7 +20,7 @@ from smartmesh_ros.ground.config import SleepConfig, require_time_step
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.layout_probe import misread, number_of
 from smartmesh_ros.ground.shown_ground import FAR_AWAY
-from smartmesh_ros.patches.shapes import BODY_COLUMNS
+from smartmesh_ros.ground.state import BODY_COLUMNS
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -72,7 +72,7 @@ class MapContacts:
         """Give a follower a proxy if it is solid; other followers are only read."""
         proxy = self._new_body() if follower.solid else -1
         try:
-            self.core.attach(follower.slot, follower.body, follower.link, proxy)
+            self.core.attach(follower.slot, follower.body, follower.link, proxy, follower.shape)
         except ValueError as error:
             if follower.solid:
                 self._client.removeBody(proxy)
@@ -80,7 +80,6 @@ class MapContacts:
         if follower.solid:
             self._uids[follower.slot] = follower.collider = proxy
             self._proxies.add(proxy)
-        self.core.set_shapes(self._followers.shape_table.core)
         self.note_kind(follower.slot)
         if follower.belt.speed:
             self.drive(follower)

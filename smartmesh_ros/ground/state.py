@@ -9,6 +9,10 @@ from smartmesh_ros.terrain.deck import QUATERNION_SLACK
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
+# Columns of a table of bodies (N, 13): position [m], orientation (x, y, z, w), velocity [m/s], angular velocity
+# [rad/s].
+BODY_COLUMNS = 13
+
 
 @dataclass(frozen=True)
 class BodyState:

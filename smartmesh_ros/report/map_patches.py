@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.patches.tables import with_rows
+from smartmesh_ros.ground.slot_tables import with_rows
 from smartmesh_ros.report.batch import PatchBatch
 from smartmesh_ros.report.config import MOST_GRID_RINGS, ReportConfig
 from smartmesh_ros.report.search import nearest_vertices

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from smartmesh_ros.patches.tables import with_rows
+from smartmesh_ros.ground.slot_tables import with_rows
 from smartmesh_ros.report.batch import PatchBatch
 from smartmesh_ros.report.collect import TriangleGraph, cached_topology, topology_around
 from smartmesh_ros.report.config import ReportConfig

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from smartmesh_ros.ground.followers import Followers
-from smartmesh_ros.patches.shapes import BODY_COLUMNS
+from smartmesh_ros.ground.state import BODY_COLUMNS
 from smartmesh_ros.report.batch import PatchBatch
 from smartmesh_ros.report.config import ReportConfig, is_whole
 from smartmesh_ros.report.map_patches import MapPatches
@@ -62,7 +62,7 @@ class ChosenPatches:
     def _chosen(self, slots: IntArray) -> list[PatchBatch]:
         """Return the patches of the bodies in ``slots`` (n,) that are somewhere, over the mesh or so near to it that
         they touch it."""
-        states, radii = self._states, self._followers.shape_table.table["radius"]
+        states, radii = self._states, self._followers.radii
         slots = slots[np.isfinite(states[slots]).all(axis=1)]
         slots = slots[self._mesh.beyond(states[slots]) <= radii[slots]]
         if not slots.size:

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros import HeightMap
-from smartmesh_ros.patches.shapes import BODY_COLUMNS, ball
+from smartmesh_ros.ground.state import BODY_COLUMNS
 from smartmesh_ros.report.batch import PatchBatch
 from smartmesh_ros.report.config import ReportConfig
 from smartmesh_ros.report.patches import ChosenPatches
 from smartmesh_ros.stopwatch import Stopwatch
-from tests.bodies import shapes_of
 
 SOLID = ReportConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
 
@@ -21,8 +20,7 @@ class Selecting:
     """Balls of ``radii`` (N,) [m] in the first slots of `ChosenPatches`."""
 
     def __init__(self, ground: HeightMap, radii: Iterable[float], config: ReportConfig = SOLID) -> None:
-        shapes = shapes_of(ball(radius) for radius in radii)
-        followers: Any = SimpleNamespace(shape_table=shapes, solid=np.arange(len(shapes.table)), tracked=np.arange(0))
+        followers: Any = SimpleNamespace(radii=np.array(radii), solid=np.arange(len(radii)), tracked=np.arange(0))
         self.patches = ChosenPatches(ground, config, followers, Stopwatch())
 
     def update(
