@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from smartmesh_ros.terrain.terrain import Terrain
     from smartmesh_ros.world.base import Base, BaseOdometry
     from smartmesh_ros.world.base_config import BaseConfig
-    from smartmesh_ros.world.carrying import Carrier
+    from smartmesh_ros.world.driving import Carrier
     from smartmesh_ros.world.height_scanner import HeightScanner
     from smartmesh_ros.world.imu import Imu, ImuConfig, ImuReading
     from smartmesh_ros.world.joints import JointCommand
@@ -37,7 +37,7 @@ _MODULES = {
     "ground.ground": ("Ground",),
     "world.base": ("Base", "BaseOdometry"),
     "world.base_config": ("BaseConfig",),
-    "world.carrying": ("Carrier",),
+    "world.driving": ("Carrier",),
     "world.height_scanner": ("HeightScanner",),
     "world.imu": ("Imu", "ImuConfig", "ImuReading"),
     "world.joints": ("JointCommand",),

@@ -9,9 +9,9 @@ import numpy as np
 
 from smartmesh_ros import BodyState, HeightMap, PhysicsConfig, World, WorldConfig
 from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.world.guest_config import GuestConfig
+from smartmesh_ros.world.settings import GuestConfig
 from smartmesh_ros.world.state_table import StateTable
-from smartmesh_ros.world.states import simulated_states
+from smartmesh_ros.world.states import SimulatedStates
 
 RATE = 240.0
 
@@ -49,7 +49,7 @@ class Peers:
 
     def tell(self) -> None:
         """Deliver the delayed states to each world."""
-        self._mail.append([(simulated_states(world), world.time) for world in self.worlds])
+        self._mail.append([(SimulatedStates(world).read(), world.time) for world in self.worlds])
         if len(self._mail) <= self._late:
             return
         for teller, (states, time) in enumerate(self._mail.popleft()):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,12 @@ from smartmesh_ros.ground.body_shapes import require_body, shapes_of
 from smartmesh_ros.ground.bullet import BulletCalls, NoClient, connected_client, is_fixed, undone
 from smartmesh_ros.ground.config import SleepConfig, time_step_of
 from smartmesh_ros.ground.followers import Belt, Follower, Followers
-from smartmesh_ros.ground.map_contacts import MapContacts, SoilSupport, SteppedSoil
+from smartmesh_ros.ground.map_contacts import MapContacts, SoilSupport
 from smartmesh_ros.ground.shapes import Solid
 from smartmesh_ros.ground.shown_ground import ShownGround
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -40,7 +42,7 @@ class AttachedBodies:
         self.terrain = Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.followers = Followers()
-        self.soil: SteppedSoil | None = None
+        self.soil: Soil | None = None
         self._soil_revision = 0  # of the places of soils that bodies stand on
         self._shown: ShownGround | None = None
         self._printed = math.nan  # time at which prints of the soil were written into its map [s]
@@ -92,7 +94,9 @@ class AttachedBodies:
         added: list[int] = []
         with undone(lambda: self._take_off(added)):
             for follower in made:
-                self._put_on(follower, own=own)
+                self.followers.add(follower, own=own)
+                with undone(partial(self.followers.remove, follower.slot)):
+                    self.contacts.attach(follower)
                 added.append(follower.slot)
         return made[0]
 
@@ -104,14 +108,9 @@ class AttachedBodies:
         """Take ``body`` and its links off the ground. A body that is removed from PyBullet is taken off by itself."""
         self._take_off(list(self.followers.of(body)))
 
-    def _put_on(self, follower: Follower, *, own: bool) -> None:
-        self.followers.add(follower, own=own)
-        with undone(lambda: self.followers.remove(follower.slot)):
-            self.contacts.attach(follower)
-
     def _drop_gone(self) -> None:
         """Take off what was removed from PyBullet, whose number another body may have by now."""
-        if gone := self.contacts.find_gone():
+        if gone := self.contacts.core.find_gone():
             self._take_off(gone)
 
     def _take_off(self, slots: list[int]) -> None:
@@ -161,7 +160,7 @@ class AttachedBodies:
 
     def is_asleep(self, body: int) -> bool:
         """Return True if a body sleeps with all its links."""
-        return all(self.contacts.is_asleep(slot) for slot in self.followers.of(body))
+        return all(self.contacts.core.is_asleep(slot) for slot in self.followers.of(body))
 
     def note_remote_states(self, bodies: list[int], states: FloatArray) -> None:
         """Note that bodies of other nodes are about to be set to states (n, 13). They sleep only while their owners say
@@ -190,7 +189,7 @@ class AttachedBodies:
             raise InputError("rate", f"the ground is drawn at a rate of {rate} Hz; it must be finite and above zero")
         self.contacts.require_client()
         if self._shown is None:
-            self._shown = self.contacts.shown(rate)
+            self._shown = ShownGround(self._client, self.contacts.core, self.terrain, rate)
         self._shown.rate = rate
         self._shown.draw(self.clock)
 
@@ -210,8 +209,8 @@ class AttachedBodies:
         """PyBullet's bodies of the drawn tiles, by the tiles' names: the ids that rays report."""
         return {} if self._shown is None else self._shown.bodies
 
-    def set_soil(self, soil: SteppedSoil | None) -> None:
-        """Let bodies stand on a soil of one of the terrain's height maps, such as a `Soil`, from now on; None =
+    def set_soil(self, soil: Soil | None) -> None:
+        """Let bodies stand on a soil of one of the terrain's height maps from now on; None =
         on the map itself. Raises `InputError` and changes nothing if the soil is of another map."""
         if soil is not None and not self._has(soil.map):
             raise InputError("soil", "the map of the soil is no tile of this ground's terrain")
@@ -233,7 +232,8 @@ class AttachedBodies:
 
     def on_soil(self) -> dict[str, SoilSupport]:
         """Return how the soil bore each body and link on it in the last step, by the names of the followers."""
-        parts = {follower.name: self.contacts.on_soil(follower.slot) for follower in self.followers}
+        core = self.contacts.core
+        parts = {follower.name: np.asarray(core.on_soil(follower.slot)) for follower in self.followers}
         return {
             name: SoilSupport(float(found[:, 0].max()), float(found[:, 1].sum()), float(found[:, 2].sum()))
             for name, found in parts.items()
@@ -244,12 +244,12 @@ class AttachedBodies:
     def rescues(self) -> int:
         """How often bodies were put back onto the ground: that were spawned or teleported below it, covered by a map,
         or pushed there by another body. It is the last resort."""
-        return self.contacts.rescues
+        return int(self.contacts.core.rescues)
 
     @property
     def clock(self) -> float:
         """Time [s] at the start of the next step. PyBullet's steps advance it, whoever calls them."""
-        return self.contacts.time
+        return float(self.contacts.core.time)
 
     def _has(self, mesh: MainMesh) -> bool:
         """Return True if a mesh is a tile of the terrain."""

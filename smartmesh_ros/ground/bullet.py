@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from inspect import isbuiltin
+from inspect import isroutine
 from itertools import chain
 from typing import Any
 
@@ -29,7 +29,7 @@ class NumberedClient:
     def __getattr__(self, name: str) -> Any:
         """Return one of PyBullet's functions or constants."""
         found = getattr(pb, name)
-        return partial(found, physicsClientId=self._client) if isbuiltin(found) else found
+        return partial(found, physicsClientId=self._client) if isroutine(found) else found
 
 
 class NoClient:

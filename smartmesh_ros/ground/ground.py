@@ -55,7 +55,7 @@ class Ground(SavedBodies):
         """Do what `step` does before PyBullet's step of ``dt`` [s] from ``time`` [s] on, and no step: for a world that
         stands still while its ground does not."""
         self._begin(time, dt)
-        self.contacts.update()
+        self.contacts.core.update()
 
     def _begin(self, time: float, dt: float) -> None:
         """Set the time of the next step, and do what waits for a call."""

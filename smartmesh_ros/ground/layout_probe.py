@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.core.body_shape import BodyShape
-from smartmesh_ros.ground.bullet import BulletCalls
+from smartmesh_ros.ground.bullet import BulletCalls, NumberedClient
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -39,20 +39,10 @@ def number_of(client: Any) -> int:
     return -1 if plugin < 0 else int(client.executePluginCommand(plugin, "number", []))
 
 
-class _Scratch:
-    """A client of its own, which prints nothing, unlike a `BulletClient`."""
-
-    def __init__(self) -> None:
-        self._client = pb.connect(pb.DIRECT)
-
-    def __getattr__(self, name: str) -> Any:
-        return partial(getattr(pb, name), physicsClientId=self._client)
-
-
 @cache
 def misread() -> str:
     """Return what the core finds or leaves elsewhere in Bullet's memory than PyBullet, empty if nothing."""
-    client = _Scratch()
+    client = NumberedClient(pb.connect(pb.DIRECT))  # prints nothing, unlike a `BulletClient`
     try:
         number = number_of(client)
         if number < 0:

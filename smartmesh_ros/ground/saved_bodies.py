@@ -17,7 +17,6 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.attached_bodies import AttachedBodies
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.followers import Belt
-from smartmesh_ros.ground.map_contacts import MapContacts
 from smartmesh_ros.terrain import state_file
 from smartmesh_ros.terrain.terrain import STATE_TYPES, Terrain
 
@@ -52,27 +51,27 @@ class SavedBodies(AttachedBodies):
         the restored ground in place. Raises `InputError` and changes nothing if the state is none, was damaged, was
         saved by another version, or has other bodies.
         """
-        contacts, data = self._exact_contacts(), state_file.read(state)
+        self._require_exact()
         tree, terrain = state_file.from_bytes(
-            data, KIND, TYPES, lambda tree: (tree, Terrain.from_state(tree["terrain"]))
+            state_file.read(state), KIND, TYPES, lambda tree: (tree, Terrain.from_state(tree["terrain"]))
         )
         self._drop_gone()
         self._require_same(tree)
         with self._hidden():
-            self._replace(contacts, tree, terrain)
+            self._replace(tree, terrain)
         return float(tree["time"])
 
-    def _replace(self, contacts: MapContacts, tree: dict[str, Any], terrain: Terrain) -> None:
+    def _replace(self, tree: dict[str, Any], terrain: Terrain) -> None:
         """Take a state that was read; on an error everything is as before."""
-        before = self._memory(contacts)
-        with state_file.foreign_refused(), undone(lambda: self._recall(contacts, before)):
+        before = self._memory()
+        with state_file.foreign_refused(), undone(lambda: self._recall(before)):
             undo = self.terrain.become(terrain)
             with undone(self._soil_undone()), undone(undo):
                 for name, (body, link, place) in tree["carriers"].items():
                     self.terrain.decks[name].ride(body, link, place[:3], place[3:])
                 if self.soil is not None:
                     self.soil.become(self.terrain, tree["soil"], tree["tile"])
-                self._recall(contacts, tree)
+                self._recall(tree)
 
     def forget(self) -> None:
         """Forget the past of all bodies but poses and velocities: contacts, their impulses and order, rest, and how the
@@ -85,10 +84,11 @@ class SavedBodies(AttachedBodies):
         self._printed = math.nan
 
     def _state(self) -> bytes:
+        self._require_exact()
         self._drop_gone()
         self.check_soil()
         tree = {
-            **self._memory(self._exact_contacts()),
+            **self._memory(),
             "links": self._links,
             "terrain": self.terrain.state(),
             "carriers": {name: deck.carrier for name, deck in self.terrain.decks.items()},
@@ -107,18 +107,19 @@ class SavedBodies(AttachedBodies):
     def _links(self) -> list[tuple[int, int]]:
         return [(follower.body, follower.link) for follower in self.followers]
 
-    def _memory(self, contacts: MapContacts) -> dict[str, Any]:
+    def _memory(self) -> dict[str, Any]:
         """Return what PyBullet and the core know of the bodies."""
         return {
-            "time": contacts.time,
+            "time": self.clock,
             "bullet": np.frombuffer(_saved_bullet(self._client), np.uint8),
             "belts": [follower.belt for follower in self.followers],
-            "memory": contacts.memory([follower.slot for follower in self.followers]),
+            "memory": self.contacts.memory([follower.slot for follower in self.followers]),
         }
 
-    def _recall(self, contacts: MapContacts, known: dict[str, Any]) -> None:
+    def _recall(self, known: dict[str, Any]) -> None:
         """Let PyBullet and the core know what `_memory` returned, and nothing else of the past."""
-        contacts.time = known["time"]
+        contacts = self.contacts
+        contacts.core.time = known["time"]
         contacts.set_soil(None)  # PyBullet finds contacts, which must not press it
         # It finds them by where bodies were before, too, which the first round brings up to date.
         _restore_bullet(self._client, known["bullet"])
@@ -138,9 +139,9 @@ class SavedBodies(AttachedBodies):
         known = None if self.soil is None else dict(vars(self.soil))
         return lambda: None if known is None else vars(self.soil).update(known)
 
-    def _exact_contacts(self) -> MapContacts:
+    def _require_exact(self) -> None:
+        """Raise `InputError` if a state of these contacts cannot be saved."""
         self.contacts.require_client()
-        return self.contacts
 
     @contextmanager
     def _hidden(self) -> Iterator[None]:

@@ -15,11 +15,11 @@ import pybullet as pb
 from numpy.typing import NDArray
 
 from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.ground.height_field import make_shape, quarter_turn, replace_heights
 from smartmesh_ros.ground.quaternions import product, quaternion_of, rotate
 from smartmesh_ros.ground.state import Quaternion, Vector
 from smartmesh_ros.terrain.colours import ground_colours
 from smartmesh_ros.terrain.deck import LEVEL, Frame
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
@@ -187,6 +187,43 @@ class ShownGround:
     def _remove(self, name: str) -> None:
         self._client.removeBody(self._tiles[name].uid)
         del self._tiles[name]
+
+
+def quarter_turn(yaw: float) -> Quaternion:
+    """Orientation (x, y, z, w) of the body of a height field over a grid with a ``yaw`` [rad]: 90 degrees more, see
+    `replace_heights`."""
+    half = 0.5 * (yaw + 0.5 * math.pi)
+    return 0.0, 0.0, math.sin(half), math.cos(half)
+
+
+def make_shape(client: Any, rows: int, columns: int, spacing: float, bound: float) -> int:
+    """Create the shape of a height field whose heights may later differ by ``bound`` [m] from its base.
+
+    PyBullet never updates the bounds of a field whose heights are replaced (bullet3 issues 4200 and 4236), and ignores
+    what is outside them.
+    """
+    heights = [0.0] * (rows * columns)
+    heights[0], heights[-1] = -bound, bound
+    return int(
+        client.createCollisionShape(
+            pb.GEOM_HEIGHTFIELD, meshScale=[spacing, spacing, 1.0], heightfieldData=heights, numHeightfieldRows=rows,
+            numHeightfieldColumns=columns,
+        )
+    )  # fmt: skip
+
+
+def replace_heights(client: Any, shape: int, heights: FloatArray) -> None:
+    """Replace the heights (rows, columns) [m] of a field above its base; PyBullet cannot change the size.
+
+    The shape is rotated by 90 degrees from its grid, because PyBullet splits cells along the other diagonal than the
+    main mesh, and the rotation makes the two agree (row r, column c of the grid is PyBullet's row columns - 1 - c,
+    column r). PyBullet's first index runs along its x axis, although the argument is called columns.
+    """
+    rows, columns = heights.shape
+    client.createCollisionShape(
+        pb.GEOM_HEIGHTFIELD, heightfieldData=heights[:, ::-1].T.ravel().tolist(), numHeightfieldRows=rows,
+        numHeightfieldColumns=columns, replaceHeightfieldIndex=shape,
+    )  # fmt: skip
 
 
 def _fits(shown: ShownTile, mesh: MainMesh) -> bool:

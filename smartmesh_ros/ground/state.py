@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.deck import QUATERNION_SLACK
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -11,8 +12,6 @@ Quaternion = tuple[float, float, float, float]
 # Columns of a table of bodies (N, 13): position [m], orientation (x, y, z, w), velocity [m/s], angular velocity
 # [rad/s].
 BODY_COLUMNS = 13
-# Largest accepted difference between a quaternion's length and one.
-QUATERNION_SLACK = 1e-3
 
 
 @dataclass(frozen=True)

@@ -41,8 +41,8 @@ from smartmesh_ros.node.services.state_services import StateServices
 from smartmesh_ros.node.session import SERVICES, Session
 from smartmesh_ros.node.timing.pacing import NodeClock
 from smartmesh_ros.node.transport import Clock, Transport
+from smartmesh_ros.soil.config import soils_from
 from smartmesh_ros.soil.soil import Soil
-from smartmesh_ros.soil.soils import soils_from
 from smartmesh_ros.startup.dds import send_without_waiting
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.world.world import World

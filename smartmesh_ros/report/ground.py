@@ -9,7 +9,6 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.ground.map_contacts import MapContacts
 from smartmesh_ros.report.config import ReportConfig, is_whole, require_whole
 from smartmesh_ros.report.patch_contacts import PatchContacts
 from smartmesh_ros.report.patches import ChosenPatches
@@ -60,7 +59,7 @@ class ReportGround(Ground):
             self.chosen.take(mesh)
         self._lifetime = 0  # until the end: a refresh that failed is made again before the next step
         self.contacts.begin(time, dt)
-        self.contacts.update()
+        self.contacts.core.update()
         steps = max(round(1.0 / (self.config.rate * dt)), 1) if self.config.rate else 1
         self.chosen.refresh(time, dt * steps, self.contacts.states_of(np.arange(self.followers.capacity)))
         self.colliders.refresh()
@@ -80,7 +79,7 @@ class ReportGround(Ground):
         self._lifetime = 0
         super().detach(body)
 
-    def _exact_contacts(self) -> MapContacts:
+    def _require_exact(self) -> None:
         raise InputError("state", "a state is saved and restored only where contacts come from the map itself")
 
     def _main_mesh(self) -> MainMesh:

@@ -14,7 +14,7 @@ import numpy as np
 import pybullet as pb
 from numpy.typing import NDArray
 
-from smartmesh_ros.ground.height_field import make_shape, replace_heights
+from smartmesh_ros.ground.shown_ground import make_shape, replace_heights
 from smartmesh_ros.report.config import MeshKind
 from smartmesh_ros.terrain.grid import FloatArray
 

@@ -15,8 +15,8 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
-from smartmesh_ros.ground.height_field import quarter_turn
 from smartmesh_ros.ground.map_contacts import MapContacts
+from smartmesh_ros.ground.shown_ground import quarter_turn
 from smartmesh_ros.report.batch import PatchBatch
 from smartmesh_ros.report.config import MeshKind, ReportConfig, is_whole
 from smartmesh_ros.report.made import Field, MeshCollider, make_field, make_mesh
@@ -94,14 +94,14 @@ class PatchContacts(MapContacts):
     ) -> None:  # fmt: skip
         super().__init__(client, followers, terrain)
         self.replacements = self.leaked = 0
-        self._config, self._patches, self._stopwatch = config, patches, stopwatch
+        self._terrain, self._config, self._patches, self._stopwatch = terrain, config, patches, stopwatch
         self._pairs = Pairs(client)
         self._held: dict[Follower, Field | MeshCollider] = {}
         self._whole = WholeMesh(client, config.kind) if is_whole(config.kind) else None
 
     def attach(self, follower: Follower) -> None:
         """The core only reads and moves a follower, which gets its collider in the next `refresh`."""
-        self._core.attach(follower.slot, follower.body, follower.link, -1, follower.shape)
+        self.core.attach(follower.slot, follower.body, follower.link, -1, follower.shape)
         self.note_kind(follower.slot)
 
     def note_kind(self, slot: int) -> None:
@@ -132,11 +132,11 @@ class PatchContacts(MapContacts):
         """Set the colliders to the patches of the followers, or the collider of the whole mesh to the ground."""
         with self._stopwatch.stage("collider"):
             if self._whole is not None:
-                self._whole.update(next(iter(self._terrain.tiles.values())), self.time)
+                self._whole.update(next(iter(self._terrain.tiles.values())), self.core.time)
                 return
             served = set()
             for batch in self._patches.batches:
-                found = ground_samples(self._terrain, checked_points(batch.feet_w[:, :2]), self.time)
+                found = ground_samples(self._terrain, checked_points(batch.feet_w[:, :2]), self.core.time)
                 friction = np.nan_to_num(found.friction, nan=1.0).tolist()
                 for row, slot in enumerate(batch.slots.tolist()):
                     self._apply(self._followers[slot], batch, row)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.ground.height_field import quarter_turn
+from smartmesh_ros.ground.shown_ground import quarter_turn
 from smartmesh_ros.report.config import WholeKind
 from smartmesh_ros.report.made import HOLE, Field, make_field, make_mesh
 from smartmesh_ros.terrain.grid import FloatArray

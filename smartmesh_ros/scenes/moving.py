@@ -6,22 +6,14 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, Region
 
 FloatGrid = NDArray[np.float32]
-
-
-class Region(NamedTuple):
-    """Heights (h, w) [m] of the rectangle whose first sample is (``row``, ``column``)."""
-
-    row: int
-    column: int
-    heights: FloatGrid
 
 
 class Scene(ABC):

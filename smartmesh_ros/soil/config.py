@@ -1,11 +1,23 @@
-"""Parameters of soils."""
+"""Soils: their parameters, those known by name from ``soils.yaml`` or a file of the same form, and what users give,
+checked."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple, dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.material import MOST_SOILS
 
+KNOWN = Path(__file__).parent / "soils.yaml"
+# Column of the table of soils, in the order of `SoilType`.
+FRICTION = 4
 # Smallest and largest value of each parameter of a soil, in its unit. Wide enough for snow and for rock.
 _LIMITS = {
     "Bekker_Kphi": (1.0, 1e12),
@@ -51,3 +63,60 @@ class SoilType:
                 f"elastic_K is {self.elastic_K:g} Pa/m and not above Bekker_Kphi, {self.Bekker_Kphi:g}; unloading must "
                 "be stiffer than sinking, such as 2e8",
             )
+
+
+@cache
+def soils_of(file: Path = KNOWN) -> dict[str, SoilType]:
+    """Return the soils of a YAML file by name. Raises `InputError`."""
+    try:
+        import yaml  # every ROS has it; the core alone needs it for soils by name only
+    except ImportError:
+        raise InputError("soil", "soils by name need PyYAML: pip install pyyaml, or give a SoilType") from None
+    try:
+        content = yaml.safe_load(file.read_text())
+    except (OSError, yaml.YAMLError) as error:
+        raise InputError("soil", f"{file} cannot be read as YAML: {error}") from None
+    if not isinstance(content, dict) or not content:
+        raise InputError("soil", f"{file} holds no soils; it must map names to parameters, as {KNOWN} does")
+    return {str(name): _soil(str(name), values) for name, values in content.items()}
+
+
+def soil_named(name: str, file: Path = KNOWN) -> SoilType:
+    """Return a soil by its name in a YAML file. Raises `InputError`."""
+    known = soils_of(file)
+    if name not in known:
+        raise InputError("unknown_soil", f"there is no soil {name!r}; known: {', '.join(known)}")
+    return known[name]
+
+
+def _soil(name: str, values: Any) -> SoilType:
+    known = [field.name for field in fields(SoilType)]
+    if not isinstance(values, dict):
+        raise InputError("soil", f"soil {name!r} must map parameters to numbers: {', '.join(known)}")
+    numbers = {key: value for key, value in values.items() if key != "source"}
+    if unknown := [str(key) for key in numbers if key not in known]:
+        raise InputError("soil", f"soil {name!r} has no parameter {unknown[0]!r}; known: {', '.join(known)}")
+    try:
+        return SoilType(**numbers)
+    except TypeError:
+        missing = [key for key in known[:6] if key not in numbers]
+        raise InputError("soil", f"soil {name!r} lacks {', '.join(missing)}") from None
+    except InputError as error:
+        raise InputError("soil", f"soil {name!r}: {error}") from None
+
+
+def soils_from(soil: SoilType | str | Sequence[SoilType | str]) -> list[SoilType]:
+    """Return one or several soils, which may be names; raises `InputError`."""
+    chosen = list(soil) if isinstance(soil, Iterable) and not isinstance(soil, str) else [soil]
+    if not all(isinstance(each, SoilType | str) for each in chosen):
+        raise InputError("soil", f"{soil!r} is no soil; give a SoilType, its name, or a list of them")
+    if not 1 <= len(chosen) <= MOST_SOILS:
+        raise InputError("soil", f"{len(chosen)} soils; a map can have 1 to {MOST_SOILS}")
+    return [soil_named(each) if isinstance(each, str) else each for each in chosen]
+
+
+def soil_table(soils: list[SoilType]) -> FloatArray:
+    """Return parameters of soils (S, 8) in the order of `SoilType`, friction as its tangent."""
+    table = np.array([astuple(soil) for soil in soils], np.float64)
+    table[:, FRICTION] = np.tan(np.radians(table[:, FRICTION]))
+    return table

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.soil.config import SoilType
-from smartmesh_ros.soil.soils import map_from, soil_table, soils_from
-from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.soil.config import SoilType, soil_table, soils_from
+from smartmesh_ros.terrain.grid import FloatArray, Region
+from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.material import checked_soil
 from smartmesh_ros.terrain.prints import NOTHING, corners
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -22,16 +22,6 @@ from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 MOST_ACROSS = 1000
 # Most samples of a soil, whose table of blocks then takes half a gigabyte.
 MOST_SAMPLES = 2**34
-
-
-class Region(NamedTuple):
-    """A changed rectangle of the map: its first ``row`` and ``column``, new ``heights`` (h, w) [m] relative to the
-    map's z, and ``velocities`` (h, w) [m/s]."""
-
-    row: int
-    column: int
-    heights: NDArray[np.float32]
-    velocities: NDArray[np.float32]
 
 
 class Soil:
@@ -68,7 +58,10 @@ class Soil:
         if not 1e-3 <= spacing <= 10.0:
             raise InputError("soil", f"spacing is {spacing}; it must be 0.001 to 10 m")
         self.soils = soils_from(soil)
-        self.map = map_from(terrain, tile)
+        mesh = Terrain.of(terrain).tile(tile)
+        if not isinstance(mesh, HeightMap):
+            raise InputError("terrain", "soil needs a height map; general meshes do not give way")
+        self.map = mesh
         cell = self.map.geometry.resolution
         if not cell < MOST_ACROSS * spacing:
             least = f"it must be above {cell / MOST_ACROSS:g} m there, or the map finer"
@@ -101,24 +94,22 @@ class Soil:
             "memory": self.core.memory(), "changed": self._changed,
         }  # fmt: skip
 
-    def become(self, terrain: MainMesh | Terrain, state: dict[str, Any], tile: str = "") -> None:
-        """Be the soil of such a state, on a map that was restored with it. Raises `InputError` if it is none."""
+    @classmethod
+    def from_state(cls, terrain: MainMesh | Terrain, state: dict[str, Any], tile: str = "") -> Soil:
+        """Return the soil of such a state, on a map that was restored with it. Raises `InputError` if it is none."""
         soils = [SoilType(**soil) for soil in state["soils"]]
-        made = Soil(terrain, soils, tile=tile, spacing=state["spacing"], slip_sinkage=bool(state["slip_sinkage"]))
+        made = cls(terrain, soils, tile=tile, spacing=state["spacing"], slip_sinkage=bool(state["slip_sinkage"]))
         if state["memory"] is not None:  # else nobody has touched it
             try:
                 made.core.recall(*state["memory"])
             except (TypeError, ValueError) as error:
                 raise InputError("state", f"a saved soil is none of this map: {error}") from None
             made._changed = state["changed"]
-        vars(self).update(vars(made))
-
-    @classmethod
-    def from_state(cls, terrain: MainMesh | Terrain, state: dict[str, Any], tile: str = "") -> Soil:
-        """Return the soil of such a state; see `become`."""
-        made = cls.__new__(cls)
-        made.become(terrain, state, tile)
         return made
+
+    def become(self, terrain: MainMesh | Terrain, state: dict[str, Any], tile: str = "") -> None:
+        """Be the soil of such a state, as `from_state`."""
+        vars(self).update(vars(Soil.from_state(terrain, state, tile)))
 
     def take_kinds(self) -> None:
         """Take which soil each sample of the map is now. Soil of another kind keeps its sinkage, and is pressed anew.
@@ -156,8 +147,7 @@ class Soil:
         if self.map.moving(time) and self.map.arrays[1][:, *place].any():
             return None
         self._changed = NOTHING
-        heights = self.map.heights[place]
-        return Region(row, column, heights, np.zeros_like(heights))
+        return Region(row, column, self.map.heights[place])
 
     def sinkage(self) -> FloatArray:
         """Return how far the ground lies below the level of its soil (rows, columns) [m], zero where nobody touched

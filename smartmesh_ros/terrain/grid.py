@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +99,14 @@ class GridGeometry:
         x = self.origin[0] + np.multiply(columns, cos) - np.multiply(rows, sin)
         y = self.origin[1] + np.multiply(columns, sin) + np.multiply(rows, cos)
         return np.stack([x, y], axis=-1)
+
+
+class Region(NamedTuple):
+    """Heights (h, w) [m] of the rectangle whose first sample is (``row``, ``column``), relative to the map's z."""
+
+    row: int
+    column: int
+    heights: NDArray[np.float32]
 
 
 def geometry_of(shape: tuple[int, ...], resolution: float | None, origin: Sequence[float], yaw: float) -> GridGeometry:

@@ -56,10 +56,6 @@ class GridTrack(NamedTuple):
         """True if the grid moves."""
         return self.motion != STILL
 
-    def shifted(self, by: float) -> GridTrack:
-        """Return a copy with all times ``by`` [s] later."""
-        return self._replace(time=self.time + by, since=self.since + by)
-
 
 def at_rest(geometry: GridGeometry, time: float) -> GridTrack:
     """Return the track of a grid that does not move."""

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.checked_heights import checked_time, unmasked
+from smartmesh_ros.terrain.corrections import fuse_across, fused_of
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray, overlap
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest
 from smartmesh_ros.terrain.motion import BLOCK, INSTANT
@@ -69,15 +70,15 @@ class HeightMap(MovingHeights):
 
         ``cells``: (rows, columns) by which the map was scrolled, None = the maps lie on different grids.
         """
-        self.core_reader.show(before.corrections.shown if before.motion.corrects else math.inf)
+        self.core_reader.show(before.core_reader.shown if before.motion.corrects else math.inf)
         if cells is None:
             rows, columns = np.mgrid[: self.geometry.rows, : self.geometry.columns]
             shown = before.at(self.geometry.to_world(rows, columns).reshape(-1, 2), before.time).heights
         else:
             shown = np.empty(self._heights.shape)
             CORE.grid_window(before.core_reader, *cells, before.time, shown)
-            self.corrections.fuse_across(before.corrections, cells, max(self.time - before.time, 0.0))
-        fused = self.corrections.fused
+            fuse_across(self.core_reader, before.core_reader, cells, max(self.time - before.time, 0.0))
+        fused = fused_of(self.core_reader)
         known = self._heights.copy() if fused is None else fused.heights
         self._heights[...] = shown.reshape(known.shape) - self.geometry.origin[2]
         self._correct(0, 0, known, self.time)
@@ -85,7 +86,7 @@ class HeightMap(MovingHeights):
     def moving(self, time: float) -> bool:
         """Return True if any sample may move at ``time`` [s]."""
         if self.motion.corrects:
-            return self.corrections.blending
+            return bool(self.core_reader.shown < self.core_reader.settled)
         return bool(self.core_reader.moves(time))
 
     def slide(self, velocity_w: tuple[float, float], interval: float, spin: float = 0.0) -> None:
@@ -128,7 +129,7 @@ class HeightMap(MovingHeights):
         if before.has_velocities:
             self._velocities[:, *here] = before._velocities[:, *there]
         if self.motion.blends:
-            self.corrections.offsets[here] = before.corrections.offsets[there]
+            self._offsets[here] = before._offsets[there]
             self._rates[here] = before._rates[there]
         self.core_reader.show(before.core_reader.shown)
         self._store(0, 0, new, None, time)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import nullcontext
 from typing import Any
@@ -20,7 +21,7 @@ from smartmesh_ros.terrain.checked_heights import (
     require_region,
     unmasked,
 )
-from smartmesh_ros.terrain.corrections import Corrections
+from smartmesh_ros.terrain.corrections import fuse_rectangle, fused_of, put_fused
 from smartmesh_ros.terrain.grid import GridGeometry, geometry_of
 from smartmesh_ros.terrain.grid_track import GridTrack, at_rest, follow
 from smartmesh_ros.terrain.laid_ground import LaidGround
@@ -63,10 +64,10 @@ class MovingHeights(LaidGround, MovingGround):
         self.core_reader.place(*geometry.origin, geometry.yaw, geometry.resolution)
         self._heights: NDArray[np.float32] = self.core_reader.heights
         self._velocities, self._rates = self.core_reader.velocities, self.core_reader.rates
+        self._offsets: NDArray[np.float32] = self.core_reader.offsets
         self._heights[...] = new
         self._clocks = self.core_reader.clocks.view(CLOCK)[..., 0]
         self.prints: Prints | None = None  # made by the first `press` of a `HeightMap`
-        self.corrections = Corrections(self.core_reader)
         self._deviation: float | None = None  # standard deviation by the last update's variances [m], None = not given
         self.version = 0  # number of updates
         self._material = together(material, friction=friction, soil=soil).checked(shape)
@@ -78,7 +79,7 @@ class MovingHeights(LaidGround, MovingGround):
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy of the map, or one in another process, is made of: arrays, and what they mean."""
-        corrections, prints = self.corrections, self.prints
+        prints = self.prints
         return {
             "map": {
                 "geometry": self.geometry,
@@ -92,9 +93,9 @@ class MovingHeights(LaidGround, MovingGround):
             "track": self.track,
             "version": self.version,
             "deviation": self._deviation,
-            "shown": corrections.shown,
-            "settled": corrections.settled,
-            "fused": corrections.fused,
+            "shown": float(self.core_reader.shown),
+            "settled": float(self.core_reader.settled),
+            "fused": fused_of(self.core_reader),
             "prints": None if prints is None else (prints.given, prints.corners),
         }
 
@@ -108,7 +109,7 @@ class MovingHeights(LaidGround, MovingGround):
         self.track, self.version, self._deviation = state["track"], state["version"], state["deviation"]
         self.core_reader.settled = state["settled"]
         if state["fused"] is not None:
-            self.corrections.put(state["fused"])
+            put_fused(self.core_reader, state["fused"])
         if state["prints"] is not None:
             self.prints = Prints(self._heights)
             given, self.prints.corners = state["prints"]
@@ -129,11 +130,11 @@ class MovingHeights(LaidGround, MovingGround):
         velocities (KEPT, rows, columns) [m/s], a ring buffer whose newest index is in the clock of each block; clocks,
         records of ``CLOCK``, one for each block; offsets (rows, columns) [m], old minus new heights of corrections, or
         deviations of shown ground; rates (rows, columns) [m/s] of these."""
-        return self._heights, self._velocities, self._clocks, self.corrections.offsets, self._rates
+        return self._heights, self._velocities, self._clocks, self._offsets, self._rates
 
     @property
     def _others(self) -> tuple[NDArray[np.float32], ...]:
-        return self._velocities, self.corrections.offsets, self._rates
+        return self._velocities, self._offsets, self._rates
 
     @property
     def noise(self) -> float:
@@ -142,7 +143,8 @@ class MovingHeights(LaidGround, MovingGround):
 
     def show(self, time: float) -> None:
         """Blend corrections in up to ``time`` [s]; earlier times than before have no effect."""
-        self.corrections.show(checked_time(time))
+        time, shown = checked_time(time), self.core_reader.shown
+        self.core_reader.show(time if shown == math.inf else max(shown, time))
 
     def replace(
         self,
@@ -208,9 +210,10 @@ class MovingHeights(LaidGround, MovingGround):
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to all update times, after their clock was reset or lost time."""
         super().shift_time(by)
-        self.track = self.track.shifted(by)
+        self.track = self.track._replace(time=self.track.time + by, since=self.track.since + by)
         if self.motion.corrects:
-            self.corrections.shift_time(by)
+            self.core_reader.show(self.core_reader.shown + by)
+            self.core_reader.settled += by
 
     @property
     def revision(self) -> int:
@@ -250,7 +253,7 @@ class MovingHeights(LaidGround, MovingGround):
         self.version += 1
         if self.motion.corrects:
             certainty = self.motion.noise**2 if variance is None else variance
-            known = self.corrections.fuse((row, column), new, certainty, time, self._clocks)
+            known = fuse_rectangle(self.core_reader, (row, column), new, certainty, time, self._clocks)
             self._correct(row, column, known, time)
             return
         self._store(row, column, new, speeds, time)
@@ -267,4 +270,4 @@ class MovingHeights(LaidGround, MovingGround):
 
     def _correct(self, row: int, column: int, known: NDArray[np.float32], time: float) -> None:
         """Store the new estimate of a rectangle of static ground."""
-        self.corrections.take((row, column), known, time)
+        CORE.take_corrected(self.core_reader, (row, column), dense(known), time)

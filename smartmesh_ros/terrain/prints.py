@@ -23,23 +23,19 @@ def corners(places: IntArray, others: IntArray) -> IntArray:
 
 class Prints:
     """Prints: what bodies pressed into the heights (rows, columns) [m] of a map, over those that its sender knows.
-    ``corners`` (2, 2): of all prints so far."""
+    ``given`` (rows, columns) [m]: what its sender sent for pressed samples, NaN for others. ``corners`` (2, 2): of all
+    prints so far."""
 
     def __init__(self, heights: Heights) -> None:
         self._heights = heights
-        self._given = np.full_like(heights, np.nan)  # what its sender sent for pressed samples
+        self.given = np.full_like(heights, np.nan)
         self.corners = NOTHING
-
-    @property
-    def given(self) -> Heights:
-        """What the map's sender sent for pressed samples, NaN for others (rows, columns) [m]."""
-        return self._given
 
     def press(self, places: IntArray, heights: Heights) -> None:
         """Write ``heights`` (n,) of the samples at ``places`` (n, 2), rows and columns."""
         at = tuple(places.T)
-        given = self._given[at]
-        self._given[at] = np.where(np.isnan(given), self._heights[at], given)
+        given = self.given[at]
+        self.given[at] = np.where(np.isnan(given), self._heights[at], given)
         self._heights[at] = heights
         self.corners = corners(places, self.corners)
 
@@ -48,7 +44,7 @@ class Prints:
         """Take the prints out of the map for an update. Afterwards they are where its sender sent the same heights
         again, and are forgotten elsewhere."""
         box = tuple(slice(first, last + 1) for first, last in self.corners.T.tolist())
-        heights, given = self._heights[box], self._given[box]
+        heights, given = self._heights[box], self.given[box]
         pressed = ~np.isnan(given)
         prints, before = heights[pressed], given[pressed]
         heights[pressed] = before

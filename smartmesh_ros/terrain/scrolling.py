@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from smartmesh_ros.terrain.grid import GridGeometry, overlap
+from smartmesh_ros.terrain.grid import overlap
 from smartmesh_ros.terrain.grid_track import cells_moved, follow
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.material import Material, new_ground
@@ -25,7 +25,8 @@ def follow_across(before: HeightMap, after: HeightMap) -> None:
 def cells_shared(before: HeightMap, after: HeightMap) -> tuple[int, int] | None:
     """Return the (rows, columns) by which a map was scrolled since the map before it; None if they share no samples.
     Samples of a sliding map move with it."""
-    motion, level = after.motion, _levelled(before.geometry, after.geometry)
+    motion = after.motion
+    level = replace(after.geometry, origin=(*after.geometry.origin[:2], before.geometry.origin[2]))
     if motion.corrects:
         return cells_moved(before.geometry, level)
     return follow(before.track, level, after.time, motion.max_interval, motion.max_velocity)[1]
@@ -56,8 +57,3 @@ def _carried(name: str, layer: NDArray[Any], before: HeightMap, after: HeightMap
     found = new_ground(name, layer.shape)
     found[new] = layer[old]
     return found
-
-
-def _levelled(before: GridGeometry, after: GridGeometry) -> GridGeometry:
-    """Return the grid ``after`` at the height of the grid ``before`` it."""
-    return replace(after, origin=(*after.origin[:2], before.origin[2]))

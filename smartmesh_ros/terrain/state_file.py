@@ -57,20 +57,17 @@ def signed(body: bytes) -> bytes:
 
 def is_state(data: bytes) -> bool:
     """Return True if a file is a whole saved state."""
-    end = len(MARK) + DIGITS
-    digest = hashlib.sha256(data[:-end]).hexdigest().encode()
-    return data[-end:-DIGITS] == MARK and digest == data[-DIGITS:]
+    return signed(data[: -len(MARK) - DIGITS]) == data
 
 
 def from_bytes(data: bytes, kind: str, types: Mapping[str, type], make: Callable[[Any], Made]) -> Made:
     """Return what ``make`` makes of the tree in a file of a ``kind``, which has dataclasses and named tuples of these
     ``types`` alone, by name. Raises `InputError` if the file is no state, was changed, or is of another version or
     kind."""
-    end = len(MARK) + DIGITS
-    if data[-end:-DIGITS] != MARK:
+    if data[-len(MARK) - DIGITS : -DIGITS] != MARK:
         whole = data[:2] == b"PK" or MARK[:-8] in data
         raise InputError("state", f"{FOREIGN}{'; or it was cut off' if whole else ''}")
-    if hashlib.sha256(data[:-end]).hexdigest().encode() != data[-DIGITS:]:
+    if not is_state(data):
         raise InputError("state", "this saved state was damaged: its digest is not that of its bytes; save it again")
     with foreign_refused(), np.load(io.BytesIO(data), allow_pickle=False) as file:
         head = json.loads(file["state"].tobytes())

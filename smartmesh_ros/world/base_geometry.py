@@ -18,11 +18,11 @@ from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import conjugate, product, rotate
 from smartmesh_ros.ground.shapes import ShapeKind
-from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.ground.state import BodyState, Vector
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.base_config import BaseConfig
 from smartmesh_ros.world.bodies import Body
-from smartmesh_ros.world.link_frames import LinkFrame, LinkFrames, link_index
+from smartmesh_ros.world.link_frames import LinkFrames, link_index
 
 # Least part of a wheel's axis along y, and of a steering axis along z, in the frame of the root link.
 STRAIGHT = 0.8
@@ -108,7 +108,7 @@ def geometry_of(client: Any, body: Body, config: BaseConfig) -> BaseGeometry:
     """Return the geometry of a robot as a base. Raises `InputError` if the robot is none that the config describes."""
     if not body.is_robot:
         raise InputError("base", f"{body.name!r} is no robot, so that it has nothing to drive")
-    frames = _frames_at_zero(LinkFrames(client, body.uid).rest)
+    frames = LinkFrames(client, body.uid).states(BodyState(), {})
     wheels = [_wheel(client, body, frames, name, config) for name in config.wheels]
     wheels += [_track(client, body, frames, name) for name in config.tracks]
     steering = [_steering(client, body, frames, name) for name in config.steering]
@@ -155,15 +155,15 @@ class _Wheel(NamedTuple):
     limit: float
 
 
-def _wheel(client: Any, body: Body, frames: list[LinkFrame], name: str, config: BaseConfig) -> _Wheel:
+def _wheel(client: Any, body: Body, frames: list[BodyState], name: str, config: BaseConfig) -> _Wheel:
     index, limit = _joint(client, body, name)
-    place, along = frames[index + 1].translation, _axis(client, body, frames, index)
+    place, along = frames[index + 1].position, _axis(client, body, frames, index)
     if abs(along[1]) < STRAIGHT:
         raise InputError("base", f"the axis of wheel {name!r} of {body.name!r} is not along y of the root link")
     radius = config.radius
     if index in body.shapes:
         points = [*_points(client, body, index)]
-        axis = np.array(rotate(conjugate(frames[index + 1].rotation), along))
+        axis = np.array(rotate(conjugate(frames[index + 1].orientation), along))
         away = [float(np.linalg.norm(point - (point @ axis) * axis)) + grown for point, grown in points]
         radius = radius or max(away)
         place = _middle(frames[index + 1], points)
@@ -172,7 +172,7 @@ def _wheel(client: Any, body: Body, frames: list[LinkFrame], name: str, config: 
     return _Wheel(index, place[0], place[1], math.copysign(1.0, along[1]) / radius, limit)
 
 
-def _track(client: Any, body: Body, frames: list[LinkFrame], name: str) -> _Wheel:
+def _track(client: Any, body: Body, frames: list[BodyState], name: str) -> _Wheel:
     if name not in body.surfaces:
         there = ", ".join(body.surfaces) or "none"
         raise InputError("base", f"{body.name!r} has no track {name!r}; it has {there}")
@@ -180,16 +180,16 @@ def _track(client: Any, body: Body, frames: list[LinkFrame], name: str) -> _Whee
     index = link_index(client, body.uid, drive.link)
     assert index is not None  # as the description was checked
     frame = frames[index + 1]
-    along = rotate(frame.rotation, drive.axis)
+    along = rotate(frame.orientation, drive.axis)
     if abs(along[1]) < STRAIGHT * math.hypot(*along):
         raise InputError("base", f"the axis of track {name!r} of {body.name!r} is not along y of the root link")
     place = _middle(frame, [*_points(client, body, index)])
     return _Wheel(index, place[0], place[1], math.copysign(1.0, along[1]), drive.limit)
 
 
-def _steering(client: Any, body: Body, frames: list[LinkFrame], name: str) -> Steering:
+def _steering(client: Any, body: Body, frames: list[BodyState], name: str) -> Steering:
     index, _ = _joint(client, body, name)
-    along, (x, y, _) = _axis(client, body, frames, index), frames[index + 1].translation
+    along, (x, y, _) = _axis(client, body, frames, index), frames[index + 1].position
     if abs(along[2]) < STRAIGHT:
         raise InputError(
             "base", f"the axis of steering joint {name!r} of {body.name!r} is not along z of the root link"
@@ -209,10 +209,10 @@ def _joint(client: Any, body: Body, name: str) -> tuple[int, float]:
     return index, client.getJointInfo(body.uid, index)[11] or math.inf
 
 
-def _axis(client: Any, body: Body, frames: list[LinkFrame], index: int) -> Vector:
+def _axis(client: Any, body: Body, frames: list[BodyState], index: int) -> Vector:
     """Return the axis of a joint in the frame of the root link."""
     inertial = client.getDynamicsInfo(body.uid, index)[4]
-    return rotate(product(frames[index + 1].rotation, inertial), client.getJointInfo(body.uid, index)[13])
+    return rotate(product(frames[index + 1].orientation, inertial), client.getJointInfo(body.uid, index)[13])
 
 
 def _steered_by(client: Any, body: Body, link: int, steering: Sequence[str]) -> int:
@@ -223,24 +223,10 @@ def _steered_by(client: Any, body: Body, link: int, steering: Sequence[str]) -> 
     return joints.index(link) if link in joints else -1
 
 
-def _frames_at_zero(frames: list[LinkFrame]) -> list[LinkFrame]:
-    """Return frames of links, each in that of the root instead of its parent's."""
-    found: list[LinkFrame] = []
-    for frame in frames:
-        if frame.parent < 0:
-            found.append(frame)
-            continue
-        parent = found[frame.parent]
-        (x, y, z), (dx, dy, dz) = parent.translation, rotate(parent.rotation, frame.translation)
-        place = (x + dx, y + dy, z + dz)
-        found.append(frame._replace(translation=place, rotation=product(parent.rotation, frame.rotation)))
-    return found
-
-
-def _middle(frame: LinkFrame, points: list[tuple[FloatArray, float]]) -> Vector:
+def _middle(frame: BodyState, points: list[tuple[FloatArray, float]]) -> Vector:
     """Return the middle of the bounds of points of a link, in the frame of the root."""
-    there = np.array([rotate(frame.rotation, tuple(point)) for point, _ in points])
-    x, y, z = (0.5 * (there.min(axis=0) + there.max(axis=0)) + frame.translation).tolist()
+    there = np.array([rotate(frame.orientation, tuple(point)) for point, _ in points])
+    x, y, z = (0.5 * (there.min(axis=0) + there.max(axis=0)) + frame.position).tolist()
     return x, y, z
 
 

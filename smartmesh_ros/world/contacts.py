@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.ground.followers import Follower
+from smartmesh_ros.ground.bullet import BulletCalls
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.terrain.grid import FloatArray
 
@@ -32,19 +32,9 @@ def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
     """Return the contacts with the ground in the last step; for tracked bodies, those with the ground now."""
     followers = ground.followers
     colliders = {follower.collider: follower.name for follower in followers if follower.collider is not None}
-    contacts = contacts_from(client.getContactPoints(), colliders)
-    for slot in followers.tracked.tolist():
-        if found := ground.contacts.deepest_contact(slot):
-            contacts.append(GroundContact(followers[slot].name, *found, normal_force=float("nan")))
-    return contacts
-
-
-def contacts_from(points: Iterable[Any], colliders: dict[int, str]) -> list[GroundContact]:
-    """Return the contacts with the ``colliders``, which map PyBullet bodies to the names of their followers, among
-    PyBullet's contact ``points``. Points that neither touch nor hold, of what comes near in the step, do not count."""
     contacts = []
-    for point in points:
-        if point[8] > 0.0 and point[9] == 0.0:
+    for point in client.getContactPoints():
+        if point[8] > 0.0 and point[9] == 0.0:  # came near in the step, and neither touches nor holds
             continue
         first, second = colliders.get(point[1]), colliders.get(point[2])
         if second is not None:  # PyBullet's normal points from the second body to the first
@@ -52,6 +42,10 @@ def contacts_from(points: Iterable[Any], colliders: dict[int, str]) -> list[Grou
         elif first is not None:
             x, y, z = point[7]
             contacts.append(GroundContact(first, point[5], (-x, -y, -z), -point[8], point[9]))
+    for slot in followers.tracked.tolist():
+        if found := ground.contacts.core.deepest_contact(slot):
+            position, normal, depth = found
+            contacts.append(GroundContact(followers[slot].name, position, normal, depth, math.nan))
     return contacts
 
 
@@ -74,36 +68,21 @@ def wrenches_of_step(client: Any, ground: Ground) -> list[GroundWrench]:
     """
     found: list[GroundWrench] = []
     of_colliders: dict[int, GroundWrench] = {}
+    calls = BulletCalls(client)
     for follower in ground.followers:
         if follower.solid:
-            centre = np.array(_centre(client, follower))
+            centre = calls.state(follower.body, follower.link)[:3]
             wrench = GroundWrench(follower.name, centre, np.zeros(3), np.zeros(3))
             found.append(wrench)
             if follower.collider is not None:
                 of_colliders[follower.collider] = wrench
-    _add(client.getContactPoints(), of_colliders)
-    return found
-
-
-def _add(points: Iterable[Any], of_colliders: dict[int, GroundWrench]) -> None:
-    """Add the forces of PyBullet's contact ``points`` with colliders to the wrenches on their followers."""
-    for point in points:
+    for point in client.getContactPoints():
         # PyBullet reports the forces on the first of the two bodies.
-        if (wrench := of_colliders.get(point[2])) is not None:
-            sign, position = 1.0, point[5]
-        elif (wrench := of_colliders.get(point[1])) is not None:
-            sign, position = -1.0, point[6]
-        else:
+        first, second = of_colliders.get(point[2]), of_colliders.get(point[1])
+        touched, sign, position = (first, 1.0, point[5]) if first is not None else (second, -1.0, point[6])
+        if touched is None:
             continue
         force = sign * (np.array([point[9], point[10], point[12]]) @ np.array([point[7], point[11], point[13]]))
-        wrench.force[:] += force
-        wrench.torque[:] += np.cross(np.array(position) - wrench.centre, force)
-
-
-def _centre(client: Any, follower: Follower) -> tuple[float, float, float]:
-    if follower.link < 0:
-        position = client.getBasePositionAndOrientation(follower.body)[0]
-    else:
-        position = client.getLinkState(follower.body, follower.link)[0]
-    x, y, z = position
-    return x, y, z
+        touched.force[:] += force
+        touched.torque[:] += np.cross(np.array(position) - touched.centre, force)
+    return found

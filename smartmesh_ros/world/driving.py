@@ -1,4 +1,4 @@
-"""Commands to the joints of a world's robots and to their driven surfaces."""
+"""Commands to the joints of a world's robots and to their driven surfaces, and the decks that bodies carry."""
 
 from __future__ import annotations
 
@@ -7,16 +7,32 @@ from collections import defaultdict
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
+import pybullet as pb
+
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.ground.quaternions import conjugate, rotate
-from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.ground.quaternions import conjugate, product, rotate
+from smartmesh_ros.ground.state import Quaternion, Vector
+from smartmesh_ros.terrain.deck import LEVEL, Deck
+from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.bodies import Body, BodyFactory
-from smartmesh_ros.world.joints import JointCommand, JointReading, Motors, read_joints
+from smartmesh_ros.world.joints import JointCommand, JointReading, command_joint, read_joints
+from smartmesh_ros.world.link_frames import InertialFrame
 
 # Steps from one fit of joints' damping to the next, in which postures change little.
 DAMPED_STEPS = 8
+
+
+class Carrier(NamedTuple):
+    """What carries a deck: a ``link`` of a ``body``, "" = its base, and the pose of the deck's frame in that of the
+    link: position [m] and orientation (x, y, z, w)."""
+
+    body: str
+    link: str = ""
+    position: Vector = (0.0, 0.0, 0.0)
+    orientation: Quaternion = LEVEL
 
 
 class SurfaceReading(NamedTuple):
@@ -29,15 +45,18 @@ class SurfaceReading(NamedTuple):
 
 
 class Driving:
-    """What drives the bodies of a world, by name. ``say`` tells the user what stops because no command came."""
+    """What drives the bodies of a world, by name, and what they carry. ``say`` tells the user what stops because no
+    command came. ``carried``: by the names of decks, which may come later, as the bodies may."""
 
     bodies: dict[str, Body]
+    carried: dict[str, Carrier]
     client: Any
     ground: Ground
     time: float
     say: Callable[[str], object]
+    terrain: Terrain
     _factory: BodyFactory
-    _motors: Motors
+    _efforts: dict[tuple[str, str], float]  # [Nm or N] to apply before each step, by robot and joint
     _stiff: dict[str, Body]  # robots whose damping depends on their posture
     _undamped: int  # steps since it was fitted
     _ends: dict[tuple[str, str], float]  # times at which velocities end [s], by robot and joint or surface
@@ -63,8 +82,15 @@ class Driving:
             return
         if body.commands.get(joint) != command:  # a robot may sleep while it holds a position
             self.ground.wake(body.uid)
-        self._motors.command(body.uid, body.joints[joint], command)
+        self._command(body, joint, command)
         body.commands[joint] = command
+
+    def _command(self, body: Body, joint: str, command: JointCommand) -> None:
+        """Drive a joint by a command from now on."""
+        command_joint(self.client, body.uid, body.joints[joint], command)
+        self._efforts.pop((body.name, joint), None)
+        if command.effort is not None and not command.has_target:  # to be applied in every step
+            self._efforts[body.name, joint] = command.effort
 
     def _drive_all(self) -> None:
         """Do what the drives and the damping of joints need before a step."""
@@ -75,7 +101,9 @@ class Driving:
             for body in self._stiff.values():
                 if not self.ground.is_asleep(body.uid):
                     self._factory.damp(body)
-        self._motors.apply_efforts()
+        for (name, joint), effort in self._efforts.items():
+            body = self.bodies[name]
+            self.client.setJointMotorControl2(body.uid, body.joints[joint], pb.TORQUE_CONTROL, force=effort)
 
     def _stop_overdue(self) -> None:
         """Stop what is driven by velocities whose time is over."""
@@ -89,10 +117,6 @@ class Driving:
         self._next_end = min(self._ends.values(), default=math.inf)
         for name, joints in stopped.items():
             self.say(f"no command came for {', '.join(joints)} of {name!r} in time: stopped")
-
-    def _ends_of(self, name: str) -> dict[str, float]:
-        """Return the times at which the velocities of a robot end [s], by joint or surface."""
-        return {joint: end for (robot, joint), end in self._ends.items() if robot == name}
 
     def _set_ends(self, ends: dict[tuple[str, str], float]) -> None:
         """Replace the times at which velocities end [s]."""
@@ -123,6 +147,41 @@ class Driving:
         turn = self.client.getDynamicsInfo(body.uid, index)[4] if body.is_robot else (0.0, 0.0, 0.0, 1.0)
         belt = Belt(axis, speed)
         self.ground.drive(body.uid, index, rotate(conjugate(turn), belt.axis), belt.speed)
+
+    def carry(self, deck: str, carrier: Carrier | None) -> None:
+        """Let a body carry a deck, whenever both are there; None = nobody, and the deck stays where it is. The body may
+        be simulated or tracked; see `Ground.carry`. Raises `InputError` if the body has no such link."""
+        if carrier is not None and carrier.link and carrier.body in self.bodies:
+            link_of(self.bodies[carrier.body], carrier.link)
+        if deck in self.terrain.decks:
+            self.ground.carry(deck, None)
+        self.carried.pop(deck, None)
+        if carrier is not None:
+            self.carried[deck] = carrier
+            self.bind_decks()
+
+    def bind_decks(self) -> None:
+        """Bind the decks to the bodies of these names that are there now. A body that has no such link carries nothing,
+        and the user is told."""
+        for name, carrier in list(self.carried.items()):
+            deck, body = self.terrain.decks.get(name), self.bodies.get(carrier.body)
+            if deck is None or (body is None and deck.body < 0):
+                continue
+            try:
+                self._bind(name, deck, body, carrier)
+            except InputError as error:
+                self.say(f"nothing carries deck {name!r} any more: {error}")
+                del self.carried[name]
+
+    def _bind(self, name: str, deck: Deck, body: Body | None, carrier: Carrier) -> None:
+        if body is None:
+            self.ground.carry(name, None)
+        elif body.uid != deck.body:
+            link = link_of(body, carrier.link) if carrier.link else -1
+            centre = body.inertial if link < 0 else InertialFrame(*self.client.getLinkState(body.uid, link)[2:4])
+            back = conjugate(centre.orientation)
+            arm = rotate(back, tuple(np.subtract(carrier.position, centre.position).tolist()))
+            self.ground.carry(name, body.uid, link, arm, product(back, carrier.orientation))
 
     def joints(self, name: str) -> list[JointReading]:
         """Return the current readings of a robot's joints."""

@@ -4,31 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.limits import FARTHEST_BODY
 from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.world.settings import FallConfig
 
 NOWHERE = f"was at no place or farther away than {FARTHEST_BODY:g} m"
-
-
-@dataclass(frozen=True, kw_only=True)
-class FallConfig:
-    """``depth`` [m]: a body this far below the ground that it left is lost. ``period`` [s]: simulated time between
-    checks; shorter ones tell the place where a body left the ground more exactly. ``most``: bodies that one line
-    names."""
-
-    depth: float = 100.0
-    period: float = 0.1
-    most: int = 5
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.depth <= FARTHEST_BODY:
-            raise InputError("parameter", f"lost depth is {self.depth} m; it must be above 0, to {FARTHEST_BODY:g}")
 
 
 class Falls:
@@ -43,19 +27,19 @@ class Falls:
     @property
     def falling(self) -> dict[str, Vector]:
         """The bodies that fall, by name: where they left the ground [m]."""
-        contacts = self._ground.contacts
-        return {self._name(slot): contacts.last_ground(slot) for slot in contacts.falling()}
+        core = self._ground.contacts.core
+        return {self._name(slot): core.last_ground(slot) for slot in core.find_falling()}
 
     def check(self, time: float) -> tuple[list[str], dict[str, str]]:
         """Look at all awake bodies at ``time`` [s], for falling ones if that is due. Returns a line about those that
         began to fall, if any did, and, by name, why bodies are lost."""
-        contacts, config = self._ground.contacts, self.config
-        if nowhere := contacts.find_nowhere(FARTHEST_BODY):
+        core, config = self._ground.contacts.core, self.config
+        if nowhere := core.find_nowhere(FARTHEST_BODY):
             return [], {self._name(slot): NOWHERE for slot in nowhere}
         if 0.0 <= time - self.checked < config.period or self._ground.terrain.empty:
             return [], {}
         self.checked = time
-        begun, lost = contacts.check_falls(time, config.depth)
+        begun, lost = core.check_falls(time, config.depth)
         return self._words(begun), {self._name(slot): self._why(slot) for slot in lost}
 
     def _words(self, slots: list[int]) -> list[str]:
@@ -71,7 +55,7 @@ class Falls:
         ]
 
     def _why(self, slot: int) -> str:
-        place = _text(self._ground.contacts.last_ground(slot))
+        place = _text(self._ground.contacts.core.last_ground(slot))
         return f"was {self.config.depth:g} m below the ground at {place}, which it left"
 
     def _name(self, slot: int) -> str:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smartmesh_ros.terrain.grid import BoolArray
-from smartmesh_ros.world.guest_config import GuestConfig
+from smartmesh_ros.world.settings import GuestConfig
 from smartmesh_ros.world.state_table import StateTable
 
 NOBODY = np.zeros(0, bool)

@@ -10,7 +10,6 @@ owner's state by a share in every step, so that both worlds agree where things a
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
 
 import numpy as np
 import pybullet as pb
@@ -18,13 +17,10 @@ import pybullet as pb
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls
-from smartmesh_ros.ground.followers import Followers
-from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.world.bodies import Body
-from smartmesh_ros.world.guest_config import GuestConfig
 from smartmesh_ros.world.guest_owner import NOBODY, Guest, GuestOwner, Received
+from smartmesh_ros.world.population import Population
+from smartmesh_ros.world.settings import GuestConfig
 from smartmesh_ros.world.state_table import StateTable, require_valid
 
 # Indices into a contact point of PyBullet: the other body, and the normal force.
@@ -35,29 +31,10 @@ INSTANT = 1e-9
 SAME_PLACE = 1e-6
 
 
-class HostWorld(Protocol):
-    """What guests need of the world they are in: see `World`."""
-
-    time: float
-    client: Any
-    bodies: dict[str, Body]
-    ground: Ground
-
-    @property
-    def dt(self) -> float: ...
-
-    @property
-    def followers(self) -> Followers: ...
-
-    def add_guest(self, name: str, owner: str, shape: Shape, mass: float) -> int: ...
-
-    def remove_guest(self, name: str) -> None: ...
-
-
 class Guests:
     """The guests (remote bodies) of one world, which calls `advance` before each step and `note_contacts` after it."""
 
-    def __init__(self, world: HostWorld, config: GuestConfig) -> None:
+    def __init__(self, world: Population, config: GuestConfig) -> None:
         self.config = config
         self._world = world
         self._calls = BulletCalls(world.client)

@@ -11,10 +11,10 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import conjugate, product, rotate, rotation_vector, slerp
-from smartmesh_ros.ground.state import Quaternion, Vector
+from smartmesh_ros.ground.state import BodyState, Quaternion, Vector
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.bodies import Body
-from smartmesh_ros.world.link_frames import InertialFrame, link_index
+from smartmesh_ros.world.link_frames import InertialFrame, frame_state, link_index
 from smartmesh_ros.world.world import World
 
 # Largest magnitude of a bias, a noise density or a random walk, in its unit.
@@ -78,13 +78,6 @@ class ImuReading(NamedTuple):
     acceleration: FloatArray
 
 
-class _State(NamedTuple):
-    """Orientation (x, y, z, w) and velocity [m/s] of a sensor in the terrain's frame."""
-
-    orientation: Quaternion
-    velocity: Vector
-
-
 class Imu:
     """Measures in each step of a world, from its creation until `close`.
 
@@ -100,7 +93,7 @@ class Imu:
 
     _time: float  # of the world after the last step [s]
     _turn: int  # number of the last reading, by the rate and the world's time
-    _before: _State | None  # before the step
+    _before: BodyState | None  # before the step
 
     def __init__(self, world: World, name: str, link: str = "", config: ImuConfig | None = None) -> None:
         self.name, self.link, self.config = name, link, config or ImuConfig()
@@ -137,7 +130,7 @@ class Imu:
             return
         halfway = conjugate(slerp(before.orientation, after.orientation, 0.5))
         gravity, dt = world.config.physics.gravity, world.dt
-        gained = [b - a - g * dt for a, b, g in zip(before.velocity, after.velocity, gravity, strict=True)]
+        gained = [b - a - g * dt for a, b, g in zip(before.linear, after.linear, gravity, strict=True)]
         turned = rotation_vector(product(after.orientation, conjugate(before.orientation)))
         self._gained += rotate(halfway, (gained[0], gained[1], gained[2]))
         self._turned += rotate(halfway, turned)
@@ -147,7 +140,7 @@ class Imu:
             self._turn = turn
             self._readings.append(self._reading(after))
 
-    def _reading(self, state: _State) -> ImuReading:
+    def _reading(self, state: BodyState) -> ImuReading:
         """Return the reading of the steps since the last one, with its noise."""
         config, duration = self.config, self._duration
         walk = math.sqrt(duration) * self._random.normal(size=(2, 3))
@@ -158,7 +151,7 @@ class Imu:
         self._forget()
         return ImuReading(self._world.time, duration, state.orientation, means[1], means[0])
 
-    def _state(self) -> _State | None:
+    def _state(self) -> BodyState | None:
         """Return the state of the sensor, None if it is not there."""
         world = self._world
         body = world.bodies.get(self.name)
@@ -168,22 +161,17 @@ class Imu:
             self._forget()
         if body is None or self._link is None:
             return None
+        client = world.client
         if self._link < 0:
-            (_, turn), (linear, angular) = (
-                world.client.getBasePositionAndOrientation(body.uid), world.client.getBaseVelocity(body.uid)
-            )  # fmt: skip
-            inertial = body.inertial
+            pose, velocity, inertial = client.getBasePositionAndOrientation, client.getBaseVelocity, body.inertial
+            found = *pose(body.uid), *velocity(body.uid)
         else:  # PyBullet computes it from the joints anew, which changes no step
-            _, turn, *centre, _, _, linear, angular = world.client.getLinkState(body.uid, self._link, 1, 1)
-            inertial = InertialFrame(*centre)
-        orientation = product(turn, conjugate(inertial.orientation))
-        ax, ay, az = rotate(orientation, inertial.position)  # from the origin of the link to its centre of mass
-        wx, wy, wz = angular
-        vx, vy, vz = linear
-        velocity = (vx - wy * az + wz * ay, vy - wz * ax + wx * az, vz - wx * ay + wy * ax)
-        if not math.isfinite(sum(velocity) + sum(orientation)):  # a body that the world is about to remove
+            position, turn, *centre, _, _, linear, angular = client.getLinkState(body.uid, self._link, 1, 1)
+            found, inertial = (position, turn, linear, angular), InertialFrame(*centre)
+        try:
+            return frame_state(BodyState(*found), inertial)
+        except InputError:  # not finite: a body that the world is about to remove
             return None
-        return _State(orientation, velocity)
 
     def _index_in(self, body: Body) -> int | None:
         """Return PyBullet's index of the link, None if it has none or the body does not move by physics."""

@@ -45,11 +45,6 @@ class JointCommand:
         """Return True if the command has a position or velocity to reach."""
         return self.position is not None or self.velocity is not None
 
-    @property
-    def is_effort(self) -> bool:
-        """Return True if the command is an effort to apply in every step."""
-        return self.effort is not None and not self.has_target
-
 
 @dataclass(frozen=True)
 class JointReading:
@@ -62,7 +57,7 @@ class JointReading:
 
 
 def command_joint(client: Any, uid: int, joint: int, command: JointCommand) -> None:
-    """Pass a command to PyBullet. An effort must be applied again before each step, as `Motors` does.
+    """Pass a command to PyBullet. An effort must be applied before each step, because PyBullet clears it after it.
 
     PyBullet ignores the URDF's friction and limit of velocity. Friction is a brake of a joint without target. A drive
     that moves loses it from its effort, and one that stops gains it.
@@ -83,30 +78,6 @@ def command_joint(client: Any, uid: int, joint: int, command: JointCommand) -> N
         client.setJointMotorControl2(
             uid, joint, pb.POSITION_CONTROL, targetPosition=command.position, targetVelocity=speed, force=force, **most
         )
-
-
-class Motors:
-    """Passes joint commands to PyBullet, and repeats efforts before each step."""
-
-    def __init__(self, client: Any) -> None:
-        self._client = client
-        self._efforts: dict[tuple[int, int], float] = {}  # by PyBullet body and joint
-
-    def command(self, uid: int, joint: int, command: JointCommand) -> None:
-        """Drive a joint by ``command`` from now on."""
-        command_joint(self._client, uid, joint, command)
-        self._efforts.pop((uid, joint), None)
-        if command.is_effort and command.effort is not None:
-            self._efforts[uid, joint] = command.effort
-
-    def forget(self, uid: int) -> None:
-        """Discard the commands of a body that is removed."""
-        self._efforts = {key: effort for key, effort in self._efforts.items() if key[0] != uid}
-
-    def apply_efforts(self) -> None:
-        """Apply the efforts [Nm or N] to the next step; PyBullet clears them after it."""
-        for (uid, joint), effort in self._efforts.items():
-            self._client.setJointMotorControl2(uid, joint, pb.TORQUE_CONTROL, force=effort)
 
 
 def read_joints(client: Any, uid: int, joints: dict[str, int], commands: dict[str, JointCommand]) -> list[JointReading]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -22,10 +22,19 @@ class InertialFrame(NamedTuple):
     orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
 
+def fixed_to(frame: BodyState, place: Vector, turn: Quaternion = (0.0, 0.0, 0.0, 1.0)) -> BodyState:
+    """Return the state of what is fixed to a ``frame`` at a ``place`` [m] and turned by ``turn`` in it."""
+    arm = rotate(frame.orientation, place)
+    (wx, wy, wz), (x, y, z) = frame.angular, arm
+    linear = _sum(frame.linear, (wy * z - wz * y, wz * x - wx * z, wx * y - wy * x))
+    return BodyState(_sum(frame.position, arm), product(frame.orientation, turn), linear, frame.angular)
+
+
 def frame_state(centre: BodyState, inertial: InertialFrame) -> BodyState:
     """Return the state of the link's frame, given that of its centre of mass."""
+    x, y, z = inertial.position
     orientation = product(centre.orientation, conjugate(inertial.orientation))
-    return _point_state(replace(centre, orientation=orientation), inertial.position, -1.0)
+    return fixed_to(replace(centre, orientation=orientation), (-x, -y, -z))
 
 
 def frame_pose(centre: FloatArray, inertial: InertialFrame) -> FloatArray:
@@ -38,16 +47,7 @@ def frame_pose(centre: FloatArray, inertial: InertialFrame) -> FloatArray:
 
 def centre_state(frame: BodyState, inertial: InertialFrame) -> BodyState:
     """Return the state of the centre of mass, given that of the link's frame."""
-    moved = _point_state(frame, inertial.position, 1.0)
-    return replace(moved, orientation=product(frame.orientation, inertial.orientation))
-
-
-def _point_state(state: BodyState, offset: Vector, sign: float) -> BodyState:
-    """State of the point of the same rigid body at ``sign`` x ``offset`` [m], in the link's frame."""
-    lever = sign * np.array(rotate(state.orientation, offset))
-    position = np.array(state.position) + lever
-    linear = np.array(state.linear) + np.cross(state.angular, lever)
-    return replace(state, position=tuple(position.tolist()), linear=tuple(linear.tolist()))
+    return fixed_to(frame, *inertial)
 
 
 def link_index(client: Any, uid: int, name: str) -> int | None:
@@ -97,17 +97,32 @@ class LinkFrames:
             positions = [state[0] for state in states]
         return self.at(positions)
 
-    @property
-    def count(self) -> int:
-        """Number of joints, fixed ones included."""
-        return len(self.axes)
-
     def at(self, positions: Sequence[float]) -> list[LinkFrame]:
         """Return the frames for positions of all joints, in PyBullet's order [rad, m]."""
         moved = [self.rest[0]]
         for frame, (kind, axis), position in zip(self.rest[1:], self.axes, positions, strict=True):
             moved.append(_moved(frame, kind, axis, position))
         return moved
+
+    def states(self, root: BodyState, joints: Mapping[int, tuple[float, float]]) -> list[BodyState]:
+        """Return the states of the frames for that of the ``root``, and positions and velocities of ``joints`` by
+        PyBullet's index [rad, rad/s or m, m/s]; others are zero."""
+        values = [joints.get(index, (0.0, 0.0)) for index in range(len(self.axes))]
+        states = [root]
+        frames = self.at([position for position, _ in values])
+        for frame, (kind, axis), (_, speed) in zip(frames[1:], self.axes, values, strict=True):
+            state = fixed_to(states[frame.parent], frame.translation, frame.rotation)
+            along = tuple(speed * part for part in rotate(state.orientation, axis))
+            if kind == pb.JOINT_REVOLUTE:
+                state = replace(state, angular=_sum(state.angular, along))
+            elif kind == pb.JOINT_PRISMATIC:
+                state = replace(state, linear=_sum(state.linear, along))
+            states.append(state)
+        return states
+
+
+def _sum(a: Vector, b: tuple[float, ...]) -> Vector:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 def _moved(frame: LinkFrame, kind: int, axis: Vector, position: float) -> LinkFrame:

@@ -19,12 +19,9 @@ from smartmesh_ros.ground.limits import require_possible
 from smartmesh_ros.ground.shapes import Shape, Solid, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_rays
-from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.bodies import Body, BodyFactory
 from smartmesh_ros.world.body_rays import RayHits, cast_rays, require_bodies
 from smartmesh_ros.world.driving import Driving
-from smartmesh_ros.world.guests import Guests
-from smartmesh_ros.world.joints import Motors
 from smartmesh_ros.world.link_frames import frame_state
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.standing import NO_TERRAIN, Parts, Stance, finished, stance_of
@@ -36,8 +33,7 @@ class Population(Driving):
     description was taken as, ``say`` what may be wrong."""
 
     time: float
-    terrain: Terrain
-    guests: Guests
+    guests: Any  # the `Guests`, which know this class
     say: Callable[[str], object] = logging.getLogger("smartmesh_ros").warning
     note: Callable[[str], object] = logging.getLogger("smartmesh_ros").info
 
@@ -47,8 +43,7 @@ class Population(Driving):
         self.client = client
         self.ground = ground
         self._factory = BodyFactory(client, physics)
-        self._motors = Motors(client)
-        self._stiff, self._undamped = {}, 0
+        self._efforts, self._stiff, self._undamped = {}, {}, 0
         self._set_ends({})
 
     def spawn(
@@ -195,6 +190,11 @@ class Population(Driving):
         return frame_state(self.state(name), self.body(name).inertial)
 
     @property
+    def dt(self) -> float:
+        """Length of a step [s]."""
+        return self._factory.config.dt
+
+    @property
     def followers(self) -> Followers:
         """The attached bodies and links, by the slots of the batches."""
         return self.ground.followers
@@ -248,7 +248,7 @@ class Population(Driving):
         self.ground.detach(body.uid)
         with undone(lambda: self._put_on_ground(body, belts)):
             self.client.removeBody(body.uid)
-        self._motors.forget(body.uid)
+        self._efforts = {key: effort for key, effort in self._efforts.items() if key[0] != body.name}
         self._stiff.pop(body.name, None)
         self._set_ends({key: end for key, end in self._ends.items() if key[0] != body.name})
 

@@ -17,14 +17,13 @@ from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain import state_file
 from smartmesh_ros.terrain.terrain import STATE_TYPES, Terrain
 from smartmesh_ros.world.bodies import Body, Surface
-from smartmesh_ros.world.carrying import Carrier
 from smartmesh_ros.world.driving import links_of
 from smartmesh_ros.world.falling import Falls
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.population import Population
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.settings import WorldConfig
-from smartmesh_ros.world.snapshot import FirstTerrain, Snapshot, WorldState, body_snapshot
+from smartmesh_ros.world.snapshot import BodySnapshot, FirstTerrain, Snapshot, WorldState
 
 TERRAIN = "Terrain"
 Source = bytes | str | os.PathLike[str]
@@ -33,7 +32,6 @@ Source = bytes | str | os.PathLike[str]
 class SavedWorld(Population):
     """The state of a world; see `World`."""
 
-    carried: dict[str, Carrier]
     config: WorldConfig
     falls: Falls
     seed: int
@@ -49,13 +47,16 @@ class SavedWorld(Population):
 
     def snapshot(self) -> Snapshot:
         """Return the current bodies as data."""
-        return Snapshot(
-            time=self.time,
-            bodies=tuple(
-                body_snapshot(self.client, body, self.state(body.name), self._belts(body), self._ends_of(body.name))
-                for body in self._own_bodies()
-            ),
-        )
+        return Snapshot(time=self.time, bodies=tuple(map(self._snapshot_of, self._own_bodies())))
+
+    def _snapshot_of(self, body: Body) -> BodySnapshot:
+        return BodySnapshot(
+            name=body.name, state=self.state(body.name), initial=body.initial, radius=body.radius, mass=body.mass,
+            shape=body.shape, tracked=body.tracked, urdf=body.urdf, friction=body.friction,
+            restitution=body.restitution, commands=dict(body.commands), belts=self._belts(body),
+            joints={name: self.client.getJointState(body.uid, index)[:2] for name, index in body.joints.items()},
+            ends={joint: end for (name, joint), end in self._ends.items() if name == body.name},
+        )  # fmt: skip
 
     def state_bytes(self, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state, as `save` does, and go on as before. ``extra``: what is saved with it."""
@@ -177,7 +178,7 @@ class SavedWorld(Population):
         self.seed, self._undamped = seed, 0
         for body in self.bodies.values():
             for joint in body.commands:
-                self._motors.command(body.uid, body.joints[joint], JointCommand())
+                self._command(body, joint, JointCommand())
             body.commands.clear()
             for link in self._belts(body):
                 self.drive_surface(body.name, link, 0.0)

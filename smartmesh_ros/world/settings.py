@@ -2,11 +2,62 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig
-from smartmesh_ros.world.falling import FallConfig
-from smartmesh_ros.world.guest_config import GuestConfig
+from smartmesh_ros.ground.limits import FARTHEST_BODY
+
+
+@dataclass(frozen=True, kw_only=True)
+class FallConfig:
+    """``depth`` [m]: a body this far below the ground that it left is lost. ``period`` [s]: simulated time between
+    checks; shorter ones tell the place where a body left the ground more exactly. ``most``: bodies that one line
+    names."""
+
+    depth: float = 100.0
+    period: float = 0.1
+    most: int = 5
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.depth <= FARTHEST_BODY:
+            raise InputError("parameter", f"lost depth is {self.depth} m; it must be above 0, to {FARTHEST_BODY:g}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuestConfig:
+    """When remote bodies are added, how they follow their owner's states, and when they are removed."""
+
+    # Distance to an own body, surface to surface, below which a remote body is added [m]. A row of touching balls
+    # transmits an impact over this distance.
+    margin: float = 1.0
+    # Remote bodies that can come within the margin in this time, at their relative speed, are added as well [s]. Must
+    # exceed the delay of states.
+    horizon: float = 0.2
+    # Distance at which a remote body is removed [margins]. Above 1, so that none is added and removed in every step.
+    stay: float = 1.5
+    # Age at which a received state is used [steps], because two worlds detect the same contact up to this many steps
+    # apart.
+    steps_apart: int = 2
+    # Time constant with which a body in lasting contact converges to its owner's state [s]. The delay of states is used
+    # if it is longer, because a faster pull would oscillate.
+    settle: float = 0.03
+    # Longest extrapolation of a state by its velocity [s].
+    max_extrapolation: float = 0.2
+    # Gap between bounding spheres below which contacts are queried [m]; the range of PyBullet's contact points.
+    touching: float = 0.02
+    # Share by which the estimated delay decays towards a shorter measured one at each state.
+    forget: float = 0.05
+    # A state's time is rounded to a step of this world, so that both worlds detect an impact at the same depth. Filter
+    # gain of the estimated phase between the owner's steps and this world's, at each state.
+    drift: float = 0.02
+    # Phase beyond which rounding changes to the next step [steps]. Between 0.5, where rounding would alternate, and 1.
+    slip: float = 0.7
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.margin) and self.margin > 0.0):
+            raise InputError("parameter", f"the margin of guests is {self.margin} m; it must be greater than zero")
 
 
 @dataclass(frozen=True, kw_only=True)

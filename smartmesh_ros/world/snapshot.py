@@ -20,12 +20,9 @@ from smartmesh_ros.ground.shapes import SHAPES, Hull, Solid
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain import state_file
 from smartmesh_ros.terrain.terrain import STATE_TYPES, Terrain
-from smartmesh_ros.world.bodies import Body
-from smartmesh_ros.world.carrying import Carrier
-from smartmesh_ros.world.falling import FallConfig
-from smartmesh_ros.world.guest_config import GuestConfig
+from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.joints import JointCommand
-from smartmesh_ros.world.settings import WorldConfig
+from smartmesh_ros.world.settings import FallConfig, GuestConfig, WorldConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,19 +46,6 @@ class BodySnapshot:
     commands: dict[str, JointCommand]
     belts: dict[str, Belt] = field(default_factory=dict)
     ends: dict[str, float] = field(default_factory=dict)
-
-
-def body_snapshot(
-    client: Any, body: Body, state: BodyState, belts: dict[str, Belt], ends: dict[str, float]
-) -> BodySnapshot:
-    """Return a body in a ``state``, with its moving surfaces and the ends of its velocities [s], as data."""
-    joints = {name: client.getJointState(body.uid, index)[:2] for name, index in body.joints.items()}
-    return BodySnapshot(
-        name=body.name, state=state, initial=body.initial, radius=body.radius, mass=body.mass, shape=body.shape,
-        tracked=body.tracked,
-        urdf=body.urdf, friction=body.friction, restitution=body.restitution, joints=joints,
-        commands=dict(body.commands), belts=belts, ends=ends,
-    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -30,33 +30,22 @@ Parts = Generator[None, None, Found]
 RAYS = 64
 
 
-@dataclass(frozen=True, kw_only=True)
-class StandingConfig:
-    """Sampling of a body's underside.
-
-    ``samples``: along each side of its bounds; raising it finds smaller feet. ``refined``: places with the smallest
-    distance that are refined. ``finer``: samples along each side of such a place. ``rounds``: of refinement; each
-    divides the spacing by half of ``finer``. ``feet`` [m]: the part of the underside that is higher than its lowest
-    point by less than this stands on the ground, and is aligned with it. ``turns``: rounds of alignment; the feet move
-    as the body tilts. ``away`` [m]: height at which the body is measured, far from all others.
-    """
-
-    samples: int = 40
-    refined: int = 6
-    finer: int = 9
-    rounds: int = 4
-    feet: float = 0.02
-    turns: int = 3
-    away: float = 1e5
-
-
-STANDING = StandingConfig()
+# Samples of the underside along each side of its bounds; raising it finds smaller feet.
+SAMPLES = 40
+# Places with the smallest distance that are refined, samples along each side of one, and rounds of refinement, each of
+# which divides the spacing by half of `FINER`.
+REFINED, FINER, ROUNDS = 6, 9, 4
+# The part of the underside that is higher than its lowest point by less than this stands on the ground [m], and is
+# aligned with it in so many rounds, because the feet move as the body tilts.
+FEET, TURNS = 0.02, 3
+# Height at which a body is measured, far from all others [m].
+AWAY = 1e5
 # Least horizontal extent of the feet, as a share of the body's bounds, for which a plane is fitted to the ground.
 LEAST_EXTENT = 0.1
 
 
 class Stance(NamedTuple):
-    """A body on the ground: its ``state``, whose height is `StandingConfig.away`, and ``points`` (n, 3) [m] of its
+    """A body on the ground: its ``state``, whose height is `AWAY`, and ``points`` (n, 3) [m] of its
     underside in that state."""
 
     state: BodyState
@@ -68,7 +57,7 @@ class Stance(NamedTuple):
             raise InputError("geometry", f"clearance is {clearance} m; it must be zero or more")
         x, y, _ = self.state.position
         lifts = ground_at(self.points[:, :2]).z - self.points[:, 2]
-        height = STANDING.away + float(np.nanmax(lifts)) + clearance
+        height = AWAY + float(np.nanmax(lifts)) + clearance
         under = ground_at(np.array([[x, y]]))
         velocity = under.velocities[0] if not np.isnan(under.z[0]) else np.zeros(3)
         linear = (np.array(self.state.linear) + velocity).tolist()
@@ -83,7 +72,7 @@ def stance_of(client: Any, body: Body, state: BodyState, ground_at: GroundAt, *,
     """
     x, y, _ = state.position
     turned = state
-    for _ in range(STANDING.turns if align else 0):
+    for _ in range(TURNS if align else 0):
         points, _ = yield from _underside(client, body, turned)
         turned = replace(turned, orientation=product(_tilt(points, (x, y), ground_at), state.orientation))
     points, spacing = yield from _underside(client, body, turned)
@@ -104,20 +93,20 @@ def finished(parts: Parts[Found]) -> Found:
 def _underside(client: Any, body: Body, state: BodyState) -> Parts[tuple[FloatArray, float]]:
     """Place a body far from the others; return points (n, 3) [m] of its underside, and their spacing [m]."""
     x, y, _ = state.position
-    client.resetBasePositionAndOrientation(body.uid, (x, y, STANDING.away), state.orientation)
+    client.resetBasePositionAndOrientation(body.uid, (x, y, AWAY), state.orientation)
     low, high = bounds_of(client, body)
-    axes = [np.linspace(low[axis], high[axis], STANDING.samples) for axis in (0, 1)]
+    axes = [np.linspace(low[axis], high[axis], SAMPLES) for axis in (0, 1)]
     xy = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     points = yield from _from_below(client, body, xy)
     if not len(points):
         raise InputError("geometry", f"{body.name!r} has no underside to stand on; give its height instead")
-    return points, float(max(high[:2] - low[:2])) / (STANDING.samples - 1)
+    return points, float(max(high[:2] - low[:2])) / (SAMPLES - 1)
 
 
 def _from_below(client: Any, body: Body, xy: FloatArray) -> Parts[FloatArray]:
     """Return the points (n, 3) [m] at which vertical rays at ``xy`` (N, 2) [m] meet a body from below."""
-    half = 0.5 * STANDING.away
-    starts, ends = (np.column_stack([xy, np.full(len(xy), STANDING.away + by)]) for by in (-half, half))
+    half = 0.5 * AWAY
+    starts, ends = (np.column_stack([xy, np.full(len(xy), AWAY + by)]) for by in (-half, half))
     found = []
     for first in range(0, len(xy), RAYS):
         part = slice(first, first + RAYS)
@@ -129,7 +118,7 @@ def _from_below(client: Any, body: Body, xy: FloatArray) -> Parts[FloatArray]:
 
 def _tilt(points: FloatArray, centre: tuple[float, float], ground_at: GroundAt) -> Quaternion:
     """Return the rotation from the vertical to the normal of the ground under the feet of an underside (n, 3) [m]."""
-    feet = points[points[:, 2] < points[:, 2].min() + STANDING.feet]
+    feet = points[points[:, 2] < points[:, 2].min() + FEET]
     normal = _heights(ground_at(np.array([centre])), np.array([centre])).normals[0]
     offsets = feet[:, :2] - feet[:, :2].mean(axis=0)
     extent = np.sqrt(np.linalg.eigvalsh(offsets.T @ offsets / len(offsets))[0])
@@ -145,19 +134,19 @@ def _tilt(points: FloatArray, centre: tuple[float, float], ground_at: GroundAt) 
 def _refined(client: Any, body: Body, points: FloatArray, spacing: float, ground_at: GroundAt) -> Parts[FloatArray]:
     """Return points (m, 3) [m] of the underside (n, 3) [m] of a body, with more of them where the ground is nearest."""
     needed = _heights(ground_at(points[:, :2]), points).z - points[:, 2]
-    steps = np.linspace(-1.0, 1.0, STANDING.finer)
+    steps = np.linspace(-1.0, 1.0, FINER)
     around = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    best = points[np.argsort(needed)[-STANDING.refined :], :2]
+    best = points[np.argsort(needed)[-REFINED:], :2]
     found = [points]
-    for _ in range(STANDING.rounds):
+    for _ in range(ROUNDS):
         finer = yield from _from_below(client, body, (best[:, None] + spacing * around).reshape(-1, 2))
         if not len(finer):
             break
         found.append(finer)
         lifts = ground_at(finer[:, :2]).z - finer[:, 2]
         lifts[np.isnan(lifts)] = -np.inf
-        best = finer[np.argsort(lifts)[-STANDING.refined :], :2]
-        spacing *= 2.0 / (STANDING.finer - 1)
+        best = finer[np.argsort(lifts)[-REFINED:], :2]
+        spacing *= 2.0 / (FINER - 1)
     return np.concatenate(found)
 
 

@@ -28,7 +28,7 @@ class SimulatedStates:
             self._describe()
         contacts = self._world.ground.contacts
         numbers = contacts.states_of(self._slots)
-        moves = np.flatnonzero(~np.isin(self._slots, contacts.asleep()) | self._robot)
+        moves = np.flatnonzero(~np.isin(self._slots, contacts.core.find_asleep()) | self._robot)
         numbers[moves] = BulletCalls(self._world.client).states([self._uids[place] for place in moves.tolist()])
         return self._bodies._replace(numbers=numbers)
 
@@ -40,11 +40,6 @@ class SimulatedStates:
         self._slots = np.array([followers.of(uid)[0] for uid in self._uids], np.int64)
         self._robot = np.array([body.is_robot for body in bodies], bool)
         self._bodies = body_table(bodies)
-
-
-def simulated_states(world: World) -> StateTable:
-    """Return the states of a world's simulated bodies, in the order of spawning."""
-    return SimulatedStates(world).read()
 
 
 def body_table(bodies: list[Body]) -> StateTable:

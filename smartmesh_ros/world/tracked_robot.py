@@ -16,7 +16,7 @@ from smartmesh_ros.ground.quaternions import product, rotate
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Hull, ShapeKind, Solid, Sphere
 from smartmesh_ros.ground.state import BodyState, Quaternion, Vector
 from smartmesh_ros.world.bodies import BodyFactory
-from smartmesh_ros.world.link_frames import LinkFrames
+from smartmesh_ros.world.link_frames import LinkFrames, fixed_to
 from smartmesh_ros.world.robots.prepared import prepare_robot
 
 
@@ -88,34 +88,9 @@ class TrackedRobot:
     def parts(self, root: BodyState) -> Iterator[TrackedPart]:
         """Yield the parts for a ``state`` of the root link's frame, with their velocities: those of the root and of the
         joints."""
-        values: list[tuple[float, float]] = [(0.0, 0.0)] * self._frames.count
-        for joint, index in self._columns.items():
-            values[index] = self._values[joint]
-        frames = self._frames.at([position for position, _ in values])
-        states = [root]
-        for frame, (kind, axis), (_, speed) in zip(frames[1:], self._frames.axes, values, strict=True):
-            state = _carried(states[frame.parent], frame.translation, frame.rotation)
-            along = tuple(speed * part for part in rotate(state.orientation, axis))
-            linear, angular = state.linear, state.angular
-            if kind == pb.JOINT_REVOLUTE:
-                angular = _sum(angular, along)
-            elif kind == pb.JOINT_PRISMATIC:
-                linear = _sum(linear, along)
-            states.append(BodyState(state.position, state.orientation, linear, angular))
+        states = self._frames.states(root, {index: self._values[joint] for joint, index in self._columns.items()})
         for part in self._parts:
-            yield TrackedPart(part.name, part.solid, _carried(states[part.link], part.place, part.turn))
-
-
-def _carried(state: BodyState, place: Vector, turn: Quaternion) -> BodyState:
-    """Return the state of what is fixed to a frame in a ``state``, at a ``place`` [m] and turned by ``turn`` in it."""
-    arm = rotate(state.orientation, place)
-    (wx, wy, wz), (x, y, z) = state.angular, arm
-    linear = _sum(state.linear, (wy * z - wz * y, wz * x - wx * z, wx * y - wy * x))
-    return BodyState(_sum(state.position, arm), product(state.orientation, turn), linear, state.angular)
-
-
-def _sum(a: Vector, b: tuple[float, ...]) -> Vector:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+            yield TrackedPart(part.name, part.solid, fixed_to(states[part.link], part.place, part.turn))
 
 
 def _solid(part: BodyShape) -> Solid:

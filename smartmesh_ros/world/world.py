@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 import pybullet as pb
@@ -19,26 +19,37 @@ from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.height_scan import HeightScan, yaws_of
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
-from smartmesh_ros.world.carrying import Carrier, Carrying
 from smartmesh_ros.world.contacts import GroundContact, GroundWrench, ground_contacts, wrenches_of_step
+from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.falling import Falls
 from smartmesh_ros.world.guests import Guests
 from smartmesh_ros.world.link_frames import frame_pose
 from smartmesh_ros.world.saved_world import SavedWorld
 from smartmesh_ros.world.settings import WorldConfig
 from smartmesh_ros.world.snapshot import FirstTerrain
-from smartmesh_ros.world.watching import StepWatcher
 
 __all__ = ["World", "WorldConfig"]
 
 
-class World(SavedWorld, Carrying):
+class StepWatcher(Protocol):
+    """What takes part in the steps of a world, such as a sensor."""
+
+    def before_step(self) -> None:
+        """Do what is to be done right before the physics of a step."""
+
+    def after_step(self) -> None:
+        """Do what is to be done right after it, at the world's new time."""
+
+
+class World(SavedWorld):
     """Bodies on a terrain, stepped at a fixed rate. Close it, or use it as a context manager.
 
     ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``guests``: remote bodies,
     simulated by other nodes. ``watchers``: take part in each step. ``seed``: of the noise of height scans, beside
     their own.
     """
+
+    guests: Guests
 
     def __init__(
         self,
@@ -101,11 +112,6 @@ class World(SavedWorld, Carrying):
             for body in self.bodies.values():
                 self._factory.damp(body)
         self.guests.config, self.falls.config = config.guests, config.falls
-
-    @property
-    def dt(self) -> float:
-        """Length of a step [s]."""
-        return self.config.physics.dt
 
     def close(self) -> None:
         """Disconnect from PyBullet."""
@@ -179,7 +185,7 @@ class World(SavedWorld, Carrying):
 
     def below_ground(self) -> list[str]:
         """Return simulated bodies and links whose middle is under the ground now."""
-        return [self.followers[slot].name for slot in self.ground.contacts.find_below()]
+        return [self.followers[slot].name for slot in self.ground.contacts.core.find_below()]
 
     def _drop_lost(self) -> None:
         """Remove lost bodies, and tell of those that begin to fall."""

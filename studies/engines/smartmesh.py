@@ -11,7 +11,7 @@ from smartmesh_ros.report.config import ReportConfig
 from smartmesh_ros.report.ground import world_on as world_with
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.world.falling import FallConfig
+from smartmesh_ros.world.settings import FallConfig
 from smartmesh_ros.world.world import World, WorldConfig
 from studies.engines.bullet import BulletEngine
 from studies.engines.engine import GroundSetup, Setup

@@ -18,7 +18,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.joints import JointCommand
-from smartmesh_ros.world.states import simulated_states
+from smartmesh_ros.world.states import SimulatedStates
 from studies.matrix.arena import HUSKY, Arena
 from studies.matrix.row import Method, Row, own_row
 from studies.matrix.still_ground import lay_on_slope
@@ -48,7 +48,7 @@ def play(
         world = arena.world
         build(arena)
         arena.settle(SETTLED)
-        asleep = world.ground.contacts.asleep()
+        asleep = world.ground.contacts.core.find_asleep()
         awake = [follower.name for follower in world.followers if follower.solid and follower.slot not in asleep]
         if sleep and awake:
             raise InputError("method", f"these bodies did not fall asleep: {', '.join(awake)}")
@@ -190,7 +190,8 @@ def guest_comes(method: Method) -> float:
     """A remote ball rolls into the box."""
     with small(None) as other:
         other.spawn("guest", Sphere(0.1), (-0.3, 0.03, 0.1), linear=(2.0, 0.0, 0.0))
-        path = [simulated_states(other.world), *(simulated_states(other.world) for _ in other.run(119.0 / RATE))]
+        states = SimulatedStates(other.world)
+        path = [states.read(), *(states.read() for _ in other.run(119.0 / RATE))]
     return astray(
         box_alone, lambda arena, step: arena.world.guests.take("other", path[step], arena.world.time), method, steps=120
     )
@@ -207,7 +208,9 @@ def noise(method: Method) -> float:
         for number in range(1200):
             arena.tell(FLAT + rng.normal(0.0, 0.005, FLAT.shape).astype(np.float32))
             steps = arena.run(0.1)
-            awake += sum(len(ground.followers) - len(ground.contacts.asleep()) for _ in steps if number >= 600)
+            awake += sum(
+                len(ground.followers) - len(ground.contacts.core.find_asleep()) for _ in steps if number >= 600
+            )
         return 100.0 * awake / (60 * RATE * len(ground.followers))
 
 

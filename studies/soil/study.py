@@ -9,8 +9,8 @@ import numpy as np
 
 from smartmesh_ros.ground.shapes import Box
 from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.soil.config import soil_named, soils_of
 from smartmesh_ros.soil.soil import Soil
-from smartmesh_ros.soil.soils import soil_named, soils_of
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.world.world import World
 from studies.markdown import table

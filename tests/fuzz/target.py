@@ -221,4 +221,4 @@ def _as_it_is(mesh: Any) -> Tile:
 
 def _correcting(mesh: Any) -> bool:
     """Return True while corrections of a tile are being blended in."""
-    return isinstance(mesh, HeightMap) and mesh.corrections.blending
+    return isinstance(mesh, HeightMap) and mesh.motion.corrects and mesh.moving(0.0)

@@ -3,14 +3,12 @@
 import copy
 import math
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import pybullet as pb
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import (
     BodyState,
@@ -32,7 +30,7 @@ from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from smartmesh_ros.world.carrying import Carrier
+from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.joints import JointCommand
 from tests.bodies import put, rotation
 from tests.core import mesh_parts
@@ -311,10 +309,11 @@ RAFTS = (Raft(False, 2.0, 0.8), Raft(True, 2.0, 0.8), Raft(False, 10.0, 0.0), Ra
 
 @pytest.mark.parametrize("restitution", [0.0, 0.6])
 @pytest.mark.parametrize("raft", RAFTS)
-def test_a_ball_and_the_free_body_whose_deck_it_lands_on_conserve_momentum(raft: Raft, restitution: float) -> None:
+def test_a_ball_and_the_free_body_whose_deck_it_lands_on_conserve_momentum(
+    client: Any, raft: Raft, restitution: float
+) -> None:
     """At the end of each step; and they part with the restitution of their speed."""
-    client = BulletClient(pb.DIRECT)
-    client.setTimeStep(DT)
+    client.setGravity(0.0, 0.0, 0.0)
     size = Box(2.0, 2.0, 0.2)
     carrier = put(client, size, (0.0, 0.0, 1.0), raft.mass, useMaximalCoordinates=0 if raft.multibody else 1)
     ball = put(client, Sphere(0.1), (raft.off, 0.0, 1.8), useMaximalCoordinates=1)
@@ -338,7 +337,6 @@ def test_a_ball_and_the_free_body_whose_deck_it_lands_on_conserve_momentum(raft:
     arm = np.subtract(client.getBasePositionAndOrientation(ball)[0], client.getBasePositionAndOrientation(carrier)[0])
     parts = np.subtract(velocity, np.add(linear, np.cross(angular, arm)))[2]
     assert parts == pytest.approx(2.0 * restitution, abs=0.06)
-    client.disconnect()
 
 
 LIFT = robot(
@@ -449,13 +447,12 @@ def test_the_walls_of_a_deck_are_as_high_as_it_is_thick(shape: Shape) -> None:
         assert world.state("at the wall").position[0] == pytest.approx(2.2, abs=1e-3)
 
 
-def test_queries_rays_and_scans_see_a_deck_where_it_is_at_an_instant() -> None:
+def test_queries_rays_and_scans_see_a_deck_where_it_is_at_an_instant(client: Any) -> None:
     motion, rng, time = Motion(), np.random.default_rng(2), 1.3
     deck, terrain = Deck(a_map()), Terrain(level(11, 2.0))
     terrain.put("deck", deck)
     for at in time - DT * np.arange(4.0)[::-1]:
         motion.move(deck, at)
-    client = BulletClient(pb.DIRECT)
     ground = Ground(client, terrain)
     turn, origin = rotation(motion.orientation(time)), motion.position(time)
     normal = turn[:, 2]
@@ -475,7 +472,6 @@ def test_queries_rays_and_scans_see_a_deck_where_it_is_at_an_instant() -> None:
     scan = HeightScan(size=(1.0, 1.0), spacing=0.5).read(terrain, np.zeros((1, 4)), time)
     x, y = np.meshgrid([-0.5, 0.0, 0.5], [-0.5, 0.0, 0.5])
     assert scan[0] == pytest.approx((over - (x * normal[0] + y * normal[1]) / normal[2]).ravel(), abs=1e-6)
-    client.disconnect()
 
 
 def test_a_deck_has_the_material_of_its_own_tiles() -> None:

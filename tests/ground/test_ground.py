@@ -77,17 +77,6 @@ def test_a_robot_one_link_of_which_is_attached_already_is_refused_whole(client: 
     assert len(ground.followers) == 1
 
 
-def test_ground_that_rises_carries_a_body_in_the_users_own_steps(client: Any) -> None:
-    heightmap, body = level(), put(client, BALL, (0.0, 0.0, 0.2))
-    ground = Ground(client, heightmap)
-    ground.attach(body)
-    for step in range(240):
-        if step % 4 == 0:
-            heightmap.replace(np.full((41, 41), 0.5 * step * DT), time=step * DT)
-        client.stepSimulation()
-    assert height(client, body) == pytest.approx(0.2 + 0.5, abs=1e-3)
-
-
 def test_a_ground_that_is_gone_leaves_the_world_usable(client: Any) -> None:
     body, ground = put(client, BALL, START), Ground(client, level())
     ground.attach(body)
@@ -182,11 +171,3 @@ def test_a_core_for_another_pybullet_is_refused(client: Any, monkeypatch: pytest
     with pytest.raises(InputError, match="the core was built for another PyBullet: the two differ in contacts"):
         Ground(client, level())
     assert client.getNumBodies() == 0
-
-
-def test_meshes_of_several_parts_are_ground(client: Any) -> None:
-    ground = Ground(client, TriangleMesh(*mesh_parts.joined(mesh_parts.sheet(6.0, 1), mesh_parts.sheet(1.0, 3))))
-    ground.attach(put(client, BALL, START))
-    for step in range(240):
-        ground.step(step * DT, DT)
-    assert height(client, ground.followers[0].body) == pytest.approx(BALL.radius, abs=1e-4)

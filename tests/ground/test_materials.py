@@ -1,13 +1,11 @@
 """Ground that gives by its contact, rebound and rolling resistance by place, by closed forms."""
 
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pybullet as pb
 import pytest
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import (
     BodyState,
@@ -84,14 +82,6 @@ def test_a_body_at_rest_sinks_until_the_pressures_carry_it(
         state = world.state("body")
     assert above - state.position[2] == pytest.approx(depth_of(volume), rel=0.01)
     assert np.linalg.norm(state.linear) < 1e-5
-
-
-@pytest.fixture
-def client() -> Iterator[Any]:
-    client = BulletClient(pb.DIRECT)
-    client.setGravity(0.0, 0.0, -GRAVITY)
-    yield client
-    client.disconnect()
 
 
 @pytest.mark.parametrize("kind", ["box", "hull"])

@@ -1,72 +1,27 @@
 """Bodies on ground that moves between maps, and time that goes on without steps."""
 
-import math
-
 import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, Sphere, World
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.core import mesh_parts
+from tests.grounds import level, moving
 
-DT = 1.0 / 240.0
 SIDE = 41
-RISE = 0.3  # [m/s]
-RADIUS = 0.15
-STEPS_PER_MAP = 12
-
-
-class Rising:
-    """A ball on ground that rises steadily, with the same ``slope`` everywhere along y."""
-
-    def __init__(self, slope: float = 0.0) -> None:
-        self.slope = slope
-        self._steps = 0
-        self._map = HeightMap(self._heights(0.0), resolution=0.1)
-        self.world = World(self._map)
-        for _ in range(3 * STEPS_PER_MAP):  # by then the ground's velocity is known
-            self.step()
-        above = self.height(2.0) + RADIUS * math.hypot(1.0, slope)
-        self.world.spawn("ball", Sphere(RADIUS), 1.0, BodyState((2.0, 2.0, above), linear=(0.0, 0.0, RISE)))
-
-    def height(self, y: float) -> float:
-        """Of the ground now [m]."""
-        return RISE * self.world.time + self.slope * y
-
-    def step(self) -> None:
-        """One step, after the map that is due."""
-        if self._steps % STEPS_PER_MAP == 0:
-            self._map.replace(self._heights(self.world.time), time=self.world.time)
-        self._steps += 1
-        self.world.step()
-
-    def _heights(self, time: float) -> np.ndarray:
-        return RISE * time + self.slope * 0.1 * np.arange(SIDE)[:, None] * np.ones(SIDE)
-
-
-def test_between_maps_the_ground_goes_on() -> None:
-    """The ball stands on it, and PyBullet has the ground where it is, in every step."""
-    ground = Rising()
-    with ground.world as world:
-        for _ in range(60):
-            ground.step()
-            _, y, z = world.state("ball").position
-            assert z - RADIUS == pytest.approx(ground.height(y), abs=1e-4)
-            follower = world.ground.followers[0]
-            points = world.client.getClosestPoints(follower.body, follower.collider, 0.05)
-            assert max(point[6][2] for point in points) == pytest.approx(ground.height(y), abs=1e-4)
 
 
 def test_bodies_ride_on_the_ground_although_steps_are_skipped() -> None:
-    skipped, ground = 3, Rising()
-    with ground.world as world:
-        for step in range(240):
-            if step % 5 == 0:
-                world.skip(skipped)
-            ground.step()
-            _, y, z = world.state("ball").position
-            # By what the ground rose while the ball stood still, less what the solver made good since.
-            assert z - RADIUS > ground.height(y) - RISE * skipped * DT - 5e-4
+    """By what the ground rises while the ball stands still, less what the solver makes good since."""
+    skipped, rise, radius = 3, 0.3, 0.15
+    with World(level()) as world:
+        world.spawn("ball", Sphere(radius), 1.0, BodyState((0.0, 0.0, radius)))
+        for step in moving(world, lambda time: rise * time, 276, every=12):
+            if step >= 36:  # the velocity of the ground is known
+                height = world.state("ball").position[2] - radius
+                assert height > rise * (world.time - skipped * world.dt) - 5e-4
+                world.skip(skipped if step % 5 == 0 else 0)
+        assert world.time == pytest.approx((276 + 48 * skipped) * world.dt)
 
 
 @pytest.mark.parametrize("speed", [3.0, 20.0])

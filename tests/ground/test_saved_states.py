@@ -5,7 +5,6 @@ import math
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +12,10 @@ import numpy as np
 import pybullet as pb
 import pybullet_data
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import Deck, Ground, HeightMap, InputError, Soil
 from smartmesh_ros.ground.bullet import BulletCalls
-from tests.examples import examples
-from tests.spoilt_states import HOWS, spoilt
 
 DT = 1.0 / 240.0
 COUNT = 16  # of bodies
@@ -183,20 +178,3 @@ def test_a_state_of_other_bodies_is_refused_and_changes_nothing(scene: Scene, ho
         scene.restore(data)
     np.testing.assert_array_equal(scene.map.heights, heights)
     np.testing.assert_array_equal(BulletCalls(scene.client).states(bodies), before)
-
-
-@examples(60)
-@given(how=st.sampled_from(HOWS), at=st.floats(0.0, 1.0, exclude_max=True))
-def test_spoilt_states_are_refused_and_change_nothing(how: str, at: float) -> None:
-    scene = _quiet_scene()
-    before = scene.ground._state()
-    with pytest.raises(InputError, match=r"no saved state|was damaged"):
-        scene.restore(spoilt(before, how, at))
-    assert scene.ground._state() == before
-
-
-@cache
-def _quiet_scene() -> Scene:
-    made = Scene(soil=True)
-    made.run(20)
-    return made

@@ -10,7 +10,6 @@ import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
-import smartmesh_ros
 from smartmesh_ros import BodyState, Ground, HeightMap, InputError, Sphere, Terrain, World
 from smartmesh_ros.ground.shapes import Box
 from smartmesh_ros.soil.soil import Soil
@@ -166,7 +165,3 @@ def test_soil_is_not_lost_in_a_copy() -> None:
             assert other.ground.soil is not soil
             np.testing.assert_array_equal(other.ground.soil.sinkage(), soil.sinkage())
             assert soil.sinkage().max() > 0.0
-
-
-def test_the_package_tells_what_it_has() -> None:
-    assert {*smartmesh_ros.__all__} <= {*dir(smartmesh_ros)}

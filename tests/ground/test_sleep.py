@@ -9,9 +9,8 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, MotionConfig, Sphere, World, WorldConfig
+from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, MotionConfig, Sphere, World, WorldConfig
 from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig
-from tests.bodies import height, put
 from tests.grounds import level
 
 SIDE, SPACING, RATE = 61, 0.1, 240
@@ -35,7 +34,7 @@ def sleeping_box(ground: HeightMap | None = None, seconds: int = 1, **settings: 
 
 def asleep(world: World) -> set[str]:
     """Names of the sleeping bodies and links."""
-    return {world.followers[slot].name for slot in world.ground.contacts.asleep()}
+    return {world.followers[slot].name for slot in world.ground.contacts.core.find_asleep()}
 
 
 def test_bodies_at_rest_sleep_and_keep_patches_contacts_and_wrenches() -> None:
@@ -140,41 +139,6 @@ def test_a_correction_moves_a_body_once_however_often_it_sleeps() -> None:
         assert min(heights) > 0.1495
 
 
-def test_a_world_saved_asleep_goes_on_to_the_bit_as_the_one_restored_from_it() -> None:
-    """While balls hit its boxes, which wake and sleep again."""
-
-    def go_on(world: World) -> list[str]:
-        hashes = []
-        for second in range(3):
-            start = BodyState((-2.0, 0.5 * second, 0.1), linear=(3.0, 0.0, 0.0))
-            world.spawn(f"ball_{second}", Sphere(0.1), 1.0, start)
-            world.step(RATE)
-            hashes.append(world.snapshot().hash)
-        return hashes
-
-    with flat_world() as world, flat_world() as other:
-        for index in range(12):
-            world.spawn(f"box_{index}", BOX, 1.0, BodyState((0.5 * (index % 4) - 1.0, 0.5 * (index // 4), 0.1)))
-        world.step(2 * RATE)
-        assert len(asleep(world)) == 12
-        other.restore(world.save())
-        assert go_on(world) == go_on(other)
-
-
-@pytest.mark.parametrize("gravity", [0.0057, 0.02, 0.03])
-@pytest.mark.parametrize(("height", "speed"), [(0.3, 0.05), (1.1, 0.0)], ids=["thrown up", "released"])
-def test_a_body_falls_where_gravity_is_weak(height: float, speed: float, gravity: float) -> None:
-    """Also over its apex, where it is as slow as one that rests; and then it lies."""
-    with flat_world(gravity=(0.0, 0.0, -gravity)) as world:
-        world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.0, 0.0, height), linear=(0.0, 0.0, speed)))
-        apex = height + 0.5 * speed**2 / gravity
-        falls = math.sqrt(2.0 * (apex - 0.1) / gravity)
-        world.step(int((speed / gravity + 0.9 * falls) * RATE))
-        assert world.state("ball").position[2] == pytest.approx(apex - 0.81 * (apex - 0.1), abs=2e-3)
-        world.step(int(0.9 * falls * RATE))
-        assert world.state("ball").position[2] == pytest.approx(0.1, abs=1e-3)
-
-
 def test_bodies_sleep_on_the_moon_too() -> None:
     with sleeping_box(seconds=3, gravity=(0.0, 0.0, -1.62)):
         pass
@@ -215,29 +179,3 @@ def test_a_body_at_its_apex_does_not_sleep_however_soon_others_do(after: float) 
             world.step()
             assert "ball" not in asleep(world)
         assert asleep(world) == {"rests"}
-
-
-@pytest.mark.parametrize("maximal", [True, False], ids=["rigid body", "multibody"])
-def test_bodies_of_a_pybullet_world_sleep_where_their_user_lets_them(client: Any, maximal: bool) -> None:
-    """A box sleeps at rest, rides on ground that rises, and is awake again for good when told so."""
-    body, heightmap = put(client, BOX, (0.0, 0.0, 0.1), useMaximalCoordinates=maximal), level(SIDE)
-    ground = Ground(client, heightmap)
-    ground.attach(body)
-    ground.let_sleep()
-
-    def run(first: int, count: int) -> None:
-        for step in range(first, first + count):
-            ground.step(step / RATE, 1.0 / RATE)
-
-    run(0, RATE)
-    assert ground.is_asleep(body)
-    heightmap.replace(FLAT + np.float32(0.05), time=RATE / RATE)
-    run(RATE, 5)
-    assert not ground.is_asleep(body)
-    run(RATE + 5, 2 * RATE)
-    assert height(client, body) == pytest.approx(0.15, abs=1e-3)
-    assert ground.is_asleep(body)
-    ground.let_sleep(None)
-    run(3 * RATE + 5, 2 * RATE)
-    assert not ground.is_asleep(body)
-    assert height(client, body) == pytest.approx(0.15, abs=1e-3)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, Sphere, Terrain, World
+from smartmesh_ros import BodyState, Box, HeightMap, Terrain
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts
@@ -60,19 +60,6 @@ def test_what_sleeps_under_a_table_wakes_when_its_floor_falls() -> None:
         mesh.move(lowered, time=world.time + 100.0)
         world.step(480)
         assert world.state("box").position[2] == pytest.approx(-0.4, abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("ground", "z"), [(level(41, 0.25), -0.5), (level(41, 0.25), -9.0), (table(), -1.0)], ids=["map", "far", "mesh"]
-)
-def test_the_guard_puts_back_what_is_below_a_map_or_a_mesh(ground: HeightMap | TriangleMesh, z: float) -> None:
-    with World(ground) as world:
-        world.spawn("ball", Sphere(0.2), 1.0, BodyState((1.5, 0.02, 0.2)))
-        world.step(10)
-        world.move("ball", BodyState((1.5, 0.02, z)))
-        world.step(10)
-        assert world.rescues == 1
-        assert world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3 if z == -1.0 else 0.01)
 
 
 def test_a_robot_drives_over_a_mesh_as_over_the_same_height_map() -> None:

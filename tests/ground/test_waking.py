@@ -17,21 +17,6 @@ ROWS, COLUMNS = np.mgrid[:SIDE, :SIDE]
 BUMPS = 0.002 * np.sin(3.0 * ROWS) * np.cos(2.0 * COLUMNS)
 
 
-@pytest.fixture
-def woken(monkeypatch: pytest.MonkeyPatch, client: Any) -> list[int]:
-    """Bodies that were told to wake up."""
-    bodies: list[int] = []
-    change = client.changeDynamics
-
-    def counted(body: int, *args: Any, **kwargs: Any) -> Any:
-        if kwargs.get("activationState") == pb.ACTIVATION_STATE_WAKE_UP:
-            bodies.append(body)
-        return change(body, *args, **kwargs)
-
-    monkeypatch.setattr(client, "changeDynamics", counted, raising=False)
-    return bodies
-
-
 def box(client: Any, maximal: bool, sleeps: bool = True) -> int:
     body = put(client, Box(0.3, 0.3, 0.3), (0.0, 0.0, 0.16), useMaximalCoordinates=maximal)
     if sleeps:
@@ -87,33 +72,6 @@ def test_a_sleeping_body_falls_with_its_ground(client: Any, drop: float, maximal
         terrain.replace(BUMPS - drop, time=step * DT + 100.0)  # long after: no velocity
     run(client, ground, step, 240)
     assert height(client, body) == pytest.approx(before - drop, abs=2e-3 if drop > 0.01 else 5e-4)
-
-
-def test_on_ground_that_stands_still_nobody_is_woken(client: Any, woken: list[int]) -> None:
-    heightmap, ground, body = standing(client)
-    step = asleep(client, ground, body)
-    woken.clear()
-    for _ in range(20):
-        heightmap.replace(BUMPS, time=step * DT)
-        step = run(client, ground, step, 12)
-    assert woken == []
-    heightmap.replace(BUMPS + np.where(ROWS > 35, 1.0, 0.0), time=step * DT + 100.0)
-    step = run(client, ground, step, 12)
-    assert woken == [], "the ground changed elsewhere"
-
-
-def test_awake_bodies_are_not_told_to_wake(client: Any, woken: list[int]) -> None:
-    """It would allow a rigid body to fall asleep that never may."""
-    heightmap, ground, _ = standing(client, sleeps=False)
-    ground.update(0.0, DT)
-    ground.update(0.0, DT)  # no step between
-    ground.update(1.0, DT)
-    for step in range(240, 720):
-        if step % 4 == 0:
-            heightmap.replace(BUMPS + 0.01 * np.sin(step / 40.0), time=step * DT)
-        ground.update(step * DT, DT)
-        client.stepSimulation()
-    assert woken == []
 
 
 @pytest.mark.parametrize("freezes", [True, False])

@@ -13,7 +13,7 @@ from smartmesh_msgs.msg import HeightmapUpdate
 
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.scenes import eight
-from smartmesh_ros.soil.soils import soil_named
+from smartmesh_ros.soil.config import soil_named
 from smartmesh_ros.tools.testing import Probe
 from smartmesh_ros.tools.testing.messages import heightmap_message
 from studies.soil.trials import plate_sinkage

@@ -18,9 +18,8 @@ from smartmesh_ros import (
     World,
     WorldConfig,
 )
-from smartmesh_ros.soil.config import SoilType
+from smartmesh_ros.soil.config import SoilType, soil_named
 from smartmesh_ros.soil.soil import Soil
-from smartmesh_ros.soil.soils import map_from, soil_named
 from studies.soil.arcs import free_slip, undamped, wheel_forces
 from studies.soil.trials import Wheel, plate_sinkage, standing_sinkage
 from studies.soil.vehicles import BELOW, WARTHOG, Cart, drive, roll, set_down, vertical_forces
@@ -116,7 +115,7 @@ def pressed(every: int) -> tuple[np.ndarray, np.ndarray]:
     """Return where a box is that stood on soil for two seconds, and the map, which was sent again after ``every``
     steps; 0 = never."""
     with with_box("dry_sand") as world:
-        tile = map_from(world.terrain, "")
+        tile = world.terrain.tile("")
         for step in range(480):
             if every and step % every == 0:
                 tile.replace(FLAT, time=world.time)
@@ -136,7 +135,7 @@ def test_a_map_that_is_sent_again_leaves_prints_and_what_stands_or_sleeps_in_the
 
 def test_prints_under_a_body_and_the_body_move_with_the_ground() -> None:
     with with_box("dry_sand") as world:
-        tile = map_from(world.terrain, "")
+        tile = world.terrain.tile("")
         world.step(240)
         sunk, low, start = -tile.heights.min(), world.state("box").position[2], world.time
         step_on_moving(world, lambda time: 0.1 * (time - start), 240, every=8)
@@ -235,19 +234,6 @@ def test_prints_stay_in_the_map_and_new_ground_is_new_soil() -> None:
         assert soil.sinkage().max() == pytest.approx(deep, rel=0.05)
 
 
-def test_soil_outlives_a_restored_world_and_can_be_taken_away() -> None:
-    with with_box("lunar") as world:
-        world.step(240)
-        sunk = world.state("box").position[2]
-        world.save()
-        world.step(60)
-        assert world.state("box").position[2] == pytest.approx(sunk, abs=1e-4)
-        assert "box" in world.ground.on_soil()
-        world.ground.set_soil(None)
-        world.step(60)
-        assert world.ground.on_soil() == {}
-
-
 @pytest.mark.parametrize("way", ["update", "restore"])
 def test_soil_goes_with_its_map(way: str, caplog: pytest.LogCaptureFixture) -> None:
     """Whose place another map takes: bodies stand on that one."""
@@ -279,16 +265,6 @@ def test_what_sleeps_in_pybullet_wakes_on_another_soil(client: Any, maximal: boo
     for _ in range(480):
         ground.step(ground.clock, 1.0 / 240.0)
     assert 0.1 - height(client, body) == pytest.approx(20.0 * 9.81 / 0.04 / 820e3, rel=0.1)
-
-
-def test_a_driven_track_pulls_itself_through_the_soil() -> None:
-    with World(HeightMap(FLAT, resolution=0.04)) as world:
-        world.spawn("track", Box(0.5, 0.1, 0.1), 20.0, BodyState((1.0, 2.0, 0.051)))
-        world.ground.set_soil(Soil(world.terrain, "dry_sand"))
-        world.step(60)
-        world.ground.drive(world.bodies["track"].uid, -1, (0.0, 1.0, 0.0), 0.3)
-        world.step(480)
-        assert world.state("track").linear[0] == pytest.approx(0.3, rel=0.1)
 
 
 def test_soils_are_where_kinds_say() -> None:

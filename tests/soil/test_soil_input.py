@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import HeightMap, InputError, MotionConfig, Soil, SoilType
-from smartmesh_ros.soil.soils import soil_named, soils_of
+from smartmesh_ros.soil.config import soil_named, soils_of
 from tests.grounds import level
 
 SAND = {

@@ -50,20 +50,6 @@ def test_a_sliding_box_is_held_by_the_shear_strength() -> None:
             assert more + last < 1e-4
 
 
-def test_what_is_lifted_or_removed_leaves_its_print() -> None:
-    with World(HeightMap(FLAT, resolution=0.04)) as world:
-        world.spawn("box", Box(0.2, 0.2, 0.2), 20.0, BodyState((2.0, 2.0, 0.101)))
-        soil = laid(world, "lunar")
-        world.step(120)
-        deep = soil.sinkage().max()
-        world.move("box", BodyState((2.0, 2.0, 1.0)))
-        world.step(72)
-        world.remove("box")
-        world.step(240)
-        assert world.ground.on_soil() == {}
-        assert soil.sinkage().max() == pytest.approx(deep, rel=0.05)
-
-
 def test_what_sleeps_on_hard_soil_sinks_when_soft_soil_lies_there() -> None:
     """By an assignment to the map, and by a map that scrolled: its soils stay with the ground."""
     for scrolls in (False, True):

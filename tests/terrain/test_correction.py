@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from smartmesh_ros import GridGeometry, HeightMap, MotionConfig, Terrain
-from smartmesh_ros.terrain.corrections import FusedMap, FusionConfig, fuse, nothing_known
+from smartmesh_ros.terrain.corrections import FusedMap, fuse
 
 SETTLE = 0.2
 SIZE = 70  # more than a block
@@ -42,7 +42,7 @@ def test_what_is_shown_goes_from_old_to_new_in_a_straight_line(share: float) -> 
     heightmap.show(share * SETTLE)
     part = min(share, 1.0)
     np.testing.assert_allclose(shown(heightmap), (1.0 - part) * old + part * new, atol=1e-6)
-    assert heightmap.corrections.blending == heightmap.moving(0.0) == (share < 1.0)
+    assert heightmap.moving(0.0) == (share < 1.0)
 
 
 def test_a_correction_while_one_is_worked_off_starts_from_what_is_shown() -> None:
@@ -189,7 +189,7 @@ def test_every_sample_is_the_filter_in_double_precision(
     gate: float,
 ) -> None:
     known = FusedMap(heights.copy(), variances.copy())
-    fuse(known, measured, noises, elapsed, FusionConfig(growth=growth, gate=gate))
+    fuse(known, measured, noises, elapsed, growth=growth, gate=gate)
     for place in np.ndindex(SHAPE):
         before, noise, z = float(heights[place]), float(noises[place]), float(measured[place])
         prior = float(variances[place]) + growth * elapsed
@@ -206,7 +206,7 @@ def test_without_noise_the_measurement_is_taken_bit_for_bit(
     heights: NDArray[np.float32], variances: NDArray[np.float32], measured: NDArray[np.float32]
 ) -> None:
     known = FusedMap(heights.copy(), variances.copy())
-    fuse(known, measured, 0.0, 0.1, FusionConfig(gate=math.inf))
+    fuse(known, measured, 0.0, 0.1, gate=math.inf)
     expected = np.where(np.isnan(measured), heights, measured)
     np.testing.assert_array_equal(known.heights.view(np.uint32), expected.view(np.uint32))
     assert (known.variances[~np.isnan(measured)] == 0.0).all()
@@ -225,8 +225,8 @@ def test_a_region_is_fused_as_it_is_in_the_whole_map(row: int, column: int, size
     region = (slice(row, row + size[0]), slice(column, column + size[1]))
     whole, part = FusedMap(heights.copy(), variances.copy()), FusedMap(heights.copy(), variances.copy())
     noise = noises if each else 0.3
-    fuse(whole, measured, noise, 0.5, FusionConfig(growth=0.1))
-    fuse(part, measured[region], noises[region] if each else 0.3, 0.5, FusionConfig(growth=0.1), (row, column))
+    fuse(whole, measured, noise, 0.5, growth=0.1)
+    fuse(part, measured[region], noises[region] if each else 0.3, 0.5, (row, column), growth=0.1)
     for fused, alone, before in zip(whole, part, (heights, variances), strict=True):
         np.testing.assert_array_equal(alone[region], fused[region])
         outside = np.ones((12, 12), bool)
@@ -238,12 +238,12 @@ def test_a_region_is_fused_as_it_is_in_the_whole_map(row: int, column: int, size
 def test_a_true_change_is_taken_at_once_and_noise_is_not(step: float) -> None:
     rng = np.random.default_rng(2)
     deviation = 0.005
-    known = nothing_known(60, 60)
+    known = FusedMap(np.full((60, 60), np.nan, np.float32), np.zeros((60, 60), np.float32))
     for _ in range(30):
-        fuse(known, rng.normal(0.0, deviation, (60, 60)).astype(np.float32), deviation**2, 0.1, FusionConfig())
+        fuse(known, rng.normal(0.0, deviation, (60, 60)).astype(np.float32), deviation**2, 0.1)
     assert np.abs(known.heights).max() < 2.5 * deviation  # averaged: no sample was put anew
     dug = rng.normal(0.0, deviation, (60, 60)).astype(np.float32)
     dug[20:30] += np.float32(step)
-    fuse(known, dug, deviation**2, 0.1, FusionConfig())
+    fuse(known, dug, deviation**2, 0.1)
     np.testing.assert_array_equal(known.heights[20:30], dug[20:30])
     assert np.abs(known.heights[:20]).max() < 2.5 * deviation

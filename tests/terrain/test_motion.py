@@ -1,75 +1,14 @@
-"""What the ground does between two maps, sample by sample: properties of the law that the core's reader gives.
-
-Velocities of noisy ground count as far as they stand out of the noise.
-"""
+"""Velocities of noisy ground count as far as they stand out of the noise."""
 
 import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from smartmesh_ros import HeightMap, InputError
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.motion import Mode, MotionConfig
-from tests.terrain.motion_law import LATE_AFTER, REST_AFTER, Phase, displacement, phase_of, rise_of
-
-AGES = np.linspace(0.0, 1.0, 2001)
-INTERVAL = 0.1
-
-velocities = st.floats(-10.0, 10.0)
-accelerations = st.floats(-100.0, 100.0)
-
-
-def phase_at(age: float, mode: Mode = Mode.EXTRAPOLATE, lag: float = 0.5 * INTERVAL) -> Phase:
-    """Of ground whose last map came at time 0 and is due again after an INTERVAL."""
-    return phase_of(age, 0.0, INTERVAL, lag, int(mode))
-
-
-def height_at(age: float, velocity: float, acceleration: float, mode: Mode = Mode.EXTRAPOLATE) -> float:
-    return displacement(velocity, acceleration, phase_at(age, mode))
-
-
-@given(velocities, accelerations, st.floats(0.0, 0.6), st.floats(1e-4, 0.1))
-def test_ground_rises_by_the_difference_of_its_heights(v: float, a: float, age: float, ahead: float) -> None:
-    """Within one part of its motion: until maps are late, or from then on until it rests."""
-    patience = LATE_AFTER * INTERVAL
-    if age <= patience < age + ahead:
-        ahead = patience - age
-    rise = rise_of(v, a, phase_at(age), ahead)
-    assert rise == pytest.approx(height_at(age + ahead, v, a) - height_at(age, v, a), abs=1e-9 * (1 + abs(v) + abs(a)))
-
-
-@given(velocities, accelerations)
-@pytest.mark.parametrize("corner", [0.0, INTERVAL, LATE_AFTER * INTERVAL, REST_AFTER * INTERVAL])
-def test_ground_jumps_nowhere(corner: float, v: float, a: float) -> None:
-    """Not when the map comes, is due, is late or is gone."""
-    assert height_at(corner + 1e-9, v, a) == pytest.approx(height_at(corner - 1e-9, v, a), abs=1e-6)
-
-
-@given(velocities, accelerations, st.floats(LATE_AFTER * INTERVAL + 1e-6, REST_AFTER * INTERVAL), st.floats(0.0, 10.0))
-def test_late_ground_returns_to_its_map_and_stays_there(v: float, a: float, age: float, ahead: float) -> None:
-    here = height_at(age, v, a)
-    there = here + rise_of(v, a, phase_at(age), ahead)
-    assert abs(there) <= abs(here) + 1e-9
-    assert there * here >= -1e-9
-
-
-def test_an_interpolated_grid_is_at_its_last_place_when_the_next_is_due() -> None:
-    """One map late; from then on it is late as an extrapolated one, and returns."""
-    offset = np.array([height_at(age, 1.0, 0.0, Mode.INTERPOLATE) for age in AGES])
-    assert offset[0] == -INTERVAL
-    assert offset[AGES <= INTERVAL] == pytest.approx(AGES[AGES <= INTERVAL] - INTERVAL)
-    assert offset.max() == pytest.approx((LATE_AFTER - 1.0) * INTERVAL)
-    assert not offset[AGES >= (2.0 * LATE_AFTER - 0.5) * INTERVAL + 1e-9].any()
-
-
-def test_hold_keeps_the_heights_and_carries_the_velocity_while_maps_come() -> None:
-    assert all(height_at(age, 1.0, 5.0, Mode.HOLD) == 0.0 for age in AGES)
-    assert phase_at(0.0, Mode.HOLD).rate == 1.0
-    assert phase_at(1.0, Mode.HOLD).rate == 0.0
+from smartmesh_ros.terrain.motion import MotionConfig
 
 
 @pytest.mark.parametrize(

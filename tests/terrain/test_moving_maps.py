@@ -160,6 +160,9 @@ def test_ground_rests_at_its_last_map_when_maps_stop(mode: MotionMode) -> None:
     heightmap = fed(ground, times, mode=mode)
     end = times[-1] + REST_AFTER * 0.05
     assert heightmap.moving(float(end - 1e-6))
+    before = heightmap.sample(np.arange(600), float(times[-1] + 0.04))
+    assert before.velocities.any()
+    assert np.allclose(before.heights, ground(times[-1]).ravel(), atol=1e-6) == (mode == "hold")
     assert not heightmap.moving(end + 1e-6)
     found = heightmap.sample(np.arange(600), end + 1e-6)
     np.testing.assert_allclose(found.heights, ground(times[-1]).ravel(), atol=1e-6)
@@ -222,8 +225,8 @@ def test_smooth_ground_jumps_at_no_update(
         np.testing.assert_allclose(after.velocities[kept], before.velocities[kept], atol=1e-4)
 
 
-@pytest.mark.parametrize("motion", SMOOTH)
-def test_the_velocity_of_smooth_ground_is_the_rate_of_its_height(motion: MotionConfig) -> None:
+@pytest.mark.parametrize("motion", [MotionConfig(), *SMOOTH])
+def test_the_velocity_of_the_ground_is_the_rate_of_its_height(motion: MotionConfig) -> None:
     """While maps come, are late, and are gone; and a rise is the difference of two heights."""
     heightmap = HeightMap(ground(0.0), resolution=1.0, time=0.0, motion=motion)
     for k in range(1, 7):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from smartmesh_ros import GridGeometry, HeightMap, MotionConfig
 from smartmesh_ros.core import CORE
-from smartmesh_ros.terrain.noise_check import NO_FINDINGS, Lattice, NoiseCheck, NoiseCheckConfig
+from smartmesh_ros.terrain.noise_check import NO_FINDINGS, Lattice, NoiseCheck
 from smartmesh_ros.tools.evaluation.grounds import make_ground
 from smartmesh_ros.tools.evaluation.scene import Scene, read_scenes
 from studies.matrix.arena import square
@@ -286,8 +286,3 @@ def test_counts_are_those_of_whole_arrays(seed: int, rows: int, columns: int) ->
     )  # fmt: skip
     np.testing.assert_allclose(found, expected, rtol=1e-9)
     assert step == pytest.approx(np.median(np.abs(last[np.isfinite(last)])) if np.isfinite(last).any() else 0.0)
-
-
-def test_the_check_holds_few_samples_of_a_large_map() -> None:
-    check = check_of([(0.0, square(1024, 0.1), np.zeros((1024, 1024), np.float32))])
-    assert check._lattice.steps.size <= (NoiseCheckConfig().samples + 1) ** 2

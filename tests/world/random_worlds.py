@@ -30,7 +30,7 @@ from smartmesh_ros import (
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from smartmesh_ros.world.carrying import Carrier
+from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.joints import JointCommand
 from tests.urdfs import HUSKY, ROVER
 

@@ -16,7 +16,7 @@ from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.world.joints import JointCommand
-from smartmesh_ros.world.states import simulated_states
+from smartmesh_ros.world.states import SimulatedStates
 from tests.faults import Faults, bullet_faults
 from tests.grounds import level
 from tests.urdfs import joint, link, robot
@@ -191,9 +191,9 @@ def test_guests_come_and_go_whatever_failed(faults: Faults) -> None:
     with made(robots=False) as other:
         other.remove("box")
         other.spawn("guest", Sphere(0.1), 1.0, BodyState((0.3, 0.0, 0.1)))
-        near = simulated_states(other)
+        near = SimulatedStates(other).read()
         other.move("guest", BodyState((50.0, 0.0, 0.1)))
-        far = simulated_states(other)
+        far = SimulatedStates(other).read()
     for way in ("comes", "goes", "is forgotten"):
         for number in faults.runs():
             with made(robots=False) as world:

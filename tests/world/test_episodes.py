@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, Deck, HeightMap, HeightScan, InputError, Soil, Sphere, World
-from smartmesh_ros.world.carrying import Carrier
+from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.joints import JointCommand
 from tests.memory import allocated
 from tests.urdfs import HUSKY, ROVER
@@ -106,20 +106,6 @@ def test_without_a_seed_the_terrain_and_commands_stay(world: World) -> None:
     world.reset(1)
     assert not np.array_equal(world.terrain.tiles[""].heights, ground)  # type: ignore[union-attr]
     assert world.bodies["husky"].commands == {}
-
-
-def main(count: int) -> None:
-    """Print whether ``count`` episodes are equal, and how much memory they take."""
-    with environment("soil") as world:
-        first = episode(world, 1, 60)
-        for _ in range(20):
-            episode(world, 1, 60)
-        before = allocated()
-        equal = sum(episode(world, 1, 60) == first for _ in range(count))
-        print(
-            f"{equal} of {count} episodes equal to the bit; {before} bytes before, {allocated()} after",
-            flush=True,
-        )
 
 
 def test_many_episodes_take_no_more_memory_than_few() -> None:

@@ -8,7 +8,7 @@ import pytest
 from smartmesh_ros import BodyState, HeightMap, Sphere, World, WorldConfig
 from smartmesh_ros.ground.shapes import Box, Shape
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from smartmesh_ros.world.falling import FallConfig
+from smartmesh_ros.world.settings import FallConfig
 from tests.grounds import level
 from tests.urdfs import ROVER
 

@@ -11,7 +11,7 @@ from PIL import Image
 from smartmesh_ros import BodyState, World
 from smartmesh_ros.io import files
 from smartmesh_ros.io.urdf import UrdfRules, checked_urdf
-from smartmesh_ros.soil.soils import soils_of
+from smartmesh_ros.soil.config import soils_of
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from tests.faults import Faults, file_faults
 from tests.urdfs import link, robot

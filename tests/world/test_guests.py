@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from smartmesh_ros import BodyState, Box, Capsule, Cylinder, InputError, PhysicsConfig, Sphere
 from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.shapes import Shape, padded_dimensions, shape_of
-from smartmesh_ros.world.guest_config import GuestConfig
 from smartmesh_ros.world.guests import Guests
-from smartmesh_ros.world.states import simulated_states
+from smartmesh_ros.world.settings import GuestConfig
+from smartmesh_ros.world.states import SimulatedStates
 from tests.bodies import random_turn, rotation
 from tests.peers import RATE, Peers, Start, flat_world, peers
 from tests.urdfs import ROVER
@@ -158,7 +158,7 @@ def test_guests_are_shown_saved_and_reset_by_their_owners_only() -> None:
             assert {contact.body for contact in world.contacts()} == {own}
             assert [wrench.body for wrench in world.wrenches()] == [own]
             assert [body.name for body in world.snapshot().bodies] == [own]
-            assert simulated_states(world).names == [own]
+            assert SimulatedStates(world).read().names == [own]
             world.save()
         made.step(5)
         for world, own in zip(made.worlds, ("b0", "b1"), strict=True):
@@ -194,7 +194,7 @@ def test_bodies_come_and_go_with_the_distance_and_with_their_owner() -> None:
 def test_what_owners_say_of_impossible_bodies_is_refused_and_the_last_states_stay() -> None:
     with peers([[ball(0.0, 0.0)], [ball(0.5, 0.0)]], 0) as made:
         made.step(3)
-        states, world = simulated_states(made.worlds[0]), made.worlds[1]
+        states, world = SimulatedStates(made.worlds[0]).read(), made.worlds[1]
         for field, value, reason in (
             ("numbers", math.nan, "non_finite"),
             ("numbers", 1e300, "quaternion"),
@@ -220,7 +220,7 @@ def test_two_owners_of_one_name_are_named_and_neither_body_is_a_guest() -> None:
         other.spawn("single", BALL, 1.0, BodyState((1.0, 0.0, 0.2)))
         world.spawn("mine", BALL, 1.0, BodyState((0.0, 0.8, 0.2)))
         world.step()
-        states = simulated_states(other)
+        states = SimulatedStates(other).read()
         [objection] = world.guests.take("/fleet/b", states, world.time)
         assert objection.reason == "two_owners"
         assert "'twin' is simulated by /fleet/b and by this node" in str(objection)
@@ -236,9 +236,9 @@ def test_two_owners_of_one_name_are_named_and_neither_body_is_a_guest() -> None:
                 world.spawn(name, BALL, 1.0) if name == "single" else world.remove(name)
         other.remove("twin")
         world.remove("twin")
-        assert world.guests.take("/fleet/b", simulated_states(other), world.time) == []
+        assert world.guests.take("/fleet/b", SimulatedStates(other).read(), world.time) == []
         world.guests.forget("/fleet/c")
-        assert world.guests.take("/fleet/b", simulated_states(other), world.time) == []
+        assert world.guests.take("/fleet/b", SimulatedStates(other).read(), world.time) == []
         world.step(4)
         assert {name: body.owner for name, body in world.bodies.items()} == {"mine": "", "single": "/fleet/b"}
 
@@ -246,9 +246,9 @@ def test_two_owners_of_one_name_are_named_and_neither_body_is_a_guest() -> None:
 def test_a_body_changes_its_owner_while_older_states_are_in_use() -> None:
     with flat_world(PhysicsConfig()) as world, flat_world(PhysicsConfig()) as other:
         other.spawn("body", BALL, 1.0, BodyState((0.0, 0.0, 0.2)))
-        with_it = simulated_states(other)
+        with_it = SimulatedStates(other).read()
         other.remove("body")
-        without = simulated_states(other)
+        without = SimulatedStates(other).read()
         for _ in range(5):
             world.guests.take("a", with_it, world.time)
             world.step()
@@ -296,5 +296,5 @@ def test_worlds_without_peers_and_peers_without_bodies_are_taken() -> None:
         world.spawn("ball", BALL, 1.0)
         world.step(2)
         assert world.guests.counts == {}
-        assert world.guests.take("other", simulated_states(other), 0.0) == []
+        assert world.guests.take("other", SimulatedStates(other).read(), 0.0) == []
         world.step()

@@ -21,7 +21,8 @@ from smartmesh_ros import (
     WorldConfig,
 )
 from tests import urdfs
-from tests.grounds import moving
+from tests.bodies import rotation
+from tests.grounds import level, moving
 
 GRAVITY = 9.81
 UP = (0.0, 0.0, GRAVITY)
@@ -34,10 +35,6 @@ TABLE = urdfs.robot(
     urdfs.link("imu", "", 0.001, 1e-7, at="0.1 0.2 0"),  # its centre of mass is elsewhere
     urdfs.joint("mount", "fixed", "table", "imu", xyz=f"{LEVER} 0 0"),
 )
-
-
-def level(friction: float = 1.0) -> HeightMap:
-    return HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0), friction=friction)
 
 
 def taken(imu: Imu) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -60,7 +57,7 @@ def test_at_rest_it_measures_the_opposite_of_gravity_along_its_axes() -> None:
         world.step(720)
         for imu, tilt in zip(sensors, (slope, None), strict=True):  # the husky creeps, and is not parallel to it
             last = imu.take()[-100:]
-            up = _matrix(np.array(last[-1].orientation)).T[:, 2]
+            up = rotation(np.array(last[-1].orientation)).T[:, 2]
             assert tilt is None or up == pytest.approx([math.sin(tilt), 0.0, math.cos(tilt)], abs=1e-3)
             np.testing.assert_allclose(np.mean([one.acceleration for one in last], axis=0), GRAVITY * up, atol=0.01)
             np.testing.assert_allclose(np.mean([one.angular_velocity for one in last], axis=0), 0.0, atol=1e-3)
@@ -88,7 +85,7 @@ def test_in_free_fall_it_measures_nothing_and_off_the_centre_the_spin() -> None:
 def test_on_ground_that_heaves_it_measures_the_acceleration_of_the_ground() -> None:
     """Of interpolated maps, which are followed one map late: their forces are right in each step."""
     swing, rate = 0.05, 4.0
-    ground = level()
+    ground = level(101, friction=1.0)
     ground.motion = MotionConfig(mode="interpolate")
     with World(ground) as world:
         world.spawn("box", Box(0.4, 0.4, 0.2), 1.0, on_ground=True)
@@ -104,7 +101,7 @@ def test_on_ground_that_heaves_it_measures_the_acceleration_of_the_ground() -> N
 
 @pytest.mark.parametrize("rate", [100.0, 240.0])
 def test_on_a_turntable_it_measures_the_centripetal_acceleration(rate: float) -> None:
-    with World(level()) as world:
+    with World(level(101, friction=1.0)) as world:
         world.spawn_robot("table", TABLE, on_ground=True)
         imu = Imu(world, "table", "imu", ImuConfig(rate=rate))
         world.drive("table", "turn", SPIN)
@@ -121,7 +118,7 @@ def test_on_a_wheel_that_rolls_it_measures_the_roll_and_gravity_turns_about_it()
         urdfs.link("wheel", f'<cylinder radius="{radius}" length="0.2"/>', 10.0, 0.3, rpy="1.5707963267948966 0 0"),
         urdfs.link("rim", "", 1e-6, 1e-9), urdfs.joint("mount", "fixed", "wheel", "rim", xyz=f"0 0 {radius}"),
     )  # fmt: skip
-    with World(level()) as world:
+    with World(level(101, friction=1.0)) as world:
         state = BodyState((-2.0, 0.0, radius), linear=(speed, 0.0, 0.0), angular=(0.0, speed / radius, 0.0))
         world.spawn_robot("disc", disc, state)
         hub, rim = Imu(world, "disc", config=ImuConfig(rate=240.0)), Imu(world, "disc", "rim", ImuConfig(rate=240.0))
@@ -138,7 +135,7 @@ def test_on_a_wheel_that_rolls_it_measures_the_roll_and_gravity_turns_about_it()
 
 def test_readings_add_up_to_the_motion_impacts_included() -> None:
     """Strapdown integration of all readings gives the change of the velocity and of the orientation."""
-    with World(level()) as world:
+    with World(level(101, friction=1.0)) as world:
         world.spawn("box", Box(0.5, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 1.0), angular=(2.0, 1.0, 3.0)))
         imu, before = Imu(world, "box", config=ImuConfig(rate=240.0)), world.state("box")
         world.step(240)
@@ -146,17 +143,8 @@ def test_readings_add_up_to_the_motion_impacts_included() -> None:
         orientations = [before.orientation, *(one.orientation for one in found)]
         for one, start, end in zip(found, orientations[:-1], orientations[1:], strict=True):
             halfway = np.add(start, np.copysign(1.0, np.dot(start, end)) * np.array(end))
-            velocity += (_matrix(halfway / np.linalg.norm(halfway)) @ one.acceleration - UP) * one.duration
+            velocity += (rotation(halfway / np.linalg.norm(halfway)) @ one.acceleration - UP) * one.duration
         np.testing.assert_allclose(velocity, world.state("box").linear, atol=1e-5)
-
-
-def _matrix(q: np.ndarray) -> np.ndarray:
-    x, y, z, w = q
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ])  # fmt: skip
 
 
 def noisy(config: ImuConfig, steps: int, physics: PhysicsConfig | None = None) -> list[ImuReading]:
@@ -199,7 +187,7 @@ def test_noise_is_the_same_in_each_run_and_another_by_another_seed() -> None:
 def test_measuring_changes_nothing_and_ends_with_close() -> None:
     states = []
     for measured in (False, True):
-        with World(level()) as world:
+        with World(level(101, friction=1.0)) as world:
             world.spawn_robot("husky", urdfs.HUSKY, BodyState((0.0, 0.0, 0.3)))
             imus = [Imu(world, "husky", link) for link in ("", "imu_link", "front_left_wheel_link")] if measured else []
             world.drive("husky", "front_left_wheel", 4.0)

@@ -2,14 +2,13 @@
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, Ground, HeightMap, InputError, PhysicsConfig, World, WorldConfig
+from smartmesh_ros import BodyState, Box, HeightMap, InputError, PhysicsConfig, World, WorldConfig
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.link_frames import InertialFrame, centre_state, frame_state
@@ -155,26 +154,6 @@ def test_a_buried_fixed_base_stays_where_it_was_spawned_or_moved_whatever_veloci
     assert world.below_ground() == []
 
 
-def test_a_fixed_base_that_is_spawned_on_moving_ground_stays() -> None:
-    with World(level(velocities=np.full((41, 41), 0.2))) as world:
-        world.spawn_robot("mast", on_a_fixed_base(arm=False), BodyState(), on_ground=True)
-        before = world.state("mast")
-        assert before.position[2] == pytest.approx(0.5, abs=1e-3)
-        world.step(240)
-        assert world.state("mast") == before
-
-
-def test_a_fixed_base_of_a_pybullet_world_stays(client: Any) -> None:
-    body = client.loadURDF(ROVER, basePosition=(0.0, 0.0, -0.1), useFixedBase=True)
-    ground = Ground(client, level())
-    ground.attach(body)
-    start = client.getBasePositionAndOrientation(body)
-    for step in range(240):
-        ground.step(step / 240, 1 / 240)
-    assert client.getBasePositionAndOrientation(body) == start
-    assert ground.rescues == 0
-
-
 def sled(contact: str = "", *more: str) -> str:
     return robot(link("base", '<box size="0.3 0.3 0.1"/>', 1.0, 0.01, f"<contact>{contact}</contact>"), *more)
 
@@ -182,29 +161,6 @@ def sled(contact: str = "", *more: str) -> str:
 def slick_world(**physics: float) -> World:
     ground = HeightMap(np.zeros((41, 141)), resolution=0.1, origin=(-2.0, -2.0))
     return World(ground, WorldConfig(physics=PhysicsConfig(**physics)))
-
-
-def add_sled(world: World, state: BodyState) -> None:
-    world.spawn_robot("sled", sled(), state)
-    world.move("sled", state)  # at its velocity
-
-
-@pytest.mark.parametrize("friction", [0.0, 0.2, 0.7, 1.0])
-def test_a_robot_that_slides_stops_by_the_configured_friction(friction: float) -> None:
-    with slick_world(friction=friction) as world:
-        add_sled(world, BodyState((0.0, 0.0, 0.05), linear=(2.0, 0.0, 0.0)))
-        world.step(480)
-        expected = min(4.0, 4.0 / (2.0 * 9.81 * friction)) if friction else 4.0
-        assert world.state("sled").position[0] == pytest.approx(expected, rel=0.03, abs=0.005)
-
-
-@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.8])
-def test_a_robot_that_falls_bounces_by_the_configured_restitution(restitution: float) -> None:
-    with slick_world(restitution=restitution, friction=0.0) as world:
-        add_sled(world, BodyState((0.0, 0.0, 0.55)))
-        world.step(80)
-        top = max(world.state("sled").position[2] for _ in range(200) if world.step() is None)
-        assert top - 0.05 == pytest.approx(0.5 * restitution**2, rel=0.2, abs=2e-3)
 
 
 def test_contact_parameters_of_the_urdf_go_before_the_configured_ones(tmp_path: Path) -> None:

@@ -120,7 +120,7 @@ def test_a_rover_drives_brakes_and_sleeps_for_a_minute() -> None:
         for joint in world.bodies["husky"].joints:
             world.command("husky", joint, JointCommand(velocity=0.0))
         sleep_all(world)
-        assert len(world.ground.contacts.asleep()) == len(world.followers), "it sleeps whole"
+        assert len(world.ground.contacts.core.find_asleep()) == len(world.followers), "it sleeps whole"
         require_still(world)
         sleep_all(world)
         first, *_ = joints = list(world.bodies["husky"].joints)

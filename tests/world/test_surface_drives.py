@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -117,31 +116,6 @@ def test_commands_stay_after_a_reset(driven: World) -> None:
     assert math.hypot(*driven.state(NAME).linear) == pytest.approx(0.4, rel=0.02)
 
 
-def test_a_restored_world_goes_on_as_the_saved_one_to_the_bit(driven: World) -> None:
-    driven.spawn("box", Box(0.4, 0.4, 0.2), 2.0, BodyState((3.0, 0.0, 0.1)))
-    driven.drive_surface("box", "", 0.3)
-    saved = driven.save()
-    driven.step(120)
-    with World(slope()) as other:
-        other.restore(saved)
-        assert [s.speed for s in other.surfaces(NAME)] == [0.3, 0.5]
-        other.step(120)
-        assert other.snapshot() == driven.snapshot()
-
-
-def test_a_change_of_settings_keeps_the_tracks_running(driven: World) -> None:
-    driven.configure(replace(driven.config, physics=replace(driven.config.physics, contact_erp=0.2)))
-    driven.step(600)
-    assert math.hypot(*driven.state(NAME).linear) == pytest.approx(0.4, abs=0.02)
-
-
-def test_another_body_in_the_slot_of_a_removed_one_stands_still(driven: World) -> None:
-    driven.remove(NAME)
-    driven.spawn_robot(NAME, UNDERCARRIAGE, BodyState((0.0, 0.0, 0.0)), on_ground=True)
-    driven.step(120)
-    assert driven.state(NAME).linear == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
-
-
 def test_what_has_no_surface_on_the_ground_is_refused(driven: World) -> None:
     driven.track("hand", 0.2, BodyState((5.0, 0.0, 0.2)))
     for name, link, speed_, axis, words in (
@@ -253,16 +227,6 @@ def test_in_a_pybullet_world_of_ones_own(ground: Ground, client: Any) -> None:
     ground.detach(0)
     ground.attach(0)
     assert run(ground, client, 240) == pytest.approx(0.0, abs=1e-3), "it is attached anew"
-
-
-@pytest.mark.parametrize("axis", [(0.0, 0.0, 0.0), (0.0, math.nan, 0.0), (0.0, 1e200, 0.0), (0.0, 1.0)])
-@pytest.mark.parametrize("speed_", [1.0, math.inf])
-def test_an_axis_without_direction_is_refused(
-    ground: Ground, client: Any, axis: tuple[float, ...], speed_: float
-) -> None:
-    with pytest.raises(InputError):
-        ground.drive(0, -1, axis, speed_)  # type: ignore[arg-type]
-    assert run(ground, client, 24) == pytest.approx(0.0, abs=1e-3)
 
 
 def test_after_a_reset_of_pybullet_nothing_is_driven(ground: Ground, client: Any) -> None:

@@ -25,6 +25,7 @@ from smartmesh_ros.ground.quaternions import conjugate, product, rotate, rotatio
 from smartmesh_ros.ground.shapes import Hull, Solid
 from smartmesh_ros.world.tracked_robot import TrackedRobot
 from tests import urdfs
+from tests.grounds import level
 
 RAMP = Hull(
     ((-0.4, -0.3, -0.2), (0.4, -0.3, -0.2), (0.4, 0.3, -0.2), (-0.4, 0.3, -0.2), (0.4, -0.3, 0.2), (0.4, 0.3, 0.2))
@@ -39,10 +40,6 @@ SHAPES: list[Solid] = [
 ]
 NAMES = [type(shape).__name__ for shape in SHAPES]
 SIDE = (0.0, math.sin(math.pi / 4), 0.0, math.cos(math.pi / 4))  # their z axis along x
-
-
-def level() -> HeightMap:
-    return HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))
 
 
 def world_of(ground: HeightMap | Terrain | None = None, friction: float = 0.8) -> World:
@@ -85,7 +82,7 @@ def test_rays_meet_it_where_it_is(shape: Solid) -> None:
 )  # fmt: skip
 def test_it_pushes_with_its_velocity_and_its_side(shape: Solid, turn: tuple[float, ...], reach: float) -> None:
     """A crate that drags on the ground stays on its front, at its velocity."""
-    with world_of(level(), friction=0.4) as world:
+    with world_of(level(101), friction=0.4) as world:
         world.spawn("crate", Box(0.4, 0.4, 0.4), 1.0, BodyState((1.0, 0.0, 0.2)))
         for step in range(480):
             place = (0.7 - reach + 0.8 * step / 240.0, 0.0, 0.22)
@@ -122,10 +119,10 @@ def test_it_carries_what_stands_on_it_as_it_moves_rises_and_turns(shape: Solid) 
 @pytest.mark.parametrize("shape", SHAPES, ids=NAMES)
 def test_its_contact_with_the_ground_is_that_of_its_lowest_point(shape: Solid, tilt: float | None) -> None:
     at, turn = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
-    ground: HeightMap | Terrain = level()
+    ground: HeightMap | Terrain = level(101)
     if tilt is not None:
         at, turn, ground = (1.0, 2.0, 3.0), (math.sin(0.5 * tilt), 0.0, 0.0, math.cos(0.5 * tilt)), Terrain()
-        ground.put("ferry", Deck(level(), thickness=0.1, position=at, orientation=turn))
+        ground.put("ferry", Deck(level(101), thickness=0.1, position=at, orientation=turn))
     with world_of(ground) as world:
         lowest = {"Sphere": 0.3, "Box": 0.2, "Cylinder": 0.2, "Capsule": 0.4, "Hull": 0.2}[type(shape).__name__]
 
@@ -146,7 +143,7 @@ def test_its_contact_with_the_ground_is_that_of_its_lowest_point(shape: Solid, t
 
 
 def test_another_shape_replaces_it_and_a_snapshot_keeps_it() -> None:
-    with world_of(level()) as world, world_of(level()) as other:
+    with world_of(level(101)) as world, world_of(level(101)) as other:
         for shape in SHAPES:
             world.track("it", shape, BodyState((0.0, 0.0, 1.0), linear=(0.1, 0.0, 0.0)))
             assert world.bodies["it"].shape == shape
@@ -185,16 +182,16 @@ def test_the_parts_of_a_robot_are_where_its_joints_say_with_their_velocities() -
         turn = rotation_vector(product(other.state.orientation, conjugate(one.state.orientation)))
         np.testing.assert_allclose(moved, one.state.linear, atol=1e-4)
         np.testing.assert_allclose(np.array(turn) / moment, one.state.angular, atol=1e-4)
-    level = [*robot.parts(BodyState())]
-    assert level[0].state.position == pytest.approx((0.0, 0.0, 0.1), abs=1e-6)
-    assert level[1].state.position == pytest.approx((0.5 * math.cos(0.7), 0.5 * math.sin(0.7), 0.4), abs=1e-4)
-    assert level[2].state.position == pytest.approx((1.25 * math.cos(0.7), 1.25 * math.sin(0.7), 0.4), abs=1e-4)
+    at_rest = [*robot.parts(BodyState())]
+    assert at_rest[0].state.position == pytest.approx((0.0, 0.0, 0.1), abs=1e-6)
+    assert at_rest[1].state.position == pytest.approx((0.5 * math.cos(0.7), 0.5 * math.sin(0.7), 0.4), abs=1e-4)
+    assert at_rest[2].state.position == pytest.approx((1.25 * math.cos(0.7), 1.25 * math.sin(0.7), 0.4), abs=1e-4)
     with pytest.raises(InputError, match="no joint 'roll'; it has yaw, reach"):
         robot.move({"roll": (0.0, 0.0)})
 
 
 def test_an_arm_that_turns_sweeps_a_crate_with_the_velocity_of_its_place() -> None:
-    with world_of(level(), friction=0.3) as world:
+    with world_of(level(101), friction=0.3) as world:
         robot = TrackedRobot("rig", ARM.replace('xyz="0 0 0.4"', 'xyz="0 0 0.1"'))
         world.spawn("crate", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.8, 0.4, 0.1)))
         speeds = []

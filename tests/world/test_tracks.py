@@ -15,22 +15,6 @@ GRAVITY = 9.81
 GAUGE = 1.0  # of the undercarriage [m]
 
 
-@pytest.mark.parametrize("urdf", [UNDERCARRIAGE, FLAT_TRACKS])
-@pytest.mark.parametrize("commanded", [0.5, -1.2])
-def test_it_drives_straight_at_the_speed_of_its_tracks(urdf: str, commanded: float) -> None:
-    with standing(slope(), urdf) as world:
-        drive(world, commanded, commanded)
-        world.step(120)
-        before = world.state(NAME).position
-        world.step(480)
-        after = world.state(NAME).position
-        assert after[0] - before[0] == pytest.approx(2.0 * commanded, rel=0.01)
-        assert (after[1], yaw(world)) == pytest.approx((0.0, 0.0), abs=1e-3)
-        drive(world, 0.0, 0.0)
-        world.step(600)  # it rocks on the middles of its tracks for two seconds or so
-        assert world.state(NAME).linear == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
-
-
 def test_on_ground_that_moves_back_as_fast_it_stays_in_place() -> None:
     with standing(slope()) as world:
         drive(world, 0.5, 0.5)
@@ -100,28 +84,6 @@ def test_on_soil_it_climbs_20_degrees_and_leaves_ruts() -> None:
         assert 0.003 < soil.sinkage().max() < 0.05
 
 
-@pytest.mark.parametrize("driven", [0.0, 0.5])
-def test_it_slides_down_where_friction_is_less_than_the_slope(driven: float) -> None:
-    """The tracks slip all the time, so that their speed does not matter."""
-    mu, angle = 0.3, math.radians(20.0)
-    with standing(slope(20.0), FLAT_TRACKS, friction=mu) as world:
-        drive(world, driven, driven)
-        before = speed(world)
-        world.step(240)
-        expected = -GRAVITY * (math.sin(angle) - mu * math.cos(angle))
-        assert speed(world) - before == pytest.approx(expected, rel=0.02)
-
-
-def test_on_ice_it_starts_as_fast_as_friction_allows() -> None:
-    with standing(slope(friction=0.05), FLAT_TRACKS) as world:
-        drive(world, 1.0, 1.0)
-        world.step(120)
-        assert speed(world) == pytest.approx(0.05 * GRAVITY * 0.5, rel=0.02)
-        drive(world, -1.0, -1.0)
-        world.step(120)
-        assert speed(world) == pytest.approx(0.0, abs=0.01)
-
-
 def composite() -> tuple[np.ndarray, np.ndarray]:
     """Inertia of the machine of boxes about its centre of mass [kg m^2], and its contacts (8, 3) from there [m]."""
     centre = np.array([0.0, 0.0, -0.04])
@@ -175,18 +137,6 @@ def test_flat_tracks_turn_at_the_equilibrium_of_friction(belt: float, friction: 
             world.step(60)
             expected = equilibrium(yaw(world), belt)
             assert world.state(NAME).angular[2] == pytest.approx(expected, rel=0.08 * belt**2 / friction)
-
-
-def test_the_undercarriage_turns_on_the_spot_as_without_slip() -> None:
-    """Its load is on the middles of its tracks. Over all headings."""
-    with standing(slope()) as world:
-        drive(world, -0.4, 0.4)
-        world.step(120)
-        start = np.array(world.state(NAME).position)
-        for _ in range(32):
-            world.step(60)
-            assert world.state(NAME).angular[2] == pytest.approx(2.0 * 0.4 / GAUGE, rel=0.1)
-        np.testing.assert_allclose(world.state(NAME).position, start, atol=0.02)
 
 
 def test_at_a_wall_it_stays_on_the_ground_and_awake() -> None:

@@ -103,21 +103,6 @@ def test_descriptions_that_cannot_be_are_refused(rules: UrdfRules, text: str, wo
         checked_urdf(text, rules)
 
 
-@pytest.mark.parametrize(
-    "visual",
-    [
-        '<visual><geometry><box size="0 0 0"/></geometry></visual>',
-        '<visual><geometry><sphere radius="0"/></geometry></visual>',
-        '<visual><geometry><cylinder radius="1e9" length="-1"/></geometry></visual>',
-    ],
-)
-def test_shapes_that_are_only_seen_may_have_any_size(rules: UrdfRules, visual: str) -> None:
-    """Upkie has visual boxes of size zero in its virtual links."""
-    assert checked_urdf(SHAPE.format(visual), rules)
-    with pytest.raises(InputError, match="must be"):
-        checked_urdf(SHAPE.format(visual.replace("visual", "collision")), rules)
-
-
 def test_a_light_frame_is_accepted(rules: UrdfRules, world: World) -> None:
     """NASA's Valkyrie has frames of 1e-7 kg; the robot stands as it does without the frame."""
     text = robot(

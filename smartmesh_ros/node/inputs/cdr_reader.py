@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.state import QUATERNION_SLACK
 from smartmesh_ros.io.rasters import Raster, from_numbers
+from smartmesh_ros.terrain.deck import QUATERNION_SLACK
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.material import NAMES, Material, require_layer, usual
 

@@ -19,7 +19,7 @@ from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.stamps import StampClock, stamp_seconds
 from smartmesh_ros.terrain.deck import Deck
 from smartmesh_ros.terrain.tiles import Tiles
-from smartmesh_ros.world.carrying import Carrier
+from smartmesh_ros.world.driving import Carrier
 
 SOURCE = "decks"
 

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import conjugate, product, rotate, slerp
-from smartmesh_ros.ground.state import QUATERNION_SLACK, BodyState, Quaternion, Vector
+from smartmesh_ros.ground.state import BodyState, Quaternion, Vector
+from smartmesh_ros.terrain.deck import QUATERNION_SLACK
 
 # A transform that is older than the newest of its child by more than this restarts the child's history, because the
 # clock of its source was set back or a recording started over [s].

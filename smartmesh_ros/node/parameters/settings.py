@@ -18,7 +18,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.parameters.entries import DeckEntry, OutputEntry, ShapeEntry
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
-from smartmesh_ros.soil.soils import soils_from
+from smartmesh_ros.soil.config import soils_from
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.world import WorldConfig
 

@@ -13,8 +13,7 @@ from smartmesh_msgs.srv import RestoreState, SaveState, StartEpisode
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.soil.config import SoilType
-from smartmesh_ros.soil.soils import soils_from
+from smartmesh_ros.soil.config import SoilType, soils_from
 from smartmesh_ros.terrain import state_file
 from smartmesh_ros.world.snapshot import WorldState
 
