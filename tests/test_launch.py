@@ -8,7 +8,6 @@ import pytest
 import yaml
 from ament_index_python.packages import get_package_prefix
 
-from smartmesh_ros.scenes import SCENES
 from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
 
 __all__ = ["stand_ins"]
@@ -167,11 +166,3 @@ def test_the_aggregator_expects_the_statuses_that_there_are() -> None:
     tasks = re.findall(r'_status\(node_name, "(\w+)"', source)
     expected = aggregator["/**"]["ros__parameters"]["terrain_collider"]["expected"]
     assert expected == [f"terrain_collider: {task}" for task in tasks]
-
-
-@pytest.mark.parametrize("name", ["terrain", "fleet"])
-def test_a_launch_takes_the_scenes_that_there_are(name: str, stand_ins: dict[str, type[Recorded]]) -> None:
-    declared = Launch(LAUNCH / f"{name}.launch.py", stand_ins).declared
-    assert set(declared["scene"].kwargs["choices"]) - {""} == set(SCENES)
-    assert declared["scene"].kwargs["default_value"] in SCENES
-    assert {"debug", "info", "warn", "error"} < set(declared["log_level"].kwargs["choices"])
