@@ -29,7 +29,7 @@ BULLET = ["pybullet", "pybullet_utils", "pybullet_data"]
 @pytest.mark.parametrize(
     ("rooms", "blocked"),
     [
-        (["terrain", "patches", "report", "ground", "world", "soil", "io", "scenes"], ROS),
+        (["terrain", "patches", "ground", "world", "soil", "io", "scenes"], ROS),
         (["terrain", "patches", "soil"], [*ROS, *BULLET]),
         (["tools.demo", "tools.tune"], ["pytest"]),
     ],

@@ -11,12 +11,13 @@ import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.report.config import MOST_INDICES, MOST_VERTICES
-from smartmesh_ros.report.made import HOLE
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
 from studies.engines.engine import Contacts, Engine, EngineBody, Setup
+from studies.report.made import HOLE
 
+# Largest arrays that PyBullet accepts.
+MOST_VERTICES, MOST_INDICES = 131_072, 524_288
 # Fraction of a penetration that the solver corrects per step. The same as the package's default, so that engines differ
 # in their colliders only.
 CONTACT_ERP = 0.2

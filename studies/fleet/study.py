@@ -129,7 +129,3 @@ def main() -> None:
     (OUT / "fleet.json").write_text(json.dumps({"machine": machine, "capacity": found}, indent=1))
     draw_capacity(OUT / "capacity.png", found, machine)
     print(f"wrote {OUT}")
-
-
-if __name__ == "__main__":
-    main()

@@ -5,7 +5,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros.report.patch_contacts import Pairs
+from studies.report.patch_contacts import Pairs
 
 
 class Overlapping:

@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros import HeightMap
-from smartmesh_ros.report.config import ReportConfig
-from smartmesh_ros.report.mesh_patches import mesh_twist
+from studies.report.config import ReportConfig
+from studies.report.mesh_patches import mesh_twist
 from tests.examples import examples
-from tests.report.selecting import SOLID, Selecting
+from tests.studies.report.selecting import SOLID, Selecting
 
 DT = 1.0 / 240.0
 

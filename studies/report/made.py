@@ -15,8 +15,8 @@ import pybullet as pb
 from numpy.typing import NDArray
 
 from smartmesh_ros.ground.height_field import make_shape, replace_heights
-from smartmesh_ros.report.config import MeshKind
 from smartmesh_ros.terrain.grid import FloatArray
+from studies.report.config import MeshKind
 
 # Depth of holes below a field's base [m].
 HOLE = 100.0

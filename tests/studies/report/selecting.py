@@ -8,10 +8,9 @@ import numpy as np
 
 from smartmesh_ros import HeightMap
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, ball
-from smartmesh_ros.report.batch import PatchBatch
-from smartmesh_ros.report.config import ReportConfig
-from smartmesh_ros.report.patches import ChosenPatches
-from smartmesh_ros.stopwatch import Stopwatch
+from studies.report.batch import PatchBatch
+from studies.report.config import ReportConfig
+from studies.report.patches import ChosenPatches
 from tests.bodies import shapes_of
 
 SOLID = ReportConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
@@ -23,7 +22,7 @@ class Selecting:
     def __init__(self, ground: HeightMap, radii: Iterable[float], config: ReportConfig = SOLID) -> None:
         shapes = shapes_of(ball(radius) for radius in radii)
         followers: Any = SimpleNamespace(shape_table=shapes, solid=np.arange(len(shapes.table)), tracked=np.arange(0))
-        self.patches = ChosenPatches(ground, config, followers, Stopwatch())
+        self.patches = ChosenPatches(ground, config, followers)
 
     def update(
         self, positions: np.ndarray, speed: float = 0.0, time: float = 0.0, duration: float = 1.0 / 240.0

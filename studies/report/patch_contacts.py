@@ -11,21 +11,18 @@ import numpy as np
 import pybullet as pb
 from numpy.typing import NDArray
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.height_field import quarter_turn
 from smartmesh_ros.ground.map_contacts import MapContacts
-from smartmesh_ros.report.batch import PatchBatch
-from smartmesh_ros.report.config import MeshKind, ReportConfig, is_whole
-from smartmesh_ros.report.made import Field, MeshCollider, make_field, make_mesh
-from smartmesh_ros.report.patches import ChosenPatches
-from smartmesh_ros.report.whole_mesh import WholeMesh
-from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
+from studies.report.batch import PatchBatch
+from studies.report.config import MeshKind, ReportConfig, is_whole
+from studies.report.made import Field, MeshCollider, make_field, make_mesh
+from studies.report.patches import ChosenPatches
+from studies.report.whole_mesh import WholeMesh
 
 
 class Pairs:
@@ -89,12 +86,11 @@ class PatchContacts(MapContacts):
     """
 
     def __init__(
-        self, client: Any, followers: Followers, terrain: Terrain, config: ReportConfig, patches: ChosenPatches,
-        stopwatch: Stopwatch,
-    ) -> None:  # fmt: skip
+        self, client: Any, followers: Followers, terrain: Terrain, config: ReportConfig, patches: ChosenPatches
+    ) -> None:
         super().__init__(client, followers, terrain)
         self.replacements = self.leaked = 0
-        self._config, self._patches, self._stopwatch = config, patches, stopwatch
+        self._config, self._patches = config, patches
         self._pairs = Pairs(client)
         self._held: dict[Follower, Field | MeshCollider] = {}
         self._whole = WholeMesh(client, config.kind) if is_whole(config.kind) else None
@@ -117,34 +113,24 @@ class PatchContacts(MapContacts):
             self._patches.clear(slot)
         super().detach(slots)
 
-    def set_soil(self, soil: Any) -> None:
-        """Raise `InputError` if there is soil."""
-        if soil is not None:
-            raise InputError("client", "there are colliders of PyBullet's own, which know no soil")
-
-    def drive(self, follower: Follower) -> None:
-        """Raise `InputError`: surfaces stand still."""
-        raise InputError("client", "there are colliders of PyBullet's own, whose bodies have no moving surfaces")
-
     def let_sleep(self, config: SleepConfig | None) -> None:
         """Nobody sleeps on colliders."""
 
     def refresh(self) -> None:
         """Set the colliders to the patches of the followers, or the collider of the whole mesh to the ground."""
-        with self._stopwatch.stage("collider"):
-            if self._whole is not None:
-                self._whole.update(next(iter(self._terrain.tiles.values())), self.time)
-                return
-            served = set()
-            for batch in self._patches.batches:
-                found = ground_samples(self._terrain, checked_points(batch.feet_w[:, :2]), self.time)
-                friction = np.nan_to_num(found.friction, nan=1.0).tolist()
-                for row, slot in enumerate(batch.slots.tolist()):
-                    self._apply(self._followers[slot], batch, row)
-                    self._set_friction(self._followers[slot], friction[row])
-                    served.add(slot)
-            for slot in set(self._followers.solid.tolist()) - served:
-                self._release(self._followers[slot])
+        if self._whole is not None:
+            self._whole.update(next(iter(self._terrain.tiles.values())), self.time)
+            return
+        served = set()
+        for batch in self._patches.batches:
+            found = ground_samples(self._terrain, checked_points(batch.feet_w[:, :2]), self.time)
+            friction = np.nan_to_num(found.friction, nan=1.0).tolist()
+            for row, slot in enumerate(batch.slots.tolist()):
+                self._apply(self._followers[slot], batch, row)
+                self._set_friction(self._followers[slot], friction[row])
+                served.add(slot)
+        for slot in set(self._followers.solid.tolist()) - served:
+            self._release(self._followers[slot])
 
     def is_ground(self, body: int) -> bool:
         """Return True if a PyBullet body is a collider of this ground."""
@@ -224,11 +210,10 @@ class PatchContacts(MapContacts):
 
     def _hold(self, follower: Follower, made: Field | MeshCollider) -> None:
         """Put a new collider in the place of a follower's old one; it touches this follower alone."""
-        with undone(lambda: self._drop(made.uid)):
-            self._release(follower)
-            self._pairs.claim(made.uid)
-            for link in range(-1, self._client.getNumJoints(made.uid)):
-                # PyBullet multiplies the coefficients of the two bodies, so 1 leaves the body's own in effect.
-                self._client.changeDynamics(made.uid, link, lateralFriction=1.0, restitution=1.0)
-            self._pairs.join(made.uid, follower.body, follower.link)
+        self._release(follower)
+        self._pairs.claim(made.uid)
+        for link in range(-1, self._client.getNumJoints(made.uid)):
+            # PyBullet multiplies the coefficients of the two bodies, so 1 leaves the body's own in effect.
+            self._client.changeDynamics(made.uid, link, lateralFriction=1.0, restitution=1.0)
+        self._pairs.join(made.uid, follower.body, follower.link)
         self._held[follower] = made

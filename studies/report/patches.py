@@ -6,14 +6,13 @@ import numpy as np
 
 from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.patches.shapes import BODY_COLUMNS
-from smartmesh_ros.report.batch import PatchBatch
-from smartmesh_ros.report.config import ReportConfig, is_whole
-from smartmesh_ros.report.map_patches import MapPatches
-from smartmesh_ros.report.mesh_patches import MeshPatches
-from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh
+from studies.report.batch import PatchBatch
+from studies.report.config import ReportConfig, is_whole
+from studies.report.map_patches import MapPatches
+from studies.report.mesh_patches import MeshPatches
 
 # Largest speed that sizes patches [m/s], because a teleported body has no real speed.
 FASTEST = 50.0
@@ -22,9 +21,9 @@ FASTEST = 50.0
 class ChosenPatches:
     """The patches of the followers on a main mesh, as of the last refresh: ``batches``."""
 
-    def __init__(self, mesh: MainMesh, config: ReportConfig, followers: Followers, stopwatch: Stopwatch) -> None:
+    def __init__(self, mesh: MainMesh, config: ReportConfig, followers: Followers) -> None:
         self.batches: list[PatchBatch] = []
-        self._config, self._followers, self._stopwatch = config, followers, stopwatch
+        self._config, self._followers = config, followers
         self._time = self._duration = 0.0  # of the refresh, and until the next one [s]
         self._tracked = True  # whether the patches of the tracked bodies are there
         self._states = np.empty((0, BODY_COLUMNS))  # of the refresh
@@ -35,9 +34,9 @@ class ChosenPatches:
         self._mesh = mesh
         self._patches: MapPatches | MeshPatches
         if isinstance(mesh, HeightMap):
-            self._patches = MapPatches(mesh, self._config, self._stopwatch)
+            self._patches = MapPatches(mesh, self._config)
         else:
-            self._patches = MeshPatches(mesh, self._config, self._stopwatch)
+            self._patches = MeshPatches(mesh, self._config)
         self._patches.grow(len(self._states))
 
     def clear(self, slot: int) -> None:
