@@ -69,7 +69,6 @@ def _measure_physx(bench: Bench, waves: Waves) -> None:
 
         def update() -> None:
             world.refresh()
-            ground.chosen.choose_tracked()
             engine.set_ground(ground.chosen.batches[0].vertices_w[0, :, 2].reshape(3, 3))
 
         bench.time(Case("smart", "physx", waves.side), update, player.next_frame)

@@ -69,11 +69,6 @@ class ReportGround(Ground):
         self._lifetime = 0
         return super().attach(body, *given, **more)
 
-    def detach(self, body: int) -> None:
-        """Detach a body, and refresh the colliders before the next step."""
-        self._lifetime = 0
-        super().detach(body)
-
     def _main_mesh(self) -> MainMesh:
         meshes = self.terrain.meshes
         if self.terrain.decks or len(meshes) != 1:
@@ -104,11 +99,6 @@ class ReportWorld(World):
         """Refresh the colliders now."""
         self.ground.refresh(self.time, self.dt)
         self._drop_lost()
-
-    def skip(self, steps: int) -> None:
-        """Advance the time without simulating; the next step refreshes the colliders."""
-        super().skip(steps)
-        self.ground.wake()
 
 
 def world_on(

@@ -65,10 +65,6 @@ class MapPatches:
         """Make room for ``slots`` slots."""
         self._extents = with_rows(self._extents, slots, UNKNOWN_EXTENT)
 
-    def clear(self, slot: int) -> None:
-        """Discard the size of a patch, whose body was removed."""
-        self._extents[slot] = UNKNOWN_EXTENT
-
     def around(
         self, slots: IntArray, states: FloatArray, reach: FloatArray, time: float, duration: float
     ) -> Iterator[PatchBatch]:

@@ -35,9 +35,6 @@ class MeshPatches:
         """Make room for ``slots`` slots."""
         self._nearest = with_rows(self._nearest, slots, 0)
 
-    def clear(self, slot: int) -> None:
-        """Do nothing: a search may start at any vertex."""
-
     def around(
         self, slots: IntArray, states: FloatArray, reach: FloatArray, time: float, duration: float
     ) -> Iterator[PatchBatch]:

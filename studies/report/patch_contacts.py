@@ -4,11 +4,9 @@ ground's velocity between refreshes."""
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from typing import Any
 
 import numpy as np
-import pybullet as pb
 from numpy.typing import NDArray
 
 from smartmesh_ros.ground.config import SleepConfig
@@ -16,7 +14,6 @@ from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.height_field import quarter_turn
 from smartmesh_ros.ground.map_contacts import MapContacts
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
 from studies.report.batch import PatchBatch
 from studies.report.config import MeshKind, ReportConfig, is_whole
@@ -25,74 +22,18 @@ from studies.report.patches import ChosenPatches
 from studies.report.whole_mesh import WholeMesh
 
 
-class Pairs:
-    """Rules for which colliders touch which bodies in one PyBullet world.
-
-    PyBullet keeps the rule of a pair of ids for ever, even after a body is removed and a new one gets its id. An id of
-    a collider may go to a body, and an id of a body to a collider. The rules are recorded under both ids and reset, so
-    that no pair inherits the rule of an earlier one. A body that touched another body's collider from below would be
-    thrown.
-    """
-
-    def __init__(self, client: Any) -> None:
-        self._client: int = getattr(client, "_client", 0)
-        self._colliders: set[int] = set()  # claimed and not retired
-        # By id, of bodies and colliders: its link, the other id, and the other's link.
-        self._rules: dict[int, set[tuple[int, int, int]]] = defaultdict(set)
-
-    def has(self, body: int) -> bool:
-        """Return True if a PyBullet body is a collider."""
-        return body in self._colliders
-
-    def claim(self, collider: int) -> None:
-        """Make a new collider touch nothing, and reset the rules of removed bodies and colliders with the same id."""
-        for link in range(-1, pb.getNumJoints(collider, self._client)):
-            # PyBullet lets two bodies touch if either mask contains the other's group, so the group must be empty, too.
-            pb.setCollisionFilterGroupMask(collider, link, 0, 0, self._client)
-        self._colliders.add(collider)
-        self._reset(collider)
-
-    def join(self, collider: int, body: int, link: int) -> None:
-        """Makes a collider touch one body or link."""
-        for part in range(-1, pb.getNumJoints(collider, self._client)):
-            self._rules[collider].add((part, body, link))
-            self._rules[body].add((link, collider, part))
-            pb.setCollisionFilterPair(collider, body, part, link, 1, self._client)
-
-    def part(self, collider: int, body: int, link: int) -> None:
-        """Stop a collider from touching a body or link."""
-        for part in range(-1, pb.getNumJoints(collider, self._client)):
-            pb.setCollisionFilterPair(collider, body, part, link, 0, self._client)
-
-    def retire(self, collider: int) -> None:
-        """Reset a collider's rules before the collider is removed, so that a body that gets its id touches other bodies
-        normally, and no collider."""
-        self._colliders.discard(collider)
-        self._reset(collider)
-
-    def _reset(self, uid: int) -> None:
-        """Let a body or collider touch whatever it had a rule with, unless one of the two is a collider."""
-        for link, other, other_link in self._rules.get(uid, ()):
-            touch = int(self._colliders.isdisjoint((uid, other)))
-            pb.setCollisionFilterPair(uid, other, link, other_link, touch, self._client)
-
-
 class PatchContacts(MapContacts):
     """Contacts of the followers in one client with the colliders of their patches, or with one of the whole terrain, in
-    place of the map's.
-
-    ``replacements``: how often a surface was changed so far. ``leaked``: meshes that were built so far, for each of
-    which PyBullet leaks a few KiB.
-    """
+    place of the map's."""
 
     def __init__(
         self, client: Any, followers: Followers, terrain: Terrain, config: ReportConfig, patches: ChosenPatches
     ) -> None:
         super().__init__(client, followers, terrain)
-        self.replacements = self.leaked = 0
         self._config, self._patches = config, patches
-        self._pairs = Pairs(client)
         self._held: dict[Follower, Field | MeshCollider] = {}
+        # By id of a collider, also of one that was removed: its links, each with the body and link that it touches.
+        self._pairs: dict[int, list[tuple[int, int, int]]] = {}
         self._whole = WholeMesh(client, config.kind) if is_whole(config.kind) else None
 
     def attach(self, follower: Follower) -> None:
@@ -110,7 +51,6 @@ class PatchContacts(MapContacts):
         """Remove the colliders of followers. If PyBullet fails, the next `refresh` makes those that are missing."""
         for slot in slots:
             self._release(self._followers[slot])
-            self._patches.clear(slot)
         super().detach(slots)
 
     def let_sleep(self, config: SleepConfig | None) -> None:
@@ -123,18 +63,12 @@ class PatchContacts(MapContacts):
             return
         served = set()
         for batch in self._patches.batches:
-            found = ground_samples(self._terrain, checked_points(batch.feet_w[:, :2]), self.time)
-            friction = np.nan_to_num(found.friction, nan=1.0).tolist()
-            for row, slot in enumerate(batch.slots.tolist()):
-                self._apply(self._followers[slot], batch, row)
-                self._set_friction(self._followers[slot], friction[row])
-                served.add(slot)
+            for row, follower in enumerate(self._followers[slot] for slot in batch.slots.tolist()):
+                if follower.solid:
+                    self._apply(follower, batch, row)
+                    served.add(follower.slot)
         for slot in set(self._followers.solid.tolist()) - served:
             self._release(self._followers[slot])
-
-    def is_ground(self, body: int) -> bool:
-        """Return True if a PyBullet body is a collider of this ground."""
-        return self._pairs.has(body) or (self._whole is not None and self._whole.has(body))
 
     def close(self) -> None:
         """Remove all colliders."""
@@ -147,13 +81,8 @@ class PatchContacts(MapContacts):
     def _release(self, follower: Follower) -> None:
         """Remove a follower's collider."""
         if follower in self._held:
-            self._drop(self._held[follower].uid)
-            del self._held[follower]
+            self._client.removeBody(self._held.pop(follower).uid)
             follower.collider = None
-
-    def _drop(self, uid: int) -> None:
-        self._pairs.retire(uid)
-        self._client.removeBody(uid)
 
     def _apply(self, follower: Follower, batch: PatchBatch, row: int) -> None:
         """Give a follower the collider of its patch, the ``row`` of a batch."""
@@ -183,8 +112,6 @@ class PatchContacts(MapContacts):
         held = self._held.get(follower)
         if not (isinstance(held, MeshCollider) and held.fits(kind, surface, triangles)):
             self._hold(follower, make_mesh(self._client, kind, surface, triangles))
-            self.leaked += 1
-            self.replacements += 1
 
     def _apply_field(
         self, follower: Follower, vertices: FloatArray, base: FloatArray, shape: tuple[int, int]
@@ -196,24 +123,24 @@ class PatchContacts(MapContacts):
         if not (isinstance(held, Field) and held.fits(*shape, spacing)):
             held = make_field(self._client, *shape, spacing)
             self._hold(follower, held)
-        if held.replace(self._client, vertices[:, 2].reshape(shape) - base[2]):
-            self.replacements += 1
+        held.replace(self._client, vertices[:, 2].reshape(shape) - base[2])
         return quarter_turn(math.atan2(y, x))
 
-    def _set_friction(self, follower: Follower, friction: float) -> None:
-        """Give a follower's collider a coefficient, by which PyBullet multiplies that of the body."""
-        held = self._held.get(follower)
-        if held is not None and held.friction != friction:
-            for link in range(-1, self._client.getNumJoints(held.uid)):
-                self._client.changeDynamics(held.uid, link, lateralFriction=friction)
-            held.friction = friction
-
     def _hold(self, follower: Follower, made: Field | MeshCollider) -> None:
-        """Put a new collider in the place of a follower's old one; it touches this follower alone."""
+        """Put a new collider in the place of a follower's old one; it touches this follower alone.
+
+        PyBullet keeps the rule of a pair of ids for ever, also for a collider that gets the id of an earlier one.
+        """
         self._release(follower)
-        self._pairs.claim(made.uid)
-        for link in range(-1, self._client.getNumJoints(made.uid)):
+        client, uid = self._client, made.uid
+        for link, body, its_link in self._pairs.get(uid, ()):
+            client.setCollisionFilterPair(uid, body, link, its_link, 0)
+        links = range(-1, client.getNumJoints(uid))
+        for link in links:
+            # PyBullet lets two bodies touch if either mask contains the other's group, so the group must be empty, too.
+            client.setCollisionFilterGroupMask(uid, link, 0, 0)
+            client.setCollisionFilterPair(uid, follower.body, link, follower.link, 1)
             # PyBullet multiplies the coefficients of the two bodies, so 1 leaves the body's own in effect.
-            self._client.changeDynamics(made.uid, link, lateralFriction=1.0, restitution=1.0)
-        self._pairs.join(made.uid, follower.body, follower.link)
+            client.changeDynamics(uid, link, lateralFriction=1.0, restitution=1.0)
+        self._pairs[uid] = [(link, follower.body, follower.link) for link in links]
         self._held[follower] = made

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from smartmesh_ros.ground.followers import Followers
-from smartmesh_ros.patches.shapes import BODY_COLUMNS
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh
 from studies.report.batch import PatchBatch
@@ -24,9 +23,6 @@ class ChosenPatches:
     def __init__(self, mesh: MainMesh, config: ReportConfig, followers: Followers) -> None:
         self.batches: list[PatchBatch] = []
         self._config, self._followers = config, followers
-        self._time = self._duration = 0.0  # of the refresh, and until the next one [s]
-        self._tracked = True  # whether the patches of the tracked bodies are there
-        self._states = np.empty((0, BODY_COLUMNS))  # of the refresh
         self.take(mesh)
 
     def take(self, mesh: MainMesh) -> None:
@@ -37,35 +33,17 @@ class ChosenPatches:
             self._patches = MapPatches(mesh, self._config)
         else:
             self._patches = MeshPatches(mesh, self._config)
-        self._patches.grow(len(self._states))
-
-    def clear(self, slot: int) -> None:
-        """Discard what is known of a slot, whose body was removed."""
-        if slot < len(self._states):  # else it was added since the refresh
-            self._patches.clear(slot)
 
     def refresh(self, time: float, duration: float, states: FloatArray) -> None:
-        """Choose the patches of the solid bodies, with ``states`` (S, 13) by slot, at ``time`` [s] for a ``duration``
-        [s]; none if bodies stand on one collider of the whole mesh."""
-        self._states = states
+        """Choose the patches of the bodies, with ``states`` (S, 13) by slot, at ``time`` [s] for a ``duration`` [s];
+        none if bodies stand on one collider of the whole mesh. Those are left out that are nowhere, or so far beside
+        the mesh that they do not touch it."""
         self._patches.grow(len(states))
-        self._time, self._duration, self._tracked = time, duration, False
-        self.batches = [] if is_whole(self._config.kind) else self._chosen(self._followers.solid)
-
-    def choose_tracked(self) -> None:
-        """Choose the patches of the bodies that were attached with ``solid=False``."""
-        if not self._tracked:
-            self._tracked = True
-            self.batches += self._chosen(self._followers.tracked)
-
-    def _chosen(self, slots: IntArray) -> list[PatchBatch]:
-        """Return the patches of the bodies in ``slots`` (n,) that are somewhere, over the mesh or so near to it that
-        they touch it."""
-        states, radii = self._states, self._followers.shape_table.table["radius"]
+        self.batches = []
+        radii, slots = self._followers.shape_table.table["radius"], np.flatnonzero(self._followers.table["alive"])
         slots = slots[np.isfinite(states[slots]).all(axis=1)]
         slots = slots[self._mesh.beyond(states[slots]) <= radii[slots]]
-        if not slots.size:
-            return []
-        speeds = np.minimum(np.linalg.norm(states[slots, 7:10], axis=1), FASTEST)
-        reach = radii[slots] + speeds * self._duration
-        return list(self._patches.around(slots, states[slots], reach, self._time, self._duration))
+        if slots.size and not is_whole(self._config.kind):
+            speeds = np.minimum(np.linalg.norm(states[slots, 7:10], axis=1), FASTEST)
+            reach = radii[slots] + speeds * duration
+            self.batches = list(self._patches.around(slots, states[slots], reach, time, duration))

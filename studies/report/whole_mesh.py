@@ -45,10 +45,6 @@ class WholeMesh:
             self._hold(make_mesh(self._client, "trimesh", vertices, triangles).uid)
         self._state = state
 
-    def has(self, body: int) -> bool:
-        """Return True if a PyBullet body is the collider."""
-        return body == self._uid
-
     def release(self) -> None:
         """Remove the collider."""
         if self._uid >= 0:

@@ -11,7 +11,6 @@ import pytest
 from smartmesh_ros import BodyState, Box, HeightMap, InputError, Sphere, Terrain
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from studies.report.batch import PatchBatch
 from studies.report.config import PatchKind, ReportConfig, SearchMethod
 from studies.report.ground import ReportGround, ReportWorld
 from tests.bodies import height, put
@@ -63,11 +62,6 @@ def test_bodies_rest_on_every_kind_as_on_the_whole_main_mesh(shape: Sphere | Box
         )
 
 
-def batches_of(world: ReportWorld) -> list[PatchBatch]:
-    world.ground.chosen.choose_tracked()
-    return world.ground.chosen.batches
-
-
 def lid_over(points: np.ndarray) -> float:
     """Height of the upper side of the convex hull of points over the origin: the highest triangle of any three."""
     corners = points[np.array(list(combinations(range(len(points)), 3)))]
@@ -81,7 +75,7 @@ def test_a_hull_hovers_over_a_trough_by_what_geometry_predicts(terrain: Callable
     with world_on(terrain(), "hull", rings=2, search="brute_force") as world:
         world.track("probe", 0.2, BodyState((0.0, 0.0, 0.6)))
         world.refresh()
-        lid = lid_over(batches_of(world)[0].vertices_w[0])
+        lid = lid_over(world.ground.chosen.batches[0].vertices_w[0])
         assert lid > 0.05
         world.remove("probe")
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, lid + 0.201)))
@@ -110,7 +104,7 @@ def test_patches_of_a_moving_mesh_of_40000_vertices_are_right_after_every_update
                 world.track(f"probe_{index}", 0.15, BodyState((x, y, 2.0)))
             world.time = float(step)  # long after: no motion is left
             world.refresh()
-            for batch in batches_of(world):
+            for batch in world.ground.chosen.batches:
                 body = bodies[int(batch.slots[0])]
                 from_above = int(np.argmin(((moved[:, :2] - body) ** 2).sum(axis=1)))
                 in_space = int(np.argmin(((moved - (*body, 2.0)) ** 2).sum(axis=1)))
@@ -158,13 +152,18 @@ def test_the_collider_has_the_surface_that_sampling_gives(client: Any, yaw: floa
 
 @pytest.mark.parametrize("kind", ["heightfield", "trimesh", "hull", "prisms"])
 def test_a_patch_collides_with_its_own_body_only(client: Any, kind: PatchKind) -> None:
+    """Also one that has the PyBullet id of an earlier one."""
     client.setGravity(0, 0, -9.81)
     heightmap = HeightMap(np.zeros((50, 50)), resolution=0.1)
-    followed, other = put(client, BALL, (2.0, 2.0, 0.2)), put(client, Sphere(0.05), (2.0, 2.26, 0.05))
-    ground = ReportGround(client, heightmap, ReportConfig(kind=kind))
-    ground.attach(followed)
-    for step in range(120):
+    other, *balls = (put(client, Sphere(0.1), (x, 2.0, 0.1)) for x in (1.75, 2.0, 2.25))
+    ground = ReportGround(client, heightmap, ReportConfig(kind=kind, rings=3, rate=30.0))
+    followers = [ground.attach(ball) for ball in balls]
+    for step in range(96):
+        if step % 8 == 0:
+            heightmap.replace(1e-4 * np.sin(step + np.indices((50, 50)).sum(axis=0)), time=step * DT)
         ground.update(step * DT, DT)
         client.stepSimulation()
-    assert height(client, followed) == pytest.approx(0.2, abs=1e-3)
+        for follower in followers:
+            assert {point[2] for point in client.getContactPoints(follower.body)} <= {follower.collider}
+    assert [height(client, ball) for ball in balls] == pytest.approx([0.1] * 2, abs=5e-3)
     assert height(client, other) < -0.5
