@@ -116,7 +116,8 @@ class BulletHeightfield(_WholeMap):
         if setup.plane:
             self._ground(self.client.createCollisionShape(pb.GEOM_PLANE), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
             return
-        self._shape = make_shape(self.client, *setup.heights.shape, setup.resolution, HOLE)
+        rows, columns = setup.heights.shape
+        self._shape = make_shape(self.client, rows, columns, setup.resolution, HOLE)
         self._uid = self._ground(self._shape, *self._pose())
         self.set_ground(self.ready(setup.heights))
 
