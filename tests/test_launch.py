@@ -15,7 +15,7 @@ __all__ = ["stand_ins"]
 ROOT = LAUNCH.parent
 LAUNCH_FILES = sorted(LAUNCH.glob("*.launch.py"))
 FLEET = LAUNCH / "fleet.launch.py"
-EXECUTABLES = set(re.findall(r'f"(\w+) = \{NAME\}', (ROOT / "setup.py").read_text()))
+EXECUTABLES = {path.name for path in Path(get_package_prefix("smartmesh_ros"), "lib", "smartmesh_ros").iterdir()}
 ARGUMENTS = {"preset", "config", "namespace", "use_sim_time", "log_level", "rviz", "dds"}
 
 
