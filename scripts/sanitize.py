@@ -21,7 +21,7 @@ PACKAGE = ROOT / "build" / "sanitize" / "smartmesh_ros"
 def prepare() -> None:
     """Make a package beside the real one: links to its files, and the sanitized core."""
     (PACKAGE / "core").mkdir(parents=True, exist_ok=True)
-    for path in [*(ROOT / "smartmesh_ros").iterdir(), ROOT / "smartmesh_ros/core/__init__.py"]:
+    for path in [*(ROOT / "smartmesh_ros").iterdir(), *(ROOT / "smartmesh_ros/core").glob("*.py")]:
         link = PACKAGE / path.relative_to(ROOT / "smartmesh_ros")
         if not link.exists():
             link.symlink_to(path)

@@ -19,7 +19,7 @@ from typing import NamedTuple
 from smartmesh_ros.errors import InputError
 
 ROOT = Path(__file__).parents[1]
-_CORE = ("core", "terrain", "patches", "ground", "world", "../studies/report")
+_CORE = ("core", "terrain", "ground", "world", "../studies/report")
 # The rooms that the figures of a block depend on, by its subject: folders, from that of the package.
 SUBJECTS = {
     "core": _CORE,

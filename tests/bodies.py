@@ -1,6 +1,5 @@
 """Bodies of every shape as tests know them, written independently of the package: where they are, turned how."""
 
-from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
@@ -9,8 +8,8 @@ import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import Ground, HeightMap
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.shapes import Shape, Sphere
-from smartmesh_ros.patches.shapes import BodyShape, ShapeTable
 
 TETRAHEDRON = np.array([[1.0, 0.0, -0.4], [-0.5, 0.8, -0.4], [-0.5, -0.8, -0.4], [0.0, 0.0, 1.0]])
 
@@ -31,15 +30,6 @@ def random_turn(rng: np.random.Generator) -> np.ndarray:
     """A unit quaternion."""
     q = rng.normal(size=4)
     return np.asarray(q / np.linalg.norm(q))
-
-
-def shapes_of(shapes: Iterable[BodyShape]) -> ShapeTable:
-    """Shapes in the first slots of a table."""
-    table, made = ShapeTable(), list(shapes)
-    table.reserve(len(made))
-    for slot, shape in enumerate(made):
-        table.put(slot, shape)
-    return table
 
 
 @cache

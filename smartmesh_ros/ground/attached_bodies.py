@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.body_shapes import require_body, shapes_of
 from smartmesh_ros.ground.bullet import BulletCalls, NoClient, connected_client, is_fixed, undone
@@ -18,7 +19,6 @@ from smartmesh_ros.ground.shapes import Solid
 from smartmesh_ros.ground.shown_ground import ShownGround
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain

@@ -8,20 +8,20 @@ from typing import Any
 import pybullet as pb
 
 from smartmesh_ros.core import CORE
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.layout_probe import number_of
 from smartmesh_ros.ground.shapes import Solid
-from smartmesh_ros.patches.shapes import BodyShape, ball, compound, part_of
 
 
 def read_shapes(client: Any, body: int) -> dict[int, BodyShape]:
     """Return the shapes of those links of a body that have one, -1 = its base: what Bullet collides, meshes as their
     convex hulls. Raises `InputError` if the body is soft."""
     try:
-        found = CORE.shapes_of(number_of(client), body)
+        found: dict[int, BodyShape] = CORE.shapes_of(number_of(client), body)
     except ValueError as error:
         raise InputError("geometry", f"body {body} cannot stand on the ground: {error}") from None
-    return {link: compound([part_of(*part) for part in parts]) for link, parts in found.items()}
+    return found
 
 
 # Most bodies that a message lists.
@@ -54,7 +54,7 @@ def shapes_of(
     """Return the shapes of all links of a body that have one, or of one ``link``. The base's or link's is the given
     ``shape``, or a ball of the given ``radius`` [m], if there is one. Raises `InputError` if a shape has no size, and
     names the links that have a shape."""
-    given = ball(radius) if radius is not None else shape.body_shape if isinstance(shape, Solid) else shape
+    given = BodyShape.ball(radius) if radius is not None else shape.body_shape if isinstance(shape, Solid) else shape
     found = read_shapes(client, body) if given is None else {-1 if link is None else link: given}
     if not found:
         raise InputError("geometry", f"body {body} has no collision shape, so nothing of it could touch the ground")

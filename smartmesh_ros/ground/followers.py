@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST
+from smartmesh_ros.ground.slot_tables import with_rows
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.patches.shapes import BodyShape, ShapeTable
-from smartmesh_ros.patches.tables import with_rows
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.motion import next_revision
 
@@ -77,13 +77,12 @@ class Followers:
     """The attached bodies and links by slot; iteration is over those in use, by slot.
 
     Arrays with a row for each slot: ``table``, records of ``FOLLOWER``; ``radii``, about the centres of mass [m].
-    ``shape_table``: their shapes. ``epoch`` changes when a follower is added or removed.
+    ``epoch`` changes when a follower is added or removed.
     """
 
     def __init__(self) -> None:
         self.epoch = next_revision()
         self.table: Any = np.zeros(0, FOLLOWER)
-        self.shape_table = ShapeTable()
         self.radii: FloatArray = np.empty(0)
         self._items: list[Follower | None] = []
         self._unused: list[int] = []
@@ -136,7 +135,6 @@ class Followers:
         slots.append(slot)
         self._items[slot] = follower
         self.table[slot] = (True, follower.solid, own, False)
-        self.shape_table.put(slot, follower.shape)
         self.radii[slot] = follower.radius
         self.epoch = next_revision()
 
@@ -176,5 +174,4 @@ class Followers:
 
     def _grow(self, slots: int) -> None:
         self.table = with_rows(self.table, slots, False)
-        self.shape_table.reserve(slots)
         self.radii = with_rows(self.radii, slots, 0.0)

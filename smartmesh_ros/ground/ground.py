@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from smartmesh_ros.ground.body_shapes import require_body
 from smartmesh_ros.ground.saved_bodies import SavedBodies
 from smartmesh_ros.ground.shown_patches import ShownPatches
-from smartmesh_ros.patches.shapes import BODY_COLUMNS
+from smartmesh_ros.ground.state import BODY_COLUMNS
 from smartmesh_ros.terrain.checked_heights import checked_time
 from smartmesh_ros.terrain.deck import LEVEL
 from smartmesh_ros.terrain.surface_query import (

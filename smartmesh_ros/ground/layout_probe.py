@@ -13,6 +13,7 @@ import pybullet as pb
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.bullet import BulletCalls
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
@@ -28,6 +29,7 @@ SETTINGS = (0.3, -0.2, -9.5, 1.0 / 250.0, 0.11, 0.13, 3e-5)
 STOPPED, STEPS_TO_STOP = pb.ACTIVATION_STATE_ENABLE_SLEEPING | pb.ACTIVATION_STATE_SLEEP, 2
 # Balls that touch the ground [m], and their coefficients.
 RADIUS, DEPTH, FRICTION, RESTITUTION = 0.1, 1e-4, 0.4, 0.5
+SHAPE = BodyShape.ball(RADIUS)
 
 
 def number_of(client: Any) -> int:
@@ -81,7 +83,7 @@ def _reads_bodies(client: Any, core: Any) -> bool:
     found, told = np.full((3, 13), math.nan), np.empty((3, 13))
     for slot, (body, link) in enumerate([(bodies[0], -1), (bodies[1], -1), (arm, 0)]):
         client.resetBaseVelocity(body, *VELOCITY)
-        core.attach(slot, body, link, -1)
+        core.attach(slot, body, link, -1, SHAPE)
         told[slot] = BulletCalls(client).state(body, link)
     core.read(np.arange(3), found)
     return _same(found, told)
@@ -140,7 +142,7 @@ def _wakes_bodies(client: Any, core: Any) -> bool:
     bodies = [client.createMultiBody(1.0, ball, -1, (9.0, rigid, 0.0), useMaximalCoordinates=rigid) for rigid in (0, 1)]
     for slot, body in enumerate(bodies, 5):
         client.changeDynamics(body, -1, activationState=STOPPED)
-        core.attach(slot, body, -1, -1)
+        core.attach(slot, body, -1, -1, SHAPE)
     speeds = []
     for _ in range(STEPS_TO_STOP + 1):
         client.stepSimulation()
@@ -167,7 +169,7 @@ def _drop(client: Any, core: Any, slot: int, at: tuple[float, ...], velocity: tu
     client.changeDynamics(body, -1, lateralFriction=FRICTION, restitution=RESTITUTION)
     client.changeDynamics(proxy, -1, lateralFriction=1.0, restitution=1.0)
     client.resetBaseVelocity(body, velocity, (0.0, 0.0, 0.0))
-    core.attach(slot, body, -1, proxy)
+    core.attach(slot, body, -1, proxy, SHAPE)
     return body
 
 

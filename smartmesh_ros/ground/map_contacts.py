@@ -20,8 +20,7 @@ from smartmesh_ros.ground.config import SleepConfig, require_time_step
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.layout_probe import misread, number_of
 from smartmesh_ros.ground.shown_ground import FAR_AWAY, ShownGround
-from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.patches.shapes import BODY_COLUMNS
+from smartmesh_ros.ground.state import BODY_COLUMNS, Vector
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
@@ -101,7 +100,7 @@ class MapContacts:
         """Give a follower a proxy if it is solid; other followers are only read."""
         proxy = self._new_body() if follower.solid else -1
         try:
-            self._core.attach(follower.slot, follower.body, follower.link, proxy)
+            self._core.attach(follower.slot, follower.body, follower.link, proxy, follower.shape)
         except ValueError as error:
             if follower.solid:
                 self._client.removeBody(proxy)
@@ -109,7 +108,6 @@ class MapContacts:
         if follower.solid:
             self._uids[follower.slot] = follower.collider = proxy
             self._proxies.add(proxy)
-        self._core.set_shapes(self._followers.shape_table.core)
         self.note_kind(follower.slot)
         if follower.belt.speed:
             self.drive(follower)

@@ -5,17 +5,31 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from enum import IntEnum
 from typing import Any, ClassVar, get_args
 
 import numpy as np
 import pybullet as pb
 
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import SIZES, require_between
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.patches.shapes import BodyShape, ShapeKind, ball, box, capsule, cylinder, hull
 
 CENTRED: Vector = (0.0, 0.0, 0.0)
+
+
+class ShapeKind(IntEnum):
+    """Kind of a shape: BOX; BALL; CYLINDER, about z; CAPSULE, along z; HULL, the convex hull of vertices; COMPOUND,
+    several of these. Numbered as in smartmesh_msgs/TrackedBody and BodyDescription."""
+
+    NONE = 0
+    BOX = 1
+    BALL = 2
+    CYLINDER = 3
+    CAPSULE = 6
+    HULL = 8
+    COMPOUND = 9
 
 
 class _Shape(ABC):
@@ -58,7 +72,7 @@ class Sphere(_Shape):
 
     @property
     def body_shape(self) -> BodyShape:
-        return ball(self.radius)
+        return BodyShape.ball(self.radius)
 
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
@@ -83,7 +97,7 @@ class Box(_Shape):
 
     @property
     def body_shape(self) -> BodyShape:
-        return box((self.x, self.y, self.z), self.centre)
+        return BodyShape.box((self.x, self.y, self.z), self.centre)
 
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
@@ -101,7 +115,7 @@ class Cylinder(_Shape):
 
     @property
     def body_shape(self) -> BodyShape:
-        return cylinder(self.radius, self.height)
+        return BodyShape.cylinder(self.radius, self.height)
 
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
@@ -118,7 +132,7 @@ class Capsule(_Shape):
 
     @property
     def body_shape(self) -> BodyShape:
-        return capsule(self.radius, self.height)
+        return BodyShape.capsule(self.radius, self.height)
 
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
@@ -144,7 +158,7 @@ class Hull(_Shape):
 
     @property
     def body_shape(self) -> BodyShape:
-        return hull(np.array(self.vertices))
+        return BodyShape.hull(np.array(self.vertices))
 
     @property
     def bounds(self) -> Box:

@@ -84,7 +84,8 @@ class ShownPatches:
             bodies[slots] = [followers[slot].body for slot in slots.tolist()]
         with self._stopwatch.stage("search"):
             tracked = followers.table["alive"] & ~followers.table["solid"]
-            self._core.search(followers.shape_table.core, states, slots, tracked, bodies, time, AHEAD, FARTHEST)
+            shapes = [followers[slot].shape for slot in slots.tolist()]
+            self._core.search(shapes, states, slots, tracked, bodies, time, AHEAD, FARTHEST)
         with self._stopwatch.stage("collect"):
             self.slots = self._core.collect(slots, time)
 

@@ -8,6 +8,9 @@ from smartmesh_ros.errors import InputError
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
+# Columns of a table of bodies (N, 13): position [m], orientation (x, y, z, w), velocity [m/s], angular velocity
+# [rad/s].
+BODY_COLUMNS = 13
 # Largest accepted difference between a quaternion's length and one.
 QUATERNION_SLACK = 1e-3
 

@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import conjugate, product, rotate
+from smartmesh_ros.ground.shapes import ShapeKind
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.patches.shapes import BodyShape, ShapeKind
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.base_config import BaseConfig
 from smartmesh_ros.world.bodies import Body
@@ -247,25 +248,19 @@ def _points(client: Any, body: Body, index: int) -> Iterator[tuple[FloatArray, f
     """Yield the outermost points (3,) [m] of a link's shape, in the frame of the link, each with the rounding radius
     [m] around it."""
     centre, turn = client.getDynamicsInfo(body.uid, index)[3:5]
-    for point, grown in _points_of(body.shapes[index]):
-        yield np.array(centre) + rotate(turn, tuple(point)), grown
+    for part in body.shapes[index].parts:
+        for x, y, z in _corners(part).tolist():
+            point = np.add(part.offset, rotate(part.orientation, (x, y, z)))
+            yield np.array(centre) + rotate(turn, tuple(point)), part.rounding
 
 
-def _points_of(shape: BodyShape) -> Iterator[tuple[FloatArray, float]]:
-    record, offset = shape.record, np.array(shape.record["offset"])
-    if shape.parts:
-        for part in shape.parts:
-            yield from ((offset + point, grown) for point, grown in _points_of(part))
-        return
-    if shape.vertices is not None:
-        corners = shape.vertices
-    elif shape.kind == ShapeKind.CYLINDER:
+def _corners(shape: BodyShape) -> FloatArray:
+    """Return the outermost points (n, 3) [m] of the core of a shape of one part, in its own frame."""
+    if shape.kind == ShapeKind.HULL:
+        return shape.vertices
+    if shape.kind == ShapeKind.CYLINDER:
         angles = np.linspace(0.0, 2.0 * math.pi, RIM, endpoint=False)
         rim = np.column_stack([np.cos(angles), np.sin(angles), np.ones(RIM)])
-        corners = np.concatenate([rim, rim * (1.0, 1.0, -1.0)]) * record["half"]
-    else:
-        signs = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
-        corners = signs * record["half"]
-    turn = tuple(record["orientation"].tolist())
-    for corner in corners:
-        yield offset + rotate(turn, tuple(corner)), float(record["rounding"])
+        return np.concatenate([rim, rim * (1.0, 1.0, -1.0)]) * shape.half
+    signs = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
+    return np.asarray(signs * shape.half)

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pybullet as pb
 
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.body_shapes import link_name, read_shapes
 from smartmesh_ros.ground.bullet import is_fixed, undone
@@ -17,7 +18,6 @@ from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.limits import FASTEST_SPIN, MASSES, SIZES, require_between
 from smartmesh_ros.ground.shapes import Box, Cylinder, Hull, Shape, Solid, Sphere
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand, command_joint
 from smartmesh_ros.world.link_frames import InertialFrame
@@ -185,7 +185,7 @@ class BodyFactory:
                     command_joint(client, uid, index, JointCommand())
         if not links:
             raise InputError("urdf", "the URDF has no collision shape, so nothing could touch the ground")
-        shapes = dict(robot.shapes) or read_shapes(client, uid)
+        shapes = read_shapes(client, uid)
         couple_joints(client, uid, joints, robot.mimics)
         body = Body(
             name, uid, next(iter(shapes.values())).radius, False, BodyState(), links, joints, urdf=robot.given,

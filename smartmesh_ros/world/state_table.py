@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST, FASTEST_SPIN, MASSES, SIZES
-from smartmesh_ros.ground.shapes import DIMENSIONS, Shape, shape_of
+from smartmesh_ros.ground.shapes import DIMENSIONS, Shape, ShapeKind, shape_of
 from smartmesh_ros.ground.state import QUATERNION_SLACK
-from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.terrain.grid import FloatArray
 
 

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.quaternions import product, rotate
-from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Hull, Solid, Sphere
+from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Hull, ShapeKind, Solid, Sphere
 from smartmesh_ros.ground.state import BodyState, Quaternion, Vector
-from smartmesh_ros.patches.shapes import BodyShape, ShapeKind
 from smartmesh_ros.world.bodies import BodyFactory
 from smartmesh_ros.world.link_frames import LinkFrames
 from smartmesh_ros.world.robots.prepared import prepare_robot
@@ -56,10 +56,11 @@ class TrackedRobot:
             self._parts: list[_Part] = []
             for index, shape in body.shapes.items():
                 centre, turn = client.getDynamicsInfo(body.uid, index)[3:5]
-                for place, (solid, offset, turned) in enumerate(_solids(shape)):
+                for place, part in enumerate(shape.parts):
                     full = f"{name}.{body.links[index]}" + (f".{place}" if place else "")
-                    x, y, z = (a + b for a, b in zip(centre, rotate(turn, offset), strict=True))
-                    self._parts.append(_Part(full, solid, index + 1, (x, y, z), product(turn, turned)))
+                    x, y, z = (a + b for a, b in zip(centre, rotate(turn, part.offset), strict=True))
+                    placed = (x, y, z), product(turn, part.orientation)
+                    self._parts.append(_Part(full, _solid(part), index + 1, *placed))
         finally:
             client.disconnect()
 
@@ -117,26 +118,15 @@ def _sum(a: Vector, b: tuple[float, ...]) -> Vector:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-def _solids(shape: BodyShape) -> Iterator[tuple[Solid, Vector, Quaternion]]:
-    """Yield the solids of a link's shape, each with its place [m] and its turn in the frame of the centre of mass."""
-    record = shape.record
-    (hx, hy, hz), rounding = record["half"].tolist(), float(record["rounding"])
-    x, y, z = record["offset"].tolist()
-    qx, qy, qz, qw = record["orientation"].tolist()
-    turn = (qx, qy, qz, qw)
-    if shape.parts:
-        for part in shape.parts:
-            for found, (px, py, pz), turned in _solids(part):
-                yield found, (x + px, y + py, z + pz), turned
-        return
-    if shape.vertices is not None:
-        solid: Solid = Hull(tuple((a, b, c) for a, b, c in shape.vertices.tolist()))
-    elif shape.kind == ShapeKind.BALL:
-        solid = Sphere(rounding)
-    elif shape.kind == ShapeKind.BOX:
-        solid = Box(2.0 * (hx + rounding), 2.0 * (hy + rounding), 2.0 * (hz + rounding))
-    elif shape.kind == ShapeKind.CYLINDER:
-        solid = Cylinder(height=2.0 * (hz + rounding), radius=hx + rounding)
-    else:
-        solid = Capsule(height=2.0 * hz, radius=rounding)
-    yield solid, (x, y, z), turn
+def _solid(part: BodyShape) -> Solid:
+    """Return the solid of a shape of one part."""
+    (hx, hy, hz), rounding = part.half, part.rounding
+    if part.kind == ShapeKind.HULL:
+        return Hull(tuple((a, b, c) for a, b, c in part.vertices.tolist()))
+    if part.kind == ShapeKind.BALL:
+        return Sphere(rounding)
+    if part.kind == ShapeKind.BOX:
+        return Box(2.0 * (hx + rounding), 2.0 * (hy + rounding), 2.0 * (hz + rounding))
+    if part.kind == ShapeKind.CYLINDER:
+        return Cylinder(height=2.0 * (hz + rounding), radius=hx + rounding)
+    return Capsule(height=2.0 * hz, radius=rounding)

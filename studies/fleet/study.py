@@ -6,7 +6,6 @@ Nodes run in network namespaces joined by a bridge: UDP between them, no shared 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,11 +17,14 @@ from matplotlib.figure import Figure
 from smartmesh_ros.node.fleet.layout import WAVES, FleetPlan
 from studies.fleet.site import Machine, Watcher, enter, site
 from studies.machine import short
+from studies.markdown import table
+from studies.pages import fill
 
 # Real time, as far as it counts; bodies start so far apart [m], in squares of so many on a side, one to a quarter of
 # the terrain, whose bodies share a node.
 REAL_TIME, APART, SIDE = 0.98, 1.0, 24
-OUT = Path("out/fleet")  # folder of figures and pictures
+# The page with the table, its picture, and the numbers of bodies that the table has columns for.
+PAGE, PICTURE, COLUMNS = Path("docs/fleet.md"), Path("docs/images/fleet/capacity.png"), (200, 400, 800, 1200)
 NOBODY = "/nobody"  # a peer that is never heard
 
 
@@ -96,6 +98,18 @@ def carried(runs: list[dict[str, Any]]) -> float:
     return float(last["bodies"] + share * (first["bodies"] - last["bodies"]))
 
 
+def capacity_table(capacities: list[dict[str, Any]]) -> str:
+    """Return the table of the page."""
+    one = capacities[0]["carried"]
+    rows = []
+    for found in capacities:
+        busy = {run["bodies"]: f"{run['busy']:.2f} s" for run in found["runs"]}
+        name = f"{found['nodes']}" + ("" if found["meet"] else " whose bodies do not meet")
+        share = [f"{found['carried']:.0f}", f"{found['carried'] / one:.2f}"]
+        rows.append([name, *share, *(busy.get(count, "-") for count in COLUMNS)])
+    return table(["nodes", "bodies in real time", "of one node", *map(str, COLUMNS)], rows)
+
+
 def draw_capacity(path: Path, capacities: list[dict[str, Any]], machine: str) -> None:
     """Real-time factors against the number of bodies."""
     figure = Figure(figsize=(7.0, 4.2), dpi=90, layout="constrained")
@@ -118,14 +132,14 @@ def draw_capacity(path: Path, capacities: list[dict[str, Any]], machine: str) ->
 def main() -> None:
     """Runs the study."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="a minute, and one figure")
+    parser.add_argument("--quick", action="store_true", help="a minute, and no table")
     options = parser.parse_args()
     enter()
-    OUT.mkdir(parents=True, exist_ok=True)
     fleets = ((2, True),) if options.quick else ((1, True), (2, True), (4, True), (4, False))
     start, most, seconds = (100, 100, 4.0) if options.quick else (200, 2200, 6.0)
     found = [capacity(nodes, start=start, more=100, most=most, seconds=seconds, meet=meet) for nodes, meet in fleets]
-    machine = short()
-    (OUT / "fleet.json").write_text(json.dumps({"machine": machine, "capacity": found}, indent=1))
-    draw_capacity(OUT / "capacity.png", found, machine)
-    print(f"wrote {OUT}")
+    if options.quick:
+        return
+    draw_capacity(PICTURE, found, short())
+    fill(PAGE, {"capacity": f"Measured on {short()}.\n\n{capacity_table(found)}"})
+    print(f"wrote {PAGE} and {PICTURE}")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.patches.tables import with_rows
+from smartmesh_ros.ground.slot_tables import with_rows
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import grid_triangles

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from smartmesh_ros.patches.tables import with_rows
+from smartmesh_ros.ground.slot_tables import with_rows
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from studies.report.batch import PatchBatch

@@ -38,8 +38,7 @@ class PatchContacts(MapContacts):
 
     def attach(self, follower: Follower) -> None:
         """The core only reads and moves a follower, which gets its collider in the next `refresh`."""
-        self._core.attach(follower.slot, follower.body, follower.link, -1)
-        self._core.set_shapes(self._followers.shape_table.core)
+        self._core.attach(follower.slot, follower.body, follower.link, -1, follower.shape)
         self.note_kind(follower.slot)
 
     def note_kind(self, slot: int) -> None:

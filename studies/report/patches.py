@@ -40,7 +40,7 @@ class ChosenPatches:
         the mesh that they do not touch it."""
         self._patches.grow(len(states))
         self.batches = []
-        radii, slots = self._followers.shape_table.table["radius"], np.flatnonzero(self._followers.table["alive"])
+        radii, slots = self._followers.radii, np.flatnonzero(self._followers.table["alive"])
         slots = slots[np.isfinite(states[slots]).all(axis=1)]
         slots = slots[self._mesh.beyond(states[slots]) <= radii[slots]]
         if slots.size and not is_whole(self._config.kind):

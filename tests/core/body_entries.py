@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros import HeightMap, MotionConfig
-from smartmesh_ros.core import CORE, as_bytes
-from smartmesh_ros.patches.shapes import SHAPE, ball, box, compound, hull
+from smartmesh_ros.core import CORE
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.world.state_table import LIMITS
-from tests.bodies import TETRAHEDRON, shapes_of
+from tests.bodies import TETRAHEDRON
 from tests.core.entries import COLUMNS, ROWS, Arguments, Entry, new_grid
 
 BODIES = 3  # of tables of shapes
@@ -30,8 +30,9 @@ def flags() -> np.ndarray:
 def bodies() -> Arguments:
     states = zeros(13, BODIES)
     states[:, 6] = 1.0
-    shapes = shapes_of([box((0.2, 0.3, 0.4)), hull(TETRAHEDRON), compound([ball(0.1), hull(TETRAHEDRON)])])
-    return {"shapes": shapes.core, "states": states, "slots": np.arange(BODIES)}
+    hull = BodyShape.hull(TETRAHEDRON)
+    shapes = [BodyShape.box((0.2, 0.3, 0.4)), hull, BodyShape.compound([BodyShape.ball(0.1), hull])]
+    return {"shapes": shapes, "states": states, "slots": np.arange(BODIES)}
 
 
 def grid() -> Any:
@@ -59,8 +60,7 @@ def soil() -> Arguments:
 
 
 def above_grid() -> Arguments:
-    record = as_bytes(box((0.2, 0.2, 0.2)).record.reshape(1))
-    return {"record": record, "points": zeros(2, 5), "spacing": 0.1}
+    return {"shape": BodyShape.box((0.2, 0.2, 0.2)), "points": zeros(2, 5), "spacing": 0.1}
 
 
 def patches() -> Any:
@@ -97,12 +97,9 @@ ENTRIES = {
     "markers": Entry(markers, lambda: {"slots": np.arange(BODIES), "ids": np.arange(BODIES), "gone": np.arange(2)},
         rows=("gone",), within=OF_SLOTS),
     "distances_outside": Entry(
-        CORE.distances_outside, lambda: {"kept": np.eye(3), "points": np.ones((4, 3)), "found": np.zeros(4)},
-        written=("found",), rows=("kept",),
+        CORE.distances_outside, lambda: {"kept": np.eye(3), "points": np.ones((4, 3))}, rows=("kept", "points"),
     ),
-    "Shapes": Entry(CORE.Shapes, lambda: {
-        "shapes": as_bytes(np.zeros(2, SHAPE)), "parts": as_bytes(np.zeros(2, SHAPE)), "vertices": zeros(3, 2),
-    }, rows=("shapes", "parts", "vertices")),
+    "BodyShape.hull": Entry(BodyShape.hull, lambda: {"points": TETRAHEDRON}, rows=("points",)),
     "first_fault": Entry(CORE.first_fault, faults),
     "extrapolated": Entry(CORE.extrapolated, lambda: {"states": zeros(13), "duration": 0.1}, rows=("states",)),
     "blended": Entry(CORE.blended, lambda: {"states": zeros(13), "targets": zeros(13), "share": 0.5}),

@@ -6,39 +6,18 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, Soil, World
-from smartmesh_ros.core import CORE, as_bytes
+from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.shapes import DIMENSIONS
-from smartmesh_ros.patches.shapes import SHAPE, ShapeKind
 from smartmesh_ros.world.state_table import LIMITS
-from tests.core.body_entries import BODIES, above_grid, bodies, faults, search_patches, soil, zeros
+from tests.core.body_entries import BODIES, above_grid, bodies, faults, search_patches, soil
 from tests.core.entries import REFUSED
 
 
-def search(table: np.ndarray, parts: np.ndarray) -> None:
-    """Search for the patch of one body with a shape of these tables."""
-    given = bodies() | {"shapes": CORE.Shapes(as_bytes(table), as_bytes(parts), zeros(3, 4))}
-    search_patches(**given | {"slots": np.zeros(1, np.int64)}, always=np.ones(BODIES, bool), time=0.0)
-
-
-@pytest.mark.parametrize(
-    ("first", "rows"), [(-1, 1), (0, 0), (0, -1), (0, 5), (4, 1), (2**62, 2**62), (-(2**63), 2**63 - 1)]
-)
-@pytest.mark.parametrize("kind", [ShapeKind.HULL, ShapeKind.COMPOUND])
-def test_shapes_that_name_what_is_not_there_are_refused(kind: ShapeKind, first: int, rows: int) -> None:
-    table = np.zeros(1, SHAPE)
-    table["kind"], table["first"], table["rows"] = kind, first, rows
-    with pytest.raises(REFUSED):
-        search(table, np.zeros(4, SHAPE))
-
-
-@pytest.mark.parametrize("kind", [-1, 0, 4, 5, 7, max(ShapeKind) + 1, 2**62, ShapeKind.COMPOUND])
-@pytest.mark.parametrize("is_part", [False, True])
-def test_shapes_of_no_kind_and_compounds_of_compounds_are_refused(kind: int, *, is_part: bool) -> None:
-    table, parts = np.zeros(1, SHAPE), np.zeros(1, SHAPE)
-    table["kind"], table["rows"] = (ShapeKind.COMPOUND, 1) if is_part else (kind, 2)
-    parts["kind"], parts["rows"] = kind, 1
-    with pytest.raises(REFUSED):
-        search(table, parts)
+def test_each_slot_that_is_searched_has_a_shape() -> None:
+    given = bodies() | {"always": np.ones(BODIES, bool), "owners": np.arange(BODIES), "time": 0.0}
+    for shapes in ([], given["shapes"][1:], [None] * BODIES, [1] * BODIES):
+        with pytest.raises(REFUSED):
+            search_patches(**given | {"shapes": shapes})
 
 
 @pytest.mark.parametrize("kind", [0, len(DIMENSIONS), 255])
@@ -65,12 +44,10 @@ def test_messages_that_end_too_soon_are_refused(at: int, byte: int) -> None:
     assert CORE.split_bodies(np.full(500, byte, np.uint8), at, rows) is None
 
 
-@pytest.mark.parametrize("kind", [0, 4, 5, 7, 8, 9, -1, 2**62, -(2**63)])
-def test_undersides_of_shapes_that_do_not_press_are_refused(kind: int) -> None:
-    given = above_grid()
-    given["record"].view(SHAPE)["kind"] = kind
-    with pytest.raises(REFUSED):
-        CORE.shape_above_grid(**given)
+def test_hulls_and_compounds_have_no_undersides_to_press_with() -> None:
+    for shape in bodies()["shapes"][1:]:
+        with pytest.raises(REFUSED):
+            CORE.shape_above_grid(**above_grid() | {"shape": shape})
 
 
 @pytest.mark.parametrize("spacing", [0.0, -1.0, np.nan, 1e-3])

@@ -11,7 +11,7 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.patches.shapes import SHAPE
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.terrain.motion import CLOCK, INTERVALS_KEPT, KEPT
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts
@@ -141,7 +141,7 @@ def test_slots_that_nobody_has_are_refused(ground: Any, slot: int) -> None:
     for wrong in (
         lambda: ground.detach(slot),
         lambda: ground.read(np.array([slot], np.int64), states),
-        lambda: ground.attach(slot, 0, -1, 0),  # PyBullet has no body
+        lambda: ground.attach(slot, 0, -1, 0, BodyShape.ball(0.1)),  # PyBullet has no body
         lambda: ground.drive(slot, (0.0, 1.0, 0.0), 1.0),
         lambda: ground.wake(slot),
         lambda: ground.is_asleep(slot),
@@ -151,12 +151,10 @@ def test_slots_that_nobody_has_are_refused(ground: Any, slot: int) -> None:
             wrong()
 
 
-def test_tiles_shapes_and_plugins_that_do_not_fit_are_refused(ground: Any) -> None:
+def test_tiles_and_plugins_that_do_not_fit_are_refused(ground: Any) -> None:
     for wrong in (None, [], CORE.Deck()):
         with pytest.raises((*REFUSED, RuntimeError)):
             ground.set_tiles(wrong)
-        with pytest.raises((*REFUSED, RuntimeError)):
-            ground.set_shapes(wrong)
     for tiles in NO_TILES:
         with pytest.raises((*REFUSED, RuntimeError)):
             CORE.Tiles().set_tiles(tiles)
@@ -268,8 +266,7 @@ def test_a_lattice_may_be_smaller_than_the_map_and_does_not_know_points_that_are
         assert not CORE.moved_as_one(**(lattice() | {"cells": np.full((8, 14, 2), cell)}))
 
 
-@pytest.mark.parametrize("record", [CLOCK, SHAPE])
-def test_each_byte_of_a_shared_record_belongs_to_one_field(record: Any) -> None:
+def test_each_byte_of_a_clock_belongs_to_one_field() -> None:
     """So that a field that is added, or changes places, is the same one on both sides."""
-    bytes_of = [range(place, place + kind.itemsize) for kind, place in record.fields.values()]
-    assert sorted(byte for field in bytes_of for byte in field) == list(range(record.itemsize))
+    bytes_of = [range(place, place + kind.itemsize) for kind, place in CLOCK.fields.values()]
+    assert sorted(byte for field in bytes_of for byte in field) == list(range(CLOCK.itemsize))

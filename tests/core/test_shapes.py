@@ -9,7 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros.patches.shapes import MOST_GROWTH, BodyShape, ball, box, capsule, compound, cylinder, hull
+from smartmesh_ros.core import CORE
+from smartmesh_ros.core.body_shape import BodyShape
+from smartmesh_ros.world.robots.hull_vertices import MOST_OUTSIDE, fewer_vertices
 from tests.bodies import lowest_of, random_turn, rotation
 from tests.core.contact_cases import IDENTITY, coal_hull, coal_triangle, distance, wheel
 from tests.examples import examples
@@ -22,16 +24,16 @@ def simple(name: str, rng: np.random.Generator) -> tuple[BodyShape, Part]:
     a, b, c = (0.2 * np.exp(rng.uniform(-1.5, 0.5, 3))).tolist()
     offset, turn = rng.normal(scale=0.1, size=3), random_turn(rng)
     if name == "ball":
-        return ball(a, offset), (coal.Sphere(a), offset, turn)
+        return BodyShape.ball(a, offset), (coal.Sphere(a), offset, turn)
     if name == "capsule":
-        return capsule(a, b, offset, turn), (coal.Capsule(a, b), offset, turn)
+        return BodyShape.capsule(a, b, offset, turn), (coal.Capsule(a, b), offset, turn)
     if name == "box":
-        return box((a, b, c), offset, turn), (coal.Box(a, b, c), offset, turn)
+        return BodyShape.box((a, b, c), offset, turn), (coal.Box(a, b, c), offset, turn)
     if name == "cylinder":
-        return cylinder(a, b, offset, turn), (coal.Cylinder(a, b), offset, turn)
+        return BodyShape.cylinder(a, b, offset, turn), (coal.Cylinder(a, b), offset, turn)
     points = wheel(a, 0.5 * a) if name == "wheel" else rng.normal(size=(int(rng.integers(4, 40)), 3)) * (a, b, c)
     placed = points @ rotation(turn).T + offset
-    return hull(placed), (coal_hull(points), offset, turn)
+    return BodyShape.hull(placed), (coal_hull(points), offset, turn)
 
 
 def shape_named(name: str, rng: np.random.Generator) -> tuple[BodyShape, list[Part]]:
@@ -39,7 +41,7 @@ def shape_named(name: str, rng: np.random.Generator) -> tuple[BodyShape, list[Pa
         made, part = simple(name, rng)
         return made, [part]
     made_parts = [simple(kind, rng) for kind in ("box", "ball", "hull", "cylinder")]
-    return compound([made for made, _ in made_parts]), [part for _, part in made_parts]
+    return BodyShape.compound([made for made, _ in made_parts]), [part for _, part in made_parts]
 
 
 SHAPES = ("ball", "capsule", "box", "cylinder", "wheel", "hull", "compound")
@@ -57,21 +59,35 @@ def true_distance(parts: list[Part], position: np.ndarray, turn: np.ndarray) -> 
     return found
 
 
-def test_a_hull_of_many_vertices_is_replaced_by_one_of_fewer_that_holds_it() -> None:
+def test_few_vertices_of_a_hull_hold_the_others_but_for_a_millimetre() -> None:
     rng = np.random.default_rng(0)
     points = rng.normal(size=(10_000, 3))
     points *= (0.3, 0.2, 0.1) / np.linalg.norm(points, axis=1)[:, None]
-    made = hull(points)
-    assert len(made.vertices) <= 2048
-    growth = float(made.record["rounding"])
-    assert 0.0 < growth <= MOST_GROWTH
-    reduced = coal_hull(made.vertices + made.record["offset"])
+    kept = fewer_vertices(points, 64)
+    assert len(kept) <= 2048
+    reduced = coal_hull(kept)
     for point in points[:300]:
         away = distance(coal.Sphere(1e-9), coal.Transform3s(np.eye(3), point), reduced, IDENTITY)
-        assert away <= growth + 1e-6
-    few = hull(points[:40])
-    assert len(few.vertices) == 40
-    assert few.record["rounding"] == 0.0
+        assert away <= MOST_OUTSIDE + 1e-6
+    assert len(fewer_vertices(points[:40], 64)) == 40
+
+
+def test_few_vertices_of_a_disc_hold_the_others() -> None:
+    angles = np.linspace(0.0, 2.0 * np.pi, 1000, endpoint=False)
+    kept = fewer_vertices(np.column_stack([np.cos(angles), np.sin(angles), 0.0 * angles]), 8)
+    around = np.sort(np.arctan2(kept[:, 1], kept[:, 0]))
+    assert 1.0 - np.cos(0.5 * np.diff(around).max()) <= MOST_OUTSIDE
+
+
+@examples(50)
+@given(seeds)
+def test_distances_from_a_hull_are_those_of_coal(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    kept, points = rng.normal(size=(int(rng.integers(4, 30)), 3)), rng.normal(scale=1.5, size=(20, 3))
+    found = CORE.distances_outside(kept, points)
+    for point, away in zip(points, found, strict=True):
+        true = distance(coal.Sphere(1e-9), coal.Transform3s(np.eye(3), point), coal_hull(kept), IDENTITY)
+        assert away == pytest.approx(max(true, 0.0), abs=1e-5)
 
 
 @examples(100)

@@ -10,8 +10,9 @@ import pybullet_data
 import pytest
 
 from smartmesh_ros import Box, Capsule, Cylinder, Ground, HeightMap, Sphere
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.body_shapes import read_shapes
-from smartmesh_ros.patches.shapes import BodyShape, ShapeKind
+from smartmesh_ros.ground.shapes import ShapeKind
 from tests import urdfs
 from tests.bodies import lowest_of, put
 
@@ -32,7 +33,7 @@ def test_a_shape_given_is_the_shape_read(client: Any, shape: Any, maximal: bool)
     body = put(client, shape, (0.0, 0.0, 0.0), useMaximalCoordinates=maximal)
     given_, read = shape.body_shape, read_shape(client, body)
     for name in ("kind", "half", "rounding", "offset", "radius"):
-        np.testing.assert_allclose(read.record[name], given_.record[name], atol=1e-9)
+        np.testing.assert_allclose(getattr(read, name), getattr(given_, name), atol=1e-9)
     assert read.radius == pytest.approx(shape.bounding_radius)
     assert (read.kind == ShapeKind.BALL) == isinstance(shape, Sphere)
 
@@ -93,7 +94,7 @@ def test_a_mesh_of_vertices_is_their_hull(client: Any) -> None:
     body = client.createMultiBody(1.0, client.createCollisionShape(pb.GEOM_MESH, vertices=CORNERS))
     shape = read_shape(client, body)
     assert shape.kind == ShapeKind.HULL
-    np.testing.assert_allclose(shape.record["half"], (0.1, 0.2, 0.3), atol=1e-6)
+    np.testing.assert_allclose(shape.half, (0.1, 0.2, 0.3), atol=1e-6)
 
 
 def obj_file(folder: Path) -> Path:
@@ -116,8 +117,8 @@ def test_a_mesh_of_several_objects_is_their_compound(client: Any, tmp_path: Path
     body = client.loadURDF(str(robot))
     shape = read_shape(client, body)
     assert [part.kind for part in shape.parts] == [ShapeKind.HULL] * 2
-    np.testing.assert_allclose(shape.record["half"], (0.6, 0.2, 0.1), atol=2.0 * HULL_MARGIN)
-    np.testing.assert_allclose(shape.record["offset"], (0.6, 0.2, -0.1), atol=2.0 * HULL_MARGIN)
+    np.testing.assert_allclose(shape.half, (0.6, 0.2, 0.1), atol=2.0 * HULL_MARGIN)
+    np.testing.assert_allclose(shape.offset, (0.6, 0.2, -0.1), atol=2.0 * HULL_MARGIN)
 
 
 def test_a_body_without_a_shape_has_no_size(client: Any) -> None:

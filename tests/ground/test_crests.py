@@ -9,9 +9,9 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.core import _core
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.config import set_up
 from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.patches.shapes import hull
 from smartmesh_ros.terrain.grid import FloatArray
 from tests.bodies import rotation
 
@@ -94,7 +94,7 @@ def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool,
         if speed > 0.0:
             way = rotation(tuple(turn)) @ (speed, 0.0, 0.0)
             client.resetBaseVelocity(body, way.tolist(), rng.normal(0.0, speed, 3).tolist())
-        ground.attach(body, shape=Box(*(2.0 * half)) if is_box else hull(points))
+        ground.attach(body, shape=Box(*(2.0 * half)) if is_box else BodyShape.hull(points))
         line = np.column_stack([np.zeros(81), np.linspace(y - 0.5, y + 0.5, 81), np.full(81, TOP)])
         bodies.append((body, line, planes_of(points)))
     deepest = 0.0

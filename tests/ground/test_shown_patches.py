@@ -10,8 +10,8 @@ from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros import Deck, HeightMap, MotionConfig, Terrain
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.shown_patches import PatchTable
-from smartmesh_ros.patches.shapes import BodyShape, ball, box
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.bodies import rotation
@@ -97,7 +97,12 @@ def same(one: PatchTable, other: PatchTable) -> None:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
 
-SHAPES: list[BodyShape] = [ball(0.15), box((0.3, 0.2, 0.1)), ball(0.4), ball(0.05)]
+SHAPES: list[BodyShape] = [
+    BodyShape.ball(0.15),
+    BodyShape.box((0.3, 0.2, 0.1)),
+    BodyShape.ball(0.4),
+    BodyShape.ball(0.05),
+]
 
 
 @examples(40)

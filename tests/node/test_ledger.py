@@ -17,9 +17,9 @@ from smartmesh_msgs.msg import BodyFailure, BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, SpawnBodies
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.shapes import ShapeKind
 from smartmesh_ros.node.fleet.calls import Calls, specification_of
 from smartmesh_ros.node.fleet.ledger import Duties, Entry, LastState, Ledger, LedgerConfig
-from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.world.state_table import StateTable
 
 NODES = ["a", "b", "c"]

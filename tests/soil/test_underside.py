@@ -9,19 +9,19 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros.core import CORE, as_bytes
-from smartmesh_ros.patches.shapes import BodyShape, ball, box, capsule, cylinder
+from smartmesh_ros.core import CORE
+from smartmesh_ros.core.body_shape import BodyShape
 
 SHAPES: dict[str, tuple[dict[str, Any], Callable[..., BodyShape]]] = {
-    "box": ({"shapeType": pb.GEOM_BOX, "halfExtents": [0.3, 0.2, 0.1]}, partial(box, (0.6, 0.4, 0.2))),
-    "ball": ({"shapeType": pb.GEOM_SPHERE, "radius": 0.25}, lambda orientation: ball(0.25)),
-    "cylinder": ({"shapeType": pb.GEOM_CYLINDER, "radius": 0.2, "height": 0.3}, partial(cylinder, 0.2, 0.3)),
-    "capsule": ({"shapeType": pb.GEOM_CAPSULE, "radius": 0.1, "height": 0.3}, partial(capsule, 0.1, 0.3)),
+    "box": ({"shapeType": pb.GEOM_BOX, "halfExtents": [0.3, 0.2, 0.1]}, partial(BodyShape.box, (0.6, 0.4, 0.2))),
+    "ball": ({"shapeType": pb.GEOM_SPHERE, "radius": 0.25}, lambda orientation: BodyShape.ball(0.25)),
+    "cylinder": ({"shapeType": pb.GEOM_CYLINDER, "radius": 0.2, "height": 0.3}, partial(BodyShape.cylinder, 0.2, 0.3)),
+    "capsule": ({"shapeType": pb.GEOM_CAPSULE, "radius": 0.1, "height": 0.3}, partial(BodyShape.capsule, 0.1, 0.3)),
 }
 
 
 def above_grid(shape: BodyShape, xy: np.ndarray, spacing: float) -> Any:
-    return CORE.shape_above_grid(as_bytes(shape.record.reshape(1)), xy, spacing)
+    return CORE.shape_above_grid(shape, xy, spacing)
 
 
 @pytest.mark.parametrize("kind", SHAPES)

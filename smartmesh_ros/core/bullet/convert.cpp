@@ -13,8 +13,7 @@ namespace {
 // Returns a shape along z, laid along another axis. PyBullet makes none of these, but reads them from files of
 // Bullet's.
 Convex along_axis(Convex shape, int axis) {
-  constexpr Quaternion from_z[3] = {{0.5, 0.5, 0.5, 0.5}, {-0.5, -0.5, -0.5, 0.5}, {0.0, 0.0, 0.0, 1.0}};
-  shape.orientation = from_z[axis];
+  shape.orientation = FROM_Z[axis];
   return shape;
 }
 

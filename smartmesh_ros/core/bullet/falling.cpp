@@ -12,16 +12,14 @@ Falls BulletWorld::check_falls(double now, double depth) {
   for (const OfBody& body : bodies_) {
     for (const Role& role : body.roles) {
       Slot& slot = slots_[role.slot];
-      const Shape* shape = shape_of(role.slot);
-      if (role.is_proxy || !slot.kind.is_own || slot.rest.asleep || slot.object == nullptr || shape == nullptr)
-        continue;
+      if (role.is_proxy || !slot.kind.is_own || slot.rest.asleep || slot.object == nullptr) continue;
       const Vec3 at = from_bullet(slot.object->getWorldTransform().getOrigin());
       const double ground = reader.at(at.x, at.y).height;
       const bool is_over = !std::isnan(ground);
       if (is_over || std::isnan(slot.last_ground.z)) slot.last_ground = {at.x, at.y, is_over ? ground : at.z};
       const double under = slot.last_ground.z - at.z;
       const bool fell = slot.falls;
-      slot.falls = !is_over && under > shape->radius;
+      slot.falls = !is_over && under > slot.body_shape->radius;
       if (slot.falls && !fell) found.begun.push_back(role.slot);
       if (!is_over && under > depth) found.lost.push_back(role.slot);  // one below ground is put back onto it
       break;                                                           // of a robot, its first link counts

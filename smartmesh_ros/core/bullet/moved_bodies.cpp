@@ -77,12 +77,6 @@ void set_velocity_of_base(btCollisionObject& object, const btVector3& velocity) 
 
 }  // namespace
 
-const Shape* BulletWorld::shape_of(int slot) const {
-  if (shapes == nullptr || slot >= shapes->shape_count) return nullptr;
-  const Shape& shape = shapes->shapes[slot];
-  return shapes->has_all_of(shape) ? &shape : nullptr;
-}
-
 std::vector<bool> BulletWorld::find_touching() {
   std::vector<bool> found(slots_.size(), false);
   btDispatcher& dispatcher = *world_->getDispatcher();
@@ -111,13 +105,11 @@ void BulletWorld::move_with_corrections() {
       const Slot& slot = slots_[role.slot];
       if (role.is_proxy || !slot.kind.is_solid || slot.rest.asleep || slot.object == nullptr) continue;
       if (object == nullptr) object = slot.object, pose = body_pose(base_of(*object));
-      const Shape* shape = shape_of(role.slot);
-      if (shape == nullptr) continue;
-      place_shape(*shapes, *shape, body_pose(slot.object->getWorldTransform()), solid_);
+      const BodyPose now = body_pose(slot.object->getWorldTransform());
       for (const auto& [map, shown] : corrections_) {
         HeightGrid before = *map;
         before.shown = shown;
-        add_points_under(before, *map, time, solid_, stands[role.slot], pose.at, sums);
+        add_points_under(before, *map, time, *slot.body_shape, now, stands[role.slot], pose.at, sums);
       }
     }
     if (object == nullptr || is_fixed(*object) || !move_with(sums, pose)) continue;
@@ -128,7 +120,7 @@ void BulletWorld::move_with_corrections() {
 
 GroundPoint BulletWorld::ground_above_middle(int slot, GroundReader& reader) const {
   const Slot& it = slots_[slot];
-  const Vec3 middle = Solid(*shape_of(slot), body_pose(it.object->getWorldTransform())).centre;
+  const Vec3 middle = Solid(it.body_shape->outline, body_pose(it.object->getWorldTransform())).centre;
   return ground_above(reader, middle, it.body);
 }
 
@@ -137,7 +129,7 @@ std::vector<int> BulletWorld::find_below() {
   GroundReader reader = terrain->reader(time, INSTANT);
   std::vector<int> found;
   for (int k = 0; k < static_cast<int>(slots_.size()); ++k) {
-    if (!slots_[k].kind.is_own || slots_[k].object == nullptr || shape_of(k) == nullptr) continue;
+    if (!slots_[k].kind.is_own || slots_[k].object == nullptr) continue;
     if (!std::isnan(ground_above_middle(k, reader).height)) found.push_back(k);
   }
   return found;
@@ -162,11 +154,11 @@ void BulletWorld::lift_bodies() {
   std::map<int, Lift> lifts;  // robots as a whole, by the largest lift of their links
   GroundReader reader = terrain->reader(time, INSTANT);
   for (int k : maybe_below_) {
-    if (slots_[k].object == nullptr || shape_of(k) == nullptr) continue;
+    if (slots_[k].object == nullptr) continue;
     const GroundPoint ground = ground_above_middle(k, reader);
     if (std::isnan(ground.height)) continue;
-    place_shape(*shapes, *shape_of(k), body_pose(slots_[k].object->getWorldTransform()), solid_);
-    const Lift lift{ground.height - solid_.lowest(), ground.velocity.z};
+    const BodyPose pose = body_pose(slots_[k].object->getWorldTransform());
+    const Lift lift{ground.height - slots_[k].body_shape->lowest(pose), ground.velocity.z};
     const auto [known, is_new] = lifts.try_emplace(slots_[k].body, lift);
     if (!is_new && lift.by > known->second.by) known->second = lift;
   }

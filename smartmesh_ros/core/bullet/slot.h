@@ -14,6 +14,7 @@
 #include "bullet/soil_in_step.h"
 #include "contact/deck_contacts.h"
 #include "ground/tiles.h"
+#include "shape/body_shape.h"
 
 namespace smartmesh {
 
@@ -47,9 +48,10 @@ struct Slot {
   btRigidBody* ground = nullptr;             // of the proxy, likewise
   btCollisionShape* shape_before = nullptr;  // of the proxy
   std::unique_ptr<GroundShape> shape;
-  Vec3 linear, angular;           // of the body [m/s], [rad/s]
-  NearbyGround near;              // in this step
-  std::vector<NearbyDeck> decks;  // likewise
+  std::optional<BodyShape> body_shape;  // of each slot in use
+  Vec3 linear, angular;                 // of the body [m/s], [rad/s]
+  NearbyGround near;                    // in this step
+  std::vector<NearbyDeck> decks;        // likewise
   Vec3 pull;            // what gravity and applied forces added to a rigid body's velocity in the last step [m/s]
   Vec3 ground_angular;  // of the ground at a contact that has rolling or spinning friction, in the last step [rad/s]
   Vec3 last_ground{0.0, 0.0, std::numeric_limits<double>::quiet_NaN()};  // as of `check_falls`; z NaN = none yet

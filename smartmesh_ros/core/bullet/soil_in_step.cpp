@@ -21,14 +21,15 @@ double along(const Vec3& v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y
 
 }  // namespace
 
-PressingShape pressing_shape(const Convex& convex) {
-  if (convex.kind != ShapeKind::Hull) return {convex, {}};
+Shape pressing_shape(const Convex& convex) {
+  Shape found = convex;
+  found.offset = {}, found.orientation = {};
+  if (convex.kind != ShapeKind::Hull) return found;
   Bounds bounds;
   for (const Vec3& vertex : convex.core.vertices) bounds.add(vertex);
   const Vec3 centre = (bounds.low + bounds.high) * 0.5, half = (bounds.high - bounds.low) * 0.5;
   const double margin = convex.rounding;
-  PressingShape found;
-  found.pose.at = centre;
+  found.offset = centre, found.rounding = 0.0;
   for (int axis = 0; axis < 3; ++axis) {
     const int one = (axis + 1) % 3, other = (axis + 2) % 3;
     const double radius = std::max(along(half, one), along(half, other));
@@ -38,20 +39,19 @@ PressingShape pressing_shape(const Convex& convex) {
           return ON_RIM * radius < out && out < radius / ON_RIM;
         });
     if (!is_round) continue;
-    found.shape.kind = ShapeKind::Cylinder;
-    found.shape.half = {radius + margin, radius + margin, along(half, axis) + margin};
-    const Mat3 identity;
-    found.pose.rotation = transpose({{identity.row[one], identity.row[other], identity.row[axis]}});
+    found.kind = ShapeKind::Cylinder;
+    found.half = {radius + margin, radius + margin, along(half, axis) + margin};
+    found.orientation = FROM_Z[axis];
     return found;
   }
-  found.shape.kind = ShapeKind::Box;
-  found.shape.half = half + Vec3{margin, margin, margin};
+  found.kind = ShapeKind::Box;
+  found.half = half + Vec3{margin, margin, margin};
   return found;
 }
 
 MovingSolid SoilInStep::moving(const SoilPart& part, const Pose& pose, const OnSoil& on) const {
   MovingSolid found;
-  found.solid.shape = &part.shape.shape;
+  found.solid.shape = &part.shape;
   found.solid.centre = pose.at - Vec3{0.0, 0.0, on.soil.rise};
   found.solid.axes = transpose(pose.rotation);
   found.linear = on.approach.velocity_at(pose.at);
@@ -84,7 +84,7 @@ SoilMotion SoilInStep::motion_at(const Vec3& point, double time, double ahead) c
 void SoilInStep::touch(const Convex& convex, const Pose& pose, const OnSoil& on, const std::vector<OldContact>& before,
                        SoilPart& part, std::vector<Contact>& contacts, std::vector<ContactRow>& rows) {
   if (part.step == 0) part.shape = pressing_shape(convex);
-  const Pose now = pose * part.shape.pose;
+  const Pose now = pose * pose_of(part.shape);
   part.pose = seen_from(on.pose, now);
   const MovingSolid solid = moving(part, now, on);
   const double dt = on.approach.duration;

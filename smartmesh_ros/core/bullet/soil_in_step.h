@@ -9,18 +9,14 @@
 
 namespace smartmesh {
 
-// A convex shape as it presses the soil: a box, ball, cylinder or capsule, or the cylinder or box around a hull.
-// `pose`: of its frame in that of the convex shape.
-struct PressingShape {
-  Shape shape;
-  Pose pose;
-};
-PressingShape pressing_shape(const Convex& convex);
+// Returns how a convex shape presses the soil, placed in its frame: a box, ball, cylinder or capsule as itself, a hull
+// as the cylinder or box around it.
+Shape pressing_shape(const Convex& convex);
 
 // A part of a body that came near the soil.
 struct SoilPart {
-  PressingShape shape;
-  Pose pose;  // of the pressing shape in the body's frame
+  Shape shape;  // as it presses the soil
+  Pose pose;    // of the pressing shape in the body's frame
   ShearedRim rim;
   SoilSums sums;
   Vec3 at;                   // its middle after the last step [m]

@@ -30,7 +30,6 @@ void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   soil = nullptr;
   ++worlds_;
   owned = drawn = false;
-  shapes = nullptr;
   rescues_ = 0;
   slots_.clear();
   bodies_.clear();
@@ -75,7 +74,7 @@ void BulletWorld::release() {
     if (slots_[k].used) detach(static_cast<int>(k));
   terrain = &nothing_;
   rules_ = {};
-  soil = nullptr, shapes = nullptr;
+  soil = nullptr;
   owned = drawn = false;
 }
 
@@ -84,7 +83,7 @@ BulletWorld::OfBody& BulletWorld::of_body(int body) {
   return bodies_[body];
 }
 
-bool BulletWorld::attach(int index, int body, int link, int proxy) {
+bool BulletWorld::attach(int index, int body, int link, int proxy, const BodyShape& shape) {
   btCollisionObject* object = find(body, link);
   btCollisionObject* found = proxy < 0 ? nullptr : find(proxy, -1);
   btRigidBody* ground = found == nullptr ? nullptr : btRigidBody::upcast(found);
@@ -98,6 +97,7 @@ bool BulletWorld::attach(int index, int body, int link, int proxy) {
   slot.body = body, slot.link = link, slot.proxy = proxy;
   slot.object = object, slot.ground = ground;
   slot.kind.is_solid = ground != nullptr;
+  slot.body_shape = shape;
   slot.rest.radius = bounding_radius(*object);
   of_body(body).roles.push_back({index, false});
   ++sleep_changes_, objects_known_ = -1;

@@ -41,11 +41,10 @@ struct Falls {
 
 class BulletWorld {
  public:
-  Tiles* terrain = &nothing_;          // belongs to Python
-  const ShapeTable* shapes = nullptr;  // of the bodies by slot; belongs to Python
-  double time = 0.0;                   // at the start of the next step [s]
-  double duration = 0.0;               // of a step [s]
-  double margin = 0.001;               // distance up to which contacts are found beside the motion of a step [m]
+  Tiles* terrain = &nothing_;  // belongs to Python
+  double time = 0.0;           // at the start of the next step [s]
+  double duration = 0.0;       // of a step [s]
+  double margin = 0.001;       // distance up to which contacts are found beside the motion of a step [m]
 
   // Finds its Bullet world at a `place` of the server's memory.
   explicit BulletWorld(WorldPlace place);
@@ -62,8 +61,9 @@ class BulletWorld {
   // Number of worlds that the client has had; `resetSimulation` makes a new one.
   int worlds() const { return worlds_; }
 
-  // Puts a body's link and its `proxy` (-1 = none) into an unused slot; false if PyBullet has no such objects.
-  bool attach(int slot, int body, int link, int proxy);
+  // Puts a body's link and its `proxy` (-1 = none) into an unused slot; false if PyBullet has no such objects. `shape`:
+  // what lifting, corrections and falls take the link for.
+  bool attach(int slot, int body, int link, int proxy, const BodyShape& shape);
   void set_kind(int slot, const SlotKind& kind) { slots_[slot].kind = kind; }
   void detach(int slot);
   bool has(int slot) const { return slot >= 0 && slot < static_cast<int>(slots_.size()) && slots_[slot].used; }
@@ -179,8 +179,6 @@ class BulletWorld {
   void read_velocity(Slot& slot) const;
   void place_proxies();
   void place(Slot& slot);
-  // Returns the shape of the body in a slot; null if it is not known.
-  const Shape* shape_of(int slot) const;
   GroundPoint ground_above_middle(int slot, GroundReader& reader) const;
   void move_with_corrections();
   void lift_bodies();
@@ -289,7 +287,6 @@ class BulletWorld {
   Tiles nothing_;  // the ground without tiles
   std::vector<MapCorrection> corrections_;
   std::vector<int> maybe_below_;  // slots of bodies that may be below the ground
-  BodySolid solid_;
   long rescues_ = 0;
   std::vector<int> corrected_;  // bodies on ground that may have been corrected, in a step
   btVector3 gravity_{0.0, 0.0, 0.0};

@@ -140,11 +140,9 @@ void BulletWorld::place(Slot& slot) {
   const Bounds swept = Bounds{from_bullet(low), from_bullet(high)}.grown(grown);
   const NearbyGround& near = slot.near = terrain->near(swept, time, duration);
   if (slot.kind.is_own) {
-    const int index = static_cast<int>(&slot - slots_.data());
-    const Shape* shape = shape_of(index);
     const bool has_decks = !terrain->decks().empty();  // which are ground above bodies that are far below
-    if (shape != nullptr && (has_decks || near.highest > Solid(*shape, body_pose(pose)).centre.z))
-      maybe_below_.push_back(index);
+    if (has_decks || near.highest > Solid(slot.body_shape->outline, body_pose(pose)).centre.z)
+      maybe_below_.push_back(static_cast<int>(&slot - slots_.data()));
   }
   double moved = (norm(near.velocity) + near.spread) * duration;
   const double by_decks = terrain->decks().empty() ? -1.0 : find_decks(slot, swept);

@@ -67,8 +67,8 @@ struct Sample {
 // (0, 0) at the last map; z is added to every height. `yaw` [rad]: of the grid. `max_velocity` [m/s], `settle` [s]: see
 // MotionConfig in terrain/motion.py. `noise` [m]: standard deviation of the heights for the estimation of velocities.
 // `smoothing` [map intervals]: see MotionConfig. `shown` [s]: instant up to which the ground was shown to bodies,
-// infinity before; corrections are blended in up to then, all of them at `settled` [s]. `variances` (rows, columns) [m^2]: of fused heights; null:
-// exact.
+// infinity before; corrections are blended in up to then, all of them at `settled` [s]. `variances` (rows, columns)
+// [m^2]: of fused heights; null: exact.
 struct HeightGrid {
   float* heights = nullptr;
   float* velocities = nullptr;

@@ -29,4 +29,7 @@ inline Mat3 axes_of(const Quaternion& q) {
   return {{rotated(q, {1.0, 0.0, 0.0}), rotated(q, {0.0, 1.0, 0.0}), rotated(q, {0.0, 0.0, 1.0})}};
 }
 
+// Orientations of what is along z, laid along x, y and z.
+constexpr Quaternion FROM_Z[3] = {{0.5, 0.5, 0.5, 0.5}, {-0.5, -0.5, -0.5, 0.5}, {0.0, 0.0, 0.0, 1.0}};
+
 }  // namespace smartmesh

@@ -55,7 +55,6 @@ NB_MODULE(_core, m) {
   m.def("next_revision", &next_revision);
   nb::set_leak_warnings(false);  // a ground may live until the process ends
   m.attr("CLOCK") = nb::make_tuple(sizeof(Clock), clock_layout());
-  m.attr("SHAPE") = nb::make_tuple(sizeof(Shape), shape_layout());
   nb::class_<Grid>(m, "Grid")
       .def(nb::init<int, int>(), "rows"_a, "columns"_a)
       .def_prop_ro("heights", [](nb::object self) { return samples_of(self, &HeightGrid::heights); })

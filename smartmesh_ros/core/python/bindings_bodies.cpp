@@ -1,30 +1,105 @@
-// What Python sees of shapes of bodies, and the ground near them.
+// What Python sees of shapes of bodies.
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/vector.h>
 
-#include "python/body_tables.h"
-#include "shape/gap.h"
+#include "python/tables.h"
+#include "shape/body_shape.h"
+#include "shape/hull_distance.h"
 
 namespace smartmesh {
 namespace {
 
+using Triple = std::array<double, 3>;
+using Quadruple = std::array<double, 4>;
+constexpr Triple CENTRE{0.0, 0.0, 0.0};
+constexpr Quadruple UNROTATED{0.0, 0.0, 0.0, 1.0};
+
+Vec3 vector_of(const Triple& v) { return {v[0], v[1], v[2]}; }
+Triple numbers_of(const Vec3& v) { return {v.x, v.y, v.z}; }
+BodyPose pose_at(const Triple& offset, const Quadruple& q) { return {vector_of(offset), {q[0], q[1], q[2], q[3]}}; }
+
+BodyShape primitive(ShapeKind kind, const Vec3& half, double rounding, const Triple& offset, const Quadruple& q) {
+  return BodyShape({primitive_part(kind, half, rounding, pose_at(offset, q))});
+}
+
+std::vector<Vec3> points_of(const Doubles2& points) {
+  const Vec3* first = records_of<Vec3>(points, "points");
+  if (points.shape(0) == 0) throw std::invalid_argument("a hull has at least one point");
+  return {first, first + points.shape(0)};
+}
+
+BodyShape compound(const std::vector<BodyShape>& shapes) {
+  std::vector<ShapePart> parts;
+  for (const BodyShape& shape : shapes) parts.insert(parts.end(), shape.parts.begin(), shape.parts.end());
+  if (parts.empty()) throw std::invalid_argument("a compound has at least one part");
+  return BodyShape(parts);
+}
+
+std::vector<BodyShape> parts_of(const BodyShape& shape) {
+  std::vector<BodyShape> found;
+  for (const ShapePart& part : shape.parts) found.push_back(BodyShape({part}));
+  return found;
+}
+
+NewTable vertices_of(const BodyShape& shape) {
+  const std::vector<Vec3> none, &vertices = shape.parts.size() == 1 ? shape.parts[0].vertices : none;
+  NewTable found = new_array<double, 2>({vertices.size(), 3});
+  std::copy(vertices.begin(), vertices.end(), reinterpret_cast<Vec3*>(found.data()));
+  return found;
+}
+
 // Returns how far points (n, 3) are outside the hull of the points `kept` (k, 3) [m], zero for those inside.
-void distances_outside(const Doubles2& kept, const Doubles2& points, const Array<double, 1>& found) {
-  check_table(kept, kept.shape(0), 3, "kept"), check_table(points, points.shape(0), 3, "points");
-  check_list(found, points.shape(0), "found");
-  require(kept.shape(0) > 0, "a hull has at least one point");
-  Shape shape;
-  shape.kind = ShapeKind::Hull, shape.rows = static_cast<std::int64_t>(kept.shape(0));
-  const Solid hull(shape, {}, rows_of<Vec3>(kept));
-  for (std::size_t k = 0; k < points.shape(0); ++k) found.data()[k] = distance_of_point(rows_of<Vec3>(points)[k], hull);
+auto distances_outside(const Doubles2& kept, const Doubles2& points) {
+  const Convex of = hull(points_of(kept), 0.0);
+  std::vector<double> found;
+  for (const Vec3& point : points_of(points)) found.push_back(distance_outside(of.core, point));
+  return array_of<double, 1>(found, {found.size()});
 }
 
 }  // namespace
 
 void add_bodies(nb::module_& m) {
-  nb::class_<Shapes>(m, "Shapes")
-      .def(nb::init<Bytes2, Bytes2, Doubles2>(), "shapes"_a.noconvert(), "parts"_a.noconvert(),
-           "vertices"_a.noconvert());
-  m.def("distances_outside", &distances_outside, "kept"_a.noconvert(), "points"_a.noconvert(), "found"_a.noconvert());
+  nb::class_<BodyShape>(m, "BodyShape")
+      .def_static(
+          "ball",
+          [](double radius, const Triple& offset) { return primitive(ShapeKind::Ball, {}, radius, offset, UNROTATED); },
+          "radius"_a, "offset"_a = CENTRE)
+      .def_static(
+          "capsule",
+          [](double radius, double height, const Triple& offset, const Quadruple& orientation) {
+            return primitive(ShapeKind::Capsule, {0.0, 0.0, 0.5 * height}, radius, offset, orientation);
+          },
+          "radius"_a, "height"_a, "offset"_a = CENTRE, "orientation"_a = UNROTATED)
+      .def_static(
+          "cylinder",
+          [](double radius, double height, const Triple& offset, const Quadruple& orientation) {
+            return primitive(ShapeKind::Cylinder, {radius, radius, 0.5 * height}, 0.0, offset, orientation);
+          },
+          "radius"_a, "height"_a, "offset"_a = CENTRE, "orientation"_a = UNROTATED)
+      .def_static(
+          "box",
+          [](const Triple& edges, const Triple& offset, const Quadruple& orientation) {
+            return primitive(ShapeKind::Box, vector_of(edges) * 0.5, 0.0, offset, orientation);
+          },
+          "edges"_a, "offset"_a = CENTRE, "orientation"_a = UNROTATED)
+      .def_static(
+          "hull",
+          [](const Doubles2& points, double rounding) { return BodyShape({hull_part(points_of(points), rounding)}); },
+          "points"_a.noconvert(), "rounding"_a = 0.0)
+      .def_static("compound", &compound, "shapes"_a)
+      .def_prop_ro("kind", [](const BodyShape& s) { return static_cast<int>(s.outline.kind); })
+      .def_prop_ro("half", [](const BodyShape& s) { return numbers_of(s.outline.half); })
+      .def_prop_ro("rounding", [](const BodyShape& s) { return s.outline.rounding; })
+      .def_prop_ro("offset", [](const BodyShape& s) { return numbers_of(s.outline.offset); })
+      .def_prop_ro("orientation",
+                   [](const BodyShape& s) {
+                     const Quaternion& q = s.outline.orientation;
+                     return Quadruple{q.x, q.y, q.z, q.w};
+                   })
+      .def_ro("radius", &BodyShape::radius)
+      .def_prop_ro("parts", &parts_of)
+      .def_prop_ro("vertices", &vertices_of);
+  m.def("distances_outside", &distances_outside, "kept"_a.noconvert(), "points"_a.noconvert());
 }
 
 }  // namespace smartmesh

@@ -8,8 +8,8 @@
 
 #include "bullet/shape_parts.h"
 #include "bullet/world.h"
-#include "python/body_tables.h"
 #include "python/soil_binding.h"
+#include "python/tables.h"
 #include "step/step_lock.h"
 
 namespace smartmesh {
@@ -23,28 +23,18 @@ struct HeldWorld {
   BulletWorld* world;
   BulletWorld* operator->() const { return world; }
 };
-// The record of SHAPE of a convex part of a shape, as bytes, and the points (n, 3) of a hull.
-using PartOfShape = std::tuple<nb::bytes, NewTable>;
 
-// Returns the parts of the shapes of a PyBullet body by link; see link_shapes.
-std::map<int, std::vector<PartOfShape>> shapes_of(int number, int body) {
+// Returns the shapes of a PyBullet body by link; see link_shapes.
+std::map<int, BodyShape> shapes_of(int number, int body) {
   const HeldWorld world{{}, world_of(number)};
   if (world.world == nullptr) throw std::runtime_error("the PyBullet client is disconnected");
-  std::map<int, std::vector<PartOfShape>> found;
-  for (const auto& [link, parts] : link_shapes(world->bullet(), body)) {
-    for (const auto& [shape, points] : parts) {
-      NewTable corners = new_array<double, 2>({points.size(), 3});
-      std::copy(points.begin(), points.end(), reinterpret_cast<Vec3*>(corners.data()));
-      found[link].emplace_back(nb::bytes(&shape, sizeof(Shape)), corners);
-    }
-  }
-  return found;
+  return link_shapes(world->bullet(), body);
 }
 
 // The ground in the client of one PyBullet server, by the number that its plugin gave.
 struct Ground {
   int number, of_world;
-  nb::object tiles, shapes, soil;  // which must outlive the world's use of them
+  nb::object tiles, soil;  // which must outlive the world's use of them
 
   explicit Ground(int of) : number(of) {
     const HeldWorld found{{}, world_of(number)};
@@ -96,12 +86,6 @@ struct Ground {
     }
     tiles = of;
   }
-  // Takes the shapes of the bodies by slot.
-  void set_shapes(nb::object of) {
-    const Shapes& wanted = nb::cast<Shapes&>(of);
-    world()->shapes = &wanted.table;
-    shapes = of;
-  }
   void set_soil(nb::object of) {
     Soil* wanted = of.is_none() ? nullptr : &nb::cast<Soil&>(of);
     {
@@ -120,11 +104,11 @@ struct Ground {
     }
     return array_of<double, 2>(sums, {sums.size() / 3, 3});
   }
-  void attach(int slot, int body, int link, int proxy) {
+  void attach(int slot, int body, int link, int proxy, const BodyShape& shape) {
     if (slot < 0 || slot > MOST_SLOTS) throw std::invalid_argument("a slot is a number from 0 to 2^24");
     const HeldWorld found = world();
     if (found->has(slot)) throw std::invalid_argument("the slot is used already");
-    if (body < 0 || link < -1 || !found->attach(slot, body, link, proxy))
+    if (body < 0 || link < -1 || !found->attach(slot, body, link, proxy, shape))
       throw std::invalid_argument("PyBullet has no such body, link or proxy");
   }
   void detach(int slot) {
@@ -305,9 +289,8 @@ void add_ground(nb::module_& m) {
       .def_prop_ro("is_there", [](const Ground& g) { return g.find_world().world != nullptr; })
       .def("take_fault", &Ground::take_fault)
       .def("set_tiles", &Ground::set_tiles, "tiles"_a)
-      .def("set_shapes", &Ground::set_shapes, "shapes"_a)
       .def("set_kind", &Ground::set_kind, "slot"_a, "solid"_a, "own"_a, "remote"_a)
-      .def("attach", &Ground::attach, "slot"_a, "body"_a, "link"_a, "proxy"_a)
+      .def("attach", &Ground::attach, "slot"_a, "body"_a, "link"_a, "proxy"_a, "shape"_a)
       .def("detach", &Ground::detach, "slot"_a)
       .def("set_sleep", &Ground::set_sleep, "after"_a, "distance"_a, "joint"_a, "change"_a, "noise"_a, "most"_a)
       .def("wake", &Ground::wake, "slot"_a)

@@ -2,12 +2,17 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
-#include "python/body_tables.h"
+#include "python/tables.h"
+#include "shape/body_shape.h"
 #include "step/deck_patches.h"
 #include "step/marker_message.h"
 
 namespace smartmesh {
 namespace {
+
+void require(bool holds, const char* what) {
+  if (!holds) throw std::invalid_argument(what);
+}
 
 constexpr std::size_t MOST_SLOTS = 1u << 24;
 // Largest radius of a body [m].
@@ -57,16 +62,17 @@ struct Patches {
     for (const DeckPatches& deck : on_decks) found = &deck.first_of(slot, *found);
     return *found;
   }
-  // Searches for the cells under the bodies in `slots` (n,) with `states` (S, 13) at `time` [s]. Each may touch ground
-  // within its bounding radius and the way that it moves in the time `ahead` [s], at most `farthest` [m]. `always`
-  // (S,): has a patch at any height. `owners` (S,): PyBullet's bodies, which have no patch on the decks that they
-  // carry.
-  void search(const Shapes& shapes, const Doubles2& states, const Slots& slots, const Array<const bool, 1>& always,
-              const Slots& owners, double time, double ahead, double farthest) {
+  // Searches for the cells under the bodies in `slots` (n,), whose `shapes` are in the same order, with `states` (S,
+  // 13) at `time` [s]. Each may touch ground within its bounding radius and the way that it moves in the time `ahead`
+  // [s], at most `farthest` [m]. `always` (S,): has a patch at any height. `owners` (S,): PyBullet's bodies, which have
+  // no patch on the decks that they carry.
+  void search(const std::vector<const BodyShape*>& shapes, const Doubles2& states, const Slots& slots,
+              const Array<const bool, 1>& always, const Slots& owners, double time, double ahead, double farthest) {
     finite(time, "the time"), finite(ahead, "ahead"), finite(farthest, "farthest");
     check_list(always, states.shape(0), "always"), check_list(owners, states.shape(0), "owners");
-    const Bodies bodies(shapes, states);
+    const BodyState* rows = records_of<BodyState>(states, "states");
     require(states.shape(0) <= MOST_SLOTS, "there are at most 2^24 slots");
+    require(shapes.size() == slots.shape(0), "each slot has a shape");
     const Slots1 chosen = slots_below(slots, states.shape(0));
     patches.resize(std::max<std::size_t>(patches.size(), states.shape(0)));
     const std::size_t surfaces = on_decks.size() + 1;
@@ -74,17 +80,17 @@ struct Patches {
     for (const DeckPatches& each : on_decks) frames.push_back(each.deck().motion.at(time));
     std::vector<std::vector<ReachingBody>> found(surfaces);
     std::vector<std::vector<std::int64_t>> searched(surfaces);
-    BodySolid body;
-    for (std::int64_t slot : chosen) {
-      bodies.place(slot, body);
-      const BodyState& state = bodies.states[slot];
+    for (std::size_t n = 0; n < chosen.size(); ++n) {
+      const std::int64_t slot = chosen[n];
+      const BodyState& state = rows[slot];
+      require(shapes[n] != nullptr, "each slot has a shape");
       for (std::size_t k = 0; k < surfaces; ++k) {
         if (k > 0 && on_decks[k - 1].deck().body >= 0 && on_decks[k - 1].deck().body == owners.data()[slot]) continue;
         const auto& [pose, velocity] = frames[k];
         const double way = std::min(norm(state.linear - frames[k].velocity_at(state.pose.at)) * ahead, farthest);
         const Vec3 up = pose.rotation * Vec3{0.0, 0.0, 1.0}, middle = pose.to_local(state.pose.at);
-        const double lowest = body.lowest(up) - dot(up, pose.at) - way;
-        const double radius = bodies.table.shapes[slot].radius + way;
+        const double lowest = shapes[n]->lowest(state.pose, up) - dot(up, pose.at) - way;
+        const double radius = shapes[n]->radius + way;
         require(std::isfinite(middle.x + middle.y + middle.z + lowest) && radius < MOST_RADIUS,
                 "a body is nowhere, or too large or fast for a patch");
         found[k].push_back({middle, lowest, radius, always.data()[slot]});

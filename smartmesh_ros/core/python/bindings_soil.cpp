@@ -1,23 +1,19 @@
 // What tests see of the undersides that press the soil.
 #include "python/bindings.h"
 #include "python/tables.h"
+#include "shape/body_shape.h"
 #include "soil/soil_shape.h"
 
 namespace smartmesh {
 namespace {
 
-void check_kind(const Shape& shape) {
-  if (!is_primitive(shape.kind))
-    throw std::invalid_argument("soil is pressed by boxes, balls, cylinders and capsules alone");
-}
-
 // Returns for points (n, 2) [m] the underside of a shape [m], its normal there, and the share of a cell that it covers,
-// (n, 5); and its half extents along columns and rows [m]. `record` (1, ...): of SHAPE, in axes of the grid. For tests.
-std::tuple<NewTable, double, double> shape_above_grid(Bytes2 record, Doubles2 points, double spacing) {
-  check_table(record, 1, sizeof(Shape), "the record"), check_table(points, points.shape(0), 2, "points");
-  const Shape& own = *records_of<Shape>(record, "the record");
-  check_kind(own);
-  const Underside shape = underside(Solid(own, {}), spacing);
+// (n, 5); and its half extents along columns and rows [m]. `of`: in axes of the grid. For tests.
+std::tuple<NewTable, double, double> shape_above_grid(const BodyShape& of, Doubles2 points, double spacing) {
+  check_table(points, points.shape(0), 2, "points");
+  if (!is_primitive(of.outline.kind))
+    throw std::invalid_argument("soil is pressed by boxes, balls, cylinders and capsules alone");
+  const Underside shape = underside(Solid(of.outline, {}), spacing);
   UndersideRow row;
   std::vector<double> found;
   for (std::size_t k = 0; k < points.shape(0); ++k) {
@@ -32,7 +28,7 @@ std::tuple<NewTable, double, double> shape_above_grid(Bytes2 record, Doubles2 po
 }  // namespace
 
 void add_soil(nb::module_& m) {
-  m.def("shape_above_grid", &shape_above_grid, "record"_a.noconvert(), "points"_a.noconvert(), "spacing"_a);
+  m.def("shape_above_grid", &shape_above_grid, "shape"_a, "points"_a.noconvert(), "spacing"_a);
 }
 
 }  // namespace smartmesh

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "map/motion.h"
-#include "shape/shape.h"
 
 namespace smartmesh {
 
@@ -30,18 +29,6 @@ inline std::vector<FieldLayout> clock_layout() {
           field("middle_2", &Clock::middle_2), field("since", &Clock::since),    field("until", &Clock::until),
           field("known", &Clock::known),       field("newest", &Clock::newest),  field("intervals", &Clock::intervals),
           field("count", &Clock::count),       field("updates", &Clock::updates)};
-}
-
-inline std::vector<FieldLayout> shape_layout() {
-  return {field("kind", &Shape::kind),
-          field("half", &Shape::half),
-          field("rounding", &Shape::rounding),
-          field("offset", &Shape::offset),
-          field("orientation", &Shape::orientation),
-          field("bounding_radius", &Shape::bounding_radius),
-          field("radius", &Shape::radius),
-          field("first", &Shape::first),
-          field("rows", &Shape::rows)};
 }
 
 }  // namespace smartmesh

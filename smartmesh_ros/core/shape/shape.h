@@ -1,5 +1,5 @@
-// Shapes of bodies: a core (box, point, cylinder about z, segment along z, or hull of vertices), grown by a rounding
-// radius, or several of these.
+// Convex shapes: a core (box, point, cylinder about z, segment along z, or hull of vertices), grown by a rounding
+// radius.
 #pragma once
 
 #include <cstdint>
@@ -15,15 +15,15 @@ inline bool is_primitive(ShapeKind kind) {
   return kind == ShapeKind::Box || kind == ShapeKind::Ball || kind == ShapeKind::Cylinder || kind == ShapeKind::Capsule;
 }
 
-// A shape; SHAPE in patches/shapes.py, made from this, explains the fields.
+// `half` extents of the core along the shape's axes, and `rounding` radius [m]. `offset` [m], `orientation`: pose of
+// the shape, in the frame of a body's centre of mass. `bounding_radius` [m]: about the shape's middle.
 struct Shape {
   ShapeKind kind = ShapeKind::Ball;
   Vec3 half;
   double rounding = 0.0;
   Vec3 offset;
   Quaternion orientation;
-  double bounding_radius = 0.0, radius = 0.0;
-  std::int64_t first = 0, rows = 0;
+  double bounding_radius = 0.0;
 
   // Returns the distance from the middle to the farthest point along a unit direction in the shape's own frame [m]; of
   // hulls and compounds that of the box around them.

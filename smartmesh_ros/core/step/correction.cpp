@@ -76,14 +76,15 @@ void CorrectionSums::add(double weight, double x_, double y_, double height_, do
   rise += weight * rise_, x_rise += weight * x_ * rise_, y_rise += weight * y_ * rise_;
 }
 
-void add_points_under(const HeightGrid& before, const HeightGrid& after, double time, const BodySolid& solid,
-                      bool stands, const Vec3& origin, CorrectionSums& sums) {
-  const Vec3 centre = solid.whole.centre;
+void add_points_under(const HeightGrid& before, const HeightGrid& after, double time, const BodyShape& shape,
+                      const BodyPose& body, bool stands, const Vec3& origin, CorrectionSums& sums) {
+  const Solid solid(shape.outline, body);
+  const Vec3 centre = solid.centre;
   const GridPose pose = before.pose_at(time);
   GridReader reader(before, time, INSTANT), reader_after(after, time, INSTANT);
-  if (!stands && !(solid.lowest() - height_under(before, reader, pose, centre) <= HIGHEST_MOVED)) return;
+  if (!stands && !(shape.lowest(body) - height_under(before, reader, pose, centre) <= HIGHEST_MOVED)) return;
   Vec3 level[2];
-  level_axes(solid.whole, level);
+  level_axes(solid, level);
   for (int m = 0; m < POINTS; ++m) {
     for (int k = 0; k < POINTS; ++k) {
       const double s = 2.0 * m / (POINTS - 1) - 1.0, t = 2.0 * k / (POINTS - 1) - 1.0;

@@ -5,7 +5,7 @@
 #pragma once
 
 #include "map/height_grid.h"
-#include "shape/solid.h"
+#include "shape/body_shape.h"
 
 namespace smartmesh {
 
@@ -18,10 +18,10 @@ struct CorrectionSums {
   void add(double weight, double x_, double y_, double height_, double rise_);
 };
 
-// Adds the points under a solid on a corrected grid. `before`, `after`: the grid as shown before and after the
-// correction. Solids that do not stand on the ground count little, and only near it.
-void add_points_under(const HeightGrid& before, const HeightGrid& after, double time, const BodySolid& solid,
-                      bool stands, const Vec3& origin, CorrectionSums& sums);
+// Adds the points under a body on a corrected grid. `before`, `after`: the grid as shown before and after the
+// correction. Bodies that do not stand on the ground count little, and only near it.
+void add_points_under(const HeightGrid& before, const HeightGrid& after, double time, const BodyShape& shape,
+                      const BodyPose& body, bool stands, const Vec3& origin, CorrectionSums& sums);
 
 // Moves a body with the ground under it; returns false if the ground did not change.
 bool move_with(const CorrectionSums& sums, BodyPose& pose);

@@ -14,9 +14,8 @@ from shape_msgs.msg import SolidPrimitive
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import rotate
-from smartmesh_ros.ground.shapes import SHAPES, Shape, Solid, shape_from, shape_of
+from smartmesh_ros.ground.shapes import SHAPES, Shape, ShapeKind, Solid, shape_from, shape_of
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.world import World

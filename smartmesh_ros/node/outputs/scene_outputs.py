@@ -16,14 +16,13 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls
-from smartmesh_ros.ground.shapes import padded_dimensions
+from smartmesh_ros.ground.shapes import ShapeKind, padded_dimensions
 from smartmesh_ros.node.outputs.body_outputs import LATCHED, PERIOD
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, stamp_fields
 from smartmesh_ros.node.outputs.ground_view import GroundView, ground_points, window_around
 from smartmesh_ros.node.outputs.patch_outputs import NO_ID
 from smartmesh_ros.node.services.files import urdf_text
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.robots.description import is_text, named_file

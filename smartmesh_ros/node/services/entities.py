@@ -71,8 +71,8 @@ def _bounds_filter(world: World, wanted: Any, bounds: Any) -> Callable[[Body], b
 def own_bounds(body: Body) -> tuple[FloatArray, FloatArray]:
     """Return the lower and upper corner (3,) [m] of a body's box in its own frame; for a robot, all links at joint
     positions zero in the frame of the root link."""
-    box = body.outline.body_shape.record
-    half, centre = box["half"] + box["rounding"], box["offset"]
+    box = body.outline.body_shape
+    half, centre = np.add(box.half, box.rounding), np.array(box.offset)
     position, orientation = body.inertial
     own = centre + half * np.array(list(product((-1.0, 1.0), repeat=3)))
     corners = [np.array(position) + rotate(orientation, (x, y, z)) for x, y, z in own]

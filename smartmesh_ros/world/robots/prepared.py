@@ -18,13 +18,12 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.world.robots.description import Description, named_file, read_description
 from smartmesh_ros.world.robots.dynamics import mend_inertias, normalise_axes, starts_of
 from smartmesh_ros.world.robots.ignored import ignored_in
 from smartmesh_ros.world.robots.meaning import Mimic, SurfaceDrive, mimics_of, surface_drives_of, with_massive_root
 from smartmesh_ros.world.robots.quantities import check_quantities, scale_of
-from smartmesh_ros.world.robots.workshop import WORKSHOP, Made
+from smartmesh_ros.world.robots.workshop import WORKSHOP
 
 # Children of links and joints that PyBullet reads; <contact> is its own.
 _OF_LINKS = ("inertial", "collision", "contact")
@@ -52,7 +51,7 @@ class PreparedRobot:
     ``meshes`` (one for each use) beside it, and once they are made ``files`` by name. ``collisions``: number of
     collision elements by link. ``mimics``: joints that follow others. ``notes``: what is taken otherwise than PyBullet
     would; ``warnings``: what its author likely did not mean. ``surfaces``: driven ones by name. ``starts``: positions
-    of joints that do not start at zero [rad, m]. ``shapes``: by index of the link in PyBullet, -1 = root."""
+    of joints that do not start at zero [rad, m]."""
 
     given: str
     text: str
@@ -64,11 +63,10 @@ class PreparedRobot:
     surfaces: Mapping[str, SurfaceDrive] = field(default_factory=dict)
     starts: Mapping[str, float] = field(default_factory=dict)
     files: Mapping[str, bytes] = field(default_factory=dict)
-    shapes: Mapping[int, BodyShape] = field(default_factory=dict)
 
 
-# What the child made of robots, by their texts.
-_remembered: OrderedDict[str, Made] = OrderedDict()
+# The mesh files that the child made of robots, by their texts.
+_remembered: OrderedDict[str, Mapping[str, bytes]] = OrderedDict()
 _lock = Lock()
 
 
@@ -81,12 +79,13 @@ def prepare_robot(urdf: str) -> PreparedRobot:
     """
     robot = _rewritten(urdf, read_description(urdf))
     with _lock:
-        made = _remembered[robot.text] = _remembered.get(robot.text) or WORKSHOP.make(robot)
+        if robot.text not in _remembered:
+            _remembered[robot.text] = WORKSHOP.make(robot)
+        files = _remembered[robot.text]
         _remembered.move_to_end(robot.text)
         while len(_remembered) > MOST_REMEMBERED:
             _remembered.popitem(last=False)
-    files, shapes = made
-    return replace(robot, files=files, shapes=shapes)
+    return replace(robot, files=files)
 
 
 def _rewritten(urdf: str, robot: Description) -> PreparedRobot:

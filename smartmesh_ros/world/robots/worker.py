@@ -15,9 +15,9 @@ from pybullet_utils.bullet_client import BulletClient
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.patches.shapes import fewer_vertices
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.bodies import BodyFactory
+from smartmesh_ros.world.robots.hull_vertices import fewer_vertices
 from smartmesh_ros.world.robots.meshes import mesh_parts
 from smartmesh_ros.world.robots.prepared import Mesh, PreparedRobot
 from smartmesh_ros.world.robots.workshop import IDLE
@@ -41,17 +41,17 @@ def main(pipe: int) -> None:
 
 
 def make(robot: PreparedRobot) -> Any:
-    """Return the mesh files of a robot and the shapes of its links. Raises `InputError`."""
+    """Return the mesh files of a robot, after a trial of them. Raises `InputError`."""
     parts = {mesh: _hulls(mesh) for mesh in robot.meshes}
     allowed = MOST_VERTICES // max(sum(len(parts[mesh]) for mesh in robot.meshes), 1)
     files = {mesh.name: _obj([fewer_vertices(hull, allowed) for hull in hulls]) for mesh, hulls in parts.items()}
     client: Any = BulletClient(pb.DIRECT)
     try:
         factory = BodyFactory(client, PhysicsConfig())
-        body = factory.robot("robot", PreparedRobot(**{**vars(robot), "files": files}), BodyState())
+        factory.robot("robot", PreparedRobot(**{**vars(robot), "files": files}), BodyState())
         for _ in range(STEPS):
             client.stepSimulation()
-        return files, body.shapes
+        return files
     finally:
         client.disconnect()
 

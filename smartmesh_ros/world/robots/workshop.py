@@ -11,15 +11,12 @@ from threading import Lock
 from typing import Any
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.patches.shapes import BodyShape
 
 # Longest time for one robot [s]. The largest meshes of real robots take a few seconds; a loader that hangs must end.
 PATIENCE = 120.0
 # The child ends after this time without work [s], which frees its memory of some 100 MB.
 IDLE = 60.0
 _START = "import sys; sys.path[:] = {path!r}; from smartmesh_ros.world.robots.worker import main; main({pipe})"
-
-Made = tuple[Mapping[str, bytes], Mapping[int, BodyShape]]
 
 
 class Workshop:
@@ -30,9 +27,9 @@ class Workshop:
         self._pipe: Connection | None = None
         self._lock = Lock()
 
-    def make(self, robot: object) -> Made:
-        """Return the mesh files of a `PreparedRobot` and the shapes of its links, after loading it in the child. Raises
-        `InputError` if the robot is refused, or PyBullet crashes or hangs."""
+    def make(self, robot: object) -> Mapping[str, bytes]:
+        """Return the mesh files of a `PreparedRobot`, after loading it in the child. Raises `InputError` if the robot
+        is refused, or PyBullet crashes or hangs."""
         with self._lock:
             answer = self._ask(robot)
             if answer is None and self._ended() == 0:  # the child was idle too long as the robot came
@@ -45,8 +42,8 @@ class Workshop:
                 )  # fmt: skip
         if isinstance(answer, InputError):
             raise answer
-        made: Made = answer
-        return made
+        files: Mapping[str, bytes] = answer
+        return files
 
     def close(self) -> None:
         """End the child, also while it works."""

@@ -9,12 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros import HeightMap
-from smartmesh_ros.patches.shapes import BODY_COLUMNS, ball
+from smartmesh_ros.ground.state import BODY_COLUMNS
 from studies.report.batch import PatchBatch
 from studies.report.config import ReportConfig
 from studies.report.mesh_patches import mesh_twist
 from studies.report.patches import ChosenPatches
-from tests.bodies import shapes_of
 
 SOLID = ReportConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
 
@@ -23,8 +22,7 @@ def patches_of(
     ground: HeightMap, radii: list[float], positions: np.ndarray, config: ReportConfig = SOLID, time: float = 0.0
 ) -> list[PatchBatch]:
     """Patches of balls of ``radii`` (N,) at positions (N, 3) [m], without a physics world."""
-    shapes = shapes_of(ball(radius) for radius in radii)
-    followers: Any = SimpleNamespace(shape_table=shapes, table={"alive": np.ones(len(shapes.table), bool)})
+    followers: Any = SimpleNamespace(radii=np.array(radii), table={"alive": np.ones(len(radii), bool)})
     states = np.zeros((len(positions), BODY_COLUMNS))
     states[:, :3], states[:, 6] = positions, 1.0
     chosen = ChosenPatches(ground, config, followers)

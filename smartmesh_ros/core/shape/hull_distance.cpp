@@ -1,19 +1,16 @@
 // Source of the closest point of a triangle: Ericson, Real-Time Collision Detection (2005), 5.1.5.
-#include "shape/gap.h"
+#include "shape/hull_distance.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
-
-#include "shape/gjk.h"
 
 namespace smartmesh {
 
 namespace {
 
-constexpr double INFINITE = std::numeric_limits<double>::infinity();
-
-}  // namespace
+struct Triangle {
+  Vec3 a, b, c;
+};
 
 Vec3 closest_point(const Triangle& t, const Vec3& p) {
   const Vec3 ab = t.b - t.a, ac = t.c - t.a, ap = p - t.a, bp = p - t.b, cp = p - t.c;
@@ -33,9 +30,23 @@ Vec3 closest_point(const Triangle& t, const Vec3& p) {
   return t.a + ab * (vb * share) + ac * (vc * share);
 }
 
-double distance_of_point(const Vec3& p, const Solid& solid) {
-  const Vec3 own = solid.to_own(p);
-  return std::max(0.0, separation_of({own, own, own}, solid, INFINITE).distance - solid.shape->rounding);
+}  // namespace
+
+double distance_outside(const Polytope& hull, const Vec3& p) {
+  const auto is_below = [&](const PolyFace& face) { return dot(face.normal, p) <= face.offset; };
+  if (hull.faces.size() > 2 && std::all_of(hull.faces.begin(), hull.faces.end(), is_below)) return 0.0;
+  double least = std::numeric_limits<double>::infinity();
+  for (const Vec3& vertex : hull.vertices) least = std::min(least, norm(p - vertex));
+  for (const PolyEdge& edge : hull.edges) {
+    const Triangle line{hull.vertices[edge.end[0]], hull.vertices[edge.end[1]], hull.vertices[edge.end[1]]};
+    least = std::min(least, norm(p - closest_point(line, p)));
+  }
+  for (const PolyFace& face : hull.faces) {
+    const auto corner = [&](int k) { return hull.vertices[hull.loops[face.first + k]]; };
+    for (int k = 1; k + 1 < face.count; ++k)
+      least = std::min(least, norm(p - closest_point({corner(0), corner(k), corner(k + 1)}, p)));
+  }
+  return least;
 }
 
 }  // namespace smartmesh

@@ -1,0 +1,80 @@
+#include "shape/body_shape.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace smartmesh {
+
+namespace {
+
+// Returns the half extents of a part along the body's axes [m], or more.
+Vec3 half_extents(const Shape& shape) {
+  const Mat3 axes = axes_of(shape.orientation);
+  const auto extent = [&](double a, double b, double c) {
+    return std::abs(a) * shape.half.x + std::abs(b) * shape.half.y + std::abs(c) * shape.half.z + shape.rounding;
+  };
+  return {extent(axes.row[0].x, axes.row[1].x, axes.row[2].x), extent(axes.row[0].y, axes.row[1].y, axes.row[2].y),
+          extent(axes.row[0].z, axes.row[1].z, axes.row[2].z)};
+}
+
+double core_radius(ShapeKind kind, const Vec3& half) {
+  return kind == ShapeKind::Cylinder ? std::hypot(half.x, half.z) : norm(half);
+}
+
+// Returns the box around some parts.
+Shape box_around(const std::vector<ShapePart>& parts, double radius) {
+  Bounds bounds;
+  for (const ShapePart& part : parts) {
+    const Vec3 half = half_extents(part.shape);
+    bounds.add(part.shape.offset - half), bounds.add(part.shape.offset + half);
+  }
+  Shape box;
+  box.kind = ShapeKind::Compound;
+  box.half = (bounds.high - bounds.low) * 0.5, box.offset = (bounds.low + bounds.high) * 0.5;
+  box.bounding_radius = radius;
+  return box;
+}
+
+}  // namespace
+
+ShapePart primitive_part(ShapeKind kind, const Vec3& half, double rounding, const BodyPose& pose) {
+  return {{kind, half, rounding, pose.at, pose.orientation, core_radius(kind, half) + rounding}, {}};
+}
+
+ShapePart hull_part(const std::vector<Vec3>& points, double rounding) {
+  Bounds bounds;
+  for (const Vec3& point : points) bounds.add(point);
+  const Vec3 middle = (bounds.low + bounds.high) * 0.5;
+  ShapePart part{{ShapeKind::Hull, (bounds.high - bounds.low) * 0.5, rounding, middle}, {}};
+  double farthest = 0.0;
+  for (const Vec3& point : points) {
+    part.vertices.push_back(point - middle);
+    farthest = std::max(farthest, norm(part.vertices.back()));
+  }
+  part.shape.bounding_radius = farthest + rounding;
+  return part;
+}
+
+BodyShape::BodyShape(std::vector<ShapePart> of) : parts(std::move(of)) {
+  for (const ShapePart& part : parts) radius = std::max(radius, norm(part.shape.offset) + part.shape.bounding_radius);
+  outline = parts.size() == 1 ? parts[0].shape : box_around(parts, radius);
+}
+
+double BodyShape::lowest(const BodyPose& body, const Vec3& up) const {
+  double least = std::numeric_limits<double>::infinity();
+  for (const ShapePart& part : parts) {
+    const Solid solid(part.shape, body);
+    if (part.vertices.empty()) {
+      least = std::min(least, dot(up, solid.centre) - solid.extent_along(-up));
+      continue;
+    }
+    const Vec3 own = solid.axes * up;
+    for (const Vec3& vertex : part.vertices)
+      least = std::min(least, dot(up, solid.centre) + dot(own, vertex) - part.shape.rounding);
+  }
+  return least;
+}
+
+}  // namespace smartmesh

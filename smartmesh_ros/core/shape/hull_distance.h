@@ -1,0 +1,11 @@
+// Distances of points from a convex hull.
+#pragma once
+
+#include "shape/convex.h"
+
+namespace smartmesh {
+
+// Returns the distance of a point from the core of a hull [m], zero inside. Both sides of flat ones are outside.
+double distance_outside(const Polytope& hull, const Vec3& p);
+
+}  // namespace smartmesh
