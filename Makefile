@@ -30,7 +30,7 @@ test:  ## lint, types, colcon build, and every test (after the build 7 minutes o
 	@$(RUN) dev view studies interop -- scripts/check
 
 docs-check:  ## the tables of docs/ whose figures are older than the code
-	@$(RUN) -- python -m studies.pages
+	@$(RUN) -- $(STUDIES) docs-check
 
 lint:  ## ruff, the import rules and the type checker
 	@$(RUN) dev view -- scripts/check lint
@@ -95,7 +95,7 @@ tune:  ## parameters for a budget, on a scene that ships: SOURCE=stairs or a bag
 tuning:  ## the table of docs/tuning.md: three scenes and a bag of the demo, about five minutes
 	@rm -rf out/demo_bag
 	@$(RUN) replay -- python scripts/make_demo_bag.py out/demo_bag
-	@$(RUN) replay -- python -m studies.tuning --bag out/demo_bag --params-file out/demo_bag.yaml
+	@$(RUN) replay -- $(STUDIES) tuning --bag out/demo_bag --params-file out/demo_bag.yaml
 
 fuzz:  ## 120,000 spoilt messages for every topic, service and parameter (half an hour)
 	@$(RUN) dev -- python -m tests.fuzz.run --jobs 2

@@ -18,14 +18,10 @@ ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT))
 import core_build  # noqa: E402
 
-# For `ros2 run`. A wheel puts its commands onto everybody's path, where `view` is vim's: there it is smartmesh-view.
-IN_WORKSPACES = [
-    f"fleet_front = {NAME}.startup.executables:fleet_front",
-    f"replay = {NAME}.startup.executables:replay",
-    f"rover = {NAME}.startup.executables:rover",
-    f"tune = {NAME}.startup.executables:tune",
-    f"view = {NAME}.startup.executables:view",
-]
+# Commands by their functions. A wheel puts them onto everybody's path, where `view` is vim's: smartmesh-view there.
+COMMANDS = ("smartmesh", "terrain_collider", "terrain_score", "terrain_sensor", "terrain_source")
+PREFIXED = ("demo", "fleet", "fleet_front", "replay", "rover", "tune", "view")
+FOR_ROS2_RUN = ("fleet_front", "replay", "rover", "tune", "view")
 IS_WHEEL = bool({"bdist_wheel", "dist_info"} & {*sys.argv})
 # PyBullet has wheels for Linux up to Python 3.11. A fork of it has them for 3.12 and 3.13, and is imported by the same
 # name. The markers are those of requirements/pybullet.txt.
@@ -161,19 +157,11 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            f"terrain_collider = {NAME}.startup.executables:terrain_collider",
-            f"smartmesh-fleet = {NAME}.startup.executables:fleet",
-            f"terrain_score = {NAME}.startup.executables:terrain_score",
-            f"terrain_sensor = {NAME}.startup.executables:terrain_sensor",
-            f"terrain_source = {NAME}.startup.executables:terrain_source",
-            f"smartmesh = {NAME}.startup.executables:smartmesh",
-            f"smartmesh-demo = {NAME}.startup.executables:demo",
-            f"smartmesh-fleet-front = {NAME}.startup.executables:fleet_front",
-            f"smartmesh-replay = {NAME}.startup.executables:replay",
-            f"smartmesh-rover = {NAME}.startup.executables:rover",
-            f"smartmesh-tune = {NAME}.startup.executables:tune",
-            f"smartmesh-view = {NAME}.startup.executables:view",
-            *([] if IS_WHEEL else IN_WORKSPACES),
+            f"{command} = {NAME}.startup.executables:{function}"
+            for command, function in (
+                *((name, name) for name in (*COMMANDS, *(() if IS_WHEEL else FOR_ROS2_RUN))),
+                *((f"smartmesh-{name.replace('_', '-')}", name) for name in PREFIXED),
+            )
         ],
     },
 )

@@ -14,26 +14,23 @@ import os
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from contextlib import ExitStack
 from pathlib import Path
-from threading import Thread
 from time import monotonic
-from typing import Any
+from typing import Any, NamedTuple
 
 import rclpy
-from ament_index_python.packages import get_package_prefix
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 from smartmesh_ros.startup.dds import isolated
+from smartmesh_ros.tools.testing import Process
 
 ROOT = Path(__file__).resolve().parents[1]
-START = "from smartmesh_ros.startup.executables import terrain_collider; terrain_collider()"
 TIMEOUT = 600.0  # [s]
 
 
-@dataclass
-class Start:
+class Start(NamedTuple):
     """A node's start: times of its first log line and its first answer [s], and its peak memory [MiB]."""
 
     line: float
@@ -41,57 +38,39 @@ class Start:
     memory: float
 
 
-def environment(cache: Path, package: Path | None) -> dict[str, str]:
-    """Return this environment with an empty user cache, and with ``package`` in front of the installed package."""
-    kept = {**os.environ}
-    path = [str(package), kept.get("PYTHONPATH", "")] if package else [kept.get("PYTHONPATH", "")]
-    return {**kept, "XDG_CACHE_HOME": str(cache), "PYTHONPATH": os.pathsep.join(path), "PYTHONUNBUFFERED": "1"}
-
-
 def started(count: int, package: Path | None) -> list[Start]:
-    """Start ``count`` nodes together and wait until each has answered a call. Raises `TimeoutError`."""
-    node = Node("start_study")
-    prefix = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / "terrain_collider"
-    command = [sys.executable, "-P", "-c", START] if package else [str(prefix)]
+    """Start ``count`` nodes together, with an empty user cache and with a ``package`` in front of the installed one,
+    and wait until each has answered a call. Raises `TimeoutError`."""
+    node, names = Node("start_study"), [f"/n{index}" for index in range(count)]
+    clients = [node.create_client(SetBool, f"{name}/terrain_collider/pause") for name in names]
     lines: dict[int, float] = {}
     answers: dict[int, Start] = {}
-    with tempfile.TemporaryDirectory() as cache:
-        names = [f"/n{index}" for index in range(count)]
-        clients = [node.create_client(SetBool, f"{name}/terrain_collider/pause") for name in names]
+    with ExitStack() as stack:
+        path = os.pathsep.join(filter(None, [str(package or ""), os.environ.get("PYTHONPATH", "")]))
+        settings = {"XDG_CACHE_HOME": stack.enter_context(tempfile.TemporaryDirectory()), "PYTHONPATH": path}
         begin = monotonic()
         running = [
-            subprocess.Popen(
-                [*command, "--ros-args", "-r", f"__ns:={name}"],
-                env=environment(Path(cache), package), stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
+            stack.enter_context(
+                Process("terrain_collider", None, ["--ros-args", "-r", f"__ns:={name}"], environment=settings)
             )
             for name in names
-        ]  # fmt: skip
-
-        def read(index: int) -> None:
-            for _ in running[index].stderr or ():
-                lines.setdefault(index, monotonic() - begin)
-
-        try:
-            for index in range(count):
-                Thread(target=read, args=[index], daemon=True).start()
-            calls: list[tuple[int, Any]] = []
-            asked: dict[int, float] = {}  # when [s]
-            while len(answers) < count and monotonic() < begin + TIMEOUT:
-                rclpy.spin_once(node, timeout_sec=0.02)
-                for index, client in enumerate(clients):
-                    # DDS may lose the answer to a call of the first moments, so it is repeated.
-                    if index not in answers and client.service_is_ready() and monotonic() > asked.get(index, 0.0) + 0.2:
-                        asked[index] = monotonic()
-                        calls.append((index, client.call_async(SetBool.Request(data=False))))
-                for index, call in calls:
-                    if index not in answers and call.done():
-                        status = Path(f"/proc/{running[index].pid}/status").read_text()
-                        memory = int(status.split("VmHWM:")[1].split()[0]) / 1024
-                        answers[index] = Start(lines.get(index, float("nan")), monotonic() - begin, memory)
-        finally:
-            for process in running:
-                process.terminate()
-                process.wait()
+        ]
+        calls: list[tuple[int, Any]] = []
+        asked: dict[int, float] = {}  # when [s]
+        while len(answers) < count and monotonic() < begin + TIMEOUT:
+            rclpy.spin_once(node, timeout_sec=0.02)
+            for index, client in enumerate(clients):
+                if index not in lines and running[index].output:
+                    lines[index] = monotonic() - begin
+                # DDS may lose the answer to a call of the first moments, so it is repeated.
+                if index not in answers and client.service_is_ready() and monotonic() > asked.get(index, 0.0) + 0.2:
+                    asked[index] = monotonic()
+                    calls.append((index, client.call_async(SetBool.Request(data=False))))
+            for index, call in calls:
+                if index not in answers and call.done():
+                    status = Path(f"/proc/{running[index].process.pid}/status").read_text()
+                    memory = int(status.split("VmHWM:")[1].split()[0]) / 1024
+                    answers[index] = Start(lines.get(index, float("nan")), monotonic() - begin, memory)
     node.destroy_node()
     if len(answers) < count:
         raise TimeoutError(f"{count - len(answers)} nodes did not answer")
@@ -111,18 +90,6 @@ def wheel(folder: Path) -> Path:
     return folder / "target"
 
 
-def last_answer(starts: list[Start]) -> float:
-    """Return the time until the last answer [s]."""
-    return max(start.answer for start in starts)
-
-
-def report(name: str, starts: list[Start]) -> float:
-    """Print a row of the table; return the time until the last answer [s]."""
-    line, answer = max(start.line for start in starts), last_answer(starts)
-    print(f"| {name} | {line:.2f} s | {answer:.2f} s | {max(start.memory for start in starts):.0f} MiB |", flush=True)
-    return answer
-
-
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -139,8 +106,10 @@ def main() -> None:
             ("pip install of the wheel", 1, wheel(folder / "wheel")),
             ("make, four nodes together", 4, None),
         ):
-            runs = sorted((started(count, package) for _ in range(options.runs)), key=last_answer)
-            medians.append(report(case, runs[len(runs) // 2]))
+            runs = [Start(*map(max, zip(*started(count, package), strict=True))) for _ in range(options.runs)]
+            median = sorted(runs, key=lambda run: run.answer)[len(runs) // 2]
+            medians.append(median.answer)
+            print(f"| {case} | {median.line:.2f} s | {median.answer:.2f} s | {median.memory:.0f} MiB |", flush=True)
         rclpy.shutdown()
     print(f"\nfour nodes took {medians[2] / medians[0]:.2f} times as long as one")
 

@@ -11,6 +11,7 @@ STUDIES = {
     "accuracy": ("studies.accuracy", "speed against accuracy, and the stability matrix"),
     "bench": ("studies.bench.cli", "running times against the report's tables"),
     "contacts": ("studies.contact_picture", "a figure of how contacts with a map work"),
+    "docs-check": ("studies.pages", "the tables of docs/ whose figures are older than the code"),
     "fleet": ("studies.fleet.study", "several nodes on one terrain, in networks of their own"),
     "friction": ("studies.friction_picture", "a picture of boxes on ice beside gravel"),
     "laws": ("studies.laws.study", "laws of contact, and how far runs drift apart, in each engine"),
@@ -24,6 +25,7 @@ STUDIES = {
     "soil": ("studies.soil.study", "soil against closed forms, a measured wheel, and its cost"),
     "tracks": ("studies.soil.rut_pictures:drive_tracks", "a tracked machine on soil: pictures of its ruts"),
     "soak": ("studies.load.soak", "the node for minutes or hours of everything changing"),
+    "tuning": ("studies.tuning", "tuned scenes and a bag, the table of docs/tuning.md"),
 }
 PLAIN = ("contacts", "friction", "laws", "lidar", "replay", "rising", "rover", "tracks")  # have no options
 
@@ -42,7 +44,7 @@ def main() -> None:
     if name in PLAIN:
         argparse.ArgumentParser(description=about).parse_args()
     module, _, function = place.partition(":")
-    getattr(importlib.import_module(module), function or "main")()
+    sys.exit(getattr(importlib.import_module(module), function or "main")())
 
 
 if __name__ == "__main__":

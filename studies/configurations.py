@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.report.config import ReportConfig
 from smartmesh_ros.tools.replay.parameters import PRESETS, preset_folder, preset_values, settings_of
 from studies.engines.engine import GroundSetup, build, missing
+from studies.report.config import ReportConfig
 
 Family = Literal["ours", "ours, less", "report", "whole map", "MuJoCo", "PhysX", "Rapier"]
 

@@ -15,7 +15,7 @@ import numpy as np
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.evaluation.measures import BoolArray, deviation, held_up, penetration
+from smartmesh_ros.tools.evaluation.measures import BoolArray, held_up, penetration
 from studies.configurations import Configuration
 from studies.engines.checkout import Checkout
 from studies.engines.engine import Links
@@ -206,6 +206,6 @@ def _result(contest: Contest, runner: Runner, reference: FloatArray | None) -> R
     low, middle, high = np.percentile(times.sum(axis=1), (25, 50, 75)).tolist()
     more: dict[str, Any] = {"update": float(np.median(times[:, 0]))} if contest.tells_update else {}
     if reference is not None and HORIZON in runner.samples:
-        apart = deviation(runner.samples[HORIZON].links.centres, reference)
+        apart = np.linalg.norm(runner.samples[HORIZON].links.centres - reference, axis=1)
         more |= {"deviation": float(np.median(apart)), "most_deviation": float(apart.max())}
     return Result(cost=middle, spread=(low, high), **asdict(found), **more, ran=runner.time, note=runner.note)

@@ -11,18 +11,16 @@ import argparse
 import ast
 import hashlib
 import re
-import sys
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-import smartmesh_ros
 from smartmesh_ros.errors import InputError
 
 ROOT = Path(__file__).parents[1]
-_CORE = ("core", "terrain", "report", "ground", "world")
-# The rooms that the figures of a block depend on, by its subject.
+_CORE = ("core", "terrain", "ground", "world", "../studies/report")
+# The rooms that the figures of a block depend on, by its subject: folders, from that of the package.
 SUBJECTS = {
     "core": _CORE,
     "soil": ("core", "terrain", "soil"),
@@ -68,10 +66,10 @@ def fill(page: Path, blocks: Mapping[str, str], measured: Mapping[str, str] | No
 @cache
 def digest_of(subject: str) -> str:
     """Digest of the code that figures of a subject depend on."""
-    package = Path(smartmesh_ros.__file__).parent
-    sources = [path for room in SUBJECTS[subject] for path in sorted((package / room).rglob("*"))]
+    rooms = [(ROOT / "smartmesh_ros" / room).resolve() for room in SUBJECTS[subject]]
+    sources = [path for room in rooms for path in sorted(room.rglob("*"))]
     files = [path for path in sources if path.suffix in (".py", ".cpp", ".h")]
-    return digest({str(file.relative_to(package)): file.read_text() for file in files})
+    return digest({str(file.relative_to(ROOT)): file.read_text() for file in files})
 
 
 def digest(sources: Mapping[str, str]) -> str:
@@ -114,7 +112,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
     stale = stale_blocks(pages)
     print("\n".join([*stale, f"{len(stale)} of {total} generated blocks are older than the code they measure"]))
     return 1 if stale else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -43,14 +43,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _row(result: Result) -> list[str]:
-    before, after = result.measured.defaults.figures, result.chosen.figures
+    before, after = result.defaults, result.chosen
     return [
         result.case.title, f"{before.cost:.3f}", f"{1e3 * before.penetration:.3f}", f"{after.cost:.3f}",
         f"{1e3 * after.penetration:.3f}", f"{after.cost / before.cost:.2f} x",
         f"{1e3 * before.hover:.2f} / {1e3 * after.hover:.2f}",
         ", ".join(f"`{name}` {value}" for name, value in result.changed.items()) or "-",
     ]  # fmt: skip
-
-
-if __name__ == "__main__":
-    main()

@@ -12,10 +12,12 @@ from hypothesis.internal.conjecture import providers
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import World
-from smartmesh_ros.tools.testing import Process
+from smartmesh_ros.tools.testing import Process, domain, probe, replay
 from tests import preloaded
 from tests.examples import FACTORS
 from tests.grounds import level
+
+__all__ = ["domain", "probe", "replay"]
 
 ROOT = Path(__file__).resolve().parents[1]
 # Tests say nothing of time: a machine may be as slow as it is.

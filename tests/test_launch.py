@@ -8,7 +8,6 @@ import pytest
 import yaml
 from ament_index_python.packages import get_package_prefix
 
-from smartmesh_ros.scenes import SCENES
 from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
 
 __all__ = ["stand_ins"]
@@ -16,7 +15,7 @@ __all__ = ["stand_ins"]
 ROOT = LAUNCH.parent
 LAUNCH_FILES = sorted(LAUNCH.glob("*.launch.py"))
 FLEET = LAUNCH / "fleet.launch.py"
-EXECUTABLES = set(re.findall(r'f"(\w+) = \{NAME\}', (ROOT / "setup.py").read_text()))
+EXECUTABLES = {path.name for path in Path(get_package_prefix("smartmesh_ros"), "lib", "smartmesh_ros").iterdir()}
 ARGUMENTS = {"preset", "config", "namespace", "use_sim_time", "log_level", "rviz", "dds"}
 
 
@@ -167,11 +166,3 @@ def test_the_aggregator_expects_the_statuses_that_there_are() -> None:
     tasks = re.findall(r'_status\(node_name, "(\w+)"', source)
     expected = aggregator["/**"]["ros__parameters"]["terrain_collider"]["expected"]
     assert expected == [f"terrain_collider: {task}" for task in tasks]
-
-
-@pytest.mark.parametrize("name", ["terrain", "fleet"])
-def test_a_launch_takes_the_scenes_that_there_are(name: str, stand_ins: dict[str, type[Recorded]]) -> None:
-    declared = Launch(LAUNCH / f"{name}.launch.py", stand_ins).declared
-    assert set(declared["scene"].kwargs["choices"]) - {""} == set(SCENES)
-    assert declared["scene"].kwargs["default_value"] in SCENES
-    assert {"debug", "info", "warn", "error"} < set(declared["log_level"].kwargs["choices"])

@@ -29,7 +29,7 @@ BULLET = ["pybullet", "pybullet_utils", "pybullet_data"]
 @pytest.mark.parametrize(
     ("rooms", "blocked"),
     [
-        (["terrain", "report", "ground", "world", "soil", "io", "scenes"], ROS),
+        (["terrain", "ground", "world", "soil", "io", "scenes"], ROS),
         (["terrain", "soil"], [*ROS, *BULLET]),
         (["tools.demo", "tools.tune"], ["pytest"]),
     ],

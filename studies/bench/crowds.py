@@ -13,7 +13,6 @@ import pybullet as pb
 
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.report.config import ReportConfig
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import (
     RADIUS,
@@ -29,6 +28,7 @@ from studies.bench.moving import (
 )
 from studies.bench.report import RINGS
 from studies.engines.engine import EngineBody, Setup, build, missing
+from studies.report.config import ReportConfig
 
 SIDE = 1024
 BATCH = 100

@@ -9,8 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.report.collect import GridGraph, TriangleGraph, queue_bfs, topology_around, union_bfs
-from smartmesh_ros.report.search import (
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from studies.bench.measure import Bench, Case
+from studies.bench.moving import RESOLUTION, Waves, crowd_positions, general_mesh
+from studies.bench.report import BATCHES, LARGER, RINGS, SEARCH
+from studies.report.collect import GridGraph, TriangleGraph, queue_bfs, topology_around, union_bfs
+from studies.report.search import (
     best_first_cells,
     best_first_vertices,
     brute_force_cells,
@@ -18,11 +23,6 @@ from smartmesh_ros.report.search import (
     nearest_vertices,
     ray_cast,
 )
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
-from smartmesh_ros.terrain.trimesh import TriangleMesh
-from studies.bench.measure import Bench, Case
-from studies.bench.moving import RESOLUTION, Waves, crowd_positions, general_mesh
-from studies.bench.report import BATCHES, LARGER, RINGS, SEARCH
 
 # Sizes of Table 4, and of height maps, over which a search of a uniform grid is to cost the same.
 REPORT_SIDES, MAP_SIDES = tuple(SEARCH["brute_force"]), (50, 100, 200, *LARGER)

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.report.config import ReportConfig
 from smartmesh_ros.terrain.trimesh import grid_triangles
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import (
@@ -27,6 +26,7 @@ from studies.bench.moving import (
 )
 from studies.bench.report import LARGER, RINGS, SIMPLE_PHYSX
 from studies.engines.engine import Setup, build, missing
+from studies.report.config import ReportConfig
 
 # Main mesh of the measurements that vary the collider [vertices on a side].
 SIDE = 200
@@ -69,7 +69,6 @@ def _measure_physx(bench: Bench, waves: Waves) -> None:
 
         def update() -> None:
             world.refresh()
-            ground.chosen.choose_tracked()
             engine.set_ground(ground.chosen.batches[0].vertices_w[0, :, 2].reshape(3, 3))
 
         bench.time(Case("smart", "physx", waves.side), update, player.next_frame)

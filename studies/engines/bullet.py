@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,17 +10,17 @@ import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.report.config import MOST_INDICES, MOST_VERTICES
-from smartmesh_ros.report.made import HOLE
+from smartmesh_ros.ground.shown_ground import make_shape, quarter_turn, replace_heights
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
 from studies.engines.engine import Contacts, Engine, EngineBody, Setup
+from studies.report.made import HOLE
 
+# Largest arrays that PyBullet accepts.
+MOST_VERTICES, MOST_INDICES = 131_072, 524_288
 # Fraction of a penetration that the solver corrects per step. The same as the package's default, so that engines differ
 # in their colliders only.
 CONTACT_ERP = 0.2
-# Orientation of a heightfield that makes the diagonals of PyBullet's cells agree with ours.
-QUARTER_TURN = (0.0, 0.0, math.sin(0.25 * math.pi), math.cos(0.25 * math.pi))
 
 
 class BulletEngine(Engine):
@@ -58,11 +57,10 @@ class BulletEngine(Engine):
 
 
 class _WholeMap(BulletEngine):
-    """Common part of both engines: the client and the bodies. ``edge_filter``: no ghost collisions at inner edges."""
+    """Common part of both engines: the client and the bodies."""
 
-    def __init__(self, setup: Setup, *, edge_filter: bool = False) -> None:
+    def __init__(self, setup: Setup) -> None:
         self.setup, self._steps = setup, 0
-        self._flags = pb.GEOM_CONCAVE_INTERNAL_EDGE if edge_filter else 0
         self.client = BulletClient(pb.DIRECT)
         self.client.setGravity(*setup.gravity)
         self.client.setTimeStep(setup.dt)
@@ -85,15 +83,16 @@ class _WholeMap(BulletEngine):
 
 
 class BulletTrimesh(_WholeMap):
-    """A triangle mesh of the whole map, rebuilt for every map. PyBullet leaks some memory of each mesh."""
+    """A triangle mesh of the whole map, rebuilt for every map. PyBullet leaks some memory of each mesh.
+    ``edge_filter``: no ghost collisions at inner edges."""
 
-    def __init__(self, setup: Setup, **options: Any) -> None:
+    def __init__(self, setup: Setup, *, edge_filter: bool = False) -> None:
         rows, columns = setup.heights.shape
         triangles = grid_triangles(rows, columns)
         if rows * columns > MOST_VERTICES or triangles.size > MOST_INDICES:
             raise InputError("size", f"PyBullet takes no trimesh of {rows} x {columns} vertices; take a smaller map")
-        super().__init__(setup, **options)
-        self._flags |= pb.GEOM_FORCE_CONCAVE_TRIMESH
+        super().__init__(setup)
+        self._flags = pb.GEOM_FORCE_CONCAVE_TRIMESH | (pb.GEOM_CONCAVE_INTERNAL_EDGE if edge_filter else 0)
         self._indices = triangles.ravel().tolist()
         self._vertices = setup.vertices()
         self._uid = -1
@@ -112,32 +111,22 @@ class BulletTrimesh(_WholeMap):
 class BulletHeightfield(_WholeMap):
     """A heightfield of the whole map, replaced in place for every map."""
 
-    def __init__(self, setup: Setup, **options: Any) -> None:
-        super().__init__(setup, **options)
+    def __init__(self, setup: Setup) -> None:
+        super().__init__(setup)
         if setup.plane:
             self._ground(self.client.createCollisionShape(pb.GEOM_PLANE), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
             return
         rows, columns = setup.heights.shape
-        # With the quarter turn, PyBullet's rows run along x.
-        self._layout = {"numHeightfieldRows": rows, "numHeightfieldColumns": columns}
-        bounds = np.zeros(rows * columns)
-        bounds[0], bounds[-1] = -HOLE, HOLE  # PyBullet never updates the bounds of a heightfield
-        self._shape: int = self.client.createCollisionShape(
-            pb.GEOM_HEIGHTFIELD, meshScale=[setup.resolution, setup.resolution, 1.0], heightfieldData=bounds.tolist(),
-            **self._layout,
-        )  # fmt: skip
+        self._shape = make_shape(self.client, rows, columns, setup.resolution, HOLE)
         self._uid = self._ground(self._shape, *self._pose())
         self.set_ground(self.ready(setup.heights))
 
     def _pose(self) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
         (width, length), (x, y) = self.setup.size, self.setup.offset(self._steps * self.setup.dt)
-        return (0.5 * width + x, 0.5 * length + y, 0.0), QUARTER_TURN
+        return (0.5 * width + x, 0.5 * length + y, 0.0), quarter_turn(0.0)
 
     def set_ground(self, ready: FloatArray) -> None:
-        self.client.createCollisionShape(
-            pb.GEOM_HEIGHTFIELD, flags=self._flags, heightfieldData=np.rot90(ready).ravel().tolist(),
-            replaceHeightfieldIndex=self._shape, **self._layout,
-        )  # fmt: skip
+        replace_heights(self.client, self._shape, ready)
         if self.setup.slides:
             self.client.resetBasePositionAndOrientation(self._uid, *self._pose())
 

@@ -7,14 +7,14 @@ from typing import Any
 
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.limits import FARTHEST_BODY
-from smartmesh_ros.report.config import ReportConfig
-from smartmesh_ros.report.ground import world_on as world_with
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.settings import FallConfig
 from smartmesh_ros.world.world import World, WorldConfig
 from studies.engines.bullet import BulletEngine
 from studies.engines.engine import GroundSetup, Setup
+from studies.report.config import ReportConfig
+from studies.report.ground import world_on as world_with
 
 # What falls off the ground is measured to the end, as in the other engines.
 NEVER_LOST = FallConfig(depth=FARTHEST_BODY)

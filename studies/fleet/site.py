@@ -46,7 +46,7 @@ def enter() -> None:
         subprocess.run(["mount", "-t", "tmpfs", "none", "/run"], check=True)
         return
     kept = {name: value for name, value in os.environ.items() if name not in DROPPED}
-    own = [sys.executable, "-m", "studies.fleet.study", *sys.argv[1:]]
+    own = [sys.executable, "-m", "studies", "fleet", *sys.argv[1:]]
     command = ["unshare", "--user", "--map-root-user", "--net", "--mount", *own]
     sys.exit(subprocess.run(command, env={**kept, **VARIABLES, INSIDE: "1"}, check=False).returncode)
 

@@ -143,7 +143,3 @@ def main() -> None:
     draw_capacity(PICTURE, found, short())
     fill(PAGE, {"capacity": f"Measured on {short()}.\n\n{capacity_table(found)}"})
     print(f"wrote {PAGE} and {PICTURE}")
-
-
-if __name__ == "__main__":
-    main()

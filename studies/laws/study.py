@@ -270,7 +270,3 @@ def main() -> None:
     text = f"{laws(['slope', 'waves', 'drop'])}\n\n{drifts(RUNS)}"
     print(text)
     fill(PAGE, {"laws": text})
-
-
-if __name__ == "__main__":
-    main()

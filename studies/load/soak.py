@@ -7,7 +7,6 @@ mixed in. Sampled once a second: memory, file descriptors, real-time factor, and
 from __future__ import annotations
 
 import argparse
-import json
 from collections import Counter, defaultdict
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -40,7 +39,7 @@ SHAPES = (
     SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.4, 0.3, 0.2]),
     SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.3, 0.2]),
 )
-# A line is printed, and what there is is kept, so often [s].
+# A line is printed so often [s].
 TELL_EVERY = 60.0
 OUT = Path("out/soak")
 
@@ -137,8 +136,8 @@ def source_parameters(rng: np.random.Generator) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def run(minutes: float, file: Path) -> None:
-    """Soaks a node for so long, and keeps in ``file`` what was sampled, done and counted."""
+def run(minutes: float) -> dict[str, Any]:
+    """Soak a node for so long; return what was sampled, done and counted."""
     rng = np.random.default_rng(1)
     shown = {"publish.patches": 10.0, "publish.body_states": 10.0}
     with Process("terrain_collider", shown) as collider, Soak(rng) as node, ExitStack() as source:
@@ -152,14 +151,10 @@ def run(minutes: float, file: Path) -> None:
             source.callback(Process("terrain_source", source_parameters(rng)).close)
             node.done["sources killed"] += 1
 
-        def tell() -> None:
-            _keep(node, file)
-            _tell(node, minutes)
-
         actions: tuple[tuple[float, Callable[[], None]], ...] = (
             (SOURCE_EVERY, restart_source), (SPAWN_EVERY, node.spawn), (SETTING_EVERY, node.change_setting),
             (BAD_EVERY, node.send_bad), (SAMPLE_EVERY, lambda: _sample(node, usage, monotonic() - start)),
-            (TELL_EVERY, tell),
+            (TELL_EVERY, lambda: _tell(node, minutes)),
         )  # fmt: skip
         due = [start if every < SOURCE_EVERY else start + every for every, _ in actions]
         while (now := monotonic()) < start + 60.0 * minutes and collider.process.poll() is None:
@@ -171,22 +166,11 @@ def run(minutes: float, file: Path) -> None:
         if collider.process.poll() is not None:
             raise RuntimeError(f"the node ended: {collider.output[-2000:]}")
         node.spin(3.0)
-        _keep(node, file)
-
-
-def _keep(node: Soak, file: Path) -> None:
-    """Writes what there is so far."""
-    data = {
-        "minutes": round(node.samples["time"][-1] / 60.0, 1),
-        "samples": node.samples,
-        "done": dict(node.done),
-        "refused": node.refused(),
-        "missing": node.missing,
-        "alive": sorted(node.alive),
-        "seen": sorted(node.seen),
-        "below_ground": int(node.health.get("below ground", 0)),
-    }
-    file.write_text(json.dumps(data))
+        return {
+            "minutes": round(node.samples["time"][-1] / 60.0, 1), "samples": node.samples, "done": node.done,
+            "refused": node.refused(), "lost": sorted(set(node.alive) - node.seen) + node.missing,
+            "below_ground": int(node.health.get("below ground", 0)),
+        }  # fmt: skip
 
 
 def _tell(node: Soak, minutes: float) -> None:
@@ -221,12 +205,7 @@ def main(args: list[str] | None = None) -> None:
     options = parser.parse_args(args)
     out = PICTURES if options.document else OUT
     out.mkdir(parents=True, exist_ok=True)
-    file = out / "soak.json"
     use_large_message_profile()
     with isolated_unless_chosen():
-        run(options.minutes, file)
-    soak_report.report(json.loads(file.read_text()), out, PAGE if options.document else None)
-
-
-if __name__ == "__main__":
-    main()
+        data = run(options.minutes)
+    soak_report.report(data, out, PAGE if options.document else None)

@@ -60,14 +60,13 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
         s = slopes[name]
         rows.append([what, f"{s.median:.4g} {unit}", f"{s.per_hour:+.3g} {unit} ± {s.error:.2g}",
                      "flat" if s.flat else "**changes**"])  # fmt: skip
-    done, lost = data["done"], sorted(set(data["alive"]) - set(data["seen"])) + data["missing"]
-    sent = done.get("bad messages", 0) + done.get("bad calls", 0)
+    done, lost = data["done"], data["lost"]
     words = (
-        f"{data['minutes']:g} minutes: {done.get('sources killed', 0)} sources killed and started with a map of "
-        f"another size, {done.get('spawned', 0)} bodies spawned and {done.get('removed', 0)} removed, settings "
-        f"changed {done.get('settings changed', 0)} times. Bad messages and calls: {sent} sent, "
+        f"{data['minutes']:g} minutes: {done['sources killed']} sources killed and started with a map of another size, "
+        f"{done['spawned']} bodies spawned and {done['removed']} removed, settings changed {done['settings changed']} "
+        f"times. Bad messages and calls: {done['bad messages'] + done['bad calls']} sent, "
         f"{sum(data['refused'].values())} refused by the "
-        f"node's count. Bodies lost: {len(lost)} of {done.get('spawned', 0)}; below the ground at the end: "
+        f"node's count. Bodies lost: {len(lost)} of {done['spawned']}; below the ground at the end: "
         f"{data['below_ground']}, at any sample at most {max(samples['below']):.0f}."
     )
     text = table(["figure", "median", "change per hour", ""], rows) + "\n\n" + words

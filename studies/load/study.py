@@ -115,7 +115,3 @@ def main(args: list[str] | None = None) -> None:
             data["code"]["regions"], data["regions"] = digest_of("node"), measure_regions(quick=options.quick)
     file.write_text(json.dumps(data, indent=1))
     report(data, out, None if options.quick else PAGE)
-
-
-if __name__ == "__main__":
-    main()

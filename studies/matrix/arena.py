@@ -11,7 +11,6 @@ import numpy as np
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.report.ground import world_on
 from smartmesh_ros.scenes.moving import Scene
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -22,6 +21,7 @@ from smartmesh_ros.tools.evaluation.grounds import Rigid, make_ground
 from smartmesh_ros.world.world import WorldConfig
 from studies.engines.smartmesh import NEVER_LOST
 from studies.matrix.row import Method
+from studies.report.ground import world_on
 from studies.robots import robot
 
 HUSKY = robot.HUSKY.urdf

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from smartmesh_ros.report.config import ReportConfig
 from studies.configurations import BARE
+from studies.report.config import ReportConfig
 
 # The report's colliders; None = contacts from the map.
 Method = ReportConfig | None

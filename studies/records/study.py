@@ -44,7 +44,3 @@ def main(arguments: Sequence[str] | None = None) -> None:
         save_results(RESULTS, {"machine": describe(), **results})
         fill(PAGE, {name: f"{text}\n\n{machine}." for name, text in tables.items()})
         draw(PICTURE, results["tax of engines"], results["touchdown"], results["cells"])
-
-
-if __name__ == "__main__":
-    main()

@@ -12,10 +12,10 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.report.config import ReportConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.configurations import Configuration
 from studies.contest import FINE_RATE, HORIZON, Contest, Rules, Runner
+from studies.report.config import ReportConfig
 from studies.robots.bullet_robots import WorldRobots
 from studies.robots.engine import RobotEngine, RobotSetup, setup_of
 from studies.robots.geometry import GroundPrisms, Part, read_links

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
@@ -165,7 +164,3 @@ def strangers_table(strangers: Sequence[Stranger]) -> str:
         for one in strangers
     ]
     return table(["robot", "drift [mm]", "rescues", "limit", "kept"], rows)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -141,7 +141,3 @@ def main() -> None:
     for name, content in found.items():
         print(f"\n{name}\n{content}")
     fill(PAGE, found)
-
-
-if __name__ == "__main__":
-    main()

@@ -10,14 +10,12 @@ from rclpy.serialization import deserialize_message, serialize_message
 from smartmesh_ros import InputError
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_region
-from smartmesh_ros.tools.testing import Probe, domain, heightmap_message, pose_message, probe
+from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
 from tests.fuzz.mutations import mutated
 from tests.fuzz.run import INPUTS, attack, attack_with_examples
 from tests.fuzz.seeds import make
 from tests.fuzz.target import Target
 from tests.fuzz.wire import bombard
-
-__all__ = ["domain", "probe"]
 
 
 @pytest.fixture

@@ -1,6 +1,5 @@
 """The comparison with another checkout: the other process does what this one would, and the figures are its own."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
 from studies.body_contest import run_scene
 from studies.configurations import checkouts
-from studies.engines.checkout import HERE, Checkout
+from studies.engines.checkout import Checkout
 from studies.engines.engine import EngineBody, Setup
 
 DT = 1.0 / 240.0
@@ -46,15 +45,6 @@ def test_another_checkout_of_the_same_code_moves_bodies_like_this_one() -> None:
         update, step_time = other.taken()
         assert update > 0.0 and step_time > 0.0
         assert other.taken() == (0.0, 0.0)
-
-
-def test_the_same_code_is_equal_to_itself() -> None:
-    """In every figure but the times; the update's share of them is told."""
-    found = run_scene(SMALL, checkouts(HERE), lambda _: None)
-    now, before = (replace(one, cost=0.0, spread=(0.0, 0.0), update=0.0) for one in found.values())
-    assert repr(now) == repr(before)
-    assert now.p99 >= 0.0 and now.lost == 0
-    assert 0.0 < found["before"].update < found["before"].cost
 
 
 def test_a_folder_without_the_package_is_refused(tmp_path: Path) -> None:

@@ -17,8 +17,8 @@ from studies.engines.engine import ENGINES, EngineBody, Setup, build, missing
 DT = 1.0 / 240.0
 G = 9.81
 ROWS, COLUMNS, RESOLUTION = 21, 31, 0.2
-# What an engine needs for boxes not to catch at inner edges.
-OPTIONS = {name: {"edge_filter": True} for name in ("bullet_trimesh", "bullet_heightfield")}
+# What an engine needs for bodies not to catch at inner edges.
+OPTIONS = {"bullet_trimesh": {"edge_filter": True}}
 
 
 # `checkout` is `smartmesh` in another process; see test_before_after.py. Robots are in test_robots.py.

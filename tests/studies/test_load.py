@@ -12,13 +12,10 @@ from hypothesis import strategies as st
 from std_msgs.msg import Header
 
 from smartmesh_ros.node.parameters.specifications import NAMES
-from smartmesh_ros.tools.testing import domain
 from studies.load.cases import CODES, RESOLUTION, RISE, WAVE, Case, groups
 from studies.load.driver import TerrainMessages, run_case
 from studies.load.soak_report import slope_of
 from studies.load.tables import Summary, runs
-
-__all__ = ["domain"]
 
 SMALL = Case(side=128, bodies=3, mode="regions", map_rate=30.0, physics_rate=120.0, seconds=2.5)
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from smartmesh_ros.report.config import ReportConfig
 from studies.matrix import changes, moving_ground, still_ground, touching
 from studies.matrix.run import ROWS, run_cell
+from studies.report.config import ReportConfig
 
 NARROW = ReportConfig(kind="heightfield", rings=1)  # 3 x 3 samples, whatever the body's size
 SELDOM = ReportConfig(kind="heightfield", rings=1, rate=1.0)  # the same for a second

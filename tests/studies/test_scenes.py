@@ -10,9 +10,7 @@ from smartmesh_ros import GridGeometry, InputError
 from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.grounds import GROUNDS, make_ground
 from smartmesh_ros.tools.evaluation.scene import read_scene, read_scenes
-from smartmesh_ros.tools.replay.parameters import PRESETS
 from studies.body_contest import reference_positions
-from studies.configurations import read_presets
 
 SCENES = read_scenes()
 
@@ -65,14 +63,6 @@ def test_unknown_grounds_and_settings_are_refused() -> None:
     for kind, settings in (("lava", {}), ("slope", {"steepness": 3})):
         with pytest.raises(InputError):
             make_ground(geometry, kind, **settings)
-
-
-def test_presets_are_points_of_the_chart() -> None:
-    found = read_presets()
-    assert set(found) == set(PRESETS)
-    assert found["fast"]["physics"].rate == 120.0
-    assert found["fast"]["physics"].solver_residual > found["rover"]["physics"].solver_residual
-    assert found["rover"]["physics"].rate == 240.0
 
 
 def test_ground_that_slides_is_at_rest_for_who_goes_along() -> None:

@@ -251,7 +251,7 @@ class Publishing:
         if region is None:
             return []
         height, width = region.heights.shape
-        heights, velocities = floats(region.heights), floats(region.velocities)
+        heights, velocities = floats(region.heights), floats(np.zeros_like(region.heights))
         return [
             HeightmapUpdate(
                 header=self._header(), x=region.column, y=region.row, width=width, height=height, heights=heights,

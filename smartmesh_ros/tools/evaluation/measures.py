@@ -48,13 +48,8 @@ def penetration(clearance: FloatArray, below: BoolArray, held: BoolArray) -> Pen
     return Penetration(p50, p99, most, hover, int(gone[-1].sum()) if len(gone) else 0, clearance.shape[1])
 
 
-def held_up(before: FloatArray, after: FloatArray, dt: float, gravity: float = GRAVITY) -> BoolArray:
+def held_up(before: FloatArray, after: FloatArray, dt: float) -> BoolArray:
     """Return True (N,) for supported bodies, by velocities (N, 3) [m/s] before and after a step of ``dt`` [s]."""
     felt = (after - before) / dt
-    felt[:, 2] += gravity
-    return np.asarray(np.linalg.norm(felt, axis=1) > HELD_UP * gravity)
-
-
-def deviation(positions: FloatArray, reference: FloatArray) -> FloatArray:
-    """Return the distances (T, N) [m] from a reference run; both arguments (T, N, 3) [m]."""
-    return np.asarray(np.linalg.norm(positions - reference, axis=-1))
+    felt[:, 2] += GRAVITY
+    return np.asarray(np.linalg.norm(felt, axis=1) > HELD_UP * GRAVITY)

@@ -149,6 +149,6 @@ def _as_tuples(mapping: dict[str, Any]) -> dict[str, Any]:
     return {key: tuple(value) if isinstance(value, list) else value for key, value in mapping.items()}
 
 
-def read_scenes(folder: Path = FOLDER) -> list[Scene]:
-    """Return all scenes of a folder, sorted by name."""
-    return [read_scene(path) for path in sorted(folder.glob("*.yaml"))]
+def read_scenes() -> list[Scene]:
+    """Return all scenes that come with the package, sorted by name."""
+    return [read_scene(path) for path in sorted(FOLDER.glob("*.yaml"))]

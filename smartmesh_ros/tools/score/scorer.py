@@ -20,19 +20,20 @@ class ScoreConfig:
     """Settings of a `Scorer`.
 
     ``longest_lag`` [s]: of a map behind the ground; above the true lag, and below the period of ground that oscillates.
-    ``lags``: number of lags that are tried. ``window`` [s]: time over whose maps the lag is estimated. ``cells``: most
-    cells of a map that count for the lag. ``left``: largest part of the variance of errors at the worst lag that is
-    left at the best one, so that the best one counts; where the ground hardly moves, all are as good. ``late``,
-    ``ahead`` [s]: time by which a map may come after the truth of its stamp, and before it.
+    ``window`` [s]: time over whose maps the lag is estimated.
     """
 
     longest_lag: float = 2.0
-    lags: int = 101
     window: float = 10.0
-    cells: int = 500
-    left: float = 0.5
-    late: float = 3.0
-    ahead: float = 1.0
+
+
+# Number of lags that are tried, and most cells of a map that count for the lag.
+LAGS, CELLS = 101, 500
+# Largest part of the variance of errors at the worst lag that is left at the best one, so that the best one counts;
+# where the ground hardly moves, all are as good.
+LEFT = 0.5
+# Time by which a map may come after the truth of its stamp, and before it [s].
+LATE, AHEAD = 3.0, 1.0
 
 
 class Score(NamedTuple):
@@ -75,7 +76,7 @@ class Scorer:
 
     def __init__(self, config: ScoreConfig | None = None) -> None:
         self.config = config or ScoreConfig()
-        self._lags = np.linspace(0.0, self.config.longest_lag, self.config.lags)
+        self._lags = np.linspace(0.0, self.config.longest_lag, LAGS)
         self._truth: list[tuple[float, HeightMap]] = []
         self._waiting: deque[_Map] = deque()
         self._sums: deque[_Sums] = deque()
@@ -85,7 +86,7 @@ class Scorer:
         if self._truth and stamp < self._truth[-1][0]:
             for known in (self._truth, self._waiting, self._sums):
                 known.clear()
-        oldest = stamp - self.config.longest_lag - self.config.late
+        oldest = stamp - self.config.longest_lag - LATE
         self._truth = [(time, heights) for time, heights in self._truth if oldest <= time < stamp]
         self._truth.append((stamp, HeightMap(raster.heights, geometry=raster.geometry)))
 
@@ -96,7 +97,7 @@ class Scorer:
         oldest, newest = self._truth[0][0], self._truth[-1][0]
         if stamp < oldest:
             raise InputError("late", f"a map is {oldest - stamp:.3g} s older than the oldest true map that is kept")
-        if stamp > newest + self.config.ahead:
+        if stamp > newest + AHEAD:
             words = f"a map is {stamp - newest:.3g} s ahead of the newest true map"
             raise InputError("ahead", f"{words}; let one clock stamp both, use_sim_time in all nodes or in none")
         self._waiting.append(_Map(stamp, HeightMap(raster.heights, geometry=raster.geometry), newest))
@@ -130,7 +131,7 @@ class Scorer:
             self._sums.popleft()
         if stamp - self.config.longest_lag < self._truth[0][0]:
             return
-        some = slice(None, None, math.ceil(len(places) / self.config.cells))
+        some = slice(None, None, math.ceil(len(places) / CELLS))
         errors = heights[some] - self._truth_at(places[some], stamp - self._lags)
         errors = errors[:, ~np.isnan(errors).any(axis=0)]
         self._sums.append(_Sums(stamp, errors.shape[1], errors.sum(axis=1), (errors**2).sum(axis=1)))
@@ -143,7 +144,7 @@ class Scorer:
         mean = np.sum([sums.errors for sums in self._sums], axis=0) / count
         variances = np.maximum(np.sum([sums.squares for sums in self._sums], axis=0) / count - mean**2, 0.0)
         best = int(variances.argmin())
-        if best == len(self._lags) - 1 or not variances[best] < self.config.left * variances.max():
+        if best == len(self._lags) - 1 or not variances[best] < LEFT * variances.max():
             return math.nan, math.nan
         lag, least = float(self._lags[best]), float(variances[best])
         if best:  # the lowest point of a parabola through three of them

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -19,17 +20,15 @@ def draw(path: Path, result: Result) -> Any:
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     FigureCanvasAgg(figure)
     axes: Any = figure.subplots()
-    tried = [point.figures for point in result.measured.points]
-    _draw(axes, tried, "o", label="tried", color="0.75", markersize=4)
-    best = [point.figures for point in front(result.measured.points)]
-    _draw(axes, best, "o-", label="front", color="tab:blue", markersize=4, linewidth=1.0)
-    for line, value in ((axes.axvline, result.limits.cost), (axes.axhline, 1e3 * result.limits.penetration)):
+    _draw(axes, result.points, "o", label="tried", color="0.75", markersize=4)
+    _draw(axes, front(result.points), "o-", label="front", color="tab:blue", markersize=4, linewidth=1.0)
+    for line, value in ((axes.axvline, result.limits["cost"]), (axes.axhline, 1e3 * result.limits["penetration"])):
         if math.isfinite(value):
             line(value, color="tab:red", linewidth=0.8, linestyle=":")
-    if result.measured.given is not None:
-        _draw(axes, [result.measured.given.figures], "s", label="as given", color="tab:green", markersize=5)
-    _draw(axes, [result.measured.defaults.figures], "D", label="defaults", color="tab:orange", markersize=9)
-    _draw(axes, [result.chosen.figures], "X", label="chosen", color="tab:red", markersize=9)
+    if result.given is not None:
+        _draw(axes, [result.given], "s", label="as given", color="tab:green", markersize=5)
+    _draw(axes, [result.defaults], "D", label="defaults", color="tab:orange", markersize=9)
+    _draw(axes, [result.chosen], "X", label="chosen", color="tab:red", markersize=9)
     axes.set(
         xscale="log", yscale="log", xlabel="cost [processor time per simulated second]",
         ylabel="penetration, 99 % [mm]", title=result.case.title,
@@ -42,7 +41,7 @@ def draw(path: Path, result: Result) -> Any:
     return axes
 
 
-def _draw(axes: Any, figures: list[Figures], style: str, **look: Any) -> None:
+def _draw(axes: Any, figures: Iterable[Figures], style: str, **look: Any) -> None:
     """Draw figures that were measured."""
     shown = [one for one in figures if math.isfinite(one.error)]
     if shown:

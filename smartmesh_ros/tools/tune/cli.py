@@ -9,15 +9,16 @@ more penetration than the defaults.
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.replay.cli import INTERRUPTED, ProgressLine, add_node_arguments, ended, rules_of
 from smartmesh_ros.tools.replay.parameters import preset_values, read_parameters
 from smartmesh_ros.tools.replay.transport import Names
 from smartmesh_ros.tools.tune.case import open_case
-from smartmesh_ros.tools.tune.figures import require_positive
 from smartmesh_ros.tools.tune.grid import measure_all
 from smartmesh_ros.tools.tune.report import Result, closing_lines, parameter_file
 
@@ -51,16 +52,18 @@ def _run(options: argparse.Namespace) -> int:
 def find(options: argparse.Namespace) -> Result:
     """Measure the grid for the options of a command line. Raises `InputError`."""
     for name in ("jobs", "seconds", *LIMITS):
-        require_positive(name, getattr(options, name))
+        value = getattr(options, name)
+        if value is not None and not 0.0 < value < math.inf:
+            raise InputError("parameter", f"--{name} is {value:g}; it must be a number greater than zero")
     given = {figure: getattr(options, option) for option, figure in LIMITS.items()}
     asked = {figure: limit for figure, limit in given.items() if limit is not None}
     rules = rules_of(options.remap)
     preset = preset_values(options.preset) if options.preset else {}
     parameters = {**preset, **read_parameters(options.params_file, options.param, Names(rules=rules).node)}
     case, line = open_case(options.source, parameters, rules, options.seconds), ProgressLine()
-    measured = measure_all(case, options.jobs, lambda done, count: line.show(done / count))
+    points = measure_all(case, options.jobs, lambda done, count: line.show(done / count))
     line.clear()
-    return Result(case, asked, measured)
+    return Result(case, asked, points)
 
 
 def parser() -> argparse.ArgumentParser:

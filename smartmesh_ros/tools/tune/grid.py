@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import multiprocessing
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -17,7 +17,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.tools.replay.parameters import DEFAULTS
 from smartmesh_ros.tools.tune.case import Case
-from smartmesh_ros.tools.tune.figures import Figures, Limits, Point
+from smartmesh_ros.tools.tune.figures import Figures, excess
 from smartmesh_ros.tools.tune.measuring import measure
 
 # Values by parameter: what buys speed for accuracy. Each rate is a multiple of that of the measurements, 30 Hz.
@@ -32,26 +32,21 @@ SMALL_STEPS = {**KNOWN, "physics.rate": 8.0 * KNOWN["physics.rate"]}
 SAME_PENETRATION = 1.05
 
 
-@dataclass(frozen=True, kw_only=True)
-class Measured:
-    """All points of a case, the ``defaults`` among them. ``given``: the user's settings, if they are not on the
-    grid."""
-
-    points: Sequence[Point]
-    defaults: Point
-    given: Point | None = None
-
-
 def settings_to_try(given: Mapping[str, Any]) -> list[dict[str, float]]:
     """Return the points of the grid, and the user's settings if they are none."""
     found = [dict(zip(GRID, values, strict=True)) for values in product(*GRID.values())]
-    own = {name: float(given.get(name, value)) for name, value in KNOWN.items()}
+    own = own_settings(given)
     return found if own in found else [*found, own]
 
 
-def measure_all(case: Case, jobs: int, say: Callable[[int, int], None] = lambda done, count: None) -> Measured:
-    """Measure all settings in ``jobs`` processes at a time, and ``say`` how many are done after each. Raises
-    `InputError` if the node would refuse the case, or nothing can be measured."""
+def own_settings(given: Mapping[str, Any]) -> dict[str, float]:
+    """Return the user's settings, from all parameters that were given."""
+    return {name: float(given.get(name, value)) for name, value in KNOWN.items()}
+
+
+def measure_all(case: Case, jobs: int, say: Callable[[int, int], None] = lambda done, count: None) -> list[Figures]:
+    """Return the figures of all settings, measured in ``jobs`` processes at a time, and ``say`` how many are done after
+    each. Raises `InputError` if the node would refuse the case, or nothing can be measured."""
     tried = settings_to_try(case.parameters)
     found: dict[int, tuple[Figures, dict[str, Vector]]] = {}
     # A process for each setting: what one has allocated and cached does not change the cost of another. They are forks
@@ -69,15 +64,18 @@ def measure_all(case: Case, jobs: int, say: Callable[[int, int], None] = lambda 
         finally:
             pool.shutdown(cancel_futures=True)
     _, reference = found.pop(len(tried))
-    points = [Point(values, _with_deviation(*found[place], reference)) for place, values in enumerate(tried)]
-    defaults = next(point for point in points if point.values == KNOWN)
-    if math.isinf(defaults.figures.error):
+    points = [replace(_with_deviation(*found[place], reference), values=values) for place, values in enumerate(tried)]
+    if math.isinf(point_of(points, KNOWN).error):
         raise InputError(
             "bodies", "nothing can be measured here: no simulated body stayed over the ground; the parameter file's "
             "bodies.spawn or robot.description must put bodies over the maps"
         )  # fmt: skip
-    given = points[-1] if len(points) > math.prod(map(len, GRID.values())) else None
-    return Measured(points=points, defaults=defaults, given=given)
+    return points
+
+
+def point_of(points: Iterable[Figures], values: Mapping[str, float]) -> Figures:
+    """Return the point of these settings."""
+    return next(point for point in points if point.values == values)
 
 
 def _with_deviation(figures: Figures, positions: Mapping[str, Vector], reference: Mapping[str, Vector]) -> Figures:
@@ -86,25 +84,25 @@ def _with_deviation(figures: Figures, positions: Mapping[str, Vector], reference
     return replace(figures, deviation=float(np.median(apart)) if apart else math.nan)
 
 
-def ranked(points: Iterable[Point], limits: Limits) -> list[Point]:
-    """Return the points, the best first: those within all limits, and then the others by their maximum excess.
+def best(points: Iterable[Figures], asked: Mapping[str, float], limits: Mapping[str, float]) -> Figures:
+    """Return the best point within all limits, or else that with the least maximum excess.
 
     If only a budget or a deadline is asked for, the best is the one with the least penetration, otherwise the cheapest.
     """
-    truest = limits.asked and "penetration" not in limits.asked
+    truest = asked and "penetration" not in asked
 
-    def order(point: Point) -> tuple[float, ...]:
-        cost, error = point.figures.cost, point.figures.error
-        excess = max(limits.excess(point.figures).values(), default=0.0)
-        return (excess, math.log(error) // math.log(SAME_PENETRATION), cost) if truest else (excess, cost, error)
+    def order(point: Figures) -> tuple[float, ...]:
+        most = max(excess(point, limits).values(), default=0.0)
+        error = math.log(point.error) // math.log(SAME_PENETRATION)
+        return (most, error, point.cost) if truest else (most, point.cost, point.error)
 
-    return sorted(points, key=order)
+    return min(points, key=order)
 
 
-def front(points: Iterable[Point]) -> list[Point]:
+def front(points: Iterable[Figures]) -> list[Figures]:
     """Return the points that no other beats in both cost and penetration, by cost."""
-    found: list[Point] = []
-    for point in sorted(points, key=lambda point: (point.figures.cost, point.figures.error)):
-        if math.isfinite(point.figures.error) and (not found or point.figures.error < found[-1].figures.error):
+    found: list[Figures] = []
+    for point in sorted(points, key=lambda point: (point.cost, point.error)):
+        if math.isfinite(point.error) and (not found or point.error < found[-1].error):
             found.append(point)
     return found

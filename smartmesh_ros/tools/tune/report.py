@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,10 +13,10 @@ from typing import Any
 import yaml
 
 from smartmesh_ros.tools.tune.case import Case
-from smartmesh_ros.tools.tune.figures import ALLOWANCE, Limits, Point
-from smartmesh_ros.tools.tune.grid import KNOWN, Measured, ranked
+from smartmesh_ros.tools.tune.figures import FACTOR, LEAST, Figures, excess, limits_of
+from smartmesh_ros.tools.tune.grid import KNOWN, best, own_settings, point_of
 
-# Names of the limits, by the field of `Limits`.
+# Names of the limits, by figure.
 NAMES = {
     "cost": "cost", "penetration": "penetration", "longest": "the longest step", "hover": "hover",
     "deviation": "deviation", "failed": "bodies lost or put back",
@@ -25,26 +25,38 @@ NAMES = {
 
 @dataclass(frozen=True)
 class Result:
-    """What was measured of a case, and what of it is chosen for the limits that were ``asked`` for, by figure."""
+    """What was measured of a case, and what of it is chosen for the limits that were ``asked`` for, by figure.
+    ``points``: the defaults and the user's settings among them."""
 
     case: Case
     asked: Mapping[str, float]
-    measured: Measured
+    points: Sequence[Figures]
 
     @cached_property
-    def limits(self) -> Limits:
-        """The limits."""
-        return Limits.of(self.asked, self.measured.defaults.figures)
+    def defaults(self) -> Figures:
+        """The point of the defaults."""
+        return point_of(self.points, KNOWN)
+
+    @property
+    def given(self) -> Figures | None:
+        """The point of the user's settings, if they are not the defaults."""
+        own = own_settings(self.case.parameters)
+        return None if own == KNOWN else point_of(self.points, own)
 
     @cached_property
-    def chosen(self) -> Point:
+    def limits(self) -> dict[str, float]:
+        """The limits, by figure."""
+        return limits_of(self.asked, self.defaults)
+
+    @cached_property
+    def chosen(self) -> Figures:
         """The best point within all limits, or else the nearest."""
-        return ranked(self.measured.points, self.limits)[0]
+        return best(self.points, self.asked, self.limits)
 
     @property
     def keeps(self) -> bool:
         """True if the chosen point is within all limits."""
-        return not self.limits.excess(self.chosen.figures)
+        return not excess(self.chosen, self.limits)
 
     @property
     def changed(self) -> dict[str, Any]:
@@ -62,12 +74,11 @@ def asked_words(asked: Mapping[str, float]) -> str:
 
 def closing_lines(result: Result) -> list[str]:
     """Return the lines of the report."""
-    chosen, defaults = result.chosen.figures, result.measured.defaults.figures
+    chosen, defaults = result.chosen, result.defaults
     return [
         table(result),
         "",
-        f"{result.case.title}: {len(result.measured.points)} settings over {result.case.length:.3g} s of simulated "
-        "time.",
+        f"{result.case.title}: {len(result.points)} settings over {result.case.length:.3g} s of simulated time.",
         *_outcome(result),
         f"Chosen: {chosen.cost / defaults.cost:.2f} times the cost of the defaults, and "
         f"{chosen.error / defaults.error:.2f} times their penetration.",
@@ -78,37 +89,34 @@ def closing_lines(result: Result) -> list[str]:
 def _outcome(result: Result) -> list[str]:
     """Return whether the limits are met, and if not, which ones are exceeded and which ones bind."""
     if result.keeps:
-        best = "" if result.changed else " Nothing else on the grid beats the defaults."
-        return [f"Asked: {asked_words(result.asked)}. Kept.{best}"]
-    exceeded = "; ".join(_exceeded(result, name) for name in result.limits.excess(result.chosen.figures))
-    bind = " and ".join(NAMES[name] for name in binding(result.measured.points, result.limits))
+        nothing = "" if result.changed else " Nothing else on the grid beats the defaults."
+        return [f"Asked: {asked_words(result.asked)}. Kept.{nothing}"]
+    exceeded = "; ".join(_exceeded(result, name) for name in excess(result.chosen, result.limits))
+    bind = " and ".join(NAMES[name] for name in binding(result.points, result.limits))
     return [
         f"Not possible here: {asked_words(result.asked)}. The nearest settings have {exceeded}.",
         f"What binds is the limit of {bind}: without it the others could be met.",
     ]
 
 
-def binding(points: Iterable[Point], limits: Limits) -> tuple[str, ...]:
+def binding(points: Iterable[Figures], limits: Mapping[str, float]) -> tuple[str, ...]:
     """Return the smallest set of limits without which one of the points would be within all others; of several such
     sets the one with the smallest excess."""
-    exceeded = [limits.excess(point.figures) for point in points]
-    least: Mapping[str, float] = min(
-        exceeded, key=lambda excess: (len(excess), max(excess.values(), default=0.0)), default={}
-    )
+    exceeded = [excess(point, limits) for point in points]
+    least: Mapping[str, float] = min(exceeded, key=lambda over: (len(over), max(over.values(), default=0.0)))
     return tuple(least)
 
 
 def _exceeded(result: Result, name: str) -> str:
     """Return a figure of the chosen settings with the limit that it exceeds, and the limit's origin."""
-    limit = getattr(result.limits, name)
+    limit = result.limits[name]
     if name in result.asked:
         reason = ", as asked"
-    elif name in ("hover", "deviation"):
-        origin = "always allowed" if limit == getattr(ALLOWANCE, name) else f"{ALLOWANCE.factor:g} times the defaults'"
-        reason = f": {origin}"
+    elif name in LEAST:
+        reason = ": always allowed" if limit == LEAST[name] else f": {FACTOR:g} times the defaults'"
     else:
         reason = ", as the defaults"
-    figure = _amount(name, getattr(result.chosen.figures, name))
+    figure = _amount(name, getattr(result.chosen, name))
     return f"{NAMES[name]} {figure} (at most {_amount(name, limit)}{reason})"
 
 
@@ -125,13 +133,13 @@ def _amount(name: str, value: float) -> str:
 
 def table(result: Result) -> str:
     """Return the figures of the chosen point, the defaults and the user's settings."""
-    names, measured = ("cost", "longest", "penetration", "hover", "deviation", "failed"), result.measured
-    rows = {"this file": result.chosen, "defaults": measured.defaults}
-    if measured.given is not None:
-        rows["as given"] = measured.given
+    names = ("cost", "longest", "penetration", "hover", "deviation", "failed")
+    rows = {"this file": result.chosen, "defaults": result.defaults}
+    if result.given is not None:
+        rows["as given"] = result.given
     lines = ["".join([f"{'':12}", *(f"{name:>16}" for name in names)])]
     for row, point in rows.items():
-        lines.append("".join([f"{row:12}", *(f"{_amount(name, getattr(point.figures, name)):>16}" for name in names)]))
+        lines.append("".join([f"{row:12}", *(f"{_amount(name, getattr(point, name)):>16}" for name in names)]))
     return "\n".join(lines)
 
 

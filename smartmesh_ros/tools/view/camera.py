@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,26 +11,17 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.client.sight import Sight
 
-
-@dataclass(frozen=True, kw_only=True)
-class CameraConfig:
-    """Settings of the camera placement.
-
-    ``bearing`` [rad]: direction from the bodies to the camera, from the x axis. ``elevations`` [rad]: angles above the
-    horizon, of which the first is taken at which the ground hides the fewest bodies. ``spare``: margin at each edge, as
-    a fraction of the picture's width and height. ``nearest`` [m]: minimum distance, so that a small body is shown with
-    some ground around. ``far``: bodies further than this many median distances from the median position are ignored,
-    because a few that rolled away would make all others too small to see.
-    """
-
-    bearing: float = math.radians(-130.0)
-    elevations: tuple[float, ...] = tuple(math.radians(angle) for angle in (40.0, 50.0, 65.0, 80.0))
-    spare: float = 0.06
-    nearest: float = 4.0
-    far: float = 1.5
-
-
-CONFIG = CameraConfig()
+# Direction from the bodies to the camera, from the x axis [rad].
+BEARING = math.radians(-130.0)
+# Angles above the horizon, of which the first is taken at which the ground hides the fewest bodies [rad].
+ELEVATIONS = tuple(math.radians(angle) for angle in (40.0, 50.0, 65.0, 80.0))
+# Margin at each edge, as a fraction of the picture's width and height.
+SPARE = 0.06
+# Minimum distance [m], so that a small body is shown with some ground around.
+CLOSEST = 4.0
+# Bodies further than this many median distances from the median position are ignored, because a few that rolled away
+# would make all others too small to see.
+FAR = 1.5
 # Near clipping distance [m]. Lower values reduce the depth resolution of distant objects.
 NEAREST = 0.05
 # Width of the panel and its margins [pixels].
@@ -63,9 +53,9 @@ START = Camera(np.array([-6.3, -7.1, 6.9]), np.zeros(3))
 def camera_on(positions: FloatArray, radii: FloatArray, lens: Lens, ground: Ground) -> Camera:
     """Return the nearest camera that shows bodies at (B, 3) [m] of ``radii`` (B,) [m]."""
     away = np.linalg.norm(positions - np.median(positions, axis=0), axis=1)
-    near = away <= CONFIG.far * max(float(np.median(away)), CONFIG.nearest)
+    near = away <= FAR * max(float(np.median(away)), CLOSEST)
     positions, radii = positions[near], radii[near]
-    found = [_fitted(positions, radii, lens, elevation) for elevation in CONFIG.elevations]
+    found = [_fitted(positions, radii, lens, elevation) for elevation in ELEVATIONS]
     return found[int(np.argmin([_hidden(camera, positions, radii, ground) for camera in found]))]
 
 
@@ -75,16 +65,16 @@ def _fitted(positions: FloatArray, radii: FloatArray, lens: Lens, elevation: flo
     Between two edges of the picture, ``low`` and ``high`` [rad] from the line of sight, a ball of radius R in the
     middle of both fits from a distance of R / sin((high - low) / 2).
     """
-    b, e = CONFIG.bearing, elevation
+    b, e = BEARING, elevation
     forward = -np.array([math.cos(e) * math.cos(b), math.cos(e) * math.sin(b), math.sin(e)])
     right = np.array([-math.sin(b), math.cos(b), 0.0])
     middle = 0.5 * ((positions - radii[:, None]).min(axis=0) + (positions + radii[:, None]).max(axis=0))
     radius = float((np.linalg.norm(positions - middle, axis=1) + radii).max())
-    tall, edge = math.tan(0.5 * lens.field_of_view), 1.0 - CONFIG.spare
+    tall, edge = math.tan(0.5 * lens.field_of_view), 1.0 - SPARE
     low, high = (math.atan(share * lens.aspect * tall) for share in (-edge, edge - 2.0 * lens.covered))
     beside = 0.5 * (low + high)
     distance = max(
-        CONFIG.nearest, radius / math.sin(math.atan(edge * tall)),
+        CLOSEST, radius / math.sin(math.atan(edge * tall)),
         math.cos(beside) * radius / math.sin(0.5 * (high - low)),
     )  # fmt: skip
     target = middle - distance * math.tan(beside) * right

@@ -6,22 +6,16 @@ middle of a larger cell's edge, the larger cell becomes a fan of triangles aroun
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
-
-@dataclass(frozen=True)
-class DecimationConfig:
-    """``far_cells``: maximum number of cells of a map without bodies; at the default some four pixels each on a screen.
-    ``most_cells``: maximum number of all cells. Beyond it the undecimated area around each body is reduced. The default
-    is what a browser redraws ten times a second."""
-
-    far_cells: int = 16_000
-    most_cells: int = 60_000
+# Most cells of a map without bodies: some four pixels each on a screen.
+FAR_CELLS = 16_000
+# Most of all cells, which a browser redraws ten times a second; with more the whole area around each body shrinks.
+MOST_CELLS = 60_000
 
 
 class Surface(NamedTuple):
@@ -34,20 +28,24 @@ class Surface(NamedTuple):
 
 
 def decimate(
-    shape: tuple[int, int], centres: FloatArray, near: FloatArray, config: DecimationConfig = DecimationConfig()
+    shape: tuple[int, int],
+    centres: FloatArray,
+    near: FloatArray,
+    far_cells: int = FAR_CELLS,
+    most_cells: int = MOST_CELLS,
 ) -> Surface:
     """Return the surface of a map of ``shape`` (rows, columns), each >= 2.
 
     ``centres`` (B, 2): row and column of each body [samples], also outside the map. ``near`` (B,) [samples]: every
     sample within this distance of the body along rows and columns is a vertex. ``near`` is halved until the surface has
-    at most ``config.most_cells`` cells.
+    at most ``most_cells`` cells.
     """
     coarsest = 0
-    while np.prod(_counts(shape, 1 << coarsest)) > config.far_cells:
+    while np.prod(_counts(shape, 1 << coarsest)) > far_cells:
         coarsest += 1
     while True:
         cells = _cells(shape, coarsest, centres, near)
-        if sum(map(len, cells)) <= config.most_cells or not near.size or near.max() < 1.0:
+        if sum(map(len, cells)) <= most_cells or not near.size or near.max() < 1.0:
             return _triangulate(shape, cells)
         near = 0.5 * near
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from enum import Enum
 from time import monotonic
 from typing import Any, Literal, NamedTuple
@@ -87,21 +86,17 @@ class Meshes:
                 )
 
 
-@dataclass(frozen=True)
-class TerrainConfig:
-    """``margin``: distance around each body with full resolution, in radii. ``least``: minimum of that distance
-    [samples]. ``period`` [s]: minimum time between two decimations, which take tens of milliseconds for a large map."""
-
-    margin: float = 2.0
-    least: float = 8.0
-    period: float = 0.5
+# Distance around each body with full resolution, in radii, and at least [samples].
+MARGIN, LEAST = 2.0, 8.0
+# Minimum time between two decimations [s], which take tens of milliseconds for a large map.
+PERIOD = 0.5
 
 
 class TerrainScene:
     """Draws the tiles of a `Ground` in a viser scene."""
 
-    def __init__(self, scene: Any, config: TerrainConfig = TerrainConfig()) -> None:
-        self._scene, self._meshes, self._config = scene, Meshes(scene), config
+    def __init__(self, scene: Any, period: float = PERIOD) -> None:
+        self._scene, self._meshes, self._period = scene, Meshes(scene), period
         self._frames: dict[str, Any] = {}  # of decks
         self._reliefs: dict[str, _Relief] = {}
 
@@ -123,7 +118,7 @@ class TerrainScene:
                 continue
             relief = self._reliefs.get(name)
             if relief is None or (relief.geometry, relief.root) != (tile.geometry, root):
-                relief = self._reliefs[name] = _Relief(root, path, tile.geometry, self._config)
+                relief = self._reliefs[name] = _Relief(root, path, tile.geometry, self._period)
             if deck:
                 frame = decks[deck].frame(0.0)
                 near = (bodies - frame.position) @ frame.rotation
@@ -143,8 +138,8 @@ class TerrainScene:
 class _Relief:
     """A height map as a decimated mesh. What was made is kept while neither the map nor the bodies have changed."""
 
-    def __init__(self, root: str, path: str, geometry: GridGeometry, config: TerrainConfig) -> None:
-        self.root, self._path, self.geometry, self._config = root, path, geometry, config
+    def __init__(self, root: str, path: str, geometry: GridGeometry, period: float) -> None:
+        self.root, self._path, self.geometry, self._period = root, path, geometry, period
         self._centres, self._due = np.full((1, 2), np.inf), 0.0
         self._made: dict[str, Mesh] = {}
         # Revision of the map, whether sunk ground was coloured, and the heights under patches.
@@ -210,13 +205,13 @@ class _Relief:
 
     def _cut(self, bodies: FloatArray, radii: FloatArray) -> bool:
         """Decimate the map again if bodies have moved far; return True if it was decimated."""
-        geometry, config = self.geometry, self._config
+        geometry = self.geometry
         centres = geometry.to_grid(bodies[:, :2])
-        near = np.maximum(config.margin * radii / geometry.resolution, config.least)
+        near = np.maximum(MARGIN * radii / geometry.resolution, LEAST)
         same = len(centres) == len(self._centres) and (np.abs(centres - self._centres) < 0.25 * near[:, None]).all()
         if same or monotonic() < self._due:
             return False
-        self._due, self._centres = monotonic() + config.period, centres
+        self._due, self._centres = monotonic() + self._period, centres
         self._surface = decimate((geometry.rows, geometry.columns), centres, near)
         self._xy = geometry.to_world(self._surface.rows, self._surface.columns)
         return True

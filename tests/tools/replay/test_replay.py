@@ -29,11 +29,9 @@ from smartmesh_ros.node.outputs.cdr import bytes_of
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.replay.replay import Replay
-from smartmesh_ros.tools.testing import bags, heightmap_message, pose_message, replay
+from smartmesh_ros.tools.testing import bags, heightmap_message, pose_message
 from tests.node.shared import made_with
 from tests.tools.replay.recordings import BEGIN, RECORDINGS, Message, X, digest_of, in_order
-
-__all__ = ["replay"]
 
 ROOT = Path(__file__).parents[3]
 Make = Callable[..., Replay]

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.tools.tune.case import Case
 from smartmesh_ros.tools.tune.chart import draw
-from smartmesh_ros.tools.tune.figures import Figures, Limits, Point
-from smartmesh_ros.tools.tune.grid import GRID, KNOWN, SAME_PENETRATION, Measured, front, ranked, settings_to_try
+from smartmesh_ros.tools.tune.figures import Figures, excess, limits_of
+from smartmesh_ros.tools.tune.grid import GRID, KNOWN, SAME_PENETRATION, best, front, settings_to_try
 from smartmesh_ros.tools.tune.report import Result, binding, closing_lines, parameter_file
 from tests.examples import examples
 
-BASE = Figures(cost=0.2, longest=2e-3, penetration=1e-3, hover=1e-3, deviation=1e-2)
+BASE = Figures(values=KNOWN, cost=0.2, longest=2e-3, penetration=1e-3, hover=1e-3, deviation=1e-2)
 CASE = Case(source=Path("flat.yaml"), title="Flat", length=1.0, settle=0.1, remaps=[("~/heightmap", "/maps")])
 OTHER = {**KNOWN, "physics.rate": 120.0}
 
@@ -25,8 +25,7 @@ def figures(**changes: Any) -> Figures:
 
 
 def result(asked: dict[str, float], *tried: Figures) -> Result:
-    defaults = Point(KNOWN, BASE)
-    return Result(CASE, asked, Measured(points=[defaults, *(Point(OTHER, one) for one in tried)], defaults=defaults))
+    return Result(CASE, asked, [BASE, *(replace(one, values=OTHER) for one in tried)])
 
 
 def test_what_is_better_is_chosen_and_said() -> None:
@@ -48,11 +47,10 @@ def test_a_limit_that_nobody_asked_for_is_named_with_its_value() -> None:
 
 
 def test_limits_that_bind_only_together_are_all_named() -> None:
-    limits = Limits.of({"cost": 0.1}, BASE)
-    both = Point({}, figures(cost=0.05, hover=5e-3, deviation=0.5))
-    assert binding([both, Point({}, figures(cost=0.5, hover=9e-3, lost=2))], limits) == ("hover", "deviation")
-    assert binding([both, Point({}, figures(cost=0.05, deviation=0.03))], limits) == ("deviation",)
-    assert binding([], limits) == ()
+    limits = limits_of({"cost": 0.1}, BASE)
+    both = figures(cost=0.05, hover=5e-3, deviation=0.5)
+    assert binding([both, figures(cost=0.5, hover=9e-3, lost=2)], limits) == ("hover", "deviation")
+    assert binding([both, figures(cost=0.05, deviation=0.03)], limits) == ("deviation",)
 
 
 def test_the_chart_shows_what_was_tried(tmp_path: Path) -> None:
@@ -74,20 +72,20 @@ ANY_FIGURES = st.builds(
     Figures, cost=COSTS, longest=st.floats(1e-5, 0.1), penetration=LENGTHS | st.just(math.nan), hover=LENGTHS,
     deviation=LENGTHS | st.just(math.nan), lost=st.integers(0, 2),
 )  # fmt: skip
-POINTS = st.lists(st.builds(lambda figures: Point({}, figures), ANY_FIGURES), min_size=1, max_size=30)
+POINTS = st.lists(ANY_FIGURES, min_size=1, max_size=30)
 ASKED = st.dictionaries(st.sampled_from(["cost", "penetration", "longest"]), st.floats(1e-4, 1.0))
 
 
 @given(POINTS, ASKED, ANY_FIGURES)
 @examples(100)
 def test_nothing_that_keeps_what_is_asked_is_better(
-    points: list[Point], asked: dict[str, float], base: Figures
+    points: list[Figures], asked: dict[str, float], base: Figures
 ) -> None:
-    limits = Limits.of(asked, base)
-    chosen = ranked(points, limits)[0].figures
-    able = [point.figures for point in points if not limits.excess(point.figures)]
+    limits = limits_of(asked, base)
+    chosen = best(points, asked, limits)
+    able = [point for point in points if not excess(point, limits)]
     if not able:
-        worst = [max(limits.excess(one).values()) for one in (chosen, *(point.figures for point in points))]
+        worst = [max(excess(one, limits).values()) for one in (chosen, *points)]
         assert worst[0] == min(worst)
         return
     assert chosen.cost <= asked.get("cost", math.inf) and chosen.longest <= asked.get("longest", math.inf)
@@ -101,11 +99,9 @@ def test_nothing_that_keeps_what_is_asked_is_better(
 
 @given(POINTS)
 @examples(100)
-def test_no_point_beats_one_of_the_front(points: list[Point]) -> None:
-    found = [(one.figures.cost, one.figures.error) for one in front(points)]
+def test_no_point_beats_one_of_the_front(points: list[Figures]) -> None:
+    found = [(one.cost, one.error) for one in front(points)]
     for cost, error in found:
         assert not any(
-            (one.figures.cost < cost and one.figures.error <= error)
-            or (one.figures.cost <= cost and one.figures.error < error)
-            for one in points
+            (one.cost < cost and one.error <= error) or (one.cost <= cost and one.error < error) for one in points
         )

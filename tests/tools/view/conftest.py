@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros.tools.testing import Probe, Process, domain
+from smartmesh_ros.tools.testing import Probe, Process
 
-__all__ = ["domain"]
 # Flat where x < 0, small waves where x > 0.
 CELL = 0.1
 SIDE = 12.0

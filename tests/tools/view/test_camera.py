@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros.tools.client.ground import Ground
-from smartmesh_ros.tools.view.camera import CONFIG, Camera, Lens, camera_on
+from smartmesh_ros.tools.view.camera import CLOSEST, FAR, Camera, Lens, camera_on
 from tests.examples import examples
 from tests.tools.view.test_logic import ground_of
 
@@ -36,7 +36,7 @@ def test_all_bodies_are_in_the_picture_beside_the_panel(
     positions, radii = np.array([place for place, _ in bodies]), np.array([radius for _, radius in bodies])
     camera = camera_on(positions, radii, lens, Ground())
     away = np.linalg.norm(positions - np.median(positions, axis=0), axis=1)
-    near = away <= CONFIG.far * max(float(np.median(away)), CONFIG.nearest)
+    near = away <= FAR * max(float(np.median(away)), CLOSEST)
     places = places_in(camera, positions[near], lens)
     assert (np.abs(places) < 1.0).all()
     assert (places[:, 0] < 1.0 - 2.0 * lens.covered).all()

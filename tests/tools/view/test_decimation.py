@@ -6,17 +6,16 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros.tools.view.decimation import DecimationConfig, Surface, decimate
+from smartmesh_ros.tools.view.decimation import MOST_CELLS, Surface, decimate
 from tests.examples import examples
 
-FEW = DecimationConfig(far_cells=40, most_cells=4000)
 SHAPES = st.tuples(st.integers(2, 150), st.integers(2, 150))
 BODIES = st.lists(st.tuples(st.floats(-50, 200), st.floats(-50, 200), st.floats(0, 12)), max_size=4)
 
 
 def surface_of(shape: tuple[int, int], bodies: list[tuple[float, float, float]]) -> Surface:
     table = np.array(bodies).reshape(-1, 3)
-    return decimate(shape, table[:, :2], table[:, 2], FEW)
+    return decimate(shape, table[:, :2], table[:, 2], far_cells=40, most_cells=4000)
 
 
 def areas(surface: Surface) -> np.ndarray:
@@ -68,4 +67,4 @@ def test_far_from_bodies_few_samples_are_left() -> None:
 def test_many_bodies_do_not_make_it_larger_than_a_browser_draws() -> None:
     rng = np.random.default_rng(0)
     surface = decimate((4096, 4096), rng.uniform(0, 4096, (400, 2)), np.full(400, 100.0))
-    assert len(surface.triangles) < 4 * DecimationConfig().most_cells
+    assert len(surface.triangles) < 4 * MOST_CELLS

@@ -37,7 +37,7 @@ from smartmesh_ros.tools.view.page import Page, start_server, stop_server
 from smartmesh_ros.tools.view.panel import CUT, chart_data
 from smartmesh_ros.tools.view.robots import GAP, Robot
 from smartmesh_ros.tools.view.scene import Scene
-from smartmesh_ros.tools.view.terrain_scene import Depth, Give, Grip, TerrainConfig, TerrainScene, triangles_by_band
+from smartmesh_ros.tools.view.terrain_scene import Depth, Give, Grip, TerrainScene, triangles_by_band
 
 
 @pytest.fixture
@@ -248,7 +248,7 @@ def test_every_triangle_that_sank_has_the_colour_of_its_deepest_corner() -> None
 @pytest.mark.parametrize("topic", ["heightmap_update", "pressed_ground"])
 def test_ruts_are_coloured_while_that_is_asked_for(server: Any, topic: str) -> None:
     ground = ground_of(np.full((40, 40), 3.0), resolution=0.1)
-    drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, TerrainConfig(period=0.0))
+    drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, period=0.0)
 
     def colours(*, sunk: bool) -> set[str]:
         scene.show(ground, np.zeros((0, 3)), np.zeros(0), [], sunk=sunk)
@@ -271,7 +271,7 @@ def test_ruts_are_coloured_while_that_is_asked_for(server: Any, topic: str) -> N
 def test_ground_of_another_material_than_usual_is_coloured_where_it_lies(server: Any) -> None:
     """The ground of a map that scrolls keeps it; new ground is usual."""
     ground = ground_of(np.zeros((40, 40)), resolution=0.1)
-    drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, TerrainConfig(period=0.0))
+    drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, period=0.0)
 
     def coloured(x: float = 0.0, **material: Any) -> dict[str, tuple[float, float]]:
         """Names of the colours, and from where to where along x [m]."""
@@ -302,7 +302,7 @@ def test_ground_of_another_material_than_usual_is_coloured_where_it_lies(server:
 def test_no_ground_is_drawn_over_a_patch_that_has_moved_since_the_map(server: Any) -> None:
     """Below it, at the same samples; the ground elsewhere stays."""
     ground = ground_of(np.random.default_rng(0).normal(scale=0.1, size=(40, 40)), resolution=0.1)
-    drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, TerrainConfig(period=0.0))
+    drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, period=0.0)
     tile, (r, c) = ground.tiles[""], np.divmod(np.arange(49), 7)
     rows, columns = 20 + r - 3, 12 + c - 3
     places = tile.geometry.to_world(rows, columns)
@@ -326,7 +326,7 @@ def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(serve
     message = heightmap_message(np.zeros((5, 5)), resolution=0.5, origin=(-1.0, -1.0, 0.25), tile="ferry/roof")
     ground.take("heightmap", serialize_message(message))
     ground.apply_waiting()
-    scene, drawn = TerrainScene(server.scene, TerrainConfig(period=0.0)), server.scene._handle_from_node_name
+    scene, drawn = TerrainScene(server.scene, period=0.0), server.scene._handle_from_node_name
     eye, down = np.array([[4.0, 5.0, 9.0]]), np.array([[0.0, 0.0, -1.0]])
     for height in (2.0, 3.0):
         place = Odometry(child_frame_id="ferry")

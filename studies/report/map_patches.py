@@ -10,14 +10,16 @@ import numpy as np
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.slot_tables import with_rows
-from smartmesh_ros.report.batch import PatchBatch
-from smartmesh_ros.report.config import MOST_GRID_RINGS, ReportConfig
-from smartmesh_ros.report.search import nearest_vertices
-from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import grid_triangles
+from studies.report.batch import PatchBatch
+from studies.report.config import ReportConfig
+from studies.report.search import nearest_vertices
 
+# Rings of the largest patch, beyond which bodies get a coarser stride: of a field (65 x 65 samples, which PyBullet
+# replaces in about two milliseconds), and of the report's largest collider (9 x 9).
+MOST_RINGS, MOST_GRID_RINGS = 32, 4
 UNKNOWN_EXTENT = (0.0, 0.0, 0.0, -1.0)
 
 
@@ -31,9 +33,7 @@ class Extent(NamedTuple):
     most: FloatArray
 
 
-def extent_for(
-    reach: FloatArray, resolution: float, smallest_side: int, fixed_rings: int = 0, most_rings: int = MOST_GRID_RINGS
-) -> Extent:
+def extent_for(reach: FloatArray, resolution: float, smallest_side: int, fixed_rings: int, most_rings: int) -> Extent:
     """Return the size of patches for bodies that can touch ground within ``reach`` [m] of their centre until the next
     refresh.
 
@@ -57,17 +57,13 @@ def extent_for(
 class MapPatches:
     """Searches and collects the patches of bodies on a height map."""
 
-    def __init__(self, heightmap: HeightMap, config: ReportConfig, stopwatch: Stopwatch) -> None:
-        self._map, self._config, self._stopwatch = heightmap, config, stopwatch
+    def __init__(self, heightmap: HeightMap, config: ReportConfig) -> None:
+        self._map, self._config = heightmap, config
         self._extents = np.zeros((0, 4))  # by slot, as in `Extent`
 
     def grow(self, slots: int) -> None:
         """Make room for ``slots`` slots."""
         self._extents = with_rows(self._extents, slots, UNKNOWN_EXTENT)
-
-    def clear(self, slot: int) -> None:
-        """Discard the size of a patch, whose body was removed."""
-        self._extents[slot] = UNKNOWN_EXTENT
 
     def around(
         self, slots: IntArray, states: FloatArray, reach: FloatArray, time: float, duration: float
@@ -77,13 +73,11 @@ class MapPatches:
         it can touch ground in that time."""
         self._set_extents(slots, reach)
         placed = self._map.placed_at(time)
-        with self._stopwatch.stage("search"):
-            nearest = np.stack(nearest_vertices(placed, placed.to_grid(states[:, :2])), axis=1)
+        nearest = np.stack(nearest_vertices(placed, placed.to_grid(states[:, :2])), axis=1)
         rings = self._extents[slots, 0].astype(np.int64)
         for size in np.unique(rings).tolist():
             chosen = np.flatnonzero(rings == size)
-            with self._stopwatch.stage("collect"):
-                batch = self._batch(size, slots[chosen], nearest[chosen], states[chosen], time, duration)
+            batch = self._batch(size, slots[chosen], nearest[chosen], states[chosen], time, duration)
             if len(batch.slots):
                 yield batch
 
@@ -94,7 +88,8 @@ class MapPatches:
         outgrown = (reach > most) | (reach < least)
         geometry, config = self._map.geometry, self._config
         side = min(geometry.rows, geometry.columns)
-        extent = extent_for(reach[outgrown], geometry.resolution, side, config.rings, config.most_rings)
+        most_rings = MOST_RINGS if config.kind == "heightfield" else MOST_GRID_RINGS
+        extent = extent_for(reach[outgrown], geometry.resolution, side, config.rings, most_rings)
         self._extents[slots[outgrown]] = np.stack(extent, axis=1)
 
     def _batch(

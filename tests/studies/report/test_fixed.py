@@ -1,60 +1,33 @@
 """Patches of fixed extent, as the report makes them: around the nearest vertex, as large as asked for."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros import HeightMap
-from smartmesh_ros.report.config import ReportConfig
-from smartmesh_ros.report.mesh_patches import mesh_twist
-from tests.examples import examples
-from tests.report.selecting import SOLID, Selecting
+from smartmesh_ros.ground.state import BODY_COLUMNS
+from studies.report.batch import PatchBatch
+from studies.report.config import ReportConfig
+from studies.report.mesh_patches import mesh_twist
+from studies.report.patches import ChosenPatches
 
-DT = 1.0 / 240.0
-
-
-@examples(50)
-@given(
-    st.integers(0, 10**6),
-    st.floats(-3.1, 3.1),
-    st.sampled_from([(3, 3), (5, 9), (40, 30), (200, 150)]),
-    st.sampled_from([SOLID, ReportConfig(rings=2), ReportConfig()]),
-)
-def test_every_vertex_is_a_sample_of_the_map(
-    seed: int, yaw: float, shape: tuple[int, int], config: ReportConfig
-) -> None:
-    """Of fixed patches, and of chosen ones."""
-    rng = np.random.default_rng(seed)
-    heights = rng.normal(scale=0.1, size=shape).astype(np.float32)
-    heightmap = HeightMap(heights, resolution=0.2, origin=(5.0, -3.0, 1.5), yaw=yaw)
-    radii = rng.uniform(0.02, 2.0, 20).tolist()
-    inside = heightmap.geometry.to_world(rng.uniform(0, shape[0] - 1, 20), rng.uniform(0, shape[1] - 1, 20))
-    positions = np.column_stack([inside, np.full(20, 1.5)])
-    seen = 0
-    for batch in Selecting(heightmap, radii, config).update(positions):
-        vertices = batch.vertices_w.reshape(-1, 3)
-        cells = heightmap.geometry.to_grid(vertices[:, :2])
-        np.testing.assert_allclose(cells, np.rint(cells), atol=1e-6)
-        row, column = np.rint(cells).astype(int).T
-        on = (row >= 0) & (column >= 0) & (row < shape[0]) & (column < shape[1])
-        np.testing.assert_allclose(vertices[on, 2], heights[row[on], column[on]].astype(float) + 1.5, atol=1e-9)
-        assert np.isnan(vertices[~on, 2]).all()
-        seen += len(batch.slots)
-    assert seen == 20
+SOLID = ReportConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
 
 
-@pytest.mark.parametrize("radius", [0.05, 0.2, 0.5, 1.0, 3.0])
-@pytest.mark.parametrize("travel", [0.0, 0.1, 0.2])
-def test_patches_reach_beyond_the_body_on_every_side(radius: float, travel: float) -> None:
-    heightmap = HeightMap(np.zeros((300, 300)), resolution=0.1)
-    rng = np.random.default_rng(3)
-    positions = np.column_stack([rng.uniform(10, 20, (50, 2)), np.zeros(50)])
-    for batch in Selecting(heightmap, [radius] * 50).update(positions, travel / DT):
-        body, need = positions[batch.slots], radius + travel - 1e-6
-        for axis in (0, 1):
-            assert np.all(batch.vertices_w[..., axis].max(axis=1) - body[:, axis] >= need)
-            assert np.all(body[:, axis] - batch.vertices_w[..., axis].min(axis=1) >= need)
+def patches_of(
+    ground: HeightMap, radii: list[float], positions: np.ndarray, config: ReportConfig = SOLID, time: float = 0.0
+) -> list[PatchBatch]:
+    """Patches of balls of ``radii`` (N,) at positions (N, 3) [m], without a physics world."""
+    followers: Any = SimpleNamespace(radii=np.array(radii), table={"alive": np.ones(len(radii), bool)})
+    states = np.zeros((len(positions), BODY_COLUMNS))
+    states[:, :3], states[:, 6] = positions, 1.0
+    chosen = ChosenPatches(ground, config, followers)
+    chosen.refresh(time, 1.0 / 240.0, states)
+    return chosen.batches
 
 
 @given(
@@ -69,7 +42,7 @@ def test_the_twist_of_a_patch_is_that_of_rigidly_moving_ground(
     velocities = rise + roll * place[..., 1] - pitch * place[..., 0]
     heightmap.replace(np.zeros((60, 60)), time=0.1, velocities=velocities)
     position = heightmap.geometry.to_world(29.7, 30.2)
-    [batch] = Selecting(heightmap, [radius], config).update(np.array([[*position, 0.5 * radius]]), time=0.1)
+    [batch] = patches_of(heightmap, [radius], np.array([[*position, 0.5 * radius]]), config, 0.1)
     [foot] = batch.feet_w
     np.testing.assert_allclose(foot[:2], position)
     np.testing.assert_allclose(batch.linear_w[0], [0.0, 0.0, rise + roll * foot[1] - pitch * foot[0]], atol=1e-3)
@@ -86,7 +59,7 @@ def test_a_patch_moves_as_the_ground_under_the_body_does(config: ReportConfig) -
     heightmap.replace(0.01 * speed, time=0.01)
     places = heightmap.geometry.to_world(*rng.uniform(10.0, 49.0, (2, 40)))
     positions = np.column_stack([places, heightmap.at(places, 0.01).heights + 0.05])
-    batches = Selecting(heightmap, [0.05] * 40, config).update(positions, time=0.01)
+    batches = patches_of(heightmap, [0.05] * 40, positions, config, 0.01)
     feet, linear = (np.concatenate([getattr(batch, name) for batch in batches]) for name in ("feet_w", "linear_w"))
     assert len(feet) == 40
     np.testing.assert_allclose(linear[:, 2], heightmap.at(feet[:, :2], 0.01).velocities, atol=1e-3)
@@ -95,7 +68,7 @@ def test_a_patch_moves_as_the_ground_under_the_body_does(config: ReportConfig) -
 def test_bodies_off_the_terrain_have_no_patch() -> None:
     heightmap = HeightMap(np.zeros((11, 11)), resolution=1.0)
     positions = np.array([[5.0, 5.0, 0.0], [-0.3, 5.0, 0.0], [-0.6, 5.0, 0.0], [np.nan, 5.0, 0.0], [5.0, 12.0, 0.0]])
-    [batch] = Selecting(heightmap, [0.5] * 5).update(positions)
+    [batch] = patches_of(heightmap, [0.5] * 5, positions)
     assert batch.slots.tolist() == [0, 1]
 
 
@@ -104,7 +77,7 @@ def test_fixed_rings_are_the_reports_collider_size(rings: int) -> None:
     rng = np.random.default_rng(0)
     heightmap = HeightMap(rng.normal(scale=0.05, size=(50, 50)), resolution=0.1)
     positions = np.column_stack([rng.uniform(1.0, 3.9, (6, 2)), np.full(6, 1.0)])
-    [batch] = Selecting(heightmap, [0.01, 2.0] * 3, ReportConfig(rings=rings)).update(positions)
+    [batch] = patches_of(heightmap, [0.01, 2.0] * 3, positions, ReportConfig(rings=rings))
     side = 2 * rings + 1
     assert batch.shape == (side, side)
     np.testing.assert_allclose(batch.centres_w[:, :2], np.rint(positions[:, :2] / 0.1) * 0.1, atol=1e-9)

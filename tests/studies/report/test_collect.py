@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from smartmesh_ros.report.collect import (
+from smartmesh_ros.terrain.trimesh import grid_triangles
+from studies.report.collect import (
     GridGraph,
     TriangleGraph,
     cached_topology,
@@ -11,7 +12,6 @@ from smartmesh_ros.report.collect import (
     topology_around,
     union_bfs,
 )
-from smartmesh_ros.terrain.trimesh import grid_triangles
 
 
 def flat_mesh(side: int) -> TriangleGraph:
@@ -31,24 +31,6 @@ def test_both_searches_and_the_cache_collect_the_same(rings: int, start: int) ->
     )
     grid = GridGraph(13, 13)
     assert queue_bfs(grid, start, rings) == union_bfs(grid, start, rings)
-
-
-@pytest.mark.parametrize(
-    ("start", "vertices", "triangles"),
-    [
-        (0, [0, 1, 3, 4], 2),
-        (6, [3, 6, 7], 1),
-        (4, [0, 1, 3, 4, 5, 7, 8], 6),
-        (8, [4, 5, 7, 8], 2),
-        (1, [0, 1, 2, 4, 5], 3),
-    ],
-)
-def test_patches_of_the_triangle_graph_have_the_shapes_of_figure_5(
-    start: int, vertices: list[int], triangles: int
-) -> None:
-    patch = topology_around(flat_mesh(3), start, 1)
-    assert patch.vertices.tolist() == vertices
-    assert len(patch.triangles) == triangles
 
 
 @pytest.mark.parametrize("rings", [1, 2, 3, 4])

@@ -8,13 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from smartmesh_ros.ground.slot_tables import with_rows
-from smartmesh_ros.report.batch import PatchBatch
-from smartmesh_ros.report.collect import TriangleGraph, cached_topology, topology_around
-from smartmesh_ros.report.config import ReportConfig
-from smartmesh_ros.report.search import best_first_vertices, brute_force_vertex
-from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
+from studies.report.batch import PatchBatch
+from studies.report.collect import TriangleGraph, cached_topology, topology_around
+from studies.report.config import ReportConfig
+from studies.report.search import best_first_vertices, brute_force_vertex
 
 # Rings of the largest patch on a general mesh.
 MOST_MESH_RINGS = 8
@@ -23,8 +22,8 @@ MOST_MESH_RINGS = 8
 class MeshPatches:
     """Searches and collects the patches of bodies on a general mesh."""
 
-    def __init__(self, mesh: TriangleMesh, config: ReportConfig, stopwatch: Stopwatch) -> None:
-        self._mesh, self._config, self._stopwatch = mesh, config, stopwatch
+    def __init__(self, mesh: TriangleMesh, config: ReportConfig) -> None:
+        self._mesh, self._config = mesh, config
         self._graph = TriangleGraph(mesh.triangles, mesh.size)
         self._cached = cached_topology(self._graph)
         self._neighbours = self._graph.padded()
@@ -36,19 +35,13 @@ class MeshPatches:
         """Make room for ``slots`` slots."""
         self._nearest = with_rows(self._nearest, slots, 0)
 
-    def clear(self, slot: int) -> None:
-        """Do nothing: a search may start at any vertex."""
-
     def around(
         self, slots: IntArray, states: FloatArray, reach: FloatArray, time: float, duration: float
     ) -> Iterator[PatchBatch]:
         """Yield the patches, one in each batch; arguments as of `MapPatches.around`."""
-        with self._stopwatch.stage("search"):
-            self._nearest[slots] = found = self._search(self._nearest[slots], states[:, :3])
+        self._nearest[slots] = found = self._search(self._nearest[slots], states[:, :3])
         for index, (vertex, distance) in enumerate(zip(found.tolist(), reach.tolist(), strict=True)):
-            with self._stopwatch.stage("collect"):
-                batch = self._patch(slots[index : index + 1], vertex, distance, states[index, :3], time, duration)
-            yield batch
+            yield self._patch(slots[index : index + 1], vertex, distance, states[index, :3], time, duration)
 
     def _search(self, starts: IntArray, positions_w: FloatArray) -> IntArray:
         """Return the vertices (n,) nearest to positions (n, 3) [m] by the configured method."""

@@ -9,13 +9,12 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.report.config import ReportConfig, is_whole, require_whole
-from smartmesh_ros.report.patch_contacts import PatchContacts
-from smartmesh_ros.report.patches import ChosenPatches
-from smartmesh_ros.stopwatch import STAGES, Stopwatch
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.world.settings import WorldConfig
 from smartmesh_ros.world.world import World
+from studies.report.config import ReportConfig
+from studies.report.patch_contacts import PatchContacts
+from studies.report.patches import ChosenPatches
 
 # Motion at which PyBullet drops a cached contact point on its own colliders [body sizes]: at its default a rolling body
 # is held back by old contact points and hops; far smaller values let boxes creep down slopes.
@@ -30,19 +29,15 @@ class ReportGround(Ground):
     of the patches.
     """
 
-    def __init__(
-        self, client: Any, terrain: MainMesh | Terrain, config: ReportConfig, stopwatch: Stopwatch | None = None
-    ) -> None:
+    def __init__(self, client: Any, terrain: MainMesh | Terrain, config: ReportConfig) -> None:
         self.config = config
         self._age, self._lifetime, self._revision = 0, 0, -1  # steps since the last refresh, and until the next
-        super().__init__(client, terrain, stopwatch or Stopwatch((*STAGES, "collider")))
+        super().__init__(client, terrain)
 
     def _new_contacts(self) -> Any:
         self._mesh = self._main_mesh()
-        self.chosen = ChosenPatches(self._mesh, self.config, self.followers, self.stopwatch)
-        self.colliders = PatchContacts(
-            self._client, self.followers, self.terrain, self.config, self.chosen, self.stopwatch
-        )
+        self.chosen = ChosenPatches(self._mesh, self.config, self.followers)
+        self.colliders = PatchContacts(self._client, self.followers, self.terrain, self.config, self.chosen)
         return self.colliders
 
     def _begin(self, time: float, dt: float) -> None:
@@ -74,11 +69,6 @@ class ReportGround(Ground):
         self._lifetime = 0
         return super().attach(body, *given, **more)
 
-    def detach(self, body: int) -> None:
-        """Detach a body, and refresh the colliders before the next step."""
-        self._lifetime = 0
-        super().detach(body)
-
     def _require_exact(self) -> None:
         raise InputError("state", "a state is saved and restored only where contacts come from the map itself")
 
@@ -86,8 +76,6 @@ class ReportGround(Ground):
         meshes = self.terrain.meshes
         if self.terrain.decks or len(meshes) != 1:
             raise InputError("terrain", "the report's colliders are those of one main mesh; use Ground")
-        if is_whole(self.config.kind):
-            require_whole(self.config.kind, meshes[0])
         return meshes[0]
 
 
@@ -98,28 +86,22 @@ class ReportWorld(World):
         self,
         terrain: MainMesh | Terrain | None = None,
         config: WorldConfig | None = None,
-        stopwatch: Stopwatch | None = None,
         *,
         report: ReportConfig,
     ) -> None:
         self.report = report
-        super().__init__(terrain, config, stopwatch or Stopwatch((*STAGES, "collider")))
+        super().__init__(terrain, config)
 
     ground: ReportGround
 
     def _new_ground(self, client: Any) -> Ground:
         client.setPhysicsEngineParameter(contactBreakingThreshold=CONTACT_BREAKING)
-        return ReportGround(client, self.terrain, self.report, self.stopwatch)
+        return ReportGround(client, self.terrain, self.report)
 
     def refresh(self) -> None:
         """Refresh the colliders now."""
         self.ground.refresh(self.time, self.dt)
         self._drop_lost()
-
-    def skip(self, steps: int) -> None:
-        """Advance the time without simulating; the next step refreshes the colliders."""
-        super().skip(steps)
-        self.ground.wake()
 
 
 def world_on(

@@ -15,8 +15,8 @@ import pybullet as pb
 from numpy.typing import NDArray
 
 from smartmesh_ros.ground.shown_ground import make_shape, replace_heights
-from smartmesh_ros.report.config import MeshKind
 from smartmesh_ros.terrain.grid import FloatArray
+from studies.report.config import MeshKind
 
 # Depth of holes below a field's base [m].
 HOLE = 100.0
@@ -29,7 +29,7 @@ STEEPEST = 2.0
 @dataclass(eq=False)
 class Field:
     """A field of ``rows`` x ``columns`` samples, ``spacing`` [m] apart: its PyBullet ``shape``, ``uid`` of its body,
-    the ``heights`` above its base (rows, columns) [m], and its coefficient of ``friction``."""
+    and the ``heights`` above its base (rows, columns) [m]."""
 
     rows: int
     columns: int
@@ -37,19 +37,16 @@ class Field:
     shape: int
     uid: int
     heights: FloatArray
-    friction: float = 1.0
 
     def fits(self, rows: int, columns: int, spacing: float) -> bool:
         """Return True if the field has these sizes, which PyBullet cannot change."""
         return (self.rows, self.columns) == (rows, columns) and abs(self.spacing - spacing) <= 1e-9 * spacing
 
-    def replace(self, client: Any, heights: FloatArray) -> bool:
-        """Replace the heights above the base (rows, columns) [m]; returns False if they are the same already."""
-        if np.allclose(heights, self.heights, rtol=0.0, atol=SAME_HEIGHT, equal_nan=True):
-            return False
-        replace_heights(client, self.shape, np.where(np.isnan(heights), -HOLE, heights))
-        self.heights = heights
-        return True
+    def replace(self, client: Any, heights: FloatArray) -> None:
+        """Replace the heights above the base (rows, columns) [m], unless they are the same already."""
+        if not np.allclose(heights, self.heights, rtol=0.0, atol=SAME_HEIGHT, equal_nan=True):
+            replace_heights(client, self.shape, np.where(np.isnan(heights), -HOLE, heights))
+            self.heights = heights
 
 
 def make_field(client: Any, rows: int, columns: int, spacing: float, bound: float | None = None) -> Field:
@@ -76,14 +73,12 @@ SAME_PLACE = 1e-6
 
 @dataclass(eq=False)
 class MeshCollider:
-    """A collider of ``triangles`` (T, 3) among ``vertices`` (K, 3) relative to its base [m], with its body ``uid`` and
-    its coefficient of ``friction``."""
+    """A collider of ``triangles`` (T, 3) among ``vertices`` (K, 3) relative to its base [m], with its body ``uid``."""
 
     kind: MeshKind
     uid: int
     vertices: FloatArray
     triangles: NDArray[np.int32]
-    friction: float = 1.0
 
     def fits(self, kind: MeshKind, vertices: FloatArray, triangles: NDArray[np.int32]) -> bool:
         """Return True if this is a collider of such a surface."""

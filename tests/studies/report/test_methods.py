@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 from matplotlib.tri import Triangulation
 
 from smartmesh_ros import GridGeometry
-from smartmesh_ros.report.collect import TriangleGraph
-from smartmesh_ros.report.search import (
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from studies.bench.searching import best_first_vertex
+from studies.report.collect import TriangleGraph
+from studies.report.search import (
     Cells,
     best_first_cells,
     best_first_vertices,
@@ -19,8 +21,6 @@ from smartmesh_ros.report.search import (
     nearest_vertices,
     ray_cast,
 )
-from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from studies.bench.searching import best_first_vertex
 
 
 def horizontal_brute_force(mesh: TriangleMesh, positions: np.ndarray) -> np.ndarray:
