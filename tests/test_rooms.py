@@ -29,8 +29,8 @@ BULLET = ["pybullet", "pybullet_utils", "pybullet_data"]
 @pytest.mark.parametrize(
     ("rooms", "blocked"),
     [
-        (["terrain", "patches", "ground", "world", "soil", "io", "scenes"], ROS),
-        (["terrain", "patches", "soil"], [*ROS, *BULLET]),
+        (["terrain", "ground", "world", "soil", "io", "scenes"], ROS),
+        (["terrain", "soil"], [*ROS, *BULLET]),
         (["tools.demo", "tools.tune"], ["pytest"]),
     ],
 )
