@@ -60,20 +60,8 @@ def test_a_block_written_again_keeps_the_code_it_was_measured_with(tmp_path: Pat
     assert {block.name: block.digest for block in blocks_of(page)} == {"one": "0123456789ab", "two": digest_of("core")}
 
 
-def test_the_subjects_differ_and_the_pages_name_them() -> None:
+def test_the_subjects_differ_and_every_mark_of_a_page_is_read() -> None:
     assert len({digest_of(subject) for subject in SUBJECTS}) == len(SUBJECTS)
-    marked = {page.name for page in (ROOT / "docs").glob("*.md") if blocks_of(page)}
-    pages = {
-        "accuracy.md",
-        "benchmarks.md",
-        "laws.md",
-        "stability.md",
-        "performance.md",
-        "replay.md",
-        "robot_charts.md",
-        "tuning.md",
-    }
-    assert marked == pages | {"soil_tables.md", "records.md"}
     for page in (ROOT / "docs").glob("*.md"):
         assert page.read_text().count("<!-- generated") == len(blocks_of(page)), page.name
 
