@@ -54,7 +54,7 @@ def set_clock(node: Fed, time: float) -> None:
 def test_with_use_sim_time_the_physics_follows_the_clock(domain: int) -> None:
     """In bursts, as its messages come. Over DDS: test_fleet.py."""
     with fed({"use_sim_time": True}) as node:
-        node.node.restart()
+        node.node.pacer.restart()
         assert node.node.pacer.remaining() > 0.0, "time stands still until the clock runs"
         set_clock(node, 5000.0)
         # Neither the time before the first message nor the bursts that messages bring are delays.
@@ -236,7 +236,7 @@ def test_an_overloaded_node_goes_on_by_its_policy(domain: int, monkeypatch: pyte
     """With *skip* simulated time does not fall behind although bodies do. What each policy does: test_pacing.py."""
     now = own_time(monkeypatch)
     with fed({"physics.deadline": "skip", "physics.gravity": [0.0, 0.0, 0.0]}) as node:
-        node.node.restart()
+        node.node.pacer.restart()
         node.world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 2.0), linear=(1.0, 0.0, 0.0)))
 
         def work() -> None:

@@ -2,6 +2,7 @@
 #include "shape/hull_distance.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace smartmesh {
@@ -32,19 +33,21 @@ Vec3 closest_point(const Triangle& t, const Vec3& p) {
 
 }  // namespace
 
+// The nearest point is on a face that is seen from outside.
 double distance_outside(const Polytope& hull, const Vec3& p) {
-  const auto is_below = [&](const PolyFace& face) { return dot(face.normal, p) <= face.offset; };
-  if (hull.faces.size() > 2 && std::all_of(hull.faces.begin(), hull.faces.end(), is_below)) return 0.0;
+  const bool is_solid = hull.faces.size() > 2;
   double least = std::numeric_limits<double>::infinity();
+  for (const PolyFace& face : hull.faces) {
+    if (is_solid && dot(face.normal, p) <= face.offset) continue;
+    const auto corner = [&](int k) { return hull.vertices[hull.loops[face.first + k]]; };
+    for (int k = 1; k + 1 < face.count; ++k)
+      least = std::min(least, norm(p - closest_point({corner(0), corner(k), corner(k + 1)}, p)));
+  }
+  if (is_solid) return std::isinf(least) ? 0.0 : least;
   for (const Vec3& vertex : hull.vertices) least = std::min(least, norm(p - vertex));
   for (const PolyEdge& edge : hull.edges) {
     const Triangle line{hull.vertices[edge.end[0]], hull.vertices[edge.end[1]], hull.vertices[edge.end[1]]};
     least = std::min(least, norm(p - closest_point(line, p)));
-  }
-  for (const PolyFace& face : hull.faces) {
-    const auto corner = [&](int k) { return hull.vertices[hull.loops[face.first + k]]; };
-    for (int k = 1; k + 1 < face.count; ++k)
-      least = std::min(least, norm(p - closest_point({corner(0), corner(k), corner(k + 1)}, p)));
   }
   return least;
 }
