@@ -98,7 +98,6 @@ def build(target: Path, *settings: str) -> None:
         folder = configured(*settings)
         command = ["cmake", "--build", folder, "--parallel", str(os.cpu_count() or 1)]
         subprocess.run(command, check=True, stdout=sys.stderr)
-        subprocess.run(command, check=True, stdout=sys.stderr)
         library.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(folder / LIBRARY, library)
     target.parent.mkdir(parents=True, exist_ok=True)
