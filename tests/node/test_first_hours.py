@@ -43,8 +43,9 @@ def test_a_body_that_falls_beside_the_ground_is_named_once_removed_and_back_afte
     shared.wait_for(lambda: "fell off the ground: outside at (-1.00, 3.00)" in shared.diagnostics("bodies")["message"])
     shared.wait_for(lambda: "lost, outside" in shared.diagnostics("bodies"))
     shared.wait_for(lambda: log.lines("'outside' was 100 m below the ground at (-1.00, 3.00"))
-    [told] = log.lines("'outside' at (-1.00, 3.00")
-    assert "[WARN]" in told and "falls: there is no ground there" in told
+    told = log.lines("'outside' at (-1.00, 3.00")
+    assert len(told) in (1, 2), "once, and once more if it fell already before the reset"
+    assert all("[WARN]" in line and "falls: there is no ground there" in line for line in told)
     assert "outside" not in body_names(shared)
     assert shared.call("reset", Trigger).success
     shared.wait_for(lambda: "outside" in body_names(shared))
