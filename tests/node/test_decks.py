@@ -59,6 +59,17 @@ def test_bodies_ride_on_decks_that_follow_a_frame_and_an_odometry(domain: int, m
         assert max(node.play(now, 4.0, 0.02, sail, error)[480:]) < 0.02
 
 
+def test_a_deck_moves_on_at_the_velocity_that_its_odometry_states(domain: int) -> None:
+    with fed({"decks": [BARGE], "frame_id": "map"}) as node:
+        node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, tile="barge", frame_id=""))
+        message = stamped(node, Odometry(child_frame_id="barge"))
+        message.pose.pose, message.twist.twist.linear.z = pose_message((0.0, 0.0, 2.0)), 0.6
+        node.give("/barge/odom", message, steps=1)
+        before = node.heights(0.0, 0.0)
+        node.run(24)
+        assert node.heights(0.0, 0.0) - before == pytest.approx(0.06, abs=0.01)
+
+
 def test_a_body_of_the_simulation_carries_a_deck_with_maps_updates_and_meshes(domain: int) -> None:
     with fed({"decks": [LIFT], "frame_id": "map"}) as node:
         node.give("heightmap", heightmap_message(np.zeros((41, 41)), resolution=1.0, origin=(-20.0, -20.0, 0.0)))
