@@ -32,7 +32,8 @@ class Scene:
         self.client: Any = BulletClient(pb.DIRECT)
         self.client.setGravity(0.0, 0.0, -9.81)
         plugin = self.client.loadPlugin(_core.__file__, "_smartmesh")
-        self.ground = _core.Ground(self.client.executePluginCommand(plugin, "", []))
+        self.number = self.client.executePluginCommand(plugin, "", [])  # of the client, in the core
+        self.ground = _core.Ground(self.number)
         self.ground.duration = STEP
         self.ground.set_sleep(0.05, 1e-2, 1.0, 2.5e-4, 3.0, 5e-3)
         self.spacing = float(rng.choice(SPACING))
@@ -71,7 +72,7 @@ class Scene:
         shape = self.client.createCollisionShape(pb.GEOM_SPHERE, radius=0.01)
         proxy = self.client.createMultiBody(0, shape, useMaximalCoordinates=1)
         slot = max(self.proxies, default=-1) + 1
-        self.ground.attach(slot, body, link, proxy)
+        self.ground.attach(slot, body, link, proxy, _core.shapes_of(self.number, body)[link])
         self.proxies[slot] = proxy
 
     def fill(self) -> None:
