@@ -63,13 +63,12 @@ class Session:
     ``frame_id``: the terrain's frame, empty until a map sets it. ``last_map_time``: steady time of the last accepted
     terrain message [s], None before the first; ``maps``: number of accepted terrain messages. ``overtaken``: number of
     maps that arrived after a map with a newer stamp, by topic. ``lock``: guards the world, for executors with several
-    threads. ``handled``: number of messages and calls so far. ``map_warning``:
-    how maps are misused, empty = they are not. ``terrain_subscriptions``: subscriptions to terrain.
-    ``topics``: the node's inputs and outputs. ``jumps``: number of jumps of tracked bodies, by topic. ``unstamped``:
-    number of transforms without stamp, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s],
-    None = without stamps. ``names``: names of the peer nodes. ``turns``: answers under way. ``files``: reads
-    files and prepares robots. ``bases``: robots that drive, by name. ``lost``: why bodies were removed, by name, until
-    a reset.
+    threads. ``handled``: number of messages and calls so far. ``map_warning``: how maps are misused, empty = they are
+    not. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the node's inputs and outputs. ``jumps``:
+    number of jumps of tracked bodies, by topic. ``unstamped``: number of transforms without stamp, by topic.
+    ``stamp_ages``: steady age of the stamps of each input on arrival [s], None = without stamps. ``names``: names of
+    the peer nodes. ``turns``: answers under way. ``files``: reads files and prepares robots. ``bases``: robots that
+    drive, by name. ``lost``: why bodies were removed, by name, until a reset.
     """
 
     def __init__(self, node: Transport, settings: Settings, clock: Clock) -> None:

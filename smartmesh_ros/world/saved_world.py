@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
@@ -15,7 +15,6 @@ from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain import state_file
-from smartmesh_ros.terrain.terrain import STATE_TYPES, Terrain
 from smartmesh_ros.world.bodies import Body, Surface
 from smartmesh_ros.world.driving import links_of
 from smartmesh_ros.world.falling import Falls
@@ -25,7 +24,6 @@ from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.settings import WorldConfig
 from smartmesh_ros.world.snapshot import BodySnapshot, FirstTerrain, Snapshot, WorldState
 
-TERRAIN = "Terrain"
 Source = bytes | str | os.PathLike[str]
 
 
@@ -170,8 +168,7 @@ class SavedWorld(Population):
     def _note_first_terrain(self) -> None:
         """Keep the terrain of the first step on it, for episodes."""
         if self._first is None and not self.terrain.empty:
-            data = state_file.to_bytes(TERRAIN, self.terrain.state())
-            self._first = FirstTerrain(np.frombuffer(data, np.uint8), self.time)
+            self._first = FirstTerrain(copy.deepcopy(self.terrain), self.time)
 
     def _begin_episode(self, seed: int) -> None:
         """Let terrain, commands and chance be as at the start."""
@@ -186,8 +183,7 @@ class SavedWorld(Population):
         self._note_first_terrain()
         if self._first is None:
             return
-        data = self._first.state.tobytes()
-        terrain = state_file.from_bytes(data, TERRAIN, STATE_TYPES, Terrain.from_state)
+        terrain = copy.deepcopy(self._first.terrain)
         terrain.shift_time(-self._first.time)
         tile = self.ground.tile_of_soil
         self.terrain.become(terrain)

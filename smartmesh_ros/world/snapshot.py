@@ -11,9 +11,6 @@ import hashlib
 from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig
 from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.shapes import SHAPES, Hull, Solid
@@ -62,9 +59,9 @@ class Snapshot:
 
 
 class FirstTerrain(NamedTuple):
-    """The terrain at a world's first step on it, as the bytes of a saved state, and the ``time`` [s]."""
+    """A copy of the terrain at a world's first step on it, and the ``time`` [s]."""
 
-    state: NDArray[np.uint8]
+    terrain: Terrain
     time: float
 
 
@@ -90,21 +87,25 @@ class WorldState:
     def to_bytes(self) -> bytes:
         """Return the state as a file."""
         tree = {each.name: getattr(self, each.name) for each in fields(self)}
-        return state_file.to_bytes(KIND, {**tree, "terrain": self.terrain.state()})
+        first = None if self.first is None else {"terrain": self.first.terrain.state(), "time": self.first.time}
+        return state_file.to_bytes(KIND, {**tree, "terrain": self.terrain.state(), "first": first})
 
     @classmethod
     def from_bytes(cls, data: bytes) -> WorldState:
         """Return the state of a file; raises `InputError` if it is none, was damaged, or is of another version."""
 
         def make(tree: dict[str, Any]) -> WorldState:
-            return cls(**{**tree, "terrain": Terrain.from_state(tree["terrain"])})
+            first = tree["first"]
+            if first is not None:
+                first = FirstTerrain(Terrain.from_state(first["terrain"]), float(first["time"]))
+            return cls(**{**tree, "terrain": Terrain.from_state(tree["terrain"]), "first": first})
 
         return state_file.from_bytes(data, KIND, _TYPES, make)
 
 
 KIND = "World"
 _MADE: tuple[type, ...] = (
-    *(Belt, BodySnapshot, BodyState, Carrier, FallConfig, FirstTerrain, GuestConfig, JointCommand, PhysicsConfig),
+    *(Belt, BodySnapshot, BodyState, Carrier, FallConfig, GuestConfig, JointCommand, PhysicsConfig),
     *(SleepConfig, Snapshot, WorldConfig, Hull, *SHAPES.values()),
 )
 _TYPES = {**STATE_TYPES, **{made.__name__: made for made in _MADE}}

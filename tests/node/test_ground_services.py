@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
-from smartmesh_msgs.srv import CastRays, QueryGround, SpawnBodies, SpawnBody
+from smartmesh_msgs.srv import CastRays, QueryGround, SpawnBodies, SpawnBody, StepPhysics
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
@@ -96,6 +96,17 @@ def test_waves_are_answered_for_the_instant_of_the_stamp(shared: Probe) -> None:
             return answer.z[0] == pytest.approx(height, abs=2.0 * speed / 240.0)
 
         shared.wait_for(is_there)
+    # A paused node answers for the time at which it stands.
+    shared.wait_for(moves)
+    assert shared.call("pause", SetBool, data=True).success
+    here = np.array([[0.3, -0.2]])
+    first, ray = query(shared, here), cast(shared, [0.3, -0.2, 50.0], [0.0, 0.0, -1.0], 100.0)
+    shared.spin(0.1)
+    again = query(shared, here)
+    assert first.success and again.z == first.z
+    assert ray.distances[0] == pytest.approx(50.0 - first.z[0], abs=1e-6)
+    assert shared.call("step", StepPhysics, steps=2).success
+    assert query(shared, here).z != first.z
 
 
 def test_rays_meet_hills_and_bodies(shared: Probe) -> None:
@@ -161,13 +172,9 @@ def test_what_cannot_be_answered_is_refused_by_reason(shared: Probe) -> None:
     ]
     for answer, words in refused:
         assert not answer.success and words in answer.message, answer.message
-    assert shared.call("pause", SetBool, data=True).success
-    for answer in (query(shared, one), cast(shared, [0.0, 0.0, 1.0], [0.0, 0.0, -1.0])):
-        assert not answer.success and "paused" in answer.message
-    assert shared.call("pause", SetBool, data=False).success
     assert query(shared, one).success and query(shared, np.zeros((0, 2))).success
     counts = shared.diagnostics("inputs")
-    assert counts["refused, query_ground: paused"] == "1" and counts["refused, cast_rays: length"] == "1"
+    assert counts["refused, query_ground: stamp"] == "1" and counts["refused, cast_rays: length"] == "1"
 
 
 def test_bodies_are_spawned_on_the_ground_or_refused(shared: Probe) -> None:

@@ -85,7 +85,10 @@ def replace_arrays(new: Callable[[np.ndarray], np.ndarray]) -> Callable[[dict[st
 
 
 WRONG: dict[str, tuple[Callable[[dict[str, Any], dict[str, np.ndarray]], object], str]] = {
-    "newer": (lambda head, _: head.update(version=head["version"] + 1), "saved by a newer smartmesh_ros, in version 3"),
+    "newer": (
+        lambda head, _: head.update(version=head["version"] + 1),
+        f"saved by a newer smartmesh_ros, in version {state_file.VERSION + 1}",
+    ),
     "older": (lambda head, _: head.update(version=0), "saved by an older smartmesh_ros"),
     "of a ground": (lambda head, _: head.update(kind="Ground"), "saved state of a Ground, and a World cannot"),
     "another program's": (lambda head, _: head.update(format="elsewhere"), "no saved state"),

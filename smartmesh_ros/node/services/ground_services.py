@@ -83,10 +83,8 @@ class AskedFrame:
 
 
 def asked_frame(session: Session, transforms: TransformInput, header: Any) -> AskedFrame:
-    """Return the frame and the instant that a request's header asks for. Raises `InputError`: while the physics is
-    paused, before the first map, for an unknown frame, and for a stamp far from now."""
-    if session.paused:
-        raise InputError("paused", "the physics is paused, and its time with it; call ~/pause with data: false first")
+    """Return the frame and the instant that a request's header asks for. Raises `InputError`: before the first map, for
+    an unknown frame, and for a stamp far from now."""
     if session.world.terrain.empty:
         raise InputError("no_map", NO_TERRAIN)
     stamp = stamp_seconds(header.stamp)
