@@ -37,7 +37,6 @@ using Array = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
 
 using Floats2 = Array<const float, 2>;
 using Doubles2 = Array<const double, 2>;
-using Doubles3 = Array<const double, 3>;
 using Whole2 = Array<const std::int64_t, 2>;
 using Bytes2 = Array<const std::uint8_t, 2>;
 using Slots = Array<const std::int64_t, 1>;
