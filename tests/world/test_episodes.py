@@ -1,6 +1,7 @@
 """An episode begins as the first one did: `World.reset` with a seed."""
 
 import math
+import tracemalloc
 from collections.abc import Iterator
 
 import numpy as np
@@ -116,3 +117,15 @@ def test_many_episodes_take_no_more_memory_than_few() -> None:
         for _ in range(20):
             episode(world, 1, 10)
         assert allocated() - before < 20 * 4 * 1024
+
+
+def test_the_terrain_of_the_first_step_is_kept_as_one_copy() -> None:
+    side = 1000
+    with World(HeightMap(np.zeros((side, side)), resolution=0.1)) as world:
+        tracemalloc.start()
+        try:
+            world.step()
+            _, most = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+    assert most < 1.5 * side * side * np.float32().nbytes
