@@ -58,7 +58,7 @@ QUICK = Effort(frames=8, least=2, seconds=0.1, report_seconds=0.1, quick=True)
 
 
 class Results:
-    """Timings by case, and facts that are not timings (sizes of batches, say) by name."""
+    """Timings by case, and reasons by what was left out."""
 
     def __init__(self) -> None:
         self.timings: dict[Case, Timing] = {}
@@ -74,21 +74,11 @@ class Results:
         return self.us(what, method, side=side, bodies=bodies, rings=rings) / 1e3
 
     def as_json(self) -> dict[str, Any]:
-        """Return a JSON object for `from_json`."""
+        """Return a JSON object of all of it."""
         return {
             "left_out": self.left_out,
             "timings_us": [asdict(case) | timing._asdict() for case, timing in self.timings.items()],
         }
-
-    @classmethod
-    def from_json(cls, data: dict[str, Any]) -> Results:
-        """Return the results of a JSON object from `as_json`."""
-        results = cls()
-        results.left_out = dict(data["left_out"])
-        for entry in data["timings_us"]:
-            case = Case(*(entry[name] for name in Case.__dataclass_fields__))
-            results.timings[case] = Timing(*(entry[name] for name in Timing._fields))
-        return results
 
 
 class Bench:

@@ -1,5 +1,5 @@
-"""Colliders of the whole main mesh (Simple-Mesh, Table 1), and local colliders of one body (Tables 2, 3 and 6, Figure
-2): everything an update does, search and collecting too."""
+"""Colliders of the whole main mesh (Simple-Mesh, Table 1), and local colliders of one body (Tables 2, 3 and 6):
+everything an update does, search and collecting too."""
 
 from __future__ import annotations
 
@@ -84,15 +84,6 @@ def measure_local_colliders(bench: Bench) -> None:
         for method, config in (("varying", varying), ("constant", constant), ("heightfield", plain)):
             mesh = general_mesh(waves) if method == "varying" else height_map(waves)
             Player(waves, mesh, config).time(bench, Case("local", method, SIDE, rings=rings))
-
-
-def measure_frames(bench: Bench, side: int) -> None:
-    """Whole frames as in Figure 2: the ground's vertices are moved, the collider updated, the physics stepped once."""
-    waves = Waves(side)
-    for method, patch in (("simple", ReportConfig(kind="whole_trimesh")), ("smart", UNIFORM)):
-        player = Player(waves, height_map(waves), patch)
-        with player.world:
-            bench.time(Case("frame", method, side), player.next_frame)
 
 
 ENGINES = ("physx", "bullet_trimesh", "bullet_heightfield", "mujoco")

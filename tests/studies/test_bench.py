@@ -13,8 +13,6 @@ from studies.bench import cli
 from studies.bench.measure import QUICK, Bench, Case, Effort, Results
 from studies.markdown import number, times
 
-PNG = b"\x89PNG"
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -33,31 +31,12 @@ def test_one_json_with_every_kind_of_figure(folder: Path) -> None:
     assert measured >= {"simple", "smart", "local", "search", "search_batch", "collect", "update", "ingest"}
     for entry in data["timings_us"]:
         assert 0.0 < entry["low"] <= entry["median"] <= entry["high"]
-    assert Results.from_json(data).as_json() == {name: data[name] for name in ("left_out", "timings_us")}
 
 
-def test_a_table_and_a_picture_for_each_of_the_reports(folder: Path) -> None:
+def test_a_table_for_each_of_the_reports(folder: Path) -> None:
     tables = (folder / cli.TABLES).read_text()
     for heading in [f"Table {index}" for index in range(1, 7)]:
         assert f"### {heading}:" in tables
-    pictures = sorted(folder.glob("figure_*.png"))
-    assert [picture.stem for picture in pictures] == [f"figure_{n:02d}" for n in (2, 12, 13, 14, 15, 16, 17)]
-    assert all(picture.read_bytes().startswith(PNG) for picture in pictures)
-
-
-def test_tables_anew_from_an_earlier_run(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the pictures that are there: to draw them takes ten seconds."""
-    monkeypatch.setattr(cli, "draw_all", lambda *_: sorted(folder.glob("figure_*.png")))
-    words = tmp_path / "benchmarks.md"
-    words.write_text("# By hand\n\n<!-- generated: tables of core, code old -->\nold\n<!-- end -->\n\nBy hand, too.\n")
-    arguments = ["--from", str(folder / cli.RESULTS), "--out", str(tmp_path), "--document", str(words)]
-    assert cli.main(arguments) == 0
-    text = words.read_text()
-    assert text.startswith("# By hand\n\n<!-- generated: tables of core")
-    assert text.endswith("<!-- end -->\n\nBy hand, too.\n")
-    assert (folder / cli.TABLES).read_text() in text
-    assert "old" not in text
-    assert len(list((tmp_path / cli.PICTURES).glob("*.png"))) == 7
 
 
 def test_each_run_is_prepared_and_enough_frames_are_measured() -> None:
