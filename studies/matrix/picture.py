@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from studies.configurations import BARE
@@ -17,12 +16,11 @@ from studies.report.config import ReportConfig
 
 
 class Way(NamedTuple):
-    """A way to process maps, and its physics and colliders."""
+    """A way to process maps, and the report's colliders, None = contacts from the map."""
 
     name: str
     colour: str
     motion: MotionConfig
-    physics: PhysicsConfig = PhysicsConfig()
     report: ReportConfig | None = None
 
 
@@ -31,7 +29,7 @@ def ways(noise: float) -> tuple[Way, ...]:
     replaced by each map."""
     return (
         Way("PyBullet, heightfield replaced", "#9a9a9a", MotionConfig(mode="hold"),
-            PhysicsConfig(), ReportConfig(kind="whole_heightfield", guard=False, **BARE)),
+            ReportConfig(kind="whole_heightfield", guard=False, **BARE)),
         Way("as motion (before)", "#d1605e", MotionConfig()),
         Way("as corrections (now)", "#2f6fab", MotionConfig(changes="correction", noise=noise)),
     )  # fmt: skip
@@ -39,7 +37,7 @@ def ways(noise: float) -> tuple[Way, ...]:
 
 def corrected(way: Way, by: float) -> FloatArray:
     """Height of a body over where it was [m], for 0.2 s before its ground is corrected and 1.3 s after."""
-    with Site(way.report, "box", motion=way.motion, physics=way.physics) as site:
+    with Site(way.report, "box", motion=way.motion) as site:
         rest = [state.position[2] for state in site.states(1.0)][-1]
         site.tell(site.level)
         before = [state.position[2] for state in site.states(0.2)]
@@ -49,7 +47,7 @@ def corrected(way: Way, by: float) -> FloatArray:
 
 def noisy(way: Way, noise: float, seconds: float) -> FloatArray:
     """Return the height of a body over its true rest [m] on ground whose maps have white noise [m]."""
-    with Site(way.report, "box", motion=way.motion, physics=way.physics) as site:
+    with Site(way.report, "box", motion=way.motion) as site:
         rest = site.state.position[2]
         return np.array([state.position[2] for state in site.in_noise(noise, seconds)]) - rest
 
