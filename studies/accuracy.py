@@ -17,7 +17,7 @@ from studies.matrix.row import METHODS
 from studies.matrix.run import matrix_table, run_matrix
 from studies.progress import Progress
 from studies.results_file import save_results
-from studies.tables import Charts, choosing_table, write_blocks
+from studies.tables import Charts, write_blocks
 
 CHARTS = Charts(
     "accuracy", "make studies", "accuracy.md", "accuracy", "body", tables="accuracy_tables.md", part="out/studies"
@@ -56,9 +56,6 @@ def _charts(options: argparse.Namespace, out: Path, machine: str, say: Any) -> d
     results, blocks = CHARTS.run(out, captions, chosen, lambda scene: run_scene(scene, chosen, say), machine)
     if README_SCENE in results:
         draw_readme(CHARTS.images(out) / "readme.png", results[README_SCENE])
-    if not options.quick:  # it lacks configurations of the table
-        titles = {scene.name: scene.title for scene in scenes}
-        blocks["choosing"] = choosing_table(titles, results)
     print("\n" + blocks["summary"])
     return blocks
 

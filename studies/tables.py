@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from statistics import geometric_mean
 from typing import Any, NamedTuple
 
 from studies.chart import draw_all, draw_scene
@@ -20,9 +19,6 @@ from studies.pages import blocks_of, fill
 from studies.results_file import save_results
 
 OURS = ("ours", "ours, less")
-DEFAULTS = "defaults"
-# Gives every body a field.
-FIELDS = "heightfield"
 
 
 def scene_table(results: Mapping[str, Result]) -> str:
@@ -104,25 +100,6 @@ def _factor(rivals: Mapping[str, Result], name: str | None, own: Result) -> str:
 
 def _mm(metres: float) -> str:
     return f"{1e3 * metres:.2f}" if math.isfinite(metres) else "-"
-
-
-def choosing_table(titles: Mapping[str, str], results: Mapping[str, Mapping[str, Result]]) -> str:
-    """`auto` beside fields alone: one row a scene, in ascending order of the ratio, and the mean over all scenes."""
-    ratios = {name: results[name][DEFAULTS].cost / results[name][FIELDS].cost for name in titles}
-    rows = [
-        [titles[name], *(_figures(results[name][one]) for one in (DEFAULTS, FIELDS)), f"{ratios[name]:.2f}"]
-        for name in sorted(ratios, key=lambda name: ratios[name])
-    ]
-    return (
-        table(["scene", "auto", "heightfield", "ratio"], rows)
-        + f"\n\nOver all scenes together (geometric mean) `auto` costs {geometric_mean(ratios.values()):.2f} of "
-        + "heightfields alone."
-    )
-
-
-def _figures(result: Result) -> str:
-    """Return the cost [ms], and the penetration [mm] in brackets."""
-    return f"{1e-3 * result.cost:.1f} ({1e3 * result.p99:.2g})"
 
 
 Results = dict[str, dict[str, Result]]
