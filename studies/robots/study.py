@@ -21,7 +21,7 @@ from studies.progress import Progress
 from studies.results_file import save_results
 from studies.robots.contest import RobotContest
 from studies.robots.robot import DATA
-from studies.robots.scene import HEAVING, STILL, RobotScene, RoughHills, scenes
+from studies.robots.scene import HEAVING, STILL, RoughHills, scenes
 from studies.tables import Charts, Results
 
 # Descriptions that come with PyBullet.
@@ -125,18 +125,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     results, blocks = CHARTS.run(out, by_title, chosen, lambda scene: run(RobotContest(scene), chosen, say), machine)
     strangers = [] if options.scenes else run_strangers(say, quick=options.quick)
     save_results(CHARTS.data(out), {"strangers": [asdict(one) for one in strangers]})
-    depths = depths_table(todo, results)
-    more = {"depths": depths, "refused": refused(results), "strangers": strangers_table(strangers)}
-    print("\n" + depths)
+    more = {"refused": refused(results), "strangers": strangers_table(strangers)}
     CHARTS.write(out, {"machine": machine, **blocks, **more})
     return 0
-
-
-def depths_table(chosen: Sequence[RobotScene], results: Results) -> str:
-    """Return the penetration of the defaults' deepest links."""
-    names = ("defaults", "defaults, never asleep")
-    rows = [[scene.title, *(f"{1e3 * results[scene.name][name].p99:.2f}" for name in names)] for scene in chosen]
-    return table(["deepest link, 99 % [mm]", "defaults", "never asleep"], rows)
 
 
 def refused(results: Results) -> str:
