@@ -78,22 +78,6 @@ def summary_table(
     return table(header, rows)
 
 
-def front_table(
-    titles: Mapping[str, str], results: Mapping[str, Mapping[str, Result]], families: Mapping[str, Family]
-) -> str:
-    """Who is on the front over cost, distance and deviation, a scene a row."""
-    rows = []
-    for scene, title in titles.items():
-        by = only_by(results[scene])
-        ours = [name for name in by if families[name] in OURS]
-        row = [title]
-        for names in (ours, [name for name in by if name not in ours]):
-            words = [name if not by[name] else f"{name} ({by[name]})" for name in names]
-            row.append(", ".join(words) or "none")
-        rows.append(row)
-    return table(["scene", "ours on the front", "rivals on the front"], rows)
-
-
 def _factor(rivals: Mapping[str, Result], name: str | None, own: Result) -> str:
     return "none" if name is None else f"{name}: {rivals[name].cost / own.cost:.2g} x"
 
@@ -182,9 +166,7 @@ class Charts(NamedTuple):
             parts.append(f"## {scene.title}\n\n{picture}\n\n{scene_table(found)}\n")
         draw_all(self.images(out) / "all.png", titles, results, families, self.unit)
         (out / self.tables).write_text("\n".join(parts))
-        return results, {
-            "summary": summary_table(titles, results, families), "front": front_table(titles, results, families)
-        }  # fmt: skip
+        return results, {"summary": summary_table(titles, results, families)}
 
     def write(self, out: Path, blocks: Mapping[str, str]) -> None:
         """Replace the blocks of the page."""
