@@ -9,9 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from studies.bench import crowds, searching, smart_mesh
+from studies.bench import searching, smart_mesh
 from studies.bench.measure import FULL, QUICK, Bench, Effort, Results
-from studies.bench.report import BATCHES
 from studies.bench.tables import all_tables
 from studies.machine import describe, measured_on
 from studies.pages import ROOT, fill
@@ -32,17 +31,9 @@ def jobs(effort: Effort) -> Iterator[tuple[str, Callable[[Bench], None]]]:
         yield f"searches on {side}x{side}", partial(searching.measure_general, side=side)
     for side in effort.of(searching.MAP_SIDES):
         yield f"searches on a map of {side}x{side}", partial(searching.measure_maps, side=side)
-    yield "searches in batches", searching.measure_batches
     yield "collecting", searching.measure_collecting
-    yield "collecting in batches", searching.measure_collecting_batches
-    yield "collider updates", crowds.measure_updates
-    for count in effort.of(BATCHES):
-        if count != crowds.BATCH:
-            yield f"updates of {count}", partial(crowds.measure_batches, count=count)
-        yield f"engines, {count} bodies", partial(crowds.measure_engines, scale=crowds.COARSE, count=count)
-        if count <= crowds.BATCH:  # more do not fit on it
-            yield f"fine map, {count} bodies", partial(crowds.measure_engines, scale=crowds.FINE, count=count)
-    yield "general mesh", crowds.measure_general
+    yield "updates of a batch", smart_mesh.measure_batches
+    yield "general mesh", smart_mesh.measure_general
 
 
 def measure(effort: Effort) -> Results:
