@@ -22,7 +22,7 @@ from studies.results_file import save_results
 from studies.robots.contest import RobotContest
 from studies.robots.robot import DATA
 from studies.robots.scene import HEAVING, STILL, RoughHills, scenes
-from studies.tables import Charts, Results
+from studies.tables import Charts
 
 # Descriptions that come with PyBullet.
 STRANGERS = {
@@ -122,24 +122,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     todo = CHARTS.chosen(options, every)
     chosen = robot_configurations(quick=options.quick)
     by_title = {scene.title: scene for scene in todo}
-    results, blocks = CHARTS.run(out, by_title, chosen, lambda scene: run(RobotContest(scene), chosen, say), machine)
+    _, blocks = CHARTS.run(out, by_title, chosen, lambda scene: run(RobotContest(scene), chosen, say), machine)
     strangers = [] if options.scenes else run_strangers(say, quick=options.quick)
     save_results(CHARTS.data(out), {"strangers": [asdict(one) for one in strangers]})
-    more = {"refused": refused(results), "strangers": strangers_table(strangers)}
-    CHARTS.write(out, {"machine": machine, **blocks, **more})
+    CHARTS.write(out, {"machine": machine, **blocks, "strangers": strangers_table(strangers)})
     return 0
-
-
-def refused(results: Results) -> str:
-    """Return which engines did not run which robots, and why."""
-    notes: dict[str, list[str]] = {}
-    for scene, found in results.items():
-        for name, result in found.items():
-            if result.note:
-                notes.setdefault(f"{name}: {result.note.splitlines()[0]}", []).append(scene)
-    if not notes:
-        return "Every engine ran every scene to its end."
-    return "\n".join(f"- {note} ({', '.join(names)})" for note, names in notes.items())
 
 
 def strangers_table(strangers: Sequence[Stranger]) -> str:
