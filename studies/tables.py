@@ -28,15 +28,16 @@ def scene_table(results: Mapping[str, Result]) -> str:
     has_update = any(not math.isnan(result.update) for result in results.values())
     rows = []
     for name, r in results.items():
+        note = r.note.partition("\n")[0]  # of loaders of robots
         shown = f"**{name}**{f' (by {front[name]})' if front[name] else ''}" if name in front else name
         if math.isnan(r.cost):
-            rows.append([f"{name}: {r.note}", *["-"] * (8 + has_update)])
+            rows.append([f"{name}: {note}", *["-"] * (8 + has_update)])
             continue
-        note = f" ({r.note})" if r.note else ""
+        shown += f" ({note})" if note else ""
         update = [f"{r.update / 1e3:.2f}"] if has_update else []
         rows.append(
             [
-                shown + note, f"{r.cost / 1e3:.2f}", f"{r.spread[0] / 1e3:.2f}-{r.spread[1] / 1e3:.2f}",
+                shown, f"{r.cost / 1e3:.2f}", f"{r.spread[0] / 1e3:.2f}-{r.spread[1] / 1e3:.2f}",
                 *update, *(_mm(value) for value in (r.p50, r.p99, r.most, r.hover)),
                 f"{r.lost} of {r.bodies}", f"{_mm(r.deviation)} / {_mm(r.most_deviation)}",
             ]

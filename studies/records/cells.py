@@ -12,12 +12,13 @@ import numpy as np
 from smartmesh_ros import BodyState, Box, HeightMap, Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.clearance import rotate
+from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.engines.engine import Engine, EngineBody, Setup
 from studies.engines.smartmesh import SmartMesh
 from studies.markdown import number, table
 from studies.records.entrants import OURS, RATE, enter, entrants
 
-GRAVITY, FRICTION = 9.81, 0.2
+FRICTION = 0.2
 # The plane falls along no axis of the map: its tilt, and the direction in which it falls, from x to y [rad].
 TILT, COURSE = math.radians(15.0), 0.5
 EXTENT, CELLS = 8.0, (0.025, 0.05, 0.1, 0.2)  # of the map, and its resolutions [m]
