@@ -69,9 +69,9 @@ class Results:
         timing = self.timings.get(Case(what, method, side, bodies, rings))
         return timing.median if timing else math.nan
 
-    def ms(self, what: str, method: str, *, side: int = 0, bodies: int = 1, rings: int = 0) -> float:
-        """The same [ms]."""
-        return self.us(what, method, side=side, bodies=bodies, rings=rings) / 1e3
+    def ms(self, what: str, method: str, *, side: int = 0, rings: int = 0) -> float:
+        """Median of a case of one body [ms]."""
+        return self.us(what, method, side=side, rings=rings) / 1e3
 
     def as_json(self) -> dict[str, Any]:
         """Return a JSON object of all of it."""
