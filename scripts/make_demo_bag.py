@@ -14,7 +14,6 @@ import pybullet_data
 import yaml
 from sensor_msgs.msg import JointState
 
-from smartmesh_ros.node.parameters.declaring import Spec
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.demo.demo import BODIES, ROBOT, SOURCE, WHEELS
 from smartmesh_ros.tools.demo.terrain_source import SPECS, make_scene
@@ -27,13 +26,9 @@ WHEEL_SPEED = 6.0  # [rad/s]
 SHAPES = ("{shape: sphere, size: [0.25]", "{shape: box, size: [0.6, 0.4, 0.3]", "{shape: cylinder, size: [0.4, 0.25]")
 
 
-def defaults(specs: tuple[Spec, ...]) -> dict[str, Any]:
-    return {spec.name: spec.default for spec in specs}
-
-
 def messages(seconds: float) -> Iterator[tuple[str, float, Any]]:
     """Yield (topic, time [s], message) in the order of time."""
-    scene = make_scene({**defaults(SPECS), **SOURCE})
+    scene = make_scene({**{spec.name: spec.default for spec in SPECS}, **SOURCE})
     rate = float(SOURCE["rate"])  # type: ignore[arg-type]
     place = scene.geometry
     for number in range(math.floor(seconds * rate)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,11 +15,10 @@ from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.scene import Scene
 from studies.configurations import Configuration
-from studies.contest import FINE_RATE, HORIZON, Contest, Result, Rules, Runner, run
+from studies.contest import FINE_RATE, HORIZON, Contest, Result, Runner, run
 from studies.engines.engine import Engine, EngineBody, Setup, build
 
-# Number of pieces of a run, and processor time in one scene after which an engine is stopped [s].
-PIECES, PATIENCE = 12, 2.5
+PIECES = 12  # of a run
 
 
 def setup_of(scene: Scene, heights: Any, rate: float, starts: Sequence[BodyState]) -> Setup:
@@ -33,33 +32,32 @@ def setup_of(scene: Scene, heights: Any, rate: float, starts: Sequence[BodyState
 class BodyContest(Contest):
     """A scene of the accuracy study."""
 
+    scene: Scene
+    patience: ClassVar[float] = 2.5
+
     def __init__(self, scene: Scene, pieces: int = PIECES) -> None:
-        rules = Rules(
-            name=scene.name, bodies=scene.bodies.count, duration=scene.duration, settle=scene.settle,
-            samples=scene.samples, pieces=pieces, patience=PATIENCE, map_rate=scene.map_rate,
-        )  # fmt: skip
-        super().__init__(rules, scene.make_ground())
-        self._scene, self._shape = scene, scene.bodies.make_shape()
-        self._truth = scene.make_ground()
+        self.pieces = pieces
+        super().__init__(scene, scene.make_ground(), scene.bodies.count)
+        self._shape, self._truth = scene.bodies.make_shape(), scene.make_ground()
 
     def enter(self, configuration: Configuration) -> Engine:
-        setup = setup_of(self._scene, self.maps(0), configuration.rate, self._scene.starts())
-        engine: Engine = configuration.build(replace(setup, slide=self._scene.slide))
+        setup = setup_of(self.scene, self.maps(0), configuration.rate, self.scene.starts())
+        engine: Engine = configuration.build(replace(setup, slide=self.scene.slide))
         return engine
 
     def measure(self, instant: float, runners: Sequence[Runner]) -> None:
-        surface = self._scene.surface(self._truth.heights(instant), instant)
+        surface = self.scene.surface(self._truth.heights(instant), instant)
         for runner in runners:
             sample = runner.samples[instant]
             positions, orientations = (frames[:, 0] for frames in sample.links)
             ground = surface.below(positions)
             sample.below = positions[:, 2] < ground
-            if instant > self.rules.settle:
+            if instant > self.scene.settle:
                 sample.clearance = clearances(surface, self._shape, positions, orientations)
                 sample.clearance[np.isnan(ground)] = np.nan
 
     def reference(self) -> FloatArray | None:
-        return reference_positions(self._scene)
+        return reference_positions(self.scene)
 
 
 def run_scene(

@@ -17,7 +17,6 @@ from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import BoolArray, held_up, penetration
 from studies.configurations import Configuration
-from studies.engines.checkout import Checkout
 from studies.engines.engine import Links
 
 # Step rate of references [Hz], and instant of the comparison with them [s]. A later comparison is meaningless, because
@@ -61,35 +60,26 @@ class Sample:
         self.below = np.zeros(len(held), bool)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Rules:
-    """``bodies``: their number. A run of ``duration`` [s] has ``samples`` measurements a second [Hz], after the first
-    ``settle`` [s], and ``pieces`` in which all engines take turns, timed from ``timed_from`` [s] on; the cost is the
-    median over the pieces. An engine is stopped after ``patience`` [s] of processor time. ``map_rate`` [Hz]: of the
-    ground, 0 = one map."""
-
-    name: str
-    bodies: int
-    duration: float
-    settle: float
-    samples: float
-    pieces: int
-    patience: float
-    map_rate: float
-    timed_from: float = 0.0
-
-
 class Contest(ABC):
-    """A scene for many engines: how they enter, what they do in a step, and how samples of them are measured."""
+    """A scene for many engines: how they enter, what they do in a step, and how samples of them are measured.
 
+    The ``scene`` has a ``name``; a run of its ``duration`` [s] has ``samples`` measurements a second [Hz], after the
+    first ``settle`` [s], on ground with maps at ``map_rate`` [Hz], 0 = one map. ``bodies``: their number. All engines
+    take turns in the ``pieces`` of a run, timed from ``timed_from`` [s] on; the cost is the median over the pieces. An
+    engine is stopped after ``patience`` [s] of processor time.
+    """
+
+    pieces: int
+    timed_from: float = 0.0
+    patience: ClassVar[float]
     # True = the result tells the update's share of the cost.
     tells_update: ClassVar[bool] = True
 
-    def __init__(self, rules: Rules, ground: MovingGround) -> None:
-        self.rules = rules
+    def __init__(self, scene: Any, ground: MovingGround, bodies: int) -> None:
+        self.scene, self.bodies = scene, bodies
         # The maps by their number, made once for all engines; those of a piece are kept.
-        kept = lru_cache(math.ceil(rules.duration / rules.pieces * rules.map_rate) + 16)
-        self.maps = kept(lambda number: ground.heights(number / rules.map_rate if rules.map_rate else 0.0))
+        kept = lru_cache(math.ceil(scene.duration / self.pieces * scene.map_rate) + 16)
+        self.maps = kept(lambda number: ground.heights(number / scene.map_rate if scene.map_rate else 0.0))
 
     @abstractmethod
     def enter(self, configuration: Configuration) -> Any:
@@ -130,7 +120,7 @@ class Runner:
         for instant in instants:
             if not self.note:
                 self._advance(instant)
-        if began >= self._contest.rules.timed_from and self.time > began:
+        if began >= self._contest.timed_from and self.time > began:
             update, step = ((self._used - before) / (self.time - began)).tolist()
             self.times.append((update, step))
 
@@ -140,10 +130,10 @@ class Runner:
         last = round(until * rate)
         before = engine.velocities()
         while self._steps < last:
-            if self._used.sum() > contest.rules.patience:
+            if self._used.sum() > contest.patience:
                 self.note = f"stopped after {self.time:.2f} s: too slow"
                 return
-            number = math.floor(self.time * contest.rules.map_rate + 1e-6)
+            number = math.floor(self.time * contest.scene.map_rate + 1e-6)
             ready = None
             if number != self._map:
                 ready = engine.ready(contest.maps(number))
@@ -157,9 +147,7 @@ class Runner:
             middle = process_time()
             engine.step()
             end = process_time()
-            # Another checkout runs in a process of its own, which measures itself.
-            taken = engine.taken() if isinstance(engine, Checkout) else (middle - start, end - middle)
-            self._used += np.array(taken)
+            self._used += (middle - start, end - middle)
             self._steps += 1
         held = held_up(before[:, :3], engine.velocities()[:, :3], 1.0 / rate)
         self.samples[until] = Sample(engine.links(), held)
@@ -167,23 +155,23 @@ class Runner:
 
 def run(contest: Contest, chosen: Sequence[Configuration], say: Callable[[str], None]) -> dict[str, Result]:
     """Run a scene in every configuration, taking turns piece by piece."""
-    rules = contest.rules
+    scene = contest.scene
     results: dict[str, Result] = {}
     runners: list[Runner] = []
     for configuration in chosen:
         try:
             runners.append(Runner(contest, configuration))
         except InputError as error:
-            results[configuration.name] = Result(bodies=rules.bodies, note=str(error))
-    instants = np.arange(1, round(rules.duration * rules.samples) + 1) / rules.samples
-    for part, piece in enumerate(np.array_split(instants, min(rules.pieces, len(instants)))):
+            results[configuration.name] = Result(bodies=contest.bodies, note=str(error))
+    instants = np.arange(1, round(scene.duration * scene.samples) + 1) / scene.samples
+    for part, piece in enumerate(np.array_split(instants, min(contest.pieces, len(instants)))):
         first = part % max(len(runners), 1)
         for index, runner in enumerate(runners[first:] + runners[:first]):
-            say(f"{rules.name} {part + 1}/{rules.pieces} {index + 1}/{len(runners)} {runner.configuration.name}")
+            say(f"{scene.name} {part + 1}/{contest.pieces} {index + 1}/{len(runners)} {runner.configuration.name}")
             runner.run_piece(piece.tolist())
         for instant in piece.tolist():
             contest.measure(instant, [runner for runner in runners if instant in runner.samples])
-    say(f"{rules.name}: reference")
+    say(f"{scene.name}: reference")
     reference = contest.reference()
     for runner in runners:
         results[runner.configuration.name] = _result(contest, runner, reference)
@@ -192,17 +180,16 @@ def run(contest: Contest, chosen: Sequence[Configuration], say: Callable[[str], 
 
 
 def _result(contest: Contest, runner: Runner, reference: FloatArray | None) -> Result:
-    rules = contest.rules
-    measured = np.array(list(runner.samples)) > rules.settle + 1e-9
+    measured = np.array(list(runner.samples)) > contest.scene.settle + 1e-9
     if not measured.any() or not runner.times:
-        return Result(bodies=rules.bodies, note=runner.note or "too slow to measure")
+        return Result(bodies=contest.bodies, note=runner.note or "too slow to measure")
     clearance, below, held = (
         np.array([getattr(sample, name) for sample in runner.samples.values()])
         for name in ("clearance", "below", "held")
     )
     lost = np.logical_or.accumulate(below, axis=0)
     found = penetration(clearance[measured], lost[measured], held[measured])
-    times = 1e6 / rules.bodies * np.array(runner.times)
+    times = 1e6 / contest.bodies * np.array(runner.times)
     low, middle, high = np.percentile(times.sum(axis=1), (25, 50, 75)).tolist()
     more: dict[str, Any] = {"update": float(np.median(times[:, 0]))} if contest.tells_update else {}
     if reference is not None and HORIZON in runner.samples:

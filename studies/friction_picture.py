@@ -12,11 +12,12 @@ from matplotlib.patches import Rectangle
 from smartmesh_ros import BodyState, Box, HeightMap, World
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from smartmesh_ros.world.world import WorldConfig
 
 OUT = Path("docs/images/friction.png")
 SPACING, LENGTH, WIDTH = 0.1, 101, 41  # of the map; samples along x and along y
-GRAVITY, BODY = 9.81, 0.5  # and the coefficient of the boxes
+BODY = 0.5  # coefficient of the boxes
 GROUND = {"ice": 0.2, "gravel": 1.4}  # coefficients of the ground, by which that of the boxes is multiplied
 COLOURS = {"ice": "#b2d6f5", "gravel": "#cca880"}
 LINES = {"ice": "#1f6fb4", "gravel": "#5a3210"}

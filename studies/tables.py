@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from statistics import geometric_mean
 from typing import Any, NamedTuple
 
 from studies.chart import draw_all, draw_scene
@@ -20,9 +19,6 @@ from studies.pages import blocks_of, fill
 from studies.results_file import save_results
 
 OURS = ("ours", "ours, less")
-DEFAULTS = "defaults"
-# Gives every body a field.
-FIELDS = "heightfield"
 
 
 def scene_table(results: Mapping[str, Result]) -> str:
@@ -32,15 +28,16 @@ def scene_table(results: Mapping[str, Result]) -> str:
     has_update = any(not math.isnan(result.update) for result in results.values())
     rows = []
     for name, r in results.items():
+        note = r.note.partition("\n")[0]  # of loaders of robots
         shown = f"**{name}**{f' (by {front[name]})' if front[name] else ''}" if name in front else name
         if math.isnan(r.cost):
-            rows.append([f"{name}: {r.note}", *["-"] * (8 + has_update)])
+            rows.append([f"{name}: {note}", *["-"] * (8 + has_update)])
             continue
-        note = f" ({r.note})" if r.note else ""
+        shown += f" ({note})" if note else ""
         update = [f"{r.update / 1e3:.2f}"] if has_update else []
         rows.append(
             [
-                shown + note, f"{r.cost / 1e3:.2f}", f"{r.spread[0] / 1e3:.2f}-{r.spread[1] / 1e3:.2f}",
+                shown, f"{r.cost / 1e3:.2f}", f"{r.spread[0] / 1e3:.2f}-{r.spread[1] / 1e3:.2f}",
                 *update, *(_mm(value) for value in (r.p50, r.p99, r.most, r.hover)),
                 f"{r.lost} of {r.bodies}", f"{_mm(r.deviation)} / {_mm(r.most_deviation)}",
             ]
@@ -82,47 +79,12 @@ def summary_table(
     return table(header, rows)
 
 
-def front_table(
-    titles: Mapping[str, str], results: Mapping[str, Mapping[str, Result]], families: Mapping[str, Family]
-) -> str:
-    """Who is on the front over cost, distance and deviation, a scene a row."""
-    rows = []
-    for scene, title in titles.items():
-        by = only_by(results[scene])
-        ours = [name for name in by if families[name] in OURS]
-        row = [title]
-        for names in (ours, [name for name in by if name not in ours]):
-            words = [name if not by[name] else f"{name} ({by[name]})" for name in names]
-            row.append(", ".join(words) or "none")
-        rows.append(row)
-    return table(["scene", "ours on the front", "rivals on the front"], rows)
-
-
 def _factor(rivals: Mapping[str, Result], name: str | None, own: Result) -> str:
     return "none" if name is None else f"{name}: {rivals[name].cost / own.cost:.2g} x"
 
 
 def _mm(metres: float) -> str:
     return f"{1e3 * metres:.2f}" if math.isfinite(metres) else "-"
-
-
-def choosing_table(titles: Mapping[str, str], results: Mapping[str, Mapping[str, Result]]) -> str:
-    """`auto` beside fields alone: one row a scene, in ascending order of the ratio, and the mean over all scenes."""
-    ratios = {name: results[name][DEFAULTS].cost / results[name][FIELDS].cost for name in titles}
-    rows = [
-        [titles[name], *(_figures(results[name][one]) for one in (DEFAULTS, FIELDS)), f"{ratios[name]:.2f}"]
-        for name in sorted(ratios, key=lambda name: ratios[name])
-    ]
-    return (
-        table(["scene", "auto", "heightfield", "ratio"], rows)
-        + f"\n\nOver all scenes together (geometric mean) `auto` costs {geometric_mean(ratios.values()):.2f} of "
-        + "heightfields alone."
-    )
-
-
-def _figures(result: Result) -> str:
-    """Return the cost [ms], and the penetration [mm] in brackets."""
-    return f"{1e-3 * result.cost:.1f} ({1e3 * result.p99:.2g})"
 
 
 Results = dict[str, dict[str, Result]]
@@ -205,9 +167,7 @@ class Charts(NamedTuple):
             parts.append(f"## {scene.title}\n\n{picture}\n\n{scene_table(found)}\n")
         draw_all(self.images(out) / "all.png", titles, results, families, self.unit)
         (out / self.tables).write_text("\n".join(parts))
-        return results, {
-            "summary": summary_table(titles, results, families), "front": front_table(titles, results, families)
-        }  # fmt: skip
+        return results, {"summary": summary_table(titles, results, families)}
 
     def write(self, out: Path, blocks: Mapping[str, str]) -> None:
         """Replace the blocks of the page."""

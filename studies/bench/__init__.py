@@ -1,1 +1,1 @@
-"""Running times: the report's tables measured again, on larger maps and for more bodies."""
+"""Running times: the report's tables measured again, and on larger maps."""

@@ -1,26 +1,23 @@
-"""``make bench``: measures, and writes one JSON, the tables and the pictures."""
+"""``make bench``: measures the report's tables again, and fills docs/benchmarks.md."""
 
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from shutil import copyfile
 from typing import Any
 
-from studies.bench import crowds, searching, smart_mesh
-from studies.bench.figures import draw_all
+from studies.bench import searching, smart_mesh
 from studies.bench.measure import FULL, QUICK, Bench, Effort, Results
-from studies.bench.report import BATCHES
 from studies.bench.tables import all_tables
 from studies.machine import describe, measured_on
-from studies.pages import fill
+from studies.pages import ROOT, fill
 from studies.progress import Progress
+from studies.results_file import save_results
 
-RESULTS, TABLES, PICTURES = "bench.json", "tables.md", Path("images/bench")
+RESULTS, TABLES, PAGE = "bench.json", "tables.md", ROOT / "docs" / "benchmarks.md"
 
 
 def jobs(effort: Effort) -> Iterator[tuple[str, Callable[[Bench], None]]]:
@@ -29,24 +26,14 @@ def jobs(effort: Effort) -> Iterator[tuple[str, Callable[[Bench], None]]]:
         yield f"whole mesh, {name}", partial(smart_mesh.measure_whole, name=name)
     for side in effort.of(smart_mesh.SIDES):
         yield f"patch on {side}x{side}", partial(smart_mesh.measure_main_meshes, side=side)
-        if side <= smart_mesh.SIDE:
-            yield f"frames on {side}x{side}", partial(smart_mesh.measure_frames, side=side)
     yield "local colliders", smart_mesh.measure_local_colliders
     for side in effort.of(searching.REPORT_SIDES):
         yield f"searches on {side}x{side}", partial(searching.measure_general, side=side)
     for side in effort.of(searching.MAP_SIDES):
         yield f"searches on a map of {side}x{side}", partial(searching.measure_maps, side=side)
-    yield "searches in batches", searching.measure_batches
     yield "collecting", searching.measure_collecting
-    yield "collecting in batches", searching.measure_collecting_batches
-    yield "collider updates", crowds.measure_updates
-    for count in effort.of(BATCHES):
-        if count != crowds.BATCH:
-            yield f"updates of {count}", partial(crowds.measure_batches, count=count)
-        yield f"engines, {count} bodies", partial(crowds.measure_engines, scale=crowds.COARSE, count=count)
-        if count <= crowds.BATCH:  # more do not fit on it
-            yield f"fine map, {count} bodies", partial(crowds.measure_engines, scale=crowds.FINE, count=count)
-    yield "general mesh", crowds.measure_general
+    yield "updates of a batch", smart_mesh.measure_batches
+    yield "general mesh", smart_mesh.measure_general
 
 
 def measure(effort: Effort) -> Results:
@@ -61,7 +48,7 @@ def measure(effort: Effort) -> Results:
 
 
 def summary(data: dict[str, Any], results: Results) -> str:
-    """Return the machine and all tables of a run, from its JSON ``data`` and its results."""
+    """Return the machine and all tables of a run, of which ``data`` is kept with its results."""
     machine = data["machine"]
     frames = [timing.frames for timing in results.timings.values()]
     most, least = max(frames, default=0), min(frames, default=0)
@@ -75,27 +62,18 @@ def summary(data: dict[str, Any], results: Results) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Measure, or read an earlier run; write JSON, tables and pictures; return the exit status."""
+    """Measure; write JSON and tables, and those of a whole run into the page; return the exit status."""
     parser = argparse.ArgumentParser(prog="bench", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="few frames, less than a minute: whether it runs at all")
     parser.add_argument("--out", type=Path, default=Path("out/bench"), help="folder of the results (%(default)s)")
-    parser.add_argument("--from", type=Path, dest="earlier", help="a bench.json, to write tables and pictures from")
-    parser.add_argument("--document", type=Path, help="a markdown file whose block ``tables`` is to be written anew")
     given = parser.parse_args(arguments)
-    if given.earlier:
-        data = json.loads(given.earlier.read_text())
-    else:
-        data = {"machine": describe(), "quick": given.quick, **measure(QUICK if given.quick else FULL).as_json()}
-    results = Results.from_json(data)
+    results = measure(QUICK if given.quick else FULL)
+    data = {"machine": describe(), "quick": given.quick}
+    text = summary(data, results)
     given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / RESULTS).write_text(json.dumps(data, indent=1) + "\n")
-    (given.out / TABLES).write_text(summary(data, results))
-    pictures = draw_all(results, given.out)
-    if given.document:
-        fill(given.document, {"tables": summary(data, results)})
-        folder = given.document.parent / PICTURES
-        folder.mkdir(parents=True, exist_ok=True)
-        for picture in pictures:
-            copyfile(picture, folder / picture.name)
+    save_results(given.out / RESULTS, data | results.as_json())
+    (given.out / TABLES).write_text(text)
+    if not given.quick:
+        fill(PAGE, {"tables": text})
     print(f"wrote {given.out / TABLES} and {given.out / RESULTS}")
     return 0

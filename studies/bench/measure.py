@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -58,7 +58,7 @@ QUICK = Effort(frames=8, least=2, seconds=0.1, report_seconds=0.1, quick=True)
 
 
 class Results:
-    """Timings by case, and facts that are not timings (sizes of batches, say) by name."""
+    """Timings by case, and reasons by what was left out."""
 
     def __init__(self) -> None:
         self.timings: dict[Case, Timing] = {}
@@ -69,26 +69,16 @@ class Results:
         timing = self.timings.get(Case(what, method, side, bodies, rings))
         return timing.median if timing else math.nan
 
-    def ms(self, what: str, method: str, *, side: int = 0, bodies: int = 1, rings: int = 0) -> float:
-        """The same [ms]."""
-        return self.us(what, method, side=side, bodies=bodies, rings=rings) / 1e3
+    def ms(self, what: str, method: str, *, side: int = 0, rings: int = 0) -> float:
+        """Median of a case of one body [ms]."""
+        return self.us(what, method, side=side, rings=rings) / 1e3
 
     def as_json(self) -> dict[str, Any]:
-        """Return a JSON object for `from_json`."""
+        """Return a JSON object of all of it."""
         return {
             "left_out": self.left_out,
             "timings_us": [asdict(case) | timing._asdict() for case, timing in self.timings.items()],
         }
-
-    @classmethod
-    def from_json(cls, data: dict[str, Any]) -> Results:
-        """Return the results of a JSON object from `as_json`."""
-        results = cls()
-        results.left_out = dict(data["left_out"])
-        for entry in data["timings_us"]:
-            case = Case(*(entry[name] for name in Case.__dataclass_fields__))
-            results.timings[case] = Timing(*(entry[name] for name in Timing._fields))
-        return results
 
 
 class Bench:
@@ -106,28 +96,16 @@ class Bench:
         seconds: float | None = None,
     ) -> Timing:
         """Measure ``run`` for at most about ``seconds`` [s]. ``prepare`` runs before each call and is not measured."""
-        return self.race({case: run}, prepare, seconds)[case]
-
-    def race(
-        self,
-        runs: Mapping[Case, Callable[[], object]],
-        prepare: Callable[[], object] | None = None,
-        seconds: float | None = None,
-    ) -> dict[Case, Timing]:
-        """Measure several cases in turns, so that other load on the machine affects all of them equally."""
         effort, start = self.effort, perf_counter()
         for _ in range(WARM_UP):
             if perf_counter() - start < 1.0:
-                self._lap(runs, prepare)
-        limit, laps, start = effort.seconds if seconds is None else seconds, list[list[float]](), perf_counter()
+                self._lap(run, prepare)
+        limit, laps, start = effort.seconds if seconds is None else seconds, list[float](), perf_counter()
         while len(laps) < effort.frames and (len(laps) < effort.least or perf_counter() - start < limit):
-            laps.append(self._lap(runs, prepare))
-        low, median, high = np.percentile(np.array(laps) * 1e6, (10, 50, 90), axis=0)
-        timings = {
-            case: Timing(float(median[i]), float(low[i]), float(high[i]), len(laps)) for i, case in enumerate(runs)
-        }
-        self.results.timings |= timings
-        return timings
+            laps.append(self._lap(run, prepare))
+        low, median, high = np.percentile(np.array(laps) * 1e6, (10, 50, 90)).tolist()
+        timing = self.results.timings[case] = Timing(median, low, high, len(laps))
+        return timing
 
     def hopeless(self, case: Case, smaller: int) -> bool:
         """Return True if a frame of ``case`` would take too long, extrapolated from ``smaller`` x ``smaller``."""
@@ -135,12 +113,9 @@ class Bench:
         return math.isnan(known) or known * (case.side / smaller) ** 2 > LONGEST_FRAME * 1e6
 
     @staticmethod
-    def _lap(runs: Mapping[Case, Callable[[], object]], prepare: Callable[[], object] | None) -> list[float]:
-        times = []
-        for run in runs.values():
-            if prepare is not None:
-                prepare()
-            start = perf_counter()
-            run()
-            times.append(perf_counter() - start)
-        return times
+    def _lap(run: Callable[[], object], prepare: Callable[[], object] | None) -> float:
+        if prepare is not None:
+            prepare()
+        start = perf_counter()
+        run()
+        return perf_counter() - start

@@ -27,7 +27,7 @@ S = TypeVar("S")
 
 RESOLUTION = 0.25
 RADIUS = 0.2
-FRAME = 1.0 / 60.0
+FRAME = 1.0 / 60.0  # between two maps [s]
 # Distance of the bodies of a crowd [m].
 _APART = 1.5
 # Samples of ready-made frames that are kept: 32 MB of them.
@@ -52,13 +52,13 @@ class Cycle(Generic[T]):
 
 
 class Waves(Cycle[FloatGrid]):
-    """Heights (side, side) [m] under a wave, one every ``interval`` [s], made before anything is timed."""
+    """Heights (side, side) [m] under a wave, one every `FRAME`, made before anything is timed."""
 
-    def __init__(self, side: int, resolution: float = RESOLUTION, interval: float = FRAME) -> None:
+    def __init__(self, side: int) -> None:
         self.side = side
-        scene = InwardWaves(GridGeometry(rows=side, columns=side, resolution=resolution))
+        scene = InwardWaves(GridGeometry(rows=side, columns=side, resolution=RESOLUTION))
         count = min(max(_SAMPLES // side**2, 3), 16)
-        super().__init__([scene.heights(index * interval) for index in range(count)])
+        super().__init__([scene.heights(index * FRAME) for index in range(count)])
 
 
 def doubles(heights: FloatGrid) -> FloatArray:
@@ -82,10 +82,10 @@ def general_mesh(waves: Waves) -> TriangleMesh:
     return TriangleMesh(grid_vertices(waves.next()), grid_triangles(waves.side, waves.side))
 
 
-def crowd_positions(count: int, side: int, resolution: float = RESOLUTION) -> FloatArray:
+def crowd_positions(count: int, side: int) -> FloatArray:
     """Places (count, 2) [m] in a square around the middle of a map, none on a sample."""
     rows = math.ceil(math.sqrt(count))
-    extent = (side - 1) * resolution
+    extent = (side - 1) * RESOLUTION
     apart = min(_APART, 0.8 * extent / rows)
     index = np.arange(count)
     middle = 0.5 * extent

@@ -39,4 +39,3 @@ FINAL_UNIFORM = {50: 0.085, 100: 0.087, 150: 0.085, 200: 0.089}
 # Sizes beyond the report's [vertices on a side].
 LARGER = (512, 1024, 2048, 4096)
 RINGS = (1, 2, 3, 4)
-BATCHES = (1, 10, 100, 1000)

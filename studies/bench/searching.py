@@ -1,5 +1,4 @@
-"""Nearest-vertex searches (Table 4) and collecting the vertices of a local collider (Table 5), for one body and for
-batches."""
+"""Nearest-vertex searches (Table 4) and collecting the vertices of a local collider (Table 5), for one body."""
 
 from __future__ import annotations
 
@@ -12,12 +11,11 @@ import numpy as np
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from studies.bench.measure import Bench, Case
-from studies.bench.moving import RESOLUTION, Waves, crowd_positions, general_mesh
-from studies.bench.report import BATCHES, LARGER, RINGS, SEARCH
+from studies.bench.moving import RESOLUTION, Waves, general_mesh
+from studies.bench.report import LARGER, RINGS, SEARCH
 from studies.report.collect import GridGraph, TriangleGraph, queue_bfs, topology_around, union_bfs
 from studies.report.search import (
     best_first_cells,
-    best_first_vertices,
     brute_force_cells,
     brute_force_vertex,
     nearest_vertices,
@@ -26,8 +24,6 @@ from studies.report.search import (
 
 # Sizes of Table 4, and of height maps, over which a search of a uniform grid is to cost the same.
 REPORT_SIDES, MAP_SIDES = tuple(SEARCH["brute_force"]), (50, 100, 200, *LARGER)
-# Calls timed together where one alone is as short as the clock's own cost.
-REPEATS = 10
 
 
 def best_first_vertex(mesh: TriangleMesh, graph: TriangleGraph, position_w: FloatArray, start: int) -> int:
@@ -95,37 +91,6 @@ def _measure(
         bench.time(Case(what, f"grid_traversal{suffix}", side), traverse, walk.advance)
 
 
-def measure_batches(bench: Bench) -> None:
-    """Grid traversal for batches on maps of every size, turn by turn; positions in the world to nearest vertices."""
-    for count in BATCHES:
-        runs: dict[Case, Callable[[], object]] = {}
-        for side in MAP_SIDES:
-            geometry = GridGeometry(rows=side, columns=side, resolution=RESOLUTION)
-            runs[Case("search_batch", "grid_traversal", side, count)] = _repeated(
-                geometry, crowd_positions(count, side)
-            )
-        bench.race(runs)
-    mesh = general_mesh(Waves(200))
-    table = TriangleGraph(mesh.triangles, mesh.size).padded()
-    for count in BATCHES:
-        positions = np.zeros((count, 3))
-        positions[:, :2] = crowd_positions(count, 200)
-        start = best_first_vertices(mesh, table, positions, np.zeros(count, np.int64))
-        positions += 0.4 * RESOLUTION
-        bench.time(
-            Case("search_batch", "best_first", 200, count),
-            lambda positions=positions, start=start: best_first_vertices(mesh, table, positions, start),  # type: ignore[misc]
-        )
-
-
-def _repeated(geometry: GridGeometry, places: FloatArray) -> Callable[[], object]:
-    def run() -> None:
-        for _ in range(REPEATS):
-            nearest_vertices(geometry, geometry.to_grid(places))
-
-    return run
-
-
 class _Walk:
     """A player over ``side`` x ``side`` samples that goes ``stride`` [m] a frame, None = teleports between corners."""
 
@@ -146,7 +111,7 @@ class _Walk:
             self.position[:2] = (0.3 * self._extent + self._frame * self._stride) % self._extent
 
 
-COLLECT_SIDE, RINGS_OF_BATCHES = 200, 2
+COLLECT_SIDE = 200
 
 
 def patch_template(rings: int, columns: int) -> IntArray:
@@ -169,18 +134,3 @@ def measure_collecting(bench: Bench) -> None:
         }
         for method, run in methods.items():
             bench.time(Case("collect", method, COLLECT_SIDE, rings=rings), run)
-
-
-def measure_collecting_batches(bench: Bench) -> None:
-    """The grid's template for batches: indices of all samples of all patches."""
-    template = patch_template(RINGS_OF_BATCHES, COLLECT_SIDE)
-    for count in BATCHES:
-        centres = np.linspace(5 * COLLECT_SIDE, COLLECT_SIDE * (COLLECT_SIDE - 5), count).astype(np.int64)
-        stride = np.ones(count, np.int64)
-
-        def run(centres: np.ndarray = centres, stride: np.ndarray = stride) -> None:
-            for _ in range(REPEATS):
-                indices = template * stride[:, None]
-                indices += centres[:, None]
-
-        bench.time(Case("collect_batch", "cached", COLLECT_SIDE, count, RINGS_OF_BATCHES), run)

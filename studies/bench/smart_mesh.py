@@ -1,11 +1,12 @@
-"""Colliders of the whole main mesh (Simple-Mesh, Table 1), and local colliders of one body (Tables 2, 3 and 6, Figure
-2): everything an update does, search and collecting too."""
+"""Colliders of the whole main mesh (Simple-Mesh, Table 1), and local colliders of one body or of a crowd (Tables 2, 3
+and 6): everything an update does, search and collecting too."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -86,13 +87,33 @@ def measure_local_colliders(bench: Bench) -> None:
             Player(waves, mesh, config).time(bench, Case("local", method, SIDE, rings=rings))
 
 
-def measure_frames(bench: Bench, side: int) -> None:
-    """Whole frames as in Figure 2: the ground's vertices are moved, the collider updated, the physics stepped once."""
-    waves = Waves(side)
-    for method, patch in (("simple", ReportConfig(kind="whole_trimesh")), ("smart", UNIFORM)):
-        player = Player(waves, height_map(waves), patch)
-        with player.world:
-            bench.time(Case("frame", method, side), player.next_frame)
+# A crowd, on a larger map [vertices on a side].
+BATCH, BATCH_SIDE = 100, 1024
+
+
+def measure_batches(bench: Bench) -> None:
+    """Measure updates of a batch of heightfield patches by their size."""
+    waves = Waves(BATCH_SIDE)
+    for rings in bench.effort.of(RINGS):
+        Player(waves, height_map(waves), replace(UNIFORM, rings=rings), BATCH).time(
+            bench, Case("update", "heightfield", BATCH_SIDE, BATCH, rings)
+        )
+
+
+def measure_general(bench: Bench) -> None:
+    """Measure, on a general mesh whose vertices all move, taking them in, and the update of one body with each suitable
+    search."""
+    waves = Waves(SIDE)
+    mesh = general_mesh(waves)
+    frames = waves.converted(grid_vertices)
+    times = count()
+    bench.time(Case("ingest", "mesh", SIDE), lambda: mesh.move(frames.now, time=0.05 * next(times)), frames.next)
+    base = ReportConfig(kind="trimesh", rings=1)
+    for search in ("brute_force", "best_first"):
+        for collect in ("cached", "union_bfs"):
+            Player(waves, general_mesh(waves), replace(base, search=search, collect=collect)).time(
+                bench, Case("general", f"{search} {collect}", SIDE)
+            )
 
 
 ENGINES = ("physx", "bullet_trimesh", "bullet_heightfield", "mujoco")

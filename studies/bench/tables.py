@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from studies.bench import crowds, report, searching
+from studies.bench import report, searching
 from studies.bench.measure import LONGEST_FRAME, Results
+from studies.bench.smart_mesh import BATCH, BATCH_SIDE, SIDE
 from studies.markdown import RATIO, beside, number, size, table, times
 
 SEARCHES = {
@@ -18,9 +19,9 @@ SEARCHES = {
 }
 
 
-def update_per_body(results: Results, rings: int, count: int = crowds.BATCH) -> float:
+def update_per_body(results: Results, rings: int) -> float:
     """Update of a heightfield patch in a batch, all in, per body [us]."""
-    return results.us("update", "heightfield", side=crowds.SIDE, bodies=count, rings=rings) / count
+    return results.us("update", "heightfield", side=BATCH_SIDE, bodies=BATCH, rings=rings) / BATCH
 
 
 def head(first: str, *methods: str) -> list[str]:
@@ -134,10 +135,6 @@ def all_tables(results: Results) -> str:
         ("Table 5: collecting the vertices of one local collider [ms]", table_5(results)),
         ("Table 6: everything for one body [ms]", table_6(results)),
         ("General mesh of 40,000 vertices, all moving, one body [ms]", general(results)),
-        ("Batches: per body [us]", batches(results)),
-        ("Collider updates in a batch of 100 on 1024x1024, all in: per body [us]", colliders(results)),
-        (f"Whole steps, {_scale(crowds.COARSE)} [ms]", engines(results, crowds.COARSE)),
-        (f"Whole steps, {_scale(crowds.FINE)} [ms]", engines(results, crowds.FINE)),
         ("Left out", left_out(results)),
     )
     return "\n".join(f"### {heading}\n\n{body}\n" for heading, body in parts if body)
@@ -165,58 +162,17 @@ def map_searches(results: Results) -> str:
 
 def general(results: Results) -> str:
     """The general mesh."""
-    side = crowds.MESH_SIDE
     rows = [
-        [f"update, {name}", *beside(known, results.ms("general", method, side=side))]
+        [f"update, {name}", *beside(known, results.ms("general", method, side=SIDE))]
         for method, name, known in (
-            ("brute_force cached", "brute force, cached topology", report.FINAL_GENERAL[side]),
+            ("brute_force cached", "brute force, cached topology", report.FINAL_GENERAL[SIDE]),
             ("brute_force union_bfs", "brute force, triangles found anew", math.nan),
             ("best_first cached", "best-first, cached topology", math.nan),
             ("best_first union_bfs", "best-first, triangles found anew", math.nan),
         )
     ]
-    rows.append(["taking in all vertices", *beside(6.0, results.ms("ingest", "mesh", side=side))])
+    rows.append(["taking in all vertices", *beside(6.0, results.ms("ingest", "mesh", side=SIDE))])
     return table(["", "report", "today", RATIO], rows)
-
-
-def batches(results: Results) -> str:
-    """What a body costs by how many there are."""
-    rings = searching.RINGS_OF_BATCHES
-    rows = []
-    for count in report.BATCHES:
-        searches = [
-            results.us("search_batch", "grid_traversal", side=side, bodies=count) / searching.REPEATS / count
-            for side in searching.MAP_SIDES
-        ]
-        best_first = results.us("search_batch", "best_first", side=200, bodies=count) / count
-        collect = results.us("collect_batch", "cached", side=searching.COLLECT_SIDE, bodies=count, rings=rings)
-        per_body = [*searches, best_first, collect / searching.REPEATS / count, update_per_body(results, 2, count)]
-        rows.append([f"{count}", *map(number, per_body)])
-    names = [f"grid traversal on {size(side)}" for side in searching.MAP_SIDES]
-    return table(["bodies", *names, "best-first, general mesh 200x200", "collect 5x5", "update 5x5 on 1024x1024"], rows)
-
-
-def engines(results: Results, scale: crowds.Scale) -> str:
-    """The package beside engines with a collider of the whole map."""
-    rows = []
-    for count in report.BATCHES:
-        times_ms = [results.ms("engines", name, side=scale.side, bodies=count) for name in scale.engines]
-        if not all(map(math.isnan, times_ms)):
-            rows.append([f"{count}", *map(number, times_ms)])
-    return table(["bodies", *scale.engines], rows)
-
-
-def colliders(results: Results) -> str:
-    """Updates in a batch, and how much of them is PyBullet's own replacement of the heightfields."""
-    rows = []
-    for rings in report.RINGS:
-        alone = results.us("replace", "heightfield", side=crowds.SIDE, bodies=crowds.BATCH, rings=rings) / crowds.BATCH
-        rows.append([size(2 * rings + 1), number(update_per_body(results, rings)), number(alone)])
-    return table(["collider", "update", "of it PyBullet's replacement"], rows)
-
-
-def _scale(scale: crowds.Scale) -> str:
-    return f"{size(scale.side)} samples of {scale.resolution:g} m, all new at each step, balls of {scale.radius:g} m"
 
 
 def left_out(results: Results) -> str:

@@ -13,7 +13,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shown_ground import make_shape, quarter_turn, replace_heights
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from studies.engines.engine import Contacts, Engine, EngineBody, Setup
+from studies.engines.engine import Contacts, Engine, EngineBody, GroundSetup, Setup
 from studies.report.made import HOLE
 
 # Largest arrays that PyBullet accepts.
@@ -28,7 +28,7 @@ class BulletEngine(Engine):
 
     client: Any
     uids: list[int]
-    setup: Setup
+    setup: GroundSetup
 
     def poses(self) -> FloatArray:
         poses = [self.client.getBasePositionAndOrientation(uid) for uid in self.uids]

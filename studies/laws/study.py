@@ -13,6 +13,7 @@ from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.grounds import Rigid, flat
+from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
 from studies.body_contest import setup_of
 from studies.configurations import OURS, RATE, Configuration, rivals, robot_configurations
@@ -25,7 +26,6 @@ from studies.robots.engine import setup_of as setup_of_robots
 from studies.robots.robot import HUSKY
 from studies.robots.scene import RobotScene
 
-GRAVITY = 9.81
 # Contacts count that carry more than this share of the weight. They slip above this speed [m/s]: maps leave open by up
 # to 6 cm/s how ground that tilts under a body moves along x and y.
 PRESSED, SLIPS = 0.01, 0.1

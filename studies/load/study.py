@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
@@ -20,6 +19,7 @@ from studies.load.tables import PAGE, PICTURES, Summary
 from studies.machine import short
 from studies.markdown import table
 from studies.pages import digest_of, fill
+from studies.results_file import read_results, save_results
 
 SIDES = (256, 1024, 4096, 8192, 16384)
 # Samples on one side of a region, and how many are taken.
@@ -78,7 +78,8 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     """Pictures, and the tables of the page."""
     found = data["groups"]
     summaries = {name: [Summary(result) for result in found.get(name, [])] for name in groups(quick=True)}
-    tables.draw(summaries, data["machine"], out)
+    if summaries["grid"]:
+        tables.draw(summaries["grid"], data["machine"], out)
     blocks = {
         "grid": tables.runs(summaries["grid"]),
         "memory": tables.memory(summaries["memory"]),
@@ -101,17 +102,18 @@ def main(args: list[str] | None = None) -> None:
     out = Path("out/load") if options.quick else PICTURES
     out.mkdir(parents=True, exist_ok=True)
     file = out / "load.json"
-    data: dict[str, Any] = json.loads(file.read_text()) if options.only and file.is_file() else {}
-    data = {"groups": {}, "code": {}, **data, "machine": short()}
+    kept = read_results(file) if options.only else {}
+    data: dict[str, Any] = {"groups": {}, "code": {}, **kept, "machine": short()}
     use_large_message_profile()
     with isolated_unless_chosen():
         for group, members in groups(quick=options.quick).items():
-            if options.only in (None, group):
-                data["code"][group], data["groups"][group] = digest_of("node"), []
-            for case in members if options.only in (None, group) else []:
+            if options.only not in (None, group):
+                continue
+            data["code"][group], data["groups"][group] = digest_of("node"), []
+            for case in members:
                 data["groups"][group].append(run(case))
-                file.write_text(json.dumps(data, indent=1))
+                save_results(file, data)
         if options.only in (None, "regions"):
             data["code"]["regions"], data["regions"] = digest_of("node"), measure_regions(quick=options.quick)
-    file.write_text(json.dumps(data, indent=1))
+    save_results(file, data)
     report(data, out, None if options.quick else PAGE)

@@ -151,22 +151,16 @@ def _three(values: tuple[float, float, float] | None) -> str:
     return " / ".join(_ms(value) for value in values) if values else "-"
 
 
-STAGES = {
-    "search": "#9ecae1", "collect": "#4292c6", "step": "#d95f0e",
-    "publish": "#74c476",
-}  # fmt: skip
+STAGES = {"search": "#9ecae1", "collect": "#4292c6", "step": "#d95f0e", "publish": "#74c476"}
 
 
-def draw(groups: dict[str, list[Summary]], machine: str, folder: Path) -> None:
-    """Draws every picture there are runs for."""
-    for name, group, draw_into in (
-        ("bodies", "grid", _bodies), ("latency", "grid", _latency)
-    ):  # fmt: skip
-        if groups[group]:
-            figure = Figure(layout="constrained")
-            draw_into(figure, groups[group])
-            figure.text(0.995, 0.002, machine, fontsize=6, ha="right", va="bottom", color="grey")
-            figure.savefig(folder / f"{name}.png", dpi=110)
+def draw(summaries: list[Summary], machine: str, folder: Path) -> None:
+    """Draw the pictures of the runs of the grid."""
+    for name, draw_into in (("bodies", _bodies), ("latency", _latency)):
+        figure = Figure(layout="constrained")
+        draw_into(figure, summaries)
+        figure.text(0.995, 0.002, machine, fontsize=6, ha="right", va="bottom", color="grey")
+        figure.savefig(folder / f"{name}.png", dpi=110)
 
 
 def _bodies(figure: Figure, summaries: list[Summary]) -> None:

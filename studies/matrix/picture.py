@@ -1,83 +1,26 @@
-"""The matrix as a table and as a picture."""
+"""A picture of corrected and of noisy maps under a box, processed in three ways; see docs/real_maps.md."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.transforms import Bbox
 
-from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from studies.configurations import BARE
-from studies.markdown import table
 from studies.matrix.real_maps import STEP, Site
-from studies.matrix.row import Outcome
 from studies.report.config import ReportConfig
-
-COLOURS = {True: "#cfe8d5", False: "#f4c7c3", None: "#eeeeee"}  # by whether a cell passes
-
-
-def figure_text(outcome: Outcome) -> str:
-    """The figure of a cell, short."""
-    value = outcome.figure
-    if value is None:
-        return "-"
-    if not math.isfinite(value):
-        return "fails"
-    return f"{value:.0f}" if value == round(value) or abs(value) >= 99.5 else f"{value:.2g}"
-
-
-def _cells(outcomes: Sequence[Outcome]) -> tuple[list[str], Any]:
-    """Return the methods, and the outcomes as an array (rows, methods)."""
-    methods = list(dict.fromkeys(outcome.method for outcome in outcomes))
-    return methods, np.array(outcomes, object).reshape(-1, len(methods))
-
-
-def matrix_table(outcomes: Sequence[Outcome]) -> str:
-    """The matrix in Markdown; figures beyond their limit are bold."""
-    methods, cells = _cells(outcomes)
-    rows = []
-    for found in cells:
-        texts = [f"**{figure_text(o)}**" if o.passed is False else figure_text(o) for o in found]
-        rows.append([found[0].row, f"{found[0].limit:g} {found[0].unit}", found[0].source, *texts])
-    verdicts = [[o.passed for o in column] for column in cells.T]
-    rows.append(["passed", "", "", *[f"{one.count(True)} of {len(one) - one.count(None)}" for one in verdicts]])
-    return table(["test", "limit", "source of the limit", *methods], rows)
-
-
-def draw_matrix(path: Path, outcomes: Sequence[Outcome]) -> None:
-    """Green cells pass, red ones fail; each shows its figure."""
-    methods, cells = _cells(outcomes)
-    figure = Figure(figsize=(4.2 + 1.15 * len(methods), 1.0 + 0.26 * len(cells)), layout="tight")
-    axes = figure.add_subplot()
-    drawn = axes.table(
-        cellText=[[figure_text(one) for one in row] for row in cells], cellLoc="center",
-        cellColours=[[COLOURS[one.passed] for one in row] for row in cells],
-        rowLabels=[f"{one.row}  (<= {one.limit:g} {one.unit})" for one in cells[:, 0]], colLabels=methods,
-        colWidths=[1.0 / len(methods)] * len(methods), bbox=Bbox.unit(),
-    )  # fmt: skip
-    for (row, column), cell in drawn.get_celld().items():
-        failed = row > 0 <= column and cells[row - 1, column].passed is False
-        cell.set_edgecolor("white")
-        cell.set_text_props(fontsize=8, weight="bold" if failed else "normal")
-    axes.set_axis_off()
-    axes.set_title("Stability: green passes, red fails its limit; figures in the limit's unit", fontsize=10)
-    figure.savefig(path, dpi=100)
 
 
 class Way(NamedTuple):
-    """A way to process maps, and its physics and colliders."""
+    """A way to process maps, and the report's colliders, None = contacts from the map."""
 
     name: str
     colour: str
     motion: MotionConfig
-    physics: PhysicsConfig = PhysicsConfig()
     report: ReportConfig | None = None
 
 
@@ -86,7 +29,7 @@ def ways(noise: float) -> tuple[Way, ...]:
     replaced by each map."""
     return (
         Way("PyBullet, heightfield replaced", "#9a9a9a", MotionConfig(mode="hold"),
-            PhysicsConfig(), ReportConfig(kind="whole_heightfield", guard=False, **BARE)),
+            ReportConfig(kind="whole_heightfield", guard=False, **BARE)),
         Way("as motion (before)", "#d1605e", MotionConfig()),
         Way("as corrections (now)", "#2f6fab", MotionConfig(changes="correction", noise=noise)),
     )  # fmt: skip
@@ -94,7 +37,7 @@ def ways(noise: float) -> tuple[Way, ...]:
 
 def corrected(way: Way, by: float) -> FloatArray:
     """Height of a body over where it was [m], for 0.2 s before its ground is corrected and 1.3 s after."""
-    with Site(way.report, "box", motion=way.motion, physics=way.physics) as site:
+    with Site(way.report, "box", motion=way.motion) as site:
         rest = [state.position[2] for state in site.states(1.0)][-1]
         site.tell(site.level)
         before = [state.position[2] for state in site.states(0.2)]
@@ -104,7 +47,7 @@ def corrected(way: Way, by: float) -> FloatArray:
 
 def noisy(way: Way, noise: float, seconds: float) -> FloatArray:
     """Return the height of a body over its true rest [m] on ground whose maps have white noise [m]."""
-    with Site(way.report, "box", motion=way.motion, physics=way.physics) as site:
+    with Site(way.report, "box", motion=way.motion) as site:
         rest = site.state.position[2]
         return np.array([state.position[2] for state in site.in_noise(noise, seconds)]) - rest
 

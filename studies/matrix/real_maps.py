@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 
-from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.grid import FloatArray
@@ -42,11 +41,10 @@ class Site(Arena):
         slope: float = 0.0,
         noise: float = 0.0,
         motion: MotionConfig | None = None,
-        physics: PhysicsConfig | None = None,
     ) -> None:
         self.level = inclined(slope)
         motion = motion or MotionConfig(changes="correction", noise=noise)
-        super().__init__(method, self.level, size=CELLS, resolution=RESOLUTION, physics=physics, motion=motion)
+        super().__init__(method, self.level, size=CELLS, resolution=RESOLUTION, motion=motion)
         away = ROBOTS[kind][1] if kind in ROBOTS else 0.15
         state = BodyState(
             (-math.sin(slope) * away, 0.017, math.cos(slope) * away),

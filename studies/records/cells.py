@@ -11,12 +11,14 @@ import numpy as np
 
 from smartmesh_ros import BodyState, Box, HeightMap, Sphere
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.evaluation.clearance import rotate
+from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.engines.engine import Engine, EngineBody, Setup
 from studies.engines.smartmesh import SmartMesh
 from studies.markdown import number, table
 from studies.records.entrants import OURS, RATE, enter, entrants
 
-GRAVITY, FRICTION = 9.81, 0.2
+FRICTION = 0.2
 # The plane falls along no axis of the map: its tilt, and the direction in which it falls, from x to y [rad].
 TILT, COURSE = math.radians(15.0), 0.5
 EXTENT, CELLS = 8.0, (0.025, 0.05, 0.1, 0.2)  # of the map, and its resolutions [m]
@@ -72,14 +74,8 @@ def lowest(kind: str, poses: FloatArray) -> FloatArray:
     shape, above = SHAPES[kind], (poses[:, :3] - (MIDDLE, MIDDLE, 0.0)) @ NORMAL
     if kind == "balls":
         return np.asarray(above - shape.radius)
-    x, y, z, w = poses[:, 3:].T
-    axes = np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
-        [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
-        [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
-    ])  # fmt: skip
-    halves = 0.5 * np.array([shape.x, shape.y, shape.z])
-    return np.asarray(above - halves @ np.abs(np.einsum("ijn,j->in", axes, NORMAL)))
+    edges = rotate(poses[:, 3:], np.diag([shape.x, shape.y, shape.z]))
+    return np.asarray(above - 0.5 * np.abs(edges @ NORMAL).sum(axis=1))
 
 
 def run(engine: Engine, kind: str) -> Figures:

@@ -7,7 +7,6 @@ from time import process_time
 import numpy as np
 
 from smartmesh_ros import BodyState
-from smartmesh_ros.terrain.grid import FloatArray
 from studies.engines.engine import EngineBody, Setup
 from studies.markdown import number, table
 from studies.records.entrants import RATE, enter, entrants
@@ -57,9 +56,9 @@ def cost_of(name: str, crowd: Crowd, case: str, plane: bool) -> float:
         return (process_time() - begun) / MEASURED * 1e6
 
 
-def measure(crowd: Crowd, rounds: int) -> dict[str, dict[str, FloatArray]]:
-    """Return by engine and case the ratios of costs, field over plane (rounds,), and under "plane" the plane's cost at
-    rest [us]; all in turns."""
+def measure(crowd: Crowd, rounds: int) -> dict[str, dict[str, list[float]]]:
+    """Return by engine and case the ratios of costs, field over plane, of each round, and under "plane" the plane's
+    cost at rest [us]; all in turns."""
     found: dict[str, dict[str, list[float]]] = {name: {case: [] for case in ("plane", *CASES)} for name in entrants()}
     for _ in range(rounds):
         for name, columns in found.items():
@@ -67,7 +66,7 @@ def measure(crowd: Crowd, rounds: int) -> dict[str, dict[str, FloatArray]]:
             columns["plane"].append(planes["still"])
             for case in CASES:
                 columns[case].append(cost_of(name, crowd, case, plane=False) / planes.get(case, planes["still"]))
-    return {name: {case: np.array(values) for case, values in columns.items()} for name, columns in found.items()}
+    return found
 
 
 def tax_table(rounds: int) -> tuple[str, dict[str, dict[str, dict[str, list[float]]]]]:
@@ -79,9 +78,4 @@ def tax_table(rounds: int) -> tuple[str, dict[str, dict[str, dict[str, list[floa
         for crowd, engines in found.items()
         for name, columns in engines.items()
     ]
-    text = table(["bodies: engine", "plane [us]", "field, still", "field, driving", "field, moving"], rows)
-    plain = {
-        crowd: {name: {case: values.tolist() for case, values in columns.items()} for name, columns in engines.items()}
-        for crowd, engines in found.items()
-    }
-    return text, plain
+    return table(["bodies: engine", "plane [us]", "field, still", "field, driving", "field, moving"], rows), found

@@ -8,11 +8,11 @@ from collections.abc import Callable
 import numpy as np
 
 from smartmesh_ros import BodyState, Sphere
+from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.engines.engine import EngineBody, Setup
 from studies.markdown import number, table
 from studies.records.entrants import RATE, enter, entrants
 
-GRAVITY = 9.81
 HEAVE, FREQUENCY = 0.2, math.pi  # amplitude [m] and angular frequency [rad/s] of the deck: up to 0.63 m/s
 FALL = 0.3  # from release to touchdown [s]: 2.9 m/s
 RESTITUTIONS, PHASES = (0.3, 0.6, 0.9), 8

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import partial
 from time import thread_time
 
 import numpy as np
@@ -44,22 +44,6 @@ class Crowd:
 CROWDS = (
     Crowd("ball", 1), Crowd("box", 1), Crowd("husky", 1), Crowd("ball", 100), Crowd("box", 100), Crowd("husky", 8),
 )  # fmt: skip
-
-
-@dataclass
-class Stage:
-    """A world with a crowd in it, and what a step of it does."""
-
-    world: World
-    step: Callable[[], None]
-    steps: int = 0  # in a measurement
-
-    def run(self, steps: int) -> float:
-        """Return the processor time of a step [us]."""
-        begun = thread_time()
-        for _ in range(steps):
-            self.step()
-        return (thread_time() - begun) / steps * 1e6
 
 
 def level() -> HeightMap:
@@ -109,35 +93,40 @@ def moving_step(world: World, ground: HeightMap) -> Callable[[], None]:
     return step
 
 
-def stages_of(crowd: Crowd) -> dict[str, Stage]:
-    """Return the columns of the table: the same crowd on PyBullet's plane, and on a map in three ways."""
-    plane, own, still = world_with(crowd, None), world_with(crowd, level()), world_with(crowd, level())
-    ground = level()
-    moving = world_with(crowd, ground)
-    own.step()
+def steps_of(crowd: Crowd, stack: ExitStack) -> dict[str, Callable[[], None]]:
+    """Return a step of each column of the table: the same crowd on PyBullet's plane, and on a map in three ways."""
+    grounds = {"plane": None, "own": level(), "still": level(), "moving": (ground := level())}
+    worlds = {column: stack.enter_context(world_with(crowd, one)) for column, one in grounds.items()}
+    worlds["own"].step()
     return {
-        "plane": Stage(plane, plane.client.stepSimulation),
-        "own": Stage(own, own.client.stepSimulation),
-        "still": Stage(still, partial(still.step)),
-        "moving": Stage(moving, moving_step(moving, ground)),
+        "plane": worlds["plane"].client.stepSimulation,
+        "own": worlds["own"].client.stepSimulation,
+        "still": worlds["still"].step,
+        "moving": moving_step(worlds["moving"], ground),
     }
+
+
+def cost_of(step: Callable[[], None], steps: int) -> float:
+    """Return the processor time of a step [us]."""
+    begun = thread_time()
+    for _ in range(steps):
+        step()
+    return (thread_time() - begun) / steps * 1e6
 
 
 def measure(crowd: Crowd, rounds: int) -> dict[str, list[float]]:
     """Return for each column the processor time of a step [us] in turn with the others (rounds,)."""
-    stages = stages_of(crowd)
-    try:
-        for stage in stages.values():
-            stage.run(SETTLE)
-            stage.steps = max(int(BLOCK * 1e6 / stage.run(SETTLE)), 8)
-        found: dict[str, list[float]] = {name: [] for name in stages}
+    with ExitStack() as stack:
+        steps = steps_of(crowd, stack)
+        counts = {}
+        for column, step in steps.items():
+            cost_of(step, SETTLE)
+            counts[column] = max(int(BLOCK * 1e6 / cost_of(step, SETTLE)), 8)
+        found: dict[str, list[float]] = {column: [] for column in steps}
         for _ in range(rounds):
-            for name, stage in stages.items():
-                found[name].append(stage.run(stage.steps))
+            for column, step in steps.items():
+                found[column].append(cost_of(step, counts[column]))
         return found
-    finally:
-        for stage in stages.values():
-            stage.world.close()
 
 
 def row_of(name: str, found: dict[str, list[float]]) -> list[str]:

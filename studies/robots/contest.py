@@ -14,16 +14,13 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.configurations import Configuration
-from studies.contest import FINE_RATE, HORIZON, Contest, Rules, Runner
+from studies.contest import FINE_RATE, HORIZON, Contest, Runner
 from studies.report.config import ReportConfig
 from studies.robots.bullet_robots import WorldRobots
 from studies.robots.engine import RobotEngine, RobotSetup, setup_of
 from studies.robots.geometry import GroundPrisms, Part, read_links
 from studies.robots.scene import STARTS, RobotScene
 
-# Length of a run, and its beginning that is not measured [s]; pieces, and processor time until an engine is stopped
-# [s]. Measurements in a second [Hz]: no multiple of the rate of the maps, so that they see maps of every age.
-SECONDS, SETTLE, PIECES, PATIENCE, SAMPLES = 2.0, 1.0, 8, 6.0, 30.0
 # Rate of the reference's maps [Hz]. The ground's velocity carries them in between.
 MAPS = 240.0
 
@@ -31,15 +28,14 @@ MAPS = 240.0
 class RobotContest(Contest):
     """A scene of robots."""
 
+    scene: RobotScene
+    pieces = 8
+    patience: ClassVar[float] = 6.0
     tells_update: ClassVar[bool] = False
 
     def __init__(self, scene: RobotScene) -> None:
-        rules = Rules(
-            name=scene.name, bodies=len(STARTS), duration=SECONDS, settle=SETTLE, samples=SAMPLES, pieces=PIECES,
-            patience=PATIENCE, map_rate=scene.map_rate, timed_from=SETTLE,
-        )  # fmt: skip
-        super().__init__(rules, scene.ground)
-        self._scene = scene
+        super().__init__(scene, scene.ground, len(STARTS))
+        self.timed_from = scene.settle
         self._parts: dict[str, list[list[Part]]] = {}  # of the links, by configuration
 
     def enter(self, configuration: Configuration) -> RobotEngine:
@@ -53,24 +49,24 @@ class RobotContest(Contest):
         return engine
 
     def act(self, engine: Any, time: float) -> None:
-        if self._scene.trot:
-            engine.hold(self._scene.joints(time))
+        if self.scene.trot:
+            engine.hold(self.scene.joints(time))
 
     def measure(self, instant: float, runners: Sequence[Runner]) -> None:
-        surface = self._scene.surface(instant)
+        surface = self.scene.surface(instant)
         prisms = GroundPrisms(surface.geometry, surface.heights)
         for runner in runners:
             sample, parts = runner.samples[instant], self._parts[runner.configuration.name]
             centres = sample.links.centres
             sample.below = ~(centres[:, 2] >= surface.below(centres))
-            if instant > SETTLE:
+            if instant > self.scene.settle:
                 for robot, (positions, orientations) in enumerate(zip(*sample.links, strict=True)):
                     sample.clearance[robot] = prisms.least_clearance(parts, positions, orientations)
 
     def reference(self) -> FloatArray:
         """On ground at rest the collider is a triangle mesh of the whole map, without a filter of inner edges. On
         moving ground, where a whole collider has no velocity, it is ours, with an eighth of the step."""
-        scene, setup = self._scene, self._setup(FINE_RATE)
+        scene, setup = self.scene, self._setup(FINE_RATE)
         report = ReportConfig(kind="whole_trimesh") if scene.motion == "rest" else None
         with WorldRobots(setup, report=report, physics=PhysicsConfig(sleep=False)) as engine:
             for step in range(math.floor(HORIZON / setup.dt + 0.5)):
@@ -83,7 +79,7 @@ class RobotContest(Contest):
 
     def _setup(self, rate: float) -> RobotSetup:
         """Return the robots for an engine that steps at ``rate`` [Hz]."""
-        scene = self._scene
+        scene = self.scene
         return setup_of(scene.robot, scene.ground, scene.starts, rate, scene.speed)
 
 

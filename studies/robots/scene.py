@@ -59,13 +59,18 @@ MOTIONS: dict[Motion, tuple[float, str]] = {
 @dataclass(frozen=True, kw_only=True)
 class RobotScene:
     """Three robots on rough hills. ``resolution`` [m]: of the map. ``trot``: they walk, else they stand, or drive where
-    the ground moves. ``quick``: part of the quick run."""
+    the ground moves. ``quick``: part of the quick run. ``duration``, and ``settle`` that is not measured [s].
+    ``samples``: measurements in a second [Hz], no multiple of the rate of the maps, so that they see maps of every
+    age."""
 
     robot: Robot
     motion: Motion
     resolution: float
     trot: bool = False
     quick: bool = False
+    duration: float = 2.0
+    settle: float = 1.0
+    samples: float = 30.0
 
     @property
     def name(self) -> str:

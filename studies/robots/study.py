@@ -21,8 +21,8 @@ from studies.progress import Progress
 from studies.results_file import save_results
 from studies.robots.contest import RobotContest
 from studies.robots.robot import DATA
-from studies.robots.scene import HEAVING, STILL, RobotScene, RoughHills, scenes
-from studies.tables import Charts, Results
+from studies.robots.scene import HEAVING, STILL, RoughHills, scenes
+from studies.tables import Charts
 
 # Descriptions that come with PyBullet.
 STRANGERS = {
@@ -122,33 +122,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     todo = CHARTS.chosen(options, every)
     chosen = robot_configurations(quick=options.quick)
     by_title = {scene.title: scene for scene in todo}
-    results, blocks = CHARTS.run(out, by_title, chosen, lambda scene: run(RobotContest(scene), chosen, say), machine)
+    _, blocks = CHARTS.run(out, by_title, chosen, lambda scene: run(RobotContest(scene), chosen, say), machine)
     strangers = [] if options.scenes else run_strangers(say, quick=options.quick)
     save_results(CHARTS.data(out), {"strangers": [asdict(one) for one in strangers]})
-    depths = depths_table(todo, results)
-    more = {"depths": depths, "refused": refused(results), "strangers": strangers_table(strangers)}
-    print("\n" + depths)
-    CHARTS.write(out, {"machine": machine, **blocks, **more})
+    CHARTS.write(out, {"machine": machine, **blocks, "strangers": strangers_table(strangers)})
     return 0
-
-
-def depths_table(chosen: Sequence[RobotScene], results: Results) -> str:
-    """Return the penetration of the defaults' deepest links."""
-    names = ("defaults", "defaults, never asleep")
-    rows = [[scene.title, *(f"{1e3 * results[scene.name][name].p99:.2f}" for name in names)] for scene in chosen]
-    return table(["deepest link, 99 % [mm]", "defaults", "never asleep"], rows)
-
-
-def refused(results: Results) -> str:
-    """Return which engines did not run which robots, and why."""
-    notes: dict[str, list[str]] = {}
-    for scene, found in results.items():
-        for name, result in found.items():
-            if result.note:
-                notes.setdefault(f"{name}: {result.note.splitlines()[0]}", []).append(scene)
-    if not notes:
-        return "Every engine ran every scene to its end."
-    return "\n".join(f"- {note} ({', '.join(names)})" for note, names in notes.items())
 
 
 def strangers_table(strangers: Sequence[Stranger]) -> str:

@@ -12,12 +12,13 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.soil.config import soil_named, soils_of
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from smartmesh_ros.world.world import World
 from studies.markdown import table
 from studies.pages import ROOT, fill
 from studies.soil.arcs import free_slip, undamped, wheel_forces
 from studies.soil.trials import K10, SMOOTH, Wheel, plate_sinkage
-from studies.soil.vehicles import GRAVITY, WARTHOG, Cart, drive, roll, set_down
+from studies.soil.vehicles import WARTHOG, Cart, drive, roll, set_down
 
 # Boxes: mass [kg], side [m], and the fall onto the soil [m].
 BOXES = ((20.0, 0.2, 0.0), (5e3, 1.0, 0.0), (5e4, 2.0, 0.0), (5e3, 1.0, 0.1))

@@ -19,11 +19,11 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.soil.config import SoilType
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from smartmesh_ros.world.world import World, WorldConfig
 from studies.soil.arcs import WheelForces
 from studies.soil.trials import Wheel
 
-GRAVITY = 9.81
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 # Height of the axles below the middle of a cart's chassis [m].
 BELOW = 0.05

@@ -13,8 +13,6 @@ from studies.bench import cli
 from studies.bench.measure import QUICK, Bench, Case, Effort, Results
 from studies.markdown import number, times
 
-PNG = b"\x89PNG"
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -30,46 +28,26 @@ def test_one_json_with_every_kind_of_figure(folder: Path) -> None:
     data = json.loads((folder / cli.RESULTS).read_text())
     assert set(data["machine"]) == {"cores", "cpu", "load", "versions"}
     measured = {entry["what"] for entry in data["timings_us"]}
-    assert measured >= {"simple", "smart", "local", "search", "search_batch", "collect", "update", "ingest"}
+    assert measured >= {"simple", "smart", "local", "search", "search_map", "collect", "update", "ingest"}
     for entry in data["timings_us"]:
         assert 0.0 < entry["low"] <= entry["median"] <= entry["high"]
-    assert Results.from_json(data).as_json() == {name: data[name] for name in ("left_out", "timings_us")}
 
 
-def test_a_table_and_a_picture_for_each_of_the_reports(folder: Path) -> None:
+def test_a_table_for_each_of_the_reports(folder: Path) -> None:
     tables = (folder / cli.TABLES).read_text()
     for heading in [f"Table {index}" for index in range(1, 7)]:
         assert f"### {heading}:" in tables
-    pictures = sorted(folder.glob("figure_*.png"))
-    assert [picture.stem for picture in pictures] == [f"figure_{n:02d}" for n in (2, 12, 13, 14, 15, 16, 17)]
-    assert all(picture.read_bytes().startswith(PNG) for picture in pictures)
-
-
-def test_tables_anew_from_an_earlier_run(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the pictures that are there: to draw them takes ten seconds."""
-    monkeypatch.setattr(cli, "draw_all", lambda *_: sorted(folder.glob("figure_*.png")))
-    words = tmp_path / "benchmarks.md"
-    words.write_text("# By hand\n\n<!-- generated: tables of core, code old -->\nold\n<!-- end -->\n\nBy hand, too.\n")
-    arguments = ["--from", str(folder / cli.RESULTS), "--out", str(tmp_path), "--document", str(words)]
-    assert cli.main(arguments) == 0
-    text = words.read_text()
-    assert text.startswith("# By hand\n\n<!-- generated: tables of core")
-    assert text.endswith("<!-- end -->\n\nBy hand, too.\n")
-    assert (folder / cli.TABLES).read_text() in text
-    assert "old" not in text
-    assert len(list((tmp_path / cli.PICTURES).glob("*.png"))) == 7
 
 
 def test_each_run_is_prepared_and_enough_frames_are_measured() -> None:
     calls: list[str] = []
     bench = Bench(Effort(frames=7, least=2))
-    first, second = Case("a", "first"), Case("a", "second")
-    bench.race({first: lambda: calls.append("1"), second: lambda: calls.append("2")}, lambda: calls.append("p"))
+    case = Case("a", "first")
+    assert bench.time(case, lambda: calls.append("1"), lambda: calls.append("p")).frames == 7
     text = "".join(calls)
-    assert text == "p1p2" * (len(text) // 4)
-    assert bench.results.timings[first].frames == bench.results.timings[second].frames == 7
+    assert text == "p1" * (len(text) // 2)
     bench = Bench(Effort(frames=1000, least=3, seconds=0.0))
-    assert bench.time(first, lambda: None).frames == 3
+    assert bench.time(case, lambda: None).frames == 3
 
 
 def test_what_was_not_measured_is_no_figure() -> None:

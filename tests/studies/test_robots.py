@@ -16,7 +16,7 @@ from smartmesh_ros.tools.evaluation.distance import Surface, nearest
 from studies.configurations import robot_configurations
 from studies.engines.engine import missing
 from studies.matrix.arena import square
-from studies.robots import contest, study
+from studies.robots import study
 from studies.robots.contest import shapes_of
 from studies.robots.engine import MASSLESS, SERVO, RobotEngine, RobotSetup, prepared
 from studies.robots.geometry import GroundPrisms, Part, hull, placed, pose_of, read_links
@@ -156,11 +156,9 @@ def test_what_needs_rescues_or_leaves_the_map_is_marked() -> None:
 
 
 def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    small = RobotScene(robot=ROVER, motion="maps", resolution=0.25, quick=True)
+    small = RobotScene(robot=ROVER, motion="maps", resolution=0.25, quick=True, duration=0.5, settle=0.25)
     monkeypatch.setattr(study, "scenes", lambda: [small])
     monkeypatch.setattr(study, "run_strangers", lambda *_, **__: [])
-    monkeypatch.setattr(contest, "SECONDS", 0.5)
-    monkeypatch.setattr(contest, "SETTLE", 0.25)
     assert study.main(["--quick", "--out", str(tmp_path)]) == 0
     for name in ("robots.json", "robot_tables.md", "robot_charts.md", f"images/robots/{small.name}.png"):
         assert (tmp_path / name).stat().st_size > 500, name
