@@ -12,9 +12,9 @@ from smartmesh_ros.tools.evaluation.scene import read_scenes
 from studies.body_contest import run_scene
 from studies.chart import README_SCENE, draw_readme
 from studies.configurations import configurations
-from studies.matrix.picture import draw_box
+from studies.matrix.picture import draw_box, draw_matrix, matrix_table
 from studies.matrix.row import METHODS
-from studies.matrix.run import matrix_table, run_matrix
+from studies.matrix.run import run_matrix
 from studies.progress import Progress
 from studies.results_file import save_results
 from studies.tables import Charts, write_blocks
@@ -41,6 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _matrix(options: argparse.Namespace, out: Path, say: Any) -> None:
     """Run the matrix, and write its page."""
     outcomes = run_matrix(say, quick=options.quick, methods=options.methods)
+    draw_matrix(CHARTS.images(out) / "stability.png", outcomes)
     real_maps = out / "images" / "real_maps"
     real_maps.mkdir(exist_ok=True)
     draw_box(real_maps / "box.png")

@@ -1,18 +1,73 @@
-"""A picture of corrected and of noisy maps under a box, processed in three ways; see docs/real_maps.md."""
+"""The matrix as a table and as a picture."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from studies.configurations import BARE
+from studies.markdown import table
 from studies.matrix.real_maps import STEP, Site
+from studies.matrix.row import Outcome
 from studies.report.config import ReportConfig
+
+COLOURS = {True: "#cfe8d5", False: "#f4c7c3", None: "#eeeeee"}  # by whether a cell passes
+
+
+def figure_text(outcome: Outcome) -> str:
+    """The figure of a cell, short."""
+    value = outcome.figure
+    if value is None:
+        return "-"
+    if not math.isfinite(value):
+        return "fails"
+    return f"{value:.0f}" if value == round(value) or abs(value) >= 99.5 else f"{value:.2g}"
+
+
+def _cells(outcomes: Sequence[Outcome]) -> tuple[list[str], Any]:
+    """Return the methods, and the outcomes as an array (rows, methods)."""
+    methods = list(dict.fromkeys(outcome.method for outcome in outcomes))
+    return methods, np.array(outcomes, object).reshape(-1, len(methods))
+
+
+def matrix_table(outcomes: Sequence[Outcome]) -> str:
+    """The matrix in Markdown; figures beyond their limit are bold."""
+    methods, cells = _cells(outcomes)
+    rows = []
+    for found in cells:
+        texts = [f"**{figure_text(o)}**" if o.passed is False else figure_text(o) for o in found]
+        rows.append([found[0].row, f"{found[0].limit:g} {found[0].unit}", found[0].source, *texts])
+    verdicts = [[o.passed for o in column] for column in cells.T]
+    rows.append(["passed", "", "", *[f"{one.count(True)} of {len(one) - one.count(None)}" for one in verdicts]])
+    return table(["test", "limit", "source of the limit", *methods], rows)
+
+
+def draw_matrix(path: Path, outcomes: Sequence[Outcome]) -> None:
+    """Green cells pass, red ones fail; each shows its figure."""
+    methods, cells = _cells(outcomes)
+    figure = Figure(figsize=(4.2 + 1.15 * len(methods), 1.0 + 0.26 * len(cells)), layout="tight")
+    axes = figure.add_subplot()
+    drawn = axes.table(
+        cellText=[[figure_text(one) for one in row] for row in cells], cellLoc="center",
+        cellColours=[[COLOURS[one.passed] for one in row] for row in cells],
+        rowLabels=[f"{one.row}  (<= {one.limit:g} {one.unit})" for one in cells[:, 0]], colLabels=methods,
+        colWidths=[1.0 / len(methods)] * len(methods), bbox=Bbox.unit(),
+    )  # fmt: skip
+    for (row, column), cell in drawn.get_celld().items():
+        failed = row > 0 <= column and cells[row - 1, column].passed is False
+        cell.set_edgecolor("white")
+        cell.set_text_props(fontsize=8, weight="bold" if failed else "normal")
+    axes.set_axis_off()
+    axes.set_title("Stability: green passes, red fails its limit; figures in the limit's unit", fontsize=10)
+    figure.savefig(path, dpi=100)
 
 
 class Way(NamedTuple):

@@ -1,16 +1,12 @@
-"""Runs the matrix, and writes its table."""
+"""Runs the matrix."""
 
 from __future__ import annotations
 
 import math
 import multiprocessing
 from collections.abc import Callable, Sequence
-from typing import Any
-
-import numpy as np
 
 from smartmesh_ros.errors import InputError
-from studies.markdown import table
 from studies.matrix import changes, moving_ground, real_maps, rules, sleeping, still_ground, touching, uneven_maps
 from studies.matrix.row import METHODS, Outcome, Row
 
@@ -50,26 +46,3 @@ def _run_numbered(cell: tuple[int, str]) -> Outcome:
     """Run a cell by the number of its row: functions of rows cannot be sent to another process."""
     number, method = cell
     return run_cell(ROWS[number], method)
-
-
-def matrix_table(outcomes: Sequence[Outcome]) -> str:
-    """Return the matrix in Markdown; figures beyond their limit are bold."""
-    methods = list(dict.fromkeys(outcome.method for outcome in outcomes))
-    cells: Any = np.array(outcomes, object).reshape(-1, len(methods))
-    rows = []
-    for found in cells:
-        texts = [f"**{figure_text(o)}**" if o.passed is False else figure_text(o) for o in found]
-        rows.append([found[0].row, f"{found[0].limit:g} {found[0].unit}", found[0].source, *texts])
-    verdicts = [[o.passed for o in column] for column in cells.T]
-    rows.append(["passed", "", "", *[f"{one.count(True)} of {len(one) - one.count(None)}" for one in verdicts]])
-    return table(["test", "limit", "source of the limit", *methods], rows)
-
-
-def figure_text(outcome: Outcome) -> str:
-    """Return the figure of a cell, short."""
-    value = outcome.figure
-    if value is None:
-        return "-"
-    if not math.isfinite(value):
-        return "fails"
-    return f"{value:.0f}" if value == round(value) or abs(value) >= 99.5 else f"{value:.2g}"

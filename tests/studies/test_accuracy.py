@@ -85,7 +85,8 @@ def test_the_study_writes_what_it_says(
     monkeypatch.setattr(accuracy, "draw_box", lambda path: path.touch())
     monkeypatch.setattr(accuracy, "run_matrix", lambda *_, **__: [run_cell(ROWS[0], "defaults")])
     assert accuracy.main(["--quick", "--out", str(tmp_path)]) == 0
-    for name in ("accuracy.json", "accuracy_tables.md", "images/accuracy/small.png", "images/accuracy/all.png"):
+    pictures = ("small", "all", "stability")
+    for name in ("accuracy.json", "accuracy_tables.md", *(f"images/accuracy/{picture}.png" for picture in pictures)):
         assert (tmp_path / name).stat().st_size > 500, name
     accuracy.CHARTS.write(tmp_path, {"machine": "another run"})
     assert (tmp_path / "accuracy.md").read_text() == "another run\n"
