@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures renders docs test lint docs-check prepare fleet fleet-study bench studies before-after robots load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks laws records replay-speed
+.PHONY: help demo view pictures renders docs test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks laws records replay-speed
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -61,6 +61,9 @@ before-after:  ## the code of another checkout against this one's: BEFORE=/path/
 
 robots:  ## robots on rough and moving ground, beside other engines (about 12 minutes; ARGS=--quick: two)
 	@$(RUN) studies -- $(STUDIES) robots $(ARGS)
+
+start-study:  ## from a node's command to its first answer, and its memory (a minute; on a machine with nothing to do)
+	@$(RUN) -- python scripts/start_study.py $(ARGS)
 
 friction:  ## boxes slide on ice beside gravel, against v^2 / (2 mu g): docs/images/friction.png
 	@$(RUN) -- $(STUDIES) friction
