@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from smartmesh_msgs.msg import Heightmap
 from visualization_msgs.msg import MarkerArray
@@ -136,6 +136,13 @@ def test_a_parameter_of_no_type_is_refused_and_the_node_lives(
     shared.wait_for(lambda: "refused, rclpy: malformed" in shared.diagnostics("inputs"), watch=shared_node[1])
     good = shared.publish_map(rough(1))
     shared.wait_for(on_map(shared, good))
+
+
+def test_an_empty_list_of_numbers_is_refused_with_an_answer(shared: Probe) -> None:
+    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY)
+    given = Parameter(name="physics.gravity", value=value)
+    [result] = shared.call("set_parameters", SetParameters, parameters=[given]).results
+    assert not result.successful and "gravity is (); it must be three finite numbers" in result.reason
 
 
 def test_ground_that_rises_slowly_throws_nothing_when_a_stalled_node_goes_on(

@@ -242,7 +242,9 @@ class ParameterNode(Node):
         """Set parameters like rclpy, with refusals that say what would be right, and numbers that are given as text."""
         specs = {spec.name: spec for spec in self._specs}
         parameter_list = [
-            Parameter(one.name, value=number_value(specs[one.name], one.value)) if one.name in specs else one
+            Parameter(one.name, value=number_value(specs[one.name], one.value))
+            if one.name in specs and one.type_ is Parameter.Type.STRING
+            else one
             for one in parameter_list
         ]
         for name in (parameter.name for parameter in parameter_list):
