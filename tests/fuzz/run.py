@@ -46,6 +46,8 @@ def stream(target: Target, count: int, rng: np.random.Generator) -> Iterator[tup
             yield name, mutated(pool[int(rng.integers(len(pool)))], others or pool, rng)
             continue
         message = seeds.make(name, rng)
+        if name == "restore_state" and target.saved is not None:
+            message.state = target.saved
         for _ in range(int(rng.integers(1, 5)) if pool and chance > 0.2 else 0):
             spoil(message, rng)
         data = serialize_message(message)

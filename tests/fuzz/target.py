@@ -59,6 +59,7 @@ class Target:
         self.node.refusals._logger = SimpleNamespace(warning=lambda _: None)
         self.counts: Counter[str] = Counter()
         self.compared: Counter[str] = Counter()
+        self.saved: Any = None  # the last state that the node told
         self._record = record
         self._topics = {sub.topic_name.rpartition("/")[2]: sub for sub in self.node.subscriptions}
         services = {srv.srv_name.rpartition("/")[2]: srv for srv in self.node.services}
@@ -157,6 +158,8 @@ class Target:
             raise
         serialize_message(response)
         success = getattr(response, "success", True)
+        if name == "save_state" and success:
+            self.saved = response.state
         assert success == (self.node.refusals.counts.total() == before), "a refusal that was not counted"
         return "taken" if success else "refused"
 
