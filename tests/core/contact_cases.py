@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,10 @@ import numpy as np
 import pybullet_data
 from numpy.typing import ArrayLike
 
+from smartmesh_ros import HeightMap
 from smartmesh_ros.core import _core
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from tests.core.entries import grid_of
+from tests.terrain.surfaces import normals_of
 
 IDENTITY = coal.Transform3s(np.eye(3), np.zeros(3))
 # Sides of the polygon that stands for a circle where coal gives cylinders no depth [-]. Its error is 0.1 mm at a radius
@@ -40,11 +41,6 @@ def coal_triangle(corners: np.ndarray) -> Any:
     triangles = coal.StdVec_Triangle()
     triangles.append(coal.Triangle(0, 1, 2))
     return coal.Convex(vectors(corners), triangles)
-
-
-def motion_of(way: ArrayLike) -> np.ndarray:
-    """Returns the linear and angular velocity (2, 3) of a body that goes a ``way`` [m] in a second."""
-    return np.array([way, (0.0, 0.0, 0.0)], np.float64)
 
 
 # Coal's settings, exact to rounding.
@@ -127,6 +123,24 @@ def body(name: str, size: float, rng: np.random.Generator) -> Body:
     return body_of_points((wheel(a, 0.5 * b) @ turn.T).astype(np.float32).astype(np.float64))
 
 
+class Facets:
+    """Triangles (F, 3, 3) [m], for coal, which get them when they are asked for."""
+
+    def __init__(self, corners: np.ndarray) -> None:
+        self.corners, self.low, self.high = corners, corners.min(axis=1), corners.max(axis=1)
+        self.made: dict[int, Any] = {}
+
+    def distance(self, shape: Any, turn: np.ndarray, at: np.ndarray, extent: Any) -> float:
+        """Returns the least signed distance of coal's shape from the triangles in the box of an ``extent`` [m] around
+        it, infinite if there are none."""
+        pose, least = coal.Transform3s(turn, at), np.inf
+        for k in np.flatnonzero(np.all((self.low <= at + extent) & (self.high >= at - extent), axis=1)).tolist():
+            if k not in self.made:
+                self.made[k] = coal_triangle(self.corners[k])
+            least = min(least, distance(self.made[k], IDENTITY, shape, pose))
+        return least
+
+
 @dataclass(frozen=True)
 class Ground:
     """A height map with its origin at zero. ``heights`` (rows, columns) float32 [m]."""
@@ -134,19 +148,10 @@ class Ground:
     heights: np.ndarray
     resolution: float
     yaw: float
-    facets: dict[int, Any] = field(default_factory=dict)  # coal's, made when they are asked for
 
     @cached_property
-    def points(self) -> np.ndarray:
-        """Samples (rows * columns, 3) [m]."""
-        v, u = np.mgrid[: self.heights.shape[0], : self.heights.shape[1]] * self.resolution
-        c, s = np.cos(self.yaw), np.sin(self.yaw)
-        return np.stack([u * c - v * s, u * s + v * c, self.heights.astype(np.float64)], axis=-1).reshape(-1, 3)
-
-    @cached_property
-    def tile(self) -> Any:
-        """The map as the core reads it."""
-        return grid_of(self.heights, self.resolution, self.yaw)
+    def heightmap(self) -> HeightMap:
+        return HeightMap(self.heights, resolution=self.resolution, yaw=self.yaw)
 
     @cached_property
     def mesh(self) -> TriangleMesh:
@@ -154,19 +159,24 @@ class Ground:
         return TriangleMesh(self.points, grid_triangles(*self.heights.shape))
 
     @cached_property
+    def points(self) -> np.ndarray:
+        """Samples (rows * columns, 3) [m]."""
+        places = self.heightmap.geometry.to_world(*np.indices(self.heights.shape))
+        return np.concatenate([places, self.heights[..., None].astype(np.float64)], axis=-1).reshape(-1, 3)
+
+    @cached_property
     def corners(self) -> np.ndarray:
         """Corners of the facets (F, 3, 3) [m]."""
         return self.points[grid_triangles(*self.heights.shape)]
 
     @cached_property
-    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        return self.corners.min(axis=1), self.corners.max(axis=1)
+    def facets(self) -> Facets:
+        return Facets(self.corners)
 
     @cached_property
     def normals(self) -> np.ndarray:
         """Unit normals of the facets (F, 3)."""
-        found = np.cross(self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0])
-        return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])
+        return normals_of(self.corners)
 
     def touching(self, point: np.ndarray) -> np.ndarray:
         """Returns the indices of the facets that a point [m] lies on."""
@@ -176,14 +186,6 @@ class Ground:
             inwards = np.cross(self.normals, other - one)
             found &= np.einsum("ij,ij->i", inwards, point - one) >= -1e-7 * np.linalg.norm(inwards, axis=1)
         return np.flatnonzero(found)
-
-    def near(self, low: np.ndarray, high: np.ndarray) -> Any:
-        """Yields coal's triangles that meet a box."""
-        least, most = self.bounds
-        for k in np.flatnonzero(np.all((least <= high) & (most >= low), axis=1)).tolist():
-            if k not in self.facets:
-                self.facets[k] = coal_triangle(self.corners[k])
-            yield self.facets[k]
 
 
 def random_ground(rng: np.random.Generator) -> Ground:
@@ -212,16 +214,14 @@ class Case:
 
     def contacts(self, way: ArrayLike = (0.0, 0.0, 0.0), *, with_mesh: bool = False) -> np.ndarray:
         """Returns the contacts in a step of one second, in which the body goes a ``way`` [m]."""
-        tile = self.ground.mesh.core_reader if with_mesh else self.ground.tile
-        pose = np.ascontiguousarray(np.vstack([self.turn, self.position]))
-        return np.asarray(_core.find_contacts(self.body.core, [tile], pose, motion_of(way), 1.0, self.margin))
+        tile = (self.ground.mesh if with_mesh else self.ground.heightmap).core_reader
+        pose, motion = np.ascontiguousarray(np.vstack([self.turn, self.position])), np.array([way, (0.0, 0.0, 0.0)])
+        return np.asarray(_core.find_contacts(self.body.core, [tile], pose, motion, 1.0, self.margin))
 
     def distance(self, within: float, deep: bool = False) -> float:
         """Returns coal's least signed distance [m] from the facets, infinite if it is above ``within`` [m]."""
         extent = np.abs(self.turn) @ self.body.half + within
-        pose, made = coal.Transform3s(self.turn, self.position), self.body.deep if deep else self.body.coal
-        near = self.ground.near(self.position - extent, self.position + extent)
-        return min((distance(facet, IDENTITY, made, pose) for facet in near), default=np.inf)
+        return self.ground.facets.distance(self.body.deep if deep else self.body.coal, self.turn, self.position, extent)
 
 
 def placed(case: Case, rng: np.random.Generator) -> Case:
@@ -236,9 +236,8 @@ def random_case(name: str, ground: Ground, rng: np.random.Generator) -> Case:
     resolution = ground.resolution
     shape = body(name, resolution * float(rng.choice([0.3, 1.0, 2.0])), rng)
     rows, columns = ground.heights.shape
-    u, v = (RIM + rng.uniform(0.0, 1.0, 2) * (np.array([columns, rows]) - 1 - 2 * RIM)) * resolution
-    c, s = np.cos(ground.yaw), np.sin(ground.yaw)
-    xy = np.array([u * c - v * s, u * s + v * c])
+    u, v = RIM + rng.uniform(0.0, 1.0, 2) * (np.array([columns, rows]) - 1 - 2 * RIM)
+    xy = ground.heightmap.geometry.to_world(v, u)
     beside = np.linalg.norm(ground.points[:, :2] - xy, axis=1) <= shape.reach + 2.0 * resolution
     top = float(ground.points[beside, 2].max())
     turn = np.eye(3) if rng.random() < 0.2 else random_rotation(rng)

@@ -1,5 +1,6 @@
 """No argument makes the core read or write outside an array: what it cannot take, it refuses."""
 
+from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
@@ -40,38 +41,32 @@ def test_arrays_that_do_not_fit_are_refused(entry: str, name: str) -> None:
         assert ENTRIES[entry].fits(name, spoilt, given[name]), f"{how}: it must be refused"
 
 
-@pytest.mark.parametrize(("entry", "name"), [(entry, name) for entry in ENTRIES for name in ENTRIES[entry].written])
-def test_arrays_that_are_read_only_are_not_written(entry: str, name: str) -> None:
-    given = ENTRIES[entry].made()
-    given[name].setflags(write=False)
-    with pytest.raises(REFUSED):
-        ENTRIES[entry].function(**given)
+def wrong_values(entry: str) -> Iterator[tuple[str, Any]]:
+    """Yield arguments with values that must be refused: numbers of rows that are in no table, and numbers and arrays
+    that must be finite."""
+    named = {name: (-1, count, 2**31 - 1, -(2**31), 2**62, -(2**63)) for name, count in ENTRIES[entry].within}
+    for name, values in {**named, **dict.fromkeys(ENTRIES[entry].finite, (np.nan, np.inf, -np.inf))}.items():
+        for value in values:
+            right = ENTRIES[entry].made()[name]
+            if not isinstance(right, np.ndarray):
+                yield name, value
+            elif right.dtype.kind == "f" or np.iinfo(right.dtype).min <= value <= np.iinfo(right.dtype).max:
+                right.flat[-1] = value
+                yield name, right
 
 
-@pytest.mark.parametrize(
-    ("entry", "name", "count"), [(entry, *named) for entry in ENTRIES for named in ENTRIES[entry].within]
-)
-def test_rows_that_are_in_no_table_are_refused(entry: str, name: str, count: int) -> None:
-    for wrong in (-1, count, 2**31 - 1, -(2**31), 2**62, -(2**63)):
-        given = ENTRIES[entry].made()
-        if not isinstance(given[name], np.ndarray):
-            given[name] = wrong
-        elif np.iinfo(given[name].dtype).min <= wrong <= np.iinfo(given[name].dtype).max:
-            given[name].flat[-1] = wrong
-        else:
-            continue
+@pytest.mark.parametrize("entry", ENTRIES)
+def test_values_that_lead_out_of_a_table_or_are_not_finite_are_refused(entry: str) -> None:
+    for name, value in wrong_values(entry):
         with pytest.raises(REFUSED):
-            ENTRIES[entry].function(**given)
+            ENTRIES[entry].function(**ENTRIES[entry].made() | {name: value})
 
 
-@pytest.mark.parametrize(("entry", "name"), [(entry, name) for entry in ENTRIES for name in ENTRIES[entry].finite])
-def test_numbers_that_must_be_finite_are(entry: str, name: str) -> None:
-    for value in (np.nan, np.inf, -np.inf):
+@pytest.mark.parametrize("entry", ENTRIES)
+def test_arrays_that_are_read_only_are_not_written(entry: str) -> None:
+    for name in ENTRIES[entry].written:
         given = ENTRIES[entry].made()
-        if isinstance(given[name], np.ndarray):
-            given[name].flat[-1] = value
-        else:
-            given[name] = value
+        given[name].setflags(write=False)
         with pytest.raises(REFUSED):
             ENTRIES[entry].function(**given)
 

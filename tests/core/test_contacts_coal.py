@@ -21,8 +21,7 @@ import pytest
 from smartmesh_ros.core import _core
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import contact_cases, mesh_parts
-from tests.core.contact_cases import IDENTITY, SHAPES, Case, body, coal_triangle, distance, motion_of, random_case
-from tests.core.mesh_parts import Parts
+from tests.core.contact_cases import IDENTITY, SHAPES, Case, Facets, body, distance, random_case
 
 # Poses of each shape; `make contacts` tries 100,000.
 POSES = int(os.environ.get("CONTACT_POSES", "300"))
@@ -148,27 +147,12 @@ def test_normals_are_in_the_cones_of_the_ground(name: str) -> None:
             assert np.all(ways @ normal <= sine * np.linalg.norm(ways, axis=2) + 1e-9), (seed, contact)
 
 
-class Triangles:
-    """The triangles of a mesh, for coal."""
-
-    def __init__(self, mesh: Parts) -> None:
-        vertices, triangles = mesh
-        self.made = [coal_triangle(vertices[corners]) for corners in triangles]
-        self.low, self.high = vertices[triangles].min(axis=1), vertices[triangles].max(axis=1)
-
-    def distance(self, shape: object, turn: np.ndarray, at: np.ndarray, reach: float) -> float:
-        """Return the least signed distance of a shape from the triangles within its ``reach`` [m]."""
-        near = np.all((self.low <= at + reach) & (self.high >= at - reach), axis=1)
-        pose = coal.Transform3s(turn, at)
-        return min((distance(self.made[k], IDENTITY, shape, pose) for k in np.flatnonzero(near)), default=np.inf)
-
-
 @pytest.mark.parametrize("name", ["ball", "capsule", "box", "cylinder", "hull", "wheel"])
 @pytest.mark.parametrize("form", MESHES)
 def test_distances_from_meshes_are_exact_and_no_shallow_overlap_is_missed(form: str, name: str) -> None:
-    vertices, corners = mesh = MESHES[form]
+    vertices, corners = MESHES[form]
     tile = TriangleMesh(vertices, corners).core_reader
-    triangles, wrong, apart, shallow = Triangles(mesh), [], 0, 0
+    facets, wrong, apart, shallow = Facets(vertices[corners]), [], 0, 0
     for seed in range(120):
         rng = np.random.default_rng(seed)
         made, turn = body(name, 0.1, rng), contact_cases.random_rotation(rng)
@@ -177,18 +161,17 @@ def test_distances_from_meshes_are_exact_and_no_shallow_overlap_is_missed(form: 
         way *= np.sign(place @ way if form == "box" else way[2]) / np.linalg.norm(way)
         at = place + 1.5 * made.reach * way
         for _ in range(6):  # from the outside to the mesh
-            at = at - way * np.clip(triangles.distance(made.coal, turn, at, made.reach + 0.05), 0.0, 0.05)
+            at = at - way * np.clip(facets.distance(made.coal, turn, at, made.reach + 0.05), 0.0, 0.05)
         at = at - way * rng.uniform(-MESH_MARGIN, 0.5 * SHALLOW_IN_MESH)
         pose = np.ascontiguousarray(np.vstack([turn, at]))
-        still = motion_of((0.0, 0.0, 0.0))
-        contacts = np.asarray(_core.find_contacts(made.core, [tile], pose, still, 0.0, MESH_MARGIN))
-        found = float(contacts[:, 6].min(initial=np.inf))
-        true = triangles.distance(made.coal, turn, at, made.reach + 0.05)
+        contacts = np.asarray(_core.find_contacts(made.core, [tile], pose, np.zeros((2, 3)), 0.0, MESH_MARGIN))
+        found = nearest(contacts)
+        true = facets.distance(made.coal, turn, at, made.reach + 0.05)
         if true > EXACT:
             apart += 1
             right = abs(found - true) <= EXACT or min(true, found) > MESH_MARGIN - EXACT
         else:
-            true = triangles.distance(made.deep, turn, at, made.reach)
+            true = facets.distance(made.deep, turn, at, made.reach)
             shallow += true > -SHALLOW_IN_MESH
             right = not -SHALLOW_IN_MESH < true < -1e-4 or found < 0.0
         if not right:

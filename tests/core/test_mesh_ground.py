@@ -12,8 +12,8 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.bodies import rotation
 from tests.core import mesh_parts
 from tests.core.contact_cases import random_case, random_ground
-from tests.core.mesh_parts import Parts
 from tests.grounds import level
+from tests.terrain.surfaces import distances
 
 STEP = 1.0 / 240.0
 BALL, BOX, CYLINDER, CAPSULE = (
@@ -58,29 +58,6 @@ class GroundWorld(World):
         return np.array(self.state(body).position)
 
 
-def rest_heights(ground: Parts, places: list[tuple[float, float, float]], shape: Shape) -> list[float]:
-    """Return how high bodies rest above the places over which they were dropped from 2 cm [m]."""
-    with GroundWorld(TriangleMesh(*ground)) as world:
-        bodies = [world.add(shape, (x, y, z + HEIGHTS[shape] + 0.02)) for x, y, z in places]
-        world.run(2.0)
-        assert max(np.abs(world.state(body).linear).max() for body in bodies) < 1e-3
-        return [
-            float(world.position(body)[2] - HEIGHTS[shape] - z) for body, (_, _, z) in zip(bodies, places, strict=True)
-        ]
-
-
-@pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
-@pytest.mark.parametrize("form", ["one surface", "soup", "blocks", "blocks turned over"])
-def test_bodies_rest_on_each_step_of_stairs(shape: Shape, form: str) -> None:
-    surface, blocks = mesh_parts.stairs(5, 0.15, 0.4), mesh_parts.blocks(5, 0.15, 0.4)
-    ground = {
-        "one surface": surface, "soup": mesh_parts.soup(surface), "blocks": blocks,
-        "blocks turned over": mesh_parts.flipped(blocks),
-    }[form]  # fmt: skip
-    places = [(0.4 * (k - 0.5), 0.03, 0.15 * k) for k in range(6)]
-    np.testing.assert_allclose(rest_heights(ground, places, shape), 0.0, atol=RESTING)
-
-
 @pytest.mark.parametrize("speed", [0.5, 5.0, 20.0, 40.0, 100.0])
 @pytest.mark.parametrize("form", ["map", "sheet", "soup", "blocks", "table"])
 def test_what_falls_stops_at_the_surface(form: str, speed: float) -> None:
@@ -120,26 +97,8 @@ def test_balls_that_fall_onto_rough_ground_hardly_overlap_its_corners_and_edges_
         for _ in range(60):
             world.run(STEP)
             for body in world.bodies:
-                assert nearest(world.position(body)[None], vertices[triangles], 0.3)[0] > radius - overlap
+                assert distances(vertices[triangles], world.position(body)[None], 0.3)[0] > radius - overlap
         assert world.below_ground() == []
-
-
-def nearest(points: np.ndarray, corners: np.ndarray, reach: float) -> np.ndarray:
-    """Return the distances (P,) of points (P, 3) from triangles (T, 3, 3) [m], right where they are below ``reach``."""
-    low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
-    near = corners[((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1)]
-    a, b, c = (near[:, k] - points[:, None] for k in range(3))
-    normals = np.cross(near[:, 1] - near[:, 0], near[:, 2] - near[:, 0])
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
-    inside = np.ones(a.shape[:2], bool)
-    best = np.full(a.shape[:2], np.inf)
-    for p, q in ((a, b), (b, c), (c, a)):
-        side = q - p
-        inside &= np.einsum("ptj,tj->pt", np.cross(p, q), normals) >= 0.0
-        share = np.clip(-np.einsum("ptj,ptj->pt", p, side) / np.einsum("ptj,ptj->pt", side, side), 0.0, 1.0)
-        best = np.minimum(best, np.linalg.norm(p + share[..., None] * side, axis=2))
-    planes = np.abs(np.einsum("ptj,tj->pt", a, normals))
-    return np.asarray(np.where(inside, planes, best).min(axis=1, initial=np.inf))
 
 
 @pytest.mark.parametrize("kind", [HeightMap, TriangleMesh])
@@ -176,19 +135,6 @@ def test_bodies_stay_inside_a_closed_box(shape: Shape, turned: bool) -> None:
                 assert np.abs(centre[:2]).max() < 0.5 and 0.0 < centre[2] < 1.0
                 if shape is BALL:
                     assert min(0.5 - np.abs(centre[:2]).max(), centre[2], 1.0 - centre[2]) > 0.1 - 1e-3
-
-
-def test_bodies_pass_a_tunnel_and_rest_on_the_hill_above_it() -> None:
-    hill = mesh_parts.sheet(6.0, 60, lambda x, y: 1.0 * np.exp(-(x**2)))
-    hill[0][:, 2] += 0.6
-    tunnel = mesh_parts.box((-0.5, -4.0, 0.0), (0.5, 4.0, 0.5))
-    open_ended = (tunnel[0], tunnel[1][[0, 1, 2, 3, 8, 9, 10, 11]])
-    with GroundWorld(TriangleMesh(*mesh_parts.joined(hill, open_ended))) as world:
-        inside = world.add(BALL, (0.0, -2.0, 0.1), (0.0, 1.0, 0.0), (-10.0, 0.0, 0.0))
-        above = world.add(BOX, (0.0, 0.0, 1.7))
-        world.run(2.0)
-        np.testing.assert_allclose(world.position(inside), (0.0, 0.0, 0.1), atol=2e-2)
-        np.testing.assert_allclose(world.position(above)[2], 1.66, atol=1e-3)
 
 
 def test_a_box_pushed_against_a_table_from_beside_is_not_lifted_onto_it() -> None:
@@ -268,7 +214,7 @@ def test_a_ball_is_held_back_before_what_it_meets_in_the_step() -> None:
         way = rng.normal(size=3) * (1.0, 1.0, 0.3)
         way *= -np.sign(way[2]) * radius * rng.uniform(0.5, 3.0) / np.linalg.norm(way)
         shares = np.linspace(0.0, 1.0, 40)
-        gaps = nearest(case.position + shares[:, None] * way, ground.corners, radius) - radius
+        gaps = distances(ground.corners, case.position + shares[:, None] * way, radius) - radius
         first = next(iter(shares[gaps < -1e-3 * radius].tolist()), 0.0)
         if first == 0.0:
             continue

@@ -1,6 +1,6 @@
 """The core's reader of moving maps gives the law of their motion to the bit."""
 
-from typing import NamedTuple
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,25 +11,8 @@ from smartmesh_ros.terrain.grid_track import RigidMotion, moved_on
 from smartmesh_ros.terrain.motion import CLOCK, KEPT, Mode
 from tests.terrain.motion_law import phase_of, sample_at
 
-MAPS = 50  # of each mode, with and without noise
-SAMPLES = 50  # of each map; 20,000 in all
-
-
-class MovingMap(NamedTuple):
-    """Arrays and settings as those of the core's grid."""
-
-    heights: np.ndarray
-    velocities: np.ndarray
-    offsets: np.ndarray
-    rates: np.ndarray
-    clocks: np.ndarray
-    z: float
-    mode: int
-    max_velocity: float
-    shown: float
-    settle: float
-    noise: float
-    smoothing: float
+MAPS = 50  # of each mode
+SAMPLES = 50  # of each map; 10,000 in all
 
 
 def random_clocks(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
@@ -48,7 +31,8 @@ def random_clocks(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarra
     return clocks
 
 
-def random_grid(mode: Mode, noise: float, rng: np.random.Generator) -> MovingMap:
+def random_grid(mode: Mode, noise: float, rng: np.random.Generator) -> SimpleNamespace:
+    """Returns arrays and settings as those of the core's grid."""
     rows, columns = rng.integers(2, 150, 2)
     heights = rng.normal(size=(rows, columns)).astype(np.float32)
     velocities = rng.normal(scale=rng.choice([0.01, 1.0]), size=(KEPT, rows, columns)).astype(np.float32)
@@ -56,7 +40,7 @@ def random_grid(mode: Mode, noise: float, rng: np.random.Generator) -> MovingMap
     heights[rng.random(heights.shape) < 0.05] = np.nan
     velocities[rng.random(velocities.shape) < 0.02] = np.nan
     velocities[rng.random(velocities.shape) < 0.02] = 1e6
-    return MovingMap(
+    return SimpleNamespace(
         heights=heights, velocities=velocities, clocks=random_clocks(rng, ((rows + 63) // 64, (columns + 63) // 64)),
         offsets=rng.normal(size=(rows, columns)).astype(np.float32), z=float(rng.normal()), mode=int(mode),
         rates=rng.normal(size=(rows, columns)).astype(np.float32), max_velocity=25.0,
@@ -64,7 +48,7 @@ def random_grid(mode: Mode, noise: float, rng: np.random.Generator) -> MovingMap
     )  # fmt: skip
 
 
-def core_grid(grid: MovingMap) -> _core.Grid:
+def core_grid(grid: SimpleNamespace) -> _core.Grid:
     made = _core.Grid(*grid.heights.shape)
     made.clocks.view(CLOCK)[..., 0] = grid.clocks
     for name in ("heights", "velocities", "offsets", "rates"):
@@ -75,12 +59,11 @@ def core_grid(grid: MovingMap) -> _core.Grid:
     return made
 
 
-@pytest.mark.parametrize("noise", (0.0, 0.01))
 @pytest.mark.parametrize("mode", Mode)
-def test_samples_and_rises_are_equal_to_the_bit(mode: Mode, noise: float) -> None:
+def test_samples_and_rises_are_equal_to_the_bit(mode: Mode) -> None:
     rng = np.random.default_rng(int(mode))
     for _ in range(MAPS):
-        grid = random_grid(mode, noise, rng)
+        grid = random_grid(mode, 0.0, rng)
         made, columns = core_grid(grid), grid.heights.shape[1]
         time, ahead = float(rng.uniform(-1.5, 2.0)), float(rng.choice([1e-9, 1 / 240, 0.1]))
         indices = rng.integers(0, grid.heights.size, SAMPLES)

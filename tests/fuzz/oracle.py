@@ -1,89 +1,74 @@
-"""An independent copy of the terrain, kept from the messages that the node took, and what must hold against it."""
+"""What must hold of a terrain that takes messages, and of the patches on it."""
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-
-class Tile(NamedTuple):
-    """A height map: samples (rows, columns) [m], place of the first one, distance of samples, and turn."""
-
-    heights: NDArray[np.float64]
-    origin: tuple[float, float, float]
-    resolution: float
-    yaw: float
+from smartmesh_ros import HeightMap, Terrain
 
 
-class Oracle:
-    """Tiles as the messages say they are."""
+def maps_of(terrain: Terrain) -> dict[str, NDArray[np.float32]]:
+    """Copies of the heights of all height maps, by tile."""
+    return {name: mesh.heights.copy() for name, mesh in terrain.tiles.items() if isinstance(mesh, HeightMap)}
 
-    def __init__(self) -> None:
-        self.tiles: dict[str, Tile] = {}
-        self.compared = 0  # vertices
-        self.unresolved = 0  # vertices of maps whose samples lie closer together than their coordinates can tell
 
-    def take_map(self, message: Any) -> None:
-        """A Heightmap that the node took."""
-        info, p = message.info, message.info.origin.position
-        if info.width == 0 and info.height == 0:
-            del self.tiles[message.tile]
-            return
-        grid = np.array(message.heights, np.float64)
-        assert grid.size == info.width * info.height, "a map of the wrong length was taken"
-        assert not np.isinf(grid).any(), "a map with infinite heights was taken"
-        friction = np.array(message.friction, np.float64)
-        assert friction.size in (0, 1, grid.size), "a map with friction of the wrong length was taken"
-        assert not ((friction < 0.0) | np.isinf(friction)).any(), "a map with impossible friction was taken"
-        for layer in message.layers:
-            assert len(layer.values) in (0, 1, grid.size), "a map with a layer of the wrong length was taken"
-            assert not (np.array(layer.values) < 0.0).any(), "a map with an impossible layer was taken"
-        assert len(message.soil) in (0, grid.size), "a map with soils of the wrong length was taken"
-        assert 255 not in message.soil, "a map with impossible soils was taken"
-        assert math.isfinite(info.resolution), "a map of infinite resolution was taken"
-        assert info.resolution > 0.0, "a map of no resolution was taken"
-        q = info.origin.orientation
-        assert abs(math.hypot(q.x, q.y, q.z, q.w) - 1.0) < 0.01, "a map whose orientation is no rotation was taken"
-        assert np.isfinite([p.x, p.y, p.z]).all(), "a map at no finite place was taken"
-        self.tiles[message.tile] = Tile(
-            grid.reshape(info.height, info.width), (p.x, p.y, p.z), float(info.resolution), 2.0 * math.atan2(q.z, q.w)
-        )
+def require_taken(message: Any, terrain: Terrain, before: dict[str, NDArray[np.float32]]) -> None:
+    """Asserts that a Heightmap or a HeightmapUpdate was possible, and changed the maps of ``before`` as it says."""
+    whole = hasattr(message, "info")
+    size = (message.info.height, message.info.width) if whole else (message.height, message.width)
+    expected = {**before}
+    if whole and size == (0, 0):
+        expected.pop(message.tile, None)
+    else:
+        require_possible(message, size)
+        new = np.array(message.heights, np.float32).reshape(size)
+        expected[message.tile] = new if whole else before[message.tile].copy()
+        if not whole:
+            rows, columns = slice(message.y, message.y + size[0]), slice(message.x, message.x + size[1])
+            expected[message.tile][rows, columns] = new
+    found = maps_of(terrain)
+    assert found.keys() == expected.keys(), "a tile was lost, or came out of nowhere"
+    for name, heights in found.items():
+        np.testing.assert_array_equal(heights, expected[name])
 
-    def take_region(self, message: Any) -> None:
-        """A HeightmapUpdate that the node took."""
-        tile = self.tiles[message.tile]
-        grid = np.array(message.heights, np.float64).reshape(message.height, message.width)
-        assert not np.isinf(grid).any(), "a region with infinite heights was taken"
-        tile.heights[message.y : message.y + message.height, message.x : message.x + message.width] = grid
 
-    def require_same(self, terrain: Any) -> None:
-        """Asserts that the node's terrain is what the messages say it is."""
-        for name, mesh in terrain.tiles.items():
-            heights = getattr(mesh, "heights", None)
-            if heights is not None:
-                assert name in self.tiles, f"tile {name!r} came out of nowhere"
-                np.testing.assert_array_equal(heights, self.tiles[name].heights.astype(np.float32))
-        assert self.tiles.keys() <= terrain.tiles.keys(), "a tile was lost"
+def require_possible(message: Any, size: tuple[int, int]) -> None:
+    """Asserts that no number of a message that was taken is impossible."""
+    samples = size[0] * size[1]
+    assert not np.isinf(message.heights).any(), "infinite heights were taken"
+    for layer in message.layers:
+        assert len(layer.values) in (0, 1, samples), "a layer of the wrong length was taken"
+        assert not (np.array(layer.values) < 0.0).any(), "an impossible layer was taken"
+    if not hasattr(message, "info"):
+        return
+    friction = np.array(message.friction)
+    assert friction.size in (0, 1, samples), "friction of the wrong length was taken"
+    assert not ((friction < 0.0) | np.isinf(friction)).any(), "impossible friction was taken"
+    assert len(message.soil) in (0, samples) and 255 not in message.soil, "impossible soils were taken"
+    p, q = message.info.origin.position, message.info.origin.orientation
+    assert 0.0 < message.info.resolution < math.inf, "an impossible resolution was taken"
+    assert abs(math.hypot(q.x, q.y, q.z, q.w) - 1.0) < 0.01, "an orientation that is no rotation was taken"
+    assert np.isfinite([p.x, p.y, p.z]).all(), "a map at no finite place was taken"
 
-    def require_on_map(self, name: str, vertices: Any) -> None:
-        """Asserts that every vertex (n, 3) of a patch of a tile that lies on it is a sample of it, at its height."""
-        if name not in self.tiles:
-            return  # of a general mesh
-        tile = self.tiles[name]
-        x, y = (vertices[:, :2] - tile.origin[:2]).T
-        cos, sin = math.cos(tile.yaw), math.sin(tile.yaw)
-        grid = np.stack([-sin * x + cos * y, cos * x + sin * y], axis=1) / tile.resolution
-        blur = np.spacing(np.abs([*tile.origin[:2], vertices[:, :2].max(initial=0.0)]).max()) / tile.resolution
-        if not blur < 1e-3:
-            self.unresolved += len(vertices)
-            return
-        cells = np.rint(grid)
-        assert np.abs(grid - cells).max(initial=0.0) < 1e-3 + 4.0 * blur, "a vertex is not at a sample's place"
-        rows, columns = tile.heights.shape
-        inside = (cells >= 0).all(axis=1) & (cells < (rows, columns)).all(axis=1)
-        row, column = cells[inside].astype(int).T
-        expected = tile.heights[row, column] + tile.origin[2]
-        off = np.abs(expected).max(initial=0.0, where=np.isfinite(expected)) * 1e-6
-        np.testing.assert_allclose(vertices[inside, 2], expected, rtol=0.0, atol=1e-6 + off, equal_nan=True)
-        self.compared += int(inside.sum())
+
+def on_map(mesh: Any, vertices: NDArray[np.float64]) -> dict[str, int]:
+    """Asserts that every vertex (n, 3) of a patch of a tile that lies on it is a sample of it, at its height. Returns
+    how many were compared, and how many lie closer together than their coordinates can tell."""
+    if not isinstance(mesh, HeightMap):
+        return {}
+    geometry, heights = mesh.geometry, mesh.heights
+    farthest = np.abs([*geometry.origin[:2], vertices[:, :2].max(initial=0.0)]).max()
+    blur = np.spacing(farthest) / geometry.resolution
+    if not blur < 1e-3:
+        return {"unresolved": len(vertices)}
+    grid = geometry.to_grid(vertices[:, :2])
+    cells = np.rint(grid)
+    assert np.abs(grid - cells).max(initial=0.0) < 1e-3 + 4.0 * blur, "a vertex is not at a sample's place"
+    inside = (cells >= 0).all(axis=1) & (cells < heights.shape).all(axis=1)
+    row, column = cells[inside].astype(int).T
+    expected = heights[row, column].astype(np.float64) + geometry.origin[2]
+    off = np.abs(expected).max(initial=0.0, where=np.isfinite(expected)) * 1e-6
+    np.testing.assert_allclose(vertices[inside, 2], expected, rtol=0.0, atol=1e-6 + off, equal_nan=True)
+    return {"vertices": int(inside.sum())}

@@ -3,12 +3,20 @@
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import PoseArray, PoseStamped, TransformStamped
-from nav_msgs.msg import OccupancyGrid, Odometry
+from geometry_msgs.msg import (
+    PoseArray,
+    PoseStamped,
+    PoseWithCovariance,
+    Quaternion,
+    Transform,
+    TransformStamped,
+    Vector3,
+)
+from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry
 from numpy.typing import NDArray
 from rcl_interfaces import srv as parameters
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
+from sensor_msgs.msg import Image, JointState
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification, HeightmapUpdate, TerrainMeshUpdate, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import (
@@ -23,10 +31,11 @@ from smartmesh_msgs.srv import (
     StartEpisode,
     StepPhysics,
 )
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.node.inputs.optional_messages import find_message
+from smartmesh_ros.node.sensor.terrain_sensor import cloud_message
 from smartmesh_ros.tools.testing import floats, heightmap_message, mesh_message, point_message, pose_message
 from tests import urdfs
 from tests.grid_maps import grid_map_message
@@ -37,6 +46,15 @@ ROBOT = urdfs.robot(
     urdfs.link("base", urdfs.box(SIZE), 1.0, SIZE), urdfs.link("wheel", CYLINDER, 0.2, (0.2, 0.2, 0.2)),
     urdfs.joint("axle", "continuous", "base", "wheel", xyz="0 0.2 0"),
 )  # fmt: skip
+
+
+def some(rng: np.random.Generator, share: float, value: Any) -> Any:
+    """The value, in a share of all calls; else None."""
+    return value if rng.random() < share else None
+
+
+def one_of(rng: np.random.Generator, *values: Any) -> Any:
+    return values[int(rng.integers(len(values)))]
 
 
 def heights(rng: np.random.Generator) -> NDArray[np.float32]:
@@ -63,21 +81,21 @@ def make(name: str, rng: np.random.Generator) -> Any:
 
 
 def _heightmap(rng: np.random.Generator) -> Any:
-    tile, origin = [("", (0.0, 0.0, 0.0)), ("far", (9.0, 1.0, 0.5))][int(rng.random() < 0.3)]
-    speeds = rng.normal(size=(ROWS, COLUMNS)) if rng.random() < 0.3 else None
-    friction = [None, None, rng.uniform(0.0, 2.0), rng.uniform(0.0, 2.0, (ROWS, COLUMNS))][int(rng.integers(4))]
-    return heightmap_message(heights(rng), resolution=RESOLUTION, origin=origin, tile=tile, velocities=speeds,
-                             friction=friction, yaw=float(rng.choice([0.0, 0.4])),
-                             soil=rng.integers(0, 3, (ROWS, COLUMNS)) if rng.random() < 0.3 else None,
-                             layers={"rolling": rng.uniform(0.0, 0.2)} if rng.random() < 0.3 else {})  # fmt: skip
+    tile, origin = one_of(rng, ("", (0.0, 0.0, 0.0)), ("", (0.0, 0.0, 0.0)), ("far", (9.0, 1.0, 0.5)))
+    return heightmap_message(
+        heights(rng), resolution=RESOLUTION, origin=origin, tile=tile, yaw=one_of(rng, 0.0, 0.4),
+        velocities=some(rng, 0.3, rng.normal(size=(ROWS, COLUMNS))),
+        friction=one_of(rng, None, None, rng.uniform(0.0, 2.0), rng.uniform(0.0, 2.0, (ROWS, COLUMNS))),
+        soil=some(rng, 0.3, rng.integers(0, 3, (ROWS, COLUMNS))),
+        layers=some(rng, 0.3, {"rolling": rng.uniform(0.0, 0.2)}) or {},
+    )  # fmt: skip
 
 
 def _update(rng: np.random.Generator) -> Any:
-    height, width = int(rng.integers(1, 6)), int(rng.integers(1, 6))
+    height, width = rng.integers(1, 6, 2).tolist()
     y, x = int(rng.integers(0, ROWS - 5)), int(rng.integers(0, COLUMNS - 5))
-    new = rng.normal(size=height * width).astype(np.float32)
-    tile = "far" if rng.random() < 0.3 else ""
-    return _framed(HeightmapUpdate(tile=tile, x=x, y=y, width=width, height=height, heights=floats(new)))
+    new = floats(rng.normal(size=height * width).astype(np.float32))
+    return _framed(HeightmapUpdate(tile=one_of(rng, "", "far"), x=x, y=y, width=width, height=height, heights=new))
 
 
 def _vertices(rng: np.random.Generator) -> NDArray[np.float64]:
@@ -85,31 +103,20 @@ def _vertices(rng: np.random.Generator) -> NDArray[np.float64]:
     return np.column_stack([x.ravel(), y.ravel(), rng.normal(size=20) * 0.1])
 
 
-def _mesh(rng: np.random.Generator) -> Any:
-    corner = np.array([row * 5 + column for row in range(3) for column in range(4)])[:, None]
-    triangles = np.concatenate([corner + (0, 1, 6), corner + (0, 6, 5)])
-    return mesh_message(_vertices(rng), triangles, tile="mesh")
-
-
 def _mesh_update(rng: np.random.Generator) -> Any:
     chosen = np.sort(rng.choice(20, 4, replace=False))
-    message = TerrainMeshUpdate(tile="mesh", indices=chosen.tolist())
-    message.vertices = [point_message(vertex) for vertex in _vertices(rng)[chosen]]
-    return _framed(message)
+    vertices = [point_message(vertex) for vertex in _vertices(rng)[chosen]]
+    return _framed(TerrainMeshUpdate(tile="mesh", indices=chosen.tolist(), vertices=vertices))
 
 
 def _tracked(rng: np.random.Generator) -> Any:
-    bodies = [
-        TrackedBody(id=name, pose=_place(rng), radius=float(rng.choice([0.0, 0.1, 0.3])))
-        for name in ("rover", "walker", "b")[: int(rng.integers(1, 4))]
-    ]
+    names = ("rover", "walker", "b")[: int(rng.integers(1, 4))]
+    bodies = [TrackedBody(id=name, pose=_place(rng), radius=one_of(rng, 0.0, 0.1, 0.3)) for name in names]
     return _framed(TrackedBodyArray(bodies=bodies))
 
 
 def _odometry(rng: np.random.Generator) -> Any:
-    message = _framed(Odometry())
-    message.pose.pose = _place(rng)
-    return message
+    return _framed(Odometry(pose=PoseWithCovariance(pose=_place(rng))))
 
 
 def _image(rng: np.random.Generator) -> Any:
@@ -118,10 +125,8 @@ def _image(rng: np.random.Generator) -> Any:
 
 
 def _occupancy(rng: np.random.Generator) -> Any:
-    message = _framed(OccupancyGrid(data=rng.integers(-1, 101, ROWS * COLUMNS).tolist()))
-    message.info.height, message.info.width, message.info.resolution = ROWS, COLUMNS, RESOLUTION
-    message.info.origin.orientation.w = 1.0
-    return message
+    info = MapMetaData(height=ROWS, width=COLUMNS, resolution=RESOLUTION, origin=pose_message((0.0, 0.0, 0.0)))
+    return _framed(OccupancyGrid(info=info, data=rng.integers(-1, 101, ROWS * COLUMNS).tolist()))
 
 
 def _occupancy_update(rng: np.random.Generator) -> Any:
@@ -130,70 +135,48 @@ def _occupancy_update(rng: np.random.Generator) -> Any:
 
 
 def _cloud(rng: np.random.Generator) -> Any:
-    y, x = np.meshgrid(np.arange(ROWS) * RESOLUTION, np.arange(COLUMNS) * RESOLUTION, indexing="ij")
-    points = np.stack([x, y, heights(rng)], axis=-1).astype(np.float32)
-    fields = [PointField(name=name, offset=4 * i, datatype=PointField.FLOAT32, count=1) for i, name in enumerate("xyz")]
-    return _framed(
-        PointCloud2(height=ROWS, width=COLUMNS, fields=fields, point_step=12, row_step=12 * COLUMNS,
-                    data=points.tobytes())
-    )  # fmt: skip
+    y, x = np.mgrid[:ROWS, :COLUMNS] * RESOLUTION
+    cloud = cloud_message(Header(frame_id="map"), np.stack([x, y, heights(rng)], axis=-1).reshape(-1, 3))
+    cloud.height, cloud.width, cloud.row_step = ROWS, COLUMNS, 12 * COLUMNS
+    return cloud
 
 
 def _grid_map(rng: np.random.Generator) -> Any:
-    return grid_map_message(
-        {"elevation": heights(rng)}, RESOLUTION, (2.0, 2.0, 0.0), start=(int(rng.integers(COLUMNS)), 0)
-    )
+    start = (int(rng.integers(COLUMNS)), 0)
+    return grid_map_message({"elevation": heights(rng)}, RESOLUTION, (2.0, 2.0, 0.0), start=start)
 
 
 def _transforms(rng: np.random.Generator) -> Any:
     kind: Any = find_message("tf2_msgs", "TFMessage")
-    transforms = []
-    for child in ("tool", "odom"):
-        transform = _framed(TransformStamped(child_frame_id=child))
-        pose = _place(rng)
-        transform.transform.translation.x, transform.transform.translation.y = pose.position.x, pose.position.y
-        transform.transform.rotation = pose.orientation
-        transforms.append(transform)
-    return kind(transforms=transforms)
+    places = [pose.position for pose in (_place(rng), _place(rng))]
+    moves = [Transform(translation=Vector3(x=place.x, y=place.y), rotation=Quaternion(w=1.0)) for place in places]
+    children = zip(("tool", "odom"), moves, strict=True)
+    return kind(transforms=[_framed(TransformStamped(child_frame_id=name, transform=move)) for name, move in children])
 
 
-def _spawn(rng: np.random.Generator) -> Any:
-    name = str(rng.choice(["ball", "crate", "tin", "robot", "again"]))
-    request = SpawnBody.Request(id=name, mass=1.0, pose=_place(rng))
-    if rng.random() < 0.3:
-        request.on_ground, request.align = True, bool(rng.random() < 0.5)
-        request.clearance = float(rng.uniform(0.0, 0.5))
-    if name == "robot":
-        request.urdf = ROBOT
-    elif name == "crate":
-        request.shape = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.3, 0.2, 0.2])
-    elif name == "tin":
-        request.shape = SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.3, 0.1])
-    else:
-        request.shape = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
+# Kinds and dimensions of the bodies that are spawned, by name; the robot has a description.
+_SHAPES = {"crate": (SolidPrimitive.BOX, [0.3, 0.2, 0.2]), "tin": (SolidPrimitive.CYLINDER, [0.3, 0.1])}
+
+
+def _spawn(rng: np.random.Generator, kind: Any = SpawnBody.Request) -> Any:
+    name = one_of(rng, "ball", "crate", "tin", "robot", "again")
+    form, dimensions = _SHAPES.get(name, (SolidPrimitive.SPHERE, [0.2]))
+    shape = SolidPrimitive() if name == "robot" else SolidPrimitive(type=form, dimensions=dimensions)
+    request = kind(id=name, mass=1.0, pose=_place(rng), shape=shape, urdf=ROBOT if name == "robot" else "")
+    if kind is SpawnBody.Request and rng.random() < 0.3:
+        request.on_ground, request.align, request.clearance = True, one_of(rng, True, False), rng.uniform(0.0, 0.5)
     return request
 
 
 def _query(rng: np.random.Generator) -> Any:
     x, y = rng.uniform(-5.0, 15.0, (2, int(rng.integers(0, 6)))).tolist()
-    request = QueryGround.Request(x=x, y=y, below=x if rng.random() < 0.3 else [])
-    request.header.frame_id = str(rng.choice(["", "map", "odom", "ball"]))
-    return request
+    return _framed(QueryGround.Request(x=x, y=y, below=one_of(rng, x, [], [])), one_of(rng, "", "map", "odom", "ball"))
 
 
 def _cast(rng: np.random.Generator) -> Any:
     origins, directions = rng.normal(scale=5.0, size=(2, 3 * int(rng.integers(0, 6)))).tolist()
     request = CastRays.Request(origins=origins, directions=directions, range=float(rng.uniform(0.1, 50.0)))
-    request.header.frame_id = str(rng.choice(["", "map", "odom", "ball"]))
-    return request
-
-
-def _spawn_all(rng: np.random.Generator) -> Any:
-    bodies = []
-    for _ in range(int(rng.integers(1, 4))):
-        one = _spawn(rng)
-        bodies.append(BodySpecification(id=one.id, mass=one.mass, pose=one.pose, urdf=one.urdf, shape=one.shape))
-    return SpawnBodies.Request(bodies=bodies)
+    return _framed(request, one_of(rng, "", "map", "odom", "ball"))
 
 
 _SETTINGS: tuple[tuple[str, Any], ...] = (
@@ -204,21 +187,22 @@ _SETTINGS: tuple[tuple[str, Any], ...] = (
 
 def _settings(kind: Any) -> Any:
     def make_settings(rng: np.random.Generator) -> Any:
-        chosen = [_SETTINGS[int(i)] for i in rng.integers(len(_SETTINGS), size=int(rng.integers(1, 3)))]
+        chosen = [one_of(rng, *_SETTINGS) for _ in range(int(rng.integers(1, 3)))]
         return kind.Request(parameters=[Parameter(name, value=value).to_parameter_msg() for name, value in chosen])
 
     return make_settings
 
 
 _NAMES = ["physics.rate", "terrain.motion", "raster.origin"]
+_TRIANGLES = [(v, v + i, v + j) for v in range(14) if v % 5 < 4 for i, j in ((1, 6), (6, 5))]
 _MAKERS: dict[str, Any] = {
     "heightmap": _heightmap,
     "heightmap_update": _update,
-    "terrain_mesh": _mesh,
+    "terrain_mesh": lambda rng: mesh_message(_vertices(rng), _TRIANGLES, tile="mesh"),
     "terrain_mesh_update": _mesh_update,
     "tracked_bodies": _tracked,
     "body_poses": lambda rng: _framed(PoseArray(poses=[_place(rng) for _ in range(int(rng.integers(0, 4)))])),
-    "pose_in": lambda rng: _framed(PoseStamped(pose=_place(rng)), str(rng.choice(["map", "odom"]))),
+    "pose_in": lambda rng: _framed(PoseStamped(pose=_place(rng)), one_of(rng, "map", "odom")),
     "odometry_in": _odometry,
     "tf": _transforms,
     "tf_static": _transforms,
@@ -230,9 +214,9 @@ _MAKERS: dict[str, Any] = {
     "point_cloud": _cloud,
     "grid_map": _grid_map,
     "spawn_body": _spawn,
-    "remove_body": lambda rng: RemoveBody.Request(id=str(rng.choice(["ball", "crate", "robot", "rover"]))),
-    "spawn_bodies": _spawn_all,
-    "remove_bodies": lambda rng: RemoveBodies.Request(ids=["ball", str(rng.choice(["crate", "tin", "ball"]))]),
+    "remove_body": lambda rng: RemoveBody.Request(id=one_of(rng, "ball", "crate", "robot", "rover")),
+    "spawn_bodies": lambda rng: SpawnBodies.Request(bodies=[_spawn(rng, BodySpecification) for _ in range(2)]),
+    "remove_bodies": lambda rng: RemoveBodies.Request(ids=["ball", one_of(rng, "crate", "tin", "ball")]),
     "query_ground": _query,
     "cast_rays": _cast,
     "step": lambda rng: StepPhysics.Request(steps=int(rng.integers(1, 4))),

@@ -19,7 +19,7 @@ from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.terrain.heightmap import HeightMap
-from tests.fuzz.oracle import Oracle, Tile
+from tests.fuzz.oracle import maps_of, on_map, require_taken
 
 BASE = {
     "terrain.motion": "hold",
@@ -57,8 +57,9 @@ class Target:
         overrides = [Parameter(name, value=value) for name, value in values.items()]
         self.node = TerrainCollider(context=self._context, parameter_overrides=overrides)
         self.node.refusals._logger = SimpleNamespace(warning=lambda _: None)
-        self.oracle = Oracle()
         self.counts: Counter[str] = Counter()
+        self.compared: Counter[str] = Counter()
+        self.saved: Any = None  # the last state that the node told
         self._record = record
         self._topics = {sub.topic_name.rpartition("/")[2]: sub for sub in self.node.subscriptions}
         services = {srv.srv_name.rpartition("/")[2]: srv for srv in self.node.services}
@@ -66,7 +67,6 @@ class Target:
         self._services = services
         self._base = {name: self.node.get_parameter(name).value for name in terrain_collider.parameters.NAMES}
         self._given = 0
-        self._unsettled = 0
 
     def __enter__(self) -> Target:
         return self
@@ -76,13 +76,11 @@ class Target:
         rclpy.shutdown(context=self._context)
 
     def result(self) -> dict[str, Any]:
-        """What became of the messages, refusals by reason, and vertices compared."""
+        """What became of the messages, refusals by reason, and what was compared."""
         return {
             "counts": dict(self.counts),
             "reasons": dict(self.node.refusals.counts),
-            "vertices": self.oracle.compared,
-            "unresolved": self.oracle.unresolved,
-            "unsettled": self._unsettled,
+            "compared": dict(self.compared),
         }
 
     @property
@@ -104,31 +102,22 @@ class Target:
             raise FindingError(name, data, error) from error
 
     def _give(self, name: str, data: bytes) -> None:
-        before, overtaken = self._refused(), self.node.session.overtaken.total()
+        terrain, before, overtaken = self.node.session.world.terrain, self._refused(), self._overtaken()
+        revision, maps = terrain.revision, maps_of(terrain)
         fate = "taken"
         if name in self._topics:
             self._topics[name].callback(data)
             if self._refused() > before:
                 fate = "refused"
-            elif self.node.session.overtaken.total() > overtaken:
+            elif self._overtaken() > overtaken:
                 fate = "overtaken"
         else:
             fate = self._call(name, data)
         self.counts[f"{name}: {fate}"] += 1
-        if fate == "taken" and name in ("heightmap", "heightmap_update"):
-            message = deserialize_message(data, self.kind(name))
-            (self.oracle.take_map if name == "heightmap" else self.oracle.take_region)(message)
         terrain = self.node.session.world.terrain
-        if fate == "taken" and name in RASTERS:
-            self.oracle.tiles[""] = _as_it_is(terrain.tiles[""])
-        elif fate == "taken" and name in ("start_episode", "restore_state"):
-            maps = {tile: mesh for tile, mesh in terrain.tiles.items() if hasattr(mesh, "heights")}
-            self.oracle.tiles = {tile: _as_it_is(mesh) for tile, mesh in maps.items()}
-        elif fate == "taken" and name == "terrain_mesh":
-            # Takes the place of a height map of that name, or takes it away.
-            for gone in [n for n in self.oracle.tiles if not hasattr(terrain.tiles.get(n), "heights")]:
-                del self.oracle.tiles[gone]
-        self.oracle.require_same(terrain)
+        if fate == "taken" and name in ("heightmap", "heightmap_update"):
+            require_taken(deserialize_message(data, self.kind(name)), terrain, maps)
+        assert fate == "taken" or terrain.revision == revision, f"what was {fate} changed the terrain"
         self._given += 1
         if (fate == "taken" and name in TERRAIN) or self._given % 6 == 0:
             self._tick()
@@ -136,6 +125,9 @@ class Target:
             self._restore()
         if self._given % 20 == 0:
             self._tidy()
+
+    def _overtaken(self) -> int:
+        return int(self.node.session.overtaken.total())
 
     def _refused(self) -> int:
         """Messages refused so far, without the bodies that waited for terrain and could not be spawned on it."""
@@ -166,6 +158,8 @@ class Target:
             raise
         serialize_message(response)
         success = getattr(response, "success", True)
+        if name == "save_state" and success:
+            self.saved = response.state
         assert success == (self.node.refusals.counts.total() == before), "a refusal that was not counted"
         return "taken" if success else "refused"
 
@@ -180,9 +174,8 @@ class Target:
             if _correcting(world.terrain.tiles[tile]):
                 # Time stood still, or went on by less than corrections take.
                 assert self.node.session.paused or self.node.settings.motion.settle >= world.config.physics.dt
-                self._unsettled += 1
             else:
-                self.oracle.require_on_map(tile, table.points_of(index))
+                self.compared.update(on_map(world.terrain.tiles[tile], table.points_of(index)))
         for name in world.bodies:
             state = world.state(name)
             numbers = (*state.position, *state.orientation, *state.linear, *state.angular)
@@ -211,12 +204,6 @@ class Target:
                 world.remove(name)
         for name in [name for name in world.terrain.tiles if name not in ("", "far", "mesh")]:
             world.terrain.remove(name)
-            self.oracle.tiles.pop(name, None)
-
-
-def _as_it_is(mesh: Any) -> Tile:
-    geometry = mesh.geometry
-    return Tile(mesh.heights.astype(np.float64), geometry.origin, geometry.resolution, geometry.yaw)
 
 
 def _correcting(mesh: Any) -> bool:

@@ -1,6 +1,7 @@
 """Spoilt messages over real DDS to a node in a process of its own."""
 
 import ast
+import os
 
 import numpy as np
 from rclpy.serialization import serialize_message
@@ -13,6 +14,18 @@ from tests.fuzz.mutations import mutated
 
 # Messages between two looks at the patches.
 ROUND = 200
+
+
+def over_the_wire(count: int, seed: int) -> dict[str, int]:
+    """Sends ``count`` messages to a node process over DDS; raises if it ends or its patches leave the map."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    probe = Probe()
+    try:
+        with probe.running(parameters={"terrain.motion": "hold"}) as process:
+            refused = bombard(probe, process, count, np.random.default_rng(seed))
+            return {"over DDS": count, "over DDS, refused": refused}
+    finally:
+        probe.close()
 
 
 def bombard(probe: Probe, process: Process, count: int, rng: np.random.Generator) -> int:

@@ -18,7 +18,6 @@ MADE = (
     ".git", ".venv", "build", "install", "log", "out", "__pycache__", "*.egg-info", ".*_cache",
     ".hypothesis", "*.so",
 )  # fmt: skip
-ASK_CORE = "from smartmesh_ros.core import _core; print(_core.__file__)"
 MESSAGES = "smartmesh_msgs"
 # Patience with commands that compile [s].
 LONG = 900

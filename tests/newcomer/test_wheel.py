@@ -5,12 +5,12 @@ PyBullet is there.
 """
 
 import importlib.metadata
+import json
 import os
 import re
 import subprocess
 import sys
 import tomllib
-from email.parser import Parser
 from pathlib import Path
 
 import pytest
@@ -35,16 +35,11 @@ def run(*command: str | Path, **settings: str) -> subprocess.CompletedProcess[st
     return subprocess.run(command, env=bare, cwd="/", capture_output=True, text=True, timeout=LONG, check=False)
 
 
-def pip(python: Path | str, *arguments: str | Path, **settings: str) -> None:
-    result = run(python, "-m", "pip", "--disable-pip-version-check", "--quiet", *arguments, **settings)
+def pip(python: Path | str, *arguments: str | Path) -> None:
+    result = run(python, "-m", "pip", "--disable-pip-version-check", "--quiet", *arguments)
     if re.search("NewConnectionError|Temporary failure in name resolution", result.stderr):
         pytest.skip("packages cannot be downloaded")
     assert result.returncode == 0, result.stdout + result.stderr
-
-
-def install(environment: Path, *arguments: str | Path, **settings: str) -> None:
-    """Install into a virtual environment without a pip of its own, which takes long to make."""
-    pip(sys.executable, "--python", environment / "bin" / "python", "install", *arguments, **settings)
 
 
 def of_pybullet(requirements: list[str]) -> list[Requirement]:
@@ -52,16 +47,10 @@ def of_pybullet(requirements: list[str]) -> list[Requirement]:
     return [found for found in map(Requirement, requirements) if found.name.startswith("pybullet")]
 
 
-def metadata_of(folder: Path) -> list[str]:
-    """The requirements of the installation of this package in a folder."""
-    [file] = folder.rglob("smartmesh_ros-*.dist-info/METADATA")
-    return Parser().parsestr(file.read_text()).get_all("Requires-Dist", [])
-
-
-def tag_of(packages: Path) -> str:
-    """For which Python and machine the wheel was that was installed into a folder."""
-    [file] = packages.glob("smartmesh_ros-*.dist-info/WHEEL")
-    return Parser().parsestr(file.read_text())["Tag"]
+def distribution(packages: Path) -> importlib.metadata.Distribution:
+    """The installation of this package in a folder."""
+    [folder] = packages.glob("smartmesh_ros-*.dist-info")
+    return importlib.metadata.PathDistribution(folder)
 
 
 def empty_environment(made: Path) -> Path:
@@ -83,23 +72,17 @@ def packages(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The packages of an empty environment into which pip installed this one, and what it asks for."""
     made = tmp_path_factory.mktemp("empty") / "environment"
     found = empty_environment(made)
-    install(made, source)
+    # From outside: an environment with a pip of its own takes long to make.
+    pip(sys.executable, "--python", made / "bin" / "python", "install", source)
     return found
-
-
-@pytest.fixture(scope="module")
-def environment(packages: Path) -> Path:
-    """The folder of that environment."""
-    return packages.parents[2]
 
 
 @pytest.fixture(scope="module")
 def for_all_machines(packages: Path) -> list[Requirement]:
     """What a package asks for that is installed into an environment without PyBullet."""
-    return of_pybullet(metadata_of(packages))
+    return of_pybullet(distribution(packages).requires or [])
 
 
-@pytest.fixture(scope="module")
 def for_make() -> list[Requirement]:
     """What `make` and the README's recipe for a workspace install."""
     lines = (ROOT / "requirements" / "pybullet.txt").read_text().splitlines()
@@ -111,11 +94,12 @@ def test_the_library_is_installed_without_its_sources(packages: Path) -> None:
     assert library.startswith("_core.")
     assert not others
     this = f"cp{sys.version_info.major}{sys.version_info.minor}"
-    assert tag_of(packages).startswith("cp312-abi3-linux" if sys.version_info >= (3, 12) else f"{this}-{this}-linux")
+    tag = "cp312-abi3-linux" if sys.version_info >= (3, 12) else f"{this}-{this}-linux"
+    assert f"\nTag: {tag}" in (distribution(packages).read_text("WHEEL") or "")
 
 
-def test_the_ten_lines_run_without_ros(environment: Path) -> None:
-    python = environment / "bin" / "python"
+def test_the_ten_lines_run_without_ros(packages: Path) -> None:
+    python = packages.parents[2] / "bin" / "python"
     assert run(python, "-c", "import rclpy").returncode != 0
     [code, _] = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
     check = "\nassert p.getBasePositionAndOrientation(ball)[0][2] > -0.5, 'it fell through'\n"
@@ -123,49 +107,37 @@ def test_the_ten_lines_run_without_ros(environment: Path) -> None:
     assert result.returncode == 0, result.stderr
 
 
-def test_only_names_that_say_where_they_are_from_land_on_the_path(environment: Path) -> None:
-    names, functions = entry_points(environment / "bin" / "python")
-    assert names == COMMANDS
+def test_only_names_that_say_where_they_are_from_land_on_the_path(packages: Path) -> None:
+    entries = distribution(packages).entry_points
+    assert {entry.name for entry in entries} == COMMANDS
     here = {entry.value for entry in importlib.metadata.distribution("smartmesh_ros").entry_points}
-    assert functions == here, "each command of a workspace"
+    assert {entry.value for entry in entries} == here, "each command of a workspace"
     for command in COMMANDS:
-        without_ros = run(environment / "bin" / command)
+        without_ros = run(packages.parents[2] / "bin" / command)
         assert without_ros.returncode == 1
         assert f"{command} needs ROS 2" in without_ros.stderr
         assert "Traceback" not in without_ros.stderr
 
 
-def entry_points(python: Path) -> tuple[set[str], set[str]]:
-    """Names of the commands, and the functions that they run."""
-    entries = "importlib.metadata.distribution('smartmesh_ros').entry_points"
-    code = f"import importlib.metadata; [print(e.name, e.value) for e in {entries}]"
-    pairs = [line.split() for line in run(python, "-c", code).stdout.splitlines()]
-    return {name for name, _ in pairs}, {function for _, function in pairs}
-
-
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize(("system", "machine"), MACHINES)
 def test_one_pybullet_is_asked_for_and_it_has_a_wheel_on_linux(
-    for_all_machines: list[Requirement], for_make: list[Requirement], version: str, system: str, machine: str
+    for_all_machines: list[Requirement], version: str, system: str, machine: str
 ) -> None:
     there = {"platform_system": system, "platform_machine": machine, "python_version": version}
     expected = FORK if (system, machine) == ("Linux", "x86_64") and version in ("3.12", "3.13") else UPSTREAM
-    for requirements in (for_all_machines, for_make):
+    for requirements in (for_all_machines, for_make()):
         [name] = [found.name for found in requirements if found.marker is not None and found.marker.evaluate(there)]
         assert name == expected
 
 
-def test_versions_are_pinned_to_those_of_the_constraints(
-    for_all_machines: list[Requirement], for_make: list[Requirement]
+def test_versions_are_pinned_to_those_of_the_constraints_and_a_build_asks_for_none(
+    for_all_machines: list[Requirement],
 ) -> None:
-    constraints = (ROOT / "requirements" / "constraints.txt").read_text().splitlines()
-    for found in for_make:
-        assert f"{found.name}{found.specifier}" in constraints
+    constraints = CONSTRAINTS.read_text().splitlines()
     [fork] = [found for found in for_all_machines if found.name == FORK]
-    assert f"{FORK}{fork.specifier}" in constraints
-
-
-def test_a_build_installs_no_pybullet_for_itself() -> None:
+    for found in (fork, *for_make()):
+        assert f"{found.name}{found.specifier}" in constraints
     requires = tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"]
     assert not of_pybullet(requires)
 
@@ -186,6 +158,7 @@ def test_an_environment_keeps_its_pybullet(
         folder.mkdir()
         (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 3.2.9\n")
         (folder / "top_level.txt").write_text("pybullet\n")
-    install(made, "--no-deps", source)
-    found = of_pybullet(metadata_of(packages))
-    assert [str(item) for item in found] == [name] * bool(name)
+    asks = ["install", "--dry-run", "--no-deps", "--report", made / "report", source]
+    pip(sys.executable, "--python", made / "bin" / "python", *asks)
+    [item] = json.loads((made / "report").read_text())["install"]
+    assert [str(found) for found in of_pybullet(item["metadata"]["requires_dist"])] == [name] * bool(name)

@@ -9,7 +9,6 @@ import pytest
 from ament_index_python.packages import get_package_prefix
 
 from tests.newcomer.conftest import (
-    ASK_CORE,
     HERE,
     MESSAGES,
     ROOT,
@@ -80,36 +79,24 @@ def test_all_packages_are_built_and_the_scripts_run_under_the_python_that_built_
     assert Path(script.read_text().splitlines()[0].removeprefix("#!")).samefile(python)
 
 
-def test_the_core_is_installed(workspace: Workspace) -> None:
-    place = workspace.run(f"python3 -c '{ASK_CORE}'").stdout.strip()
-    assert Path(place).is_relative_to(workspace.folder / "install")
-
-
-def build_another_core(made: Workspace, answer: str) -> None:
-    """Change the core in a workspace so that it gives another answer."""
-    bindings = made.folder / "src" / "smartmesh_ros" / "smartmesh_ros" / "core" / "python" / "bindings.cpp"
+def test_a_changed_core_is_fresh_after_a_build_that_copies_and_one_that_links(workspace: Workspace) -> None:
+    bindings = workspace.folder / "src" / "smartmesh_ros" / "smartmesh_ros" / "core" / "python" / "bindings.cpp"
     begin = "nb::set_leak_warnings(false);"
-    text = re.sub(r'm\.attr\("answer"\) = \d+; ', "", bindings.read_text())
-    assert begin in text
-    bindings.write_text(text.replace(begin, f'm.attr("answer") = {answer}; {begin}'))
-
-
-@pytest.mark.parametrize(("option", "answer", "place"), [("", "42", "install"), ("--symlink-install", "43", "src")])
-def test_a_changed_core_is_fresh_after_a_build(workspace: Workspace, option: str, answer: str, place: str) -> None:
-    build_another_core(workspace, answer)
-    installed = workspace.folder / place
-    if place == "src":  # colcon refuses to link into a folder that it copied into
-        installed = workspace.folder / "linked"
-        installed.mkdir()
-        (installed / MESSAGES).symlink_to(get_package_prefix(MESSAGES))
-        option += " --build-base linking --install-base linked"
-    # Debug, which compiles in a third of the time.
-    command = f"CMAKE_BUILD_TYPE=Debug {build_command()} --packages-select smartmesh_ros {option}"
-    workspace.run(command, sourced=False)
-    command = f"source {installed}/setup.bash && python3 -c '{ASK_CORE}; print(_core.answer)'"
-    core, found = workspace.run(command, sourced=False).stdout.split()
-    assert found == answer
-    assert Path(core).resolve().is_relative_to(workspace.folder / place)
+    assert begin in bindings.read_text()
+    bindings.write_text(bindings.read_text().replace(begin, f'm.attr("answer") = 42; {begin}'))
+    linked = workspace.folder / "linked"  # colcon refuses to link into a folder that it copied into
+    linked.mkdir()
+    (linked / MESSAGES).symlink_to(get_package_prefix(MESSAGES))
+    linking = "--symlink-install --build-base linking --install-base linked"
+    for installed, option, place in (("install", "", "install"), ("linked", linking, "src")):
+        # Debug, which compiles in a third of the time.
+        command = f"CMAKE_BUILD_TYPE=Debug {build_command()} --packages-select smartmesh_ros {option}"
+        workspace.run(command, sourced=False)
+        ask = "from smartmesh_ros.core import _core; print(_core.__file__, _core.answer)"
+        command = f"source {installed}/setup.bash && python3 -c '{ask}'"
+        core, answer = workspace.run(command, sourced=False).stdout.split()
+        assert answer == "42"
+        assert Path(core).resolve().is_relative_to(workspace.folder / place)
 
 
 def test_a_user_takes_the_first_steps_with_a_package_of_his_own(workspace: Workspace) -> None:

@@ -12,32 +12,31 @@ ROOT = Path(__file__).parents[2]
 PAGE = "words\n<!-- generated: one of core, code old -->\nold\n<!-- end -->\nmore\n"
 
 
-def test_only_marked_blocks_are_replaced_and_note_the_code(tmp_path: Path) -> None:
-    page = tmp_path / "a.md"
-    page.write_text(PAGE)
+@pytest.fixture
+def page(tmp_path: Path) -> Path:
+    """A page with one block that was measured with other code."""
+    (tmp_path / "a.md").write_text(PAGE)
+    return tmp_path / "a.md"
+
+
+def test_only_marked_blocks_are_replaced_and_note_the_code_and_are_stale_before(
+    page: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert [line.split(" (")[0] for line in stale_blocks(page.parent)] == ["a.md: one"]
+    assert main(["--docs", str(page.parent)]) == 1
+    assert "1 of 1 generated blocks" in capsys.readouterr().out
     fill(page, {"one": "| new |"})
     assert page.read_text() == (
         f"words\n<!-- generated: one of core, code {digest_of('core')} -->\n| new |\n<!-- end -->\nmore\n"
     )
+    assert stale_blocks(page.parent) == []
+    assert main(["--docs", str(page.parent)]) == 0
 
 
-def test_a_block_that_is_missing_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
-    page = tmp_path / "a.md"
-    page.write_text(PAGE)
+def test_a_block_that_is_missing_is_refused_and_nothing_is_written(page: Path) -> None:
     with pytest.raises(InputError, match="no block <!-- generated: two"):
         fill(page, {"one": "new", "two": "nowhere"})
     assert page.read_text() == PAGE
-
-
-def test_a_block_is_stale_until_it_is_measured_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    page = tmp_path / "a.md"
-    page.write_text(PAGE)
-    assert [line.split(" (")[0] for line in stale_blocks(tmp_path)] == ["a.md: one"]
-    assert main(["--docs", str(tmp_path)]) == 1
-    assert "1 of 1 generated blocks" in capsys.readouterr().out
-    fill(page, {"one": "new"})
-    assert stale_blocks(tmp_path) == []
-    assert main(["--docs", str(tmp_path)]) == 0
 
 
 def test_code_counts_and_words_do_not() -> None:
@@ -51,11 +50,8 @@ def test_code_counts_and_words_do_not() -> None:
     assert digest({"f.cpp": compiled}) != digest({"f.cpp": compiled.replace("2 *", "3 *")})
 
 
-def test_a_block_written_again_keeps_the_code_it_was_measured_with(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    page.write_text(
-        "<!-- generated: one of core, code 0 -->\n<!-- end -->\n<!-- generated: two of core, code 0 -->\n<!-- end -->\n"
-    )
+def test_a_block_written_again_keeps_the_code_it_was_measured_with(page: Path) -> None:
+    page.write_text(PAGE + PAGE.replace("one of", "two of"))
     fill(page, {"one": "old figures", "two": "new figures"}, {"one": "0123456789ab"})
     assert {block.name: block.digest for block in blocks_of(page)} == {"one": "0123456789ab", "two": digest_of("core")}
 

@@ -23,6 +23,7 @@ from studies.robots.geometry import GroundPrisms, Part, hull, placed, pose_of, r
 from studies.robots.robot import HUSKY, LAIKAGO, RACECAR, ROVER, Robot, laikago_joints
 from studies.robots.scene import RobotScene, scenes
 from studies.robots.study import Stranger, run_stranger
+from tests.core.contact_cases import wheel as prism
 
 LEVEL = square(51, 0.04)
 FLAT = GroundPrisms(LEVEL, np.zeros((51, 51)))
@@ -38,10 +39,7 @@ def wheel() -> Part:
 
 def gon() -> Part:
     """A wheel as PyBullet takes a cylinder: a prism of 32 sides, of which a corner points down."""
-    angle = 2.0 * math.pi * np.arange(32) / 32
-    rim = np.column_stack([RADIUS * np.cos(angle), RADIUS * np.sin(angle)])
-    points = np.concatenate([np.column_stack([rim, np.full(32, z)]) for z in (-0.5 * WIDTH, 0.5 * WIDTH)])
-    return hull(placed(points, LYING), np.eye(4))
+    return hull(placed(prism(RADIUS, WIDTH), LYING), np.eye(4))
 
 
 @pytest.mark.parametrize(
@@ -110,23 +108,27 @@ def test_prepared_descriptions_stay_as_they_are_and_have_a_mass_for_every_link(r
     assert (f'value="{MASSLESS:g}"' in text) == (robot is HUSKY)
 
 
-@pytest.mark.parametrize("engine", ["defaults", "whole heightfield", "MuJoCo tuned, 240 Hz", "PhysX, 240 Hz"])
-def test_every_engine_holds_a_braked_rover_up(engine: str) -> None:
+def robots_in(engine: str, robot: Robot, starts: list[list[float]]) -> RobotEngine:
+    """Robots on level ground in an engine; skips the test if that is not installed."""
     [chosen] = [one for one in robot_configurations(quick=True) if one.name == engine] or [None]
     if chosen is None:
         pytest.skip(f"{engine}: {missing('mujoco') or missing('physx')}")
-    setup = RobotSetup(
-        robot=ROVER, text=prepared(ROVER.urdf), starts=np.array([[-0.5, -0.4, 0.13], [0.5, 0.4, 0.13]]),
-        heights=np.zeros((51, 51), np.float32), resolution=0.04, origin=(-1.0, -1.0), dt=1.0 / 240.0,
-    )  # fmt: skip
-    shapes = shapes_of(setup.text, prisms=False)
-    with chosen.build(setup) as robots:
+    return chosen.build(RobotSetup(
+        robot=robot, text=prepared(robot.urdf), starts=np.array(starts), heights=np.zeros((51, 51), np.float32),
+        resolution=0.04, origin=(-1.0, -1.0), dt=1.0 / 240.0,
+    ))  # fmt: skip
+
+
+@pytest.mark.parametrize("engine", ["defaults", "whole heightfield", "MuJoCo tuned, 240 Hz", "PhysX, 240 Hz"])
+def test_every_engine_holds_a_braked_rover_up(engine: str) -> None:
+    starts, shapes = [[-0.5, -0.4, 0.13], [0.5, 0.4, 0.13]], shapes_of(prepared(ROVER.urdf), prisms=False)
+    with robots_in(engine, ROVER, starts) as robots:
         for _ in range(180):
             robots.step()
         links = robots.links()
         parts = [shapes[name] for name in robots.names]
         assert np.abs(robots.velocities()).max() < 0.01
-        for positions, orientations, start in zip(*links, setup.starts, strict=True):
+        for positions, orientations, start in zip(*links, starts, strict=True):
             assert FLAT.least_clearance(parts, positions, orientations) == pytest.approx(0.0, abs=2e-3)
             chassis = positions[robots.names.index("chassis")]
             assert chassis == pytest.approx([*start[:2], 0.12], abs=5e-3)
@@ -169,13 +171,6 @@ def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.Monke
 @pytest.mark.parametrize("engine", ["defaults", "MuJoCo tuned, 240 Hz", "PhysX, 240 Hz"])
 def test_servos_of_all_engines_approach_their_position_alike(engine: str) -> None:
     """In the air the error of a joint shrinks with the time constant of the servo."""
-    [chosen] = [one for one in robot_configurations(quick=True) if one.name == engine] or [None]
-    if chosen is None:
-        pytest.skip(f"{engine}: {missing('mujoco') or missing('physx')}")
-    setup = RobotSetup(
-        robot=LAIKAGO, text=prepared(LAIKAGO.urdf), starts=np.array([[0.0, 0.0, 5.0]]),
-        heights=np.zeros((51, 51), np.float32), resolution=0.04, origin=(-1.0, -1.0), dt=1.0 / 240.0,
-    )  # fmt: skip
     knee = laikago_joints("FR")[2]
 
     def toe(robots: RobotEngine) -> float:
@@ -183,7 +178,7 @@ def test_servos_of_all_engines_approach_their_position_alike(engine: str) -> Non
         positions = robots.links().positions[0]
         return math.dist(*(positions[robots.names.index(name)] for name in ("toeFR", "FR_upper_leg")))
 
-    with chosen.build(setup) as robots:
+    with robots_in(engine, LAIKAGO, [[0.0, 0.0, 5.0]]) as robots:
         robots.hold(LAIKAGO.stance)
         path = []
         for step in range(96):

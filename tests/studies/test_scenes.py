@@ -49,20 +49,15 @@ def test_the_elevation_model_is_the_same_terrain_at_every_resolution() -> None:
         "title: x",
         "{title: x, ground: {kind: flat}, grid: [9, 0.1], speed: 3}",
         "{title: x, ground: {kind: flat}, grid: [9, 0.1], bodies: {colour: red}}",
+        "{title: x, ground: {kind: lava}, grid: [9, 0.1]}",
+        "{title: x, ground: {kind: slope, steepness: 3}, grid: [9, 0.1]}",
     ],
 )
 def test_files_that_make_no_scene_are_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     with pytest.raises(InputError):
-        read_scene(path)
-
-
-def test_unknown_grounds_and_settings_are_refused() -> None:
-    geometry = GridGeometry(rows=9, columns=9, resolution=0.1)
-    for kind, settings in (("lava", {}), ("slope", {"steepness": 3})):
-        with pytest.raises(InputError):
-            make_ground(geometry, kind, **settings)
+        read_scene(path).make_ground()
 
 
 def test_ground_that_slides_is_at_rest_for_who_goes_along() -> None:

@@ -1,6 +1,6 @@
-"""The law by which the ground moves between maps, in plain Python: what the core's reader must give to the bit.
+"""The law by which the ground moves between exact maps, in plain Python: what the core's reader must give to the bit.
 
-The reasons for it are in core/map/motion.h, core/map/motion.cpp and core/map/noisy_motion.h.
+The reasons for it are in core/map/motion.h and core/map/motion.cpp. What noise changes of it is in test_motion.py.
 """
 
 import math
@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 from smartmesh_ros.terrain.motion import BLOCK_SHIFT, KEPT, Mode
 
 LATE_AFTER, REST_AFTER, AGREEMENT, SMOOTH = 1.5, 4.5, 4.0, 0.25
-HALF_WINDOW, SCATTER_MARGIN = 2, 2.0
 
 
 class Phase(NamedTuple):
@@ -148,88 +147,6 @@ def remaining(clock: Any, shown: float, settle: float) -> float:
     return 1.0 - max(elapsed, 0.0) / settle if elapsed < settle else 0.0
 
 
-def acceleration_variance(later: float, earlier: float, noise: float) -> float:
-    """Variance of an acceleration [m^2/s^4] from three heights and the intervals between them [s]."""
-    if not (later > 0.0 and earlier > 0.0):
-        return math.inf
-    a, b, c = noise / later, noise / earlier, 2.0 / (later + earlier)
-    return (a * a + b * b + (a + b) * (a + b)) * (c * c)
-
-
-def noise_variances(clock: Any, noise: float) -> tuple[float, float, float]:
-    """Variances of a velocity and of the accelerations from the newest two velocities and from the two before; zero
-    for given velocities."""
-    first = 2.0 * (clock.time - clock.middle)
-    second = 2.0 * (clock.middle - clock.middle_1) - first
-    third = 2.0 * (clock.middle_1 - clock.middle_2) - second
-    if not first > 0.0:
-        return 0.0, 0.0, 0.0
-    speed = noise / first
-    return (
-        2.0 * (speed * speed), acceleration_variance(first, second, noise), acceleration_variance(second, third, noise)
-    )  # fmt: skip
-
-
-def signal_share(power: float, noise: float) -> float:
-    """Share of a power that noise does not explain."""
-    return 1.0 - noise / power if power > noise else 0.0
-
-
-def denoised(value: float, pairs: list[tuple[float, float]], variance: float) -> float:
-    """A value shrunk by the noise of a ``variance``. ``pairs``: values on opposite sides, relative to it."""
-    if variance == 0.0:
-        return value
-    count, total, squares = len(pairs), 0.0, 0.0
-    for one, other in pairs:
-        mean = 0.5 * (one + other)
-        total += mean
-        squares += mean * mean
-    beyond = 2.0 * total / (2 * count + 1)
-    mean = value + beyond
-    scatter = 2.0 * (squares - total * total / count) / (count - 1) if count > 1 else 0.0
-    together = signal_share(mean * mean, variance / (2 * count + 1))
-    return together * mean - signal_share(scatter, SCATTER_MARGIN * variance) * beyond
-
-
-def motion_in_noise(grid: Any, row: int, column: int, clock: Any, phase: Phase) -> tuple[float, float]:
-    """Velocity [m/s] and acceleration [m/s^2] of a sample of a noisy height map."""
-    ring = [(clock.newest - back) % KEPT for back in range(KEPT)]
-
-    def read(r: int, c: int) -> list[float]:
-        values = (float(grid.velocities[slot, r, c]) for slot in ring)
-        return [value if abs(value) <= grid.max_velocity else math.nan for value in values]
-
-    def together(r: int, c: int) -> bool:
-        if not (0 <= r < grid.heights.shape[0] and 0 <= c < grid.heights.shape[1]):
-            return False
-        other = grid.clocks[r >> BLOCK_SHIFT, c >> BLOCK_SHIFT]
-        return bool((other.time, other.middle, other.newest) == (clock.time, clock.middle, clock.newest))
-
-    v0, v1, v2 = read(row, column)
-    if math.isnan(v0):
-        return 0.0, 0.0
-    change, change_1 = (v0 - v1) * phase.inverse, (v1 - v2) * phase.inverse_1
-    bends = phase.inverse != 0.0 and not math.isnan(change + change_1)
-    speeds, changes, changes_1 = [], [], []
-    for a in range(HALF_WINDOW + 1):
-        for b in range(-HALF_WINDOW if a > 0 else 1, HALF_WINDOW + 1):
-            if not (together(row + a, column + b) and together(row - a, column - b)):
-                continue
-            p0, p1, p2 = read(row + a, column + b)
-            q0, q1, q2 = read(row - a, column - b)
-            if math.isnan(p0 + q0):
-                continue
-            speeds.append((p0 - v0, q0 - v0))
-            if bends and not math.isnan(p1 + p2 + q1 + q2):
-                changes.append(((p0 - p1) * phase.inverse - change, (q0 - q1) * phase.inverse - change))
-                changes_1.append(((p1 - p2) * phase.inverse_1 - change_1, (q1 - q2) * phase.inverse_1 - change_1))
-    of_velocity, of_change, of_change_1 = noise_variances(clock, grid.noise)
-    velocity = denoised(v0, speeds, of_velocity)
-    if not bends:
-        return velocity, 0.0
-    return velocity, agreed(denoised(change, changes, of_change), denoised(change_1, changes_1, of_change_1))
-
-
 def sample_at(grid: Any, row: int, column: int, time: float, ahead: float) -> tuple[float, float]:
     """Height [m] of a sample of a height map at ``time`` [s] and its rise [m] within the time ``ahead`` [s]."""
     height = grid.z + float(grid.heights[row, column])
@@ -242,11 +159,8 @@ def sample_at(grid: Any, row: int, column: int, time: float, ahead: float) -> tu
     phase, blend = block_phase(clock, time, grid.mode), Blend()
     if grid.mode == Mode.INTERPOLATE or (grid.mode == Mode.EXTRAPOLATE and grid.smoothing > 0.0):
         blend = blend_of(clock, time, ahead)
-    if grid.noise > 0.0:
-        motion = motion_in_noise(grid, row, column, clock, phase)
-    else:
-        ring = [float(grid.velocities[(clock.newest - back) % KEPT, row, column]) for back in range(KEPT)]
-        motion = motion_of(ring[0], ring[1], ring[2], phase, grid.max_velocity)
+    ring = [float(grid.velocities[(clock.newest - back) % KEPT, row, column]) for back in range(KEPT)]
+    motion = motion_of(ring[0], ring[1], ring[2], phase, grid.max_velocity)
     deviation = blend.offset * offset + blend.rate * rate
     rise = rise_of(*motion, phase, ahead) + (blend.offset_change * offset + blend.rate_change * rate)
     return height + displacement(*motion, phase) + deviation, rise

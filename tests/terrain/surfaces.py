@@ -1,11 +1,12 @@
-"""The surface of a main mesh as triangles, and points and rays on it by brute force: written without the package's
-sampling of facets."""
+"""Ground as triangles; points, rays and distances by brute force, written without the package's sampling of facets."""
 
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from smartmesh_ros import HeightMap
+from smartmesh_ros import HeightMap, MotionConfig
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 
 
 class Found(NamedTuple):
@@ -15,12 +16,49 @@ class Found(NamedTuple):
     normals: np.ndarray
 
 
-def triangles_of(heightmap: HeightMap, time: float) -> np.ndarray:
+def told(maps: Sequence[np.ndarray], times: Iterable[float], motion: MotionConfig | None = None) -> HeightMap:
+    """A map that was told these heights [m] at these times [s]; its samples are 1 m apart."""
+    (first, start), *later = zip(maps, times, strict=True)
+    heightmap = HeightMap(first, resolution=1.0, time=float(start), motion=motion)
+    for heights, time in later:
+        heightmap.replace(heights, time=float(time))
+    return heightmap
+
+
+def rough_map(seed: int, holes: int = 0, yaw: float = 0.0, motion: MotionConfig | None = None) -> HeightMap:
+    """Hills with holes, which move: 40 x 70 samples 0.5 m apart, more than one block, after four maps at 50 Hz."""
+    rng = np.random.default_rng(seed)
+    heights = np.cumsum(rng.normal(scale=0.15, size=(40, 70)), axis=1)
+    heights.ravel()[rng.integers(0, heights.size, holes)] = np.nan
+    heightmap = HeightMap(heights, resolution=0.5, origin=(-4.0, 3.0, 1.0), yaw=yaw, motion=motion)
+    for number in range(1, 4):
+        heightmap.replace(heights + 0.1 * number * rng.normal(size=heights.shape), time=0.02 * number)
+    return heightmap
+
+
+def folded_mesh(seed: int) -> TriangleMesh:
+    """Two uneven sheets, one above the other, and an upright wall. It moves by 1 m/s along each axis from 0.1 s on."""
+    rng = np.random.default_rng(seed)
+    r, c = np.mgrid[:12, :9]
+    sheet = np.stack([c, r, np.zeros_like(r)], axis=-1).reshape(-1, 3) + rng.uniform(-0.4, 0.4, (108, 3))
+    wall = [[2, 3, -2], [2, 9, -2], [2, 9, 5], [2, 3, 5]]
+    triangles = grid_triangles(12, 9)
+    mesh = TriangleMesh(
+        np.concatenate([sheet, sheet * (0.5, 0.5, 1.0) + (1.0, 2.0, 3.0), wall]),
+        np.concatenate([triangles, triangles + 108, [[216, 217, 218], [216, 218, 219]]]),
+    )
+    mesh.move(mesh.vertices + 0.1, time=0.1)
+    return mesh
+
+
+def triangles_of(ground: HeightMap | TriangleMesh, time: float) -> np.ndarray:
     """Corners (T, 3, 3) of all facets without holes."""
-    geometry = heightmap.geometry
+    if isinstance(ground, TriangleMesh):
+        return np.asarray(ground.sample(np.arange(ground.size), time).positions[ground.triangles])
+    geometry = ground.geometry
     r, c = np.mgrid[: geometry.rows, : geometry.columns]
-    z = heightmap.sample((r * geometry.columns + c).reshape(-1), time).heights.reshape(r.shape)
-    vertices = np.concatenate([heightmap.placed_at(time).to_world(r, c), z[..., None]], axis=-1)
+    z = ground.sample((r * geometry.columns + c).reshape(-1), time).heights.reshape(r.shape)
+    vertices = np.concatenate([ground.placed_at(time).to_world(r, c), z[..., None]], axis=-1)
     near, right, above, far = vertices[:-1, :-1], vertices[:-1, 1:], vertices[1:, :-1], vertices[1:, 1:]
     both = [np.stack([near, right, far], axis=-2), np.stack([near, far, above], axis=-2)]
     facets = np.concatenate([part.reshape(-1, 3, 3) for part in both])
@@ -47,7 +85,7 @@ def highest(facets: np.ndarray, points: np.ndarray, slack: float = 1e-9) -> Foun
         area = u + v + w
         with np.errstate(divide="ignore", invalid="ignore"):
             weights = np.stack([u, v, w], axis=1) / area[:, None]
-        z = (weights * facets[near, :, 2]).sum(axis=1)
+            z = (weights * facets[near, :, 2]).sum(axis=1)
         inside = (weights >= -slack).all(axis=1) & (z <= top)
         if inside.any():
             best = np.flatnonzero(inside)[z[inside].argmax()]
@@ -71,3 +109,20 @@ def first_hit(facets: np.ndarray, origins: np.ndarray, directions: np.ndarray, r
             best = hit[s[hit].argmin()]
             values[i], normals[i] = s[best], own[best]
     return Found(values, normals)
+
+
+def distances(facets: np.ndarray, points: np.ndarray, reach: float) -> np.ndarray:
+    """The distances (N,) of points (N, 3) from the nearest facet [m], right where they are below ``reach`` [m]."""
+    low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
+    near = facets[((facets.min(axis=1) <= high) & (facets.max(axis=1) >= low)).all(axis=1)]
+    a, b, c = (near[:, k] - points[:, None] for k in range(3))
+    normals = normals_of(near)
+    inside = np.ones(a.shape[:2], bool)
+    best = np.full(a.shape[:2], np.inf)
+    for p, q in ((a, b), (b, c), (c, a)):
+        side = q - p
+        inside &= np.einsum("ptj,tj->pt", np.cross(p, q), normals) >= 0.0
+        share = np.clip(-np.einsum("ptj,ptj->pt", p, side) / np.einsum("ptj,ptj->pt", side, side), 0.0, 1.0)
+        best = np.minimum(best, np.linalg.norm(p + share[..., None] * side, axis=2))
+    planes = np.abs(np.einsum("ptj,tj->pt", a, normals))
+    return np.asarray(np.where(inside, planes, best).min(axis=1, initial=np.inf))

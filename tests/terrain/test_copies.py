@@ -22,7 +22,7 @@ COPIES: dict[str, Callable[[Any], Any]] = {
 }  # fmt: skip
 MOTIONS = [
     MotionConfig(), MotionConfig(mode="interpolate"), MotionConfig(noise=0.01), MotionConfig(changes="correction"),
-    MotionConfig(changes="correction", noise=0.01),
+    MotionConfig(changes="correction", noise=0.01), MotionConfig(smoothing=1.0),
 ]  # fmt: skip
 CHANGES = ["whole", "region", "press", "show", "friction", "material", "soil", "slide", "scroll"]
 
@@ -35,8 +35,11 @@ def heights_of(seed: int) -> np.ndarray:
 
 def change(ground: Terrain, what: str, time: float) -> None:
     tile, seed = ground.tile(""), round(1e3 * time)
-    assert isinstance(tile, HeightMap)
-    if what == "whole":
+    if isinstance(tile, TriangleMesh):
+        moved = np.arange(tile.size if what == "whole" else 30)
+        tile.move(tile.vertices[moved] + (0.002, 0.0, 1e-3 * (seed % 7)), time=time, indices=moved)
+        tile.core_reader.shown = time  # as steps do
+    elif what == "whole":
         tile.replace(heights_of(seed), time=time)
     elif what == "region":
         tile.update_region(2, 3, heights_of(seed)[:4, :5], time=time)
@@ -59,21 +62,32 @@ def change(ground: Terrain, what: str, time: float) -> None:
 
 def seen(ground: Terrain, time: float) -> list[np.ndarray]:
     points = np.stack(np.meshgrid(np.linspace(-0.2, 2.0, 25), np.linspace(-0.1, 0.9, 12)), axis=-1).reshape(-1, 2)
-    layers = ground.tile("").material.layers
-    return [*ground_samples(ground, checked_points(points), time), *(np.array(layers.get(name, 0.0)) for name in NAMES)]
+    tile, samples = ground.tile(""), [*ground_samples(ground, checked_points(points), time)]
+    if isinstance(tile, HeightMap):
+        samples += [np.array(tile.material.layers.get(name, 0.0)) for name in NAMES]
+    return samples
+
+
+def ground_of(kind: str, motion: MotionConfig) -> HeightMap | TriangleMesh:
+    if kind == "map":
+        return HeightMap(heights_of(0), resolution=0.1, motion=motion)
+    r, c = np.mgrid[:ROWS, :COLUMNS]
+    vertices = np.stack([0.1 * c, 0.1 * r, np.nan_to_num(heights_of(0))], axis=-1).reshape(-1, 3)
+    return TriangleMesh(vertices, grid_triangles(ROWS, COLUMNS), motion=motion)
 
 
 @pytest.mark.parametrize("how", COPIES)
 @examples(30)
 @given(
+    kind=st.sampled_from(["map", "map", "mesh"]),
     motion=st.sampled_from(MOTIONS),
     before=st.lists(st.sampled_from(CHANGES), max_size=6),
     after=st.lists(st.sampled_from(["whole", "region", "press", "show"]), max_size=3),
 )
 def test_a_copied_terrain_is_the_same_and_goes_on_as_its_original(
-    how: str, motion: MotionConfig, before: list[str], after: list[str]
+    how: str, kind: str, motion: MotionConfig, before: list[str], after: list[str]
 ) -> None:
-    ground = Terrain(HeightMap(heights_of(0), resolution=0.1, motion=motion))
+    ground = Terrain(ground_of(kind, motion))
     for step, what in enumerate(before, 1):
         change(ground, what, 0.05 * step)
     other = Terrain(COPIES[how](ground.tile(""))) if how == "copy" else COPIES[how](ground)
@@ -91,26 +105,6 @@ def test_a_copied_terrain_is_the_same_and_goes_on_as_its_original(
             change(each, what, now + 0.05 * step)
     for own, found in zip(seen(ground, now + 0.2), seen(other, now + 0.2), strict=True):
         np.testing.assert_array_equal(own, found)
-
-
-@pytest.mark.parametrize("how", COPIES)
-@pytest.mark.parametrize("motion", [MotionConfig(), MotionConfig(smoothing=1.0)], ids=["jumps", "smooth"])
-def test_a_copied_mesh_is_the_same_and_goes_on_as_its_original(how: str, motion: MotionConfig) -> None:
-    vertices = np.random.default_rng(1).normal(0.0, 0.05, (ROWS * COLUMNS, 3))
-    vertices[:, :2] += np.stack(np.mgrid[:ROWS, :COLUMNS][::-1], axis=-1).reshape(-1, 2)
-    mesh = TriangleMesh(vertices, grid_triangles(ROWS, COLUMNS), motion=motion)
-    points = np.random.default_rng(2).uniform(0.0, 8.0, (50, 2))
-    for time in (0.1, 0.2):
-        mesh.move(vertices + (0.02, 0.0, time), time=time)
-    mesh.core_reader.shown = 0.24  # as steps do
-    other = COPIES[how](mesh)
-    for ground in (mesh, other):
-        ground.move(vertices, time=0.3)
-    for time in (0.3, 0.34):
-        for own, found in zip(mesh.at(points, time), other.at(points, time), strict=True):
-            np.testing.assert_array_equal(own, found)
-    other.move(vertices + 1.0, time=0.4)
-    assert np.nanmax(mesh.at(points, 0.4).heights) < 0.5
 
 
 def test_a_map_that_never_moved_takes_its_bytes_once_in_a_pickle() -> None:

@@ -13,26 +13,27 @@ from rasterio.control import GroundControlPoint
 from rasterio.enums import ColorInterp
 from rasterio.transform import Affine
 
-from smartmesh_ros import HeightMap, InputError
+from smartmesh_ros import InputError
 from smartmesh_ros.io.files import load
-from smartmesh_ros.io.rasters import Raster, RasterConfig
+from smartmesh_ros.io.rasters import RasterConfig
+from tests.terrain.test_rasters import height_at
 
 HEIGHTS = np.arange(12, dtype=np.float32).reshape(3, 4)  # first row at the top
 
 
-def at(raster: Raster, x: float, y: float) -> float:
-    return float(HeightMap(raster.heights, geometry=raster.geometry).at([[x, y]], 0.0).heights[0])
-
-
-def test_arrays_and_pictures_are_placed_by_the_configuration(tmp_path: Path) -> None:
+def test_arrays_pictures_and_tiffs_without_a_place_are_placed_by_the_configuration(
+    tmp_path: Path, recwarn: pytest.WarningsRecorder
+) -> None:
     np.save(tmp_path / "a.npy", HEIGHTS)
     Image.fromarray(HEIGHTS.astype(np.uint8)).save(tmp_path / "b.png")
     Image.fromarray((HEIGHTS * 1000).astype(np.uint16)).save(tmp_path / "c.png")
-    for name, scale in (("a.npy", 1.0), ("b.png", 1.0), ("c.png", 0.001)):
+    write_tiff(tmp_path / "d.tif", None, None, nodata=None)
+    for name, scale in (("a.npy", 1.0), ("b.png", 1.0), ("c.png", 0.001), ("d.tif", 1.0)):
         raster = load(tmp_path / name, RasterConfig(scale=scale, resolution=2.0, origin=(10.0, 20.0, 0.0)))
-        assert at(raster, 10.0, 24.0) == pytest.approx(0.0)
-        assert at(raster, 16.0, 24.0) == pytest.approx(3.0)
-        assert at(raster, 10.0, 20.0) == pytest.approx(8.0)
+        assert height_at(raster, 10.0, 24.0) == pytest.approx(0.0)
+        assert height_at(raster, 16.0, 24.0) == pytest.approx(3.0)
+        assert height_at(raster, 10.0, 20.0) == pytest.approx(8.0)
+    assert not recwarn.list
 
 
 def test_an_esri_ascii_grid_brings_its_place_and_its_holes(tmp_path: Path) -> None:
@@ -42,10 +43,10 @@ def test_an_esri_ascii_grid_brings_its_place_and_its_holes(tmp_path: Path) -> No
         "0 1 2 3\n4 5 6 7\n8 9 -9999 11\n"
     )
     raster = load(file)
-    assert at(raster, 102.5, 212.5) == 0.0  # the middle of the first cell
-    assert at(raster, 117.5, 212.5) == 3.0
-    assert at(raster, 102.5, 202.5) == 8.0
-    assert np.isnan(at(raster, 112.5, 202.5))
+    assert height_at(raster, 102.5, 212.5) == 0.0  # the middle of the first cell
+    assert height_at(raster, 117.5, 212.5) == 3.0
+    assert height_at(raster, 102.5, 202.5) == 8.0
+    assert np.isnan(height_at(raster, 112.5, 202.5))
 
 
 def write_tiff(
@@ -118,31 +119,22 @@ def test_transparency_marks_holes(tmp_path: Path) -> None:
     assert np.array_equal(heights[HEIGHTS != 5], HEIGHTS[HEIGHTS != 5])
 
 
-def test_a_tiff_without_georeference_is_placed_as_an_image(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
-    config = RasterConfig(resolution=2.0, origin=(10.0, 20.0, 0.0), yaw=0.3, first_row="bottom", scale=0.5)
-    np.save(tmp_path / "dem.npy", HEIGHTS)
-    image, array = (
-        load(write_tiff(tmp_path / "dem.tif", None, None, nodata=None), config),
-        load(tmp_path / "dem.npy", config),
-    )
-    assert image.geometry == array.geometry
-    assert np.array_equal(image.heights, array.heights)
-    assert not recwarn.list
-
-
 @pytest.mark.parametrize(("error", "is_taken"), [(13e-6, True), (1e-4, True), (1e-3, False)])
-def test_cells_may_be_as_oblong_as_their_samples_stay_in_place(tmp_path: Path, error: float, is_taken: bool) -> None:
-    heights = np.zeros((718, 300), np.float32)
+def test_cells_may_be_turned_and_as_oblong_as_their_samples_stay_in_place(
+    tmp_path: Path, error: float, is_taken: bool
+) -> None:
+    heights = np.arange(718.0 * 300.0).reshape(718, 300)
     place = Affine.translation(1e5, 2e6) @ Affine.rotation(20.0) @ Affine.scale(300.0, -300.0 * (1.0 + error))
     file = write_tiff(tmp_path / "dem.tif", place, heights=heights)
     if not is_taken:
         with pytest.raises(InputError, match="not square"):
             load(file)
         return
-    geometry = load(file).geometry
+    raster = load(file)
     for row, column in ((0, 0), (0, 299), (717, 0), (717, 299), (300, 100)):
-        off = geometry.to_world(717 - row, column) - np.array(place @ (column + 0.5, row + 0.5))
+        off = raster.geometry.to_world(717 - row, column) - np.array(place @ (column + 0.5, row + 0.5))
         assert np.hypot(*off) <= 0.1 * 300.0
+        assert raster.heights[717 - row, column] == heights[row, column]
 
 
 @pytest.mark.parametrize(
@@ -183,71 +175,61 @@ def test_small_maps_in_metres_without_a_coordinate_system_are_taken(tmp_path: Pa
         assert raster.geometry.resolution == pytest.approx(cell, rel=1e-9)
 
 
-def test_a_geotiff_may_be_turned(tmp_path: Path) -> None:
-    place = Affine.translation(1000.0, 2000.0) @ Affine.rotation(30.0) @ Affine.scale(2.0, -2.0)
-    raster = load(write_tiff(tmp_path / "dem.tif", place))
-    assert raster.geometry.yaw == pytest.approx(np.pi / 6)
-    for row in range(3):
-        for column in range(4):
-            x, y = place @ (column + 0.5, row + 0.5)
-            wanted = HEIGHTS[row, column] if HEIGHTS[row, column] != 7.0 else np.nan
-            cell = np.rint(raster.geometry.to_grid(np.array([x, y])))
-            assert np.abs(raster.geometry.to_grid(np.array([x, y])) - cell).max() < 1e-6
-            assert raster.heights[*cell.astype(int)] == pytest.approx(wanted, nan_ok=True)
+SQUARE = Affine.scale(2.0, -2.0)
+CORNERS = [GroundControlPoint(row, column, 2.0 * column, -2.0 * row) for row in (0, 3) for column in (0, 4)]
 
 
-def test_what_cannot_be_terrain_is_refused_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    square = Affine.scale(2.0, -2.0)
-    np.save(tmp_path / "cube.npy", np.zeros((3, 3, 3)))
-    np.save(tmp_path / "words.npy", np.array([["a", "b"], ["c", "d"]]))
-    np.save(tmp_path / "objects.npy", np.array([[{}, {}], [{}, {}]], object), allow_pickle=True)
-    np.save(tmp_path / "large.npy", np.zeros((200, 200)))
-    Image.new("RGB", (4, 4)).save(tmp_path / "colour.png")
-    (tmp_path / "broken.png").write_bytes(b"\x89PNG\r\n\x1a\nnothing")
-    (tmp_path / "broken.npy").write_bytes(b"nothing")
-    (tmp_path / "broken.tif").write_bytes(b"nothing")
-    write_tiff(tmp_path / "degrees.tif", square, "EPSG:4326")
-    write_tiff(tmp_path / "oblong.tif", Affine.scale(2.0, -3.0))
-    write_tiff(tmp_path / "upside_down.tif", Affine.scale(2.0, 2.0))
-    write_tiff(tmp_path / "sheared.tif", Affine.shear(10.0) @ square)
-    write_tiff(tmp_path / "earth_centred.tif", square, "EPSG:4978")
-    write_tiff(tmp_path / "depths.tif", square, "EPSG:32633+5715", GEOTIFF_VERSION="1.1")
-    write_tiff(tmp_path / "parsecs.tif", square, units=("parsec",))
-    write_tiff(tmp_path / "photo.tif", square, count=3, dtype="uint8")
-    write_tiff(tmp_path / "two.tif", square, count=2)
-    write_tiff(tmp_path / "complex.tif", square, dtype="complex64", nodata=None)
-    write_tiff(tmp_path / "no_place.tif", None)
-    corners = [GroundControlPoint(row, column, 2.0 * column, -2.0 * row) for row in (0, 3) for column in (0, 4)]
-    write_tiff(tmp_path / "points.tif", None, gcps=corners)
-    with rasterio.open(write_tiff(tmp_path / "palette.tif", square, dtype="uint8"), "r+") as target:
+def palette(path: Path) -> None:
+    with rasterio.open(write_tiff(path, SQUARE, dtype="uint8"), "r+") as target:
         target.write_colormap(1, {0: (0, 0, 0, 255), 1: (255, 0, 0, 255)})
-    for name, words in (
-        ("absent.npy", "there is no file"),
-        ("map.stl", "unknown file type"),
-        ("cube.npy", "shape"),
-        ("words.npy", "real numbers"),
-        ("objects.npy", "cannot be read"),
-        ("large.npy", "200 x 200"),
-        ("colour.png", "RGB"),
-        ("broken.png", "cannot be read"),
-        ("broken.npy", "cannot be read"),
-        ("broken.tif", "cannot be read"),
-        ("degrees.tif", "reproject"),
-        ("oblong.tif", "not square"),
-        ("upside_down.tif", "top to bottom"),
-        ("sheared.tif", "not square"),
-        ("earth_centred.tif", "no horizontal axes"),
-        ("depths.tif", "grow downwards"),
-        ("parsecs.tif", "'parsec'"),
-        ("photo.tif", r"3 bands \(red, green, blue\)"),
-        ("two.tif", "2 bands"),
-        ("complex.tif", "real numbers"),
-        ("no_place.tif", "gdalwarp"),
-        ("points.tif", "gdalwarp"),
-        ("palette.tif", "numbers of colours"),
-    ):
-        with pytest.raises(InputError, match=words):
-            load(tmp_path / name, max_samples=10_000)
+
+
+def tiff(transform: Affine | None = SQUARE, *crs: str, **options: Any) -> Any:
+    return lambda path: write_tiff(path, transform, *crs, **options)
+
+
+def array(values: Any) -> Any:
+    return lambda path: np.save(path, values, allow_pickle=True)
+
+
+# Files that cannot be terrain by name: what writes them, and words of the refusal.
+WRONG: dict[str, tuple[Any, str]] = {
+    "absent.npy": (lambda path: None, "there is no file"),
+    "map.stl": (lambda path: None, "unknown file type"),
+    "cube.npy": (array(np.zeros((3, 3, 3))), "shape"),
+    "words.npy": (array([["a", "b"], ["c", "d"]]), "real numbers"),
+    "objects.npy": (array(np.array([[{}, {}], [{}, {}]], object)), "cannot be read"),
+    "large.npy": (array(np.zeros((200, 200))), "200 x 200"),
+    "colour.png": (Image.new("RGB", (4, 4)).save, "RGB"),
+    "broken.png": (lambda path: path.write_bytes(b"\x89PNG\r\n\x1a\nnothing"), "cannot be read"),
+    "broken.npy": (lambda path: path.write_bytes(b"nothing"), "cannot be read"),
+    "broken.tif": (lambda path: path.write_bytes(b"nothing"), "cannot be read"),
+    "degrees.tif": (tiff(SQUARE, "EPSG:4326"), "reproject"),
+    "oblong.tif": (tiff(Affine.scale(2.0, -3.0)), "not square"),
+    "upside_down.tif": (tiff(Affine.scale(2.0, 2.0)), "top to bottom"),
+    "sheared.tif": (tiff(Affine.shear(10.0) @ SQUARE), "not square"),
+    "earth_centred.tif": (tiff(SQUARE, "EPSG:4978"), "no horizontal axes"),
+    "depths.tif": (tiff(SQUARE, "EPSG:32633+5715", GEOTIFF_VERSION="1.1"), "grow downwards"),
+    "parsecs.tif": (tiff(units=("parsec",)), "'parsec'"),
+    "photo.tif": (tiff(count=3, dtype="uint8"), r"3 bands \(red, green, blue\)"),
+    "two.tif": (tiff(count=2), "2 bands"),
+    "complex.tif": (tiff(dtype="complex64", nodata=None), "real numbers"),
+    "no_place.tif": (tiff(None), "gdalwarp"),
+    "points.tif": (tiff(None, gcps=CORNERS), "gdalwarp"),
+    "palette.tif": (palette, "numbers of colours"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_cannot_be_terrain_is_refused_by_name(tmp_path: Path, name: str) -> None:
+    write, words = WRONG[name]
+    write(tmp_path / name)
+    with pytest.raises(InputError, match=words):
+        load(tmp_path / name, max_samples=10_000)
+
+
+def test_without_rasterio_it_is_said_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = write_tiff(tmp_path / "dem.tif", SQUARE)
     monkeypatch.setitem(sys.modules, "rasterio", None)
     with pytest.raises(InputError, match="pip install rasterio"):
-        load(tmp_path / "degrees.tif")
+        load(file)

@@ -1,39 +1,28 @@
-"""Velocities of noisy ground count as far as they stand out of the noise."""
+"""The motion of ground whose maps are noisy, or come at uneven times.
 
-import math
+Velocities of noisy ground count as far as they stand out of the noise.
+"""
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from smartmesh_ros import HeightMap, InputError
+from smartmesh_ros import HeightMap
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.motion import MotionConfig
-
-
-@pytest.mark.parametrize(
-    "bad",
-    [
-        {"mode": "guess"}, {"max_interval": 0.0}, {"max_velocity": math.nan}, {"changes": "guess"}, {"settle": 0.0},
-        {"noise": math.nan}, {"min_interval": 1.0}, {"min_interval": -1.0}, {"smoothing": -1.0},
-        {"smoothing": math.nan}, {"smoothing": 11.0},
-    ],
-)  # fmt: skip
-def test_impossible_settings_are_refused(bad: dict[str, object]) -> None:
-    with pytest.raises(InputError):
-        MotionConfig(**bad)  # type: ignore[arg-type]
-
+from smartmesh_ros.terrain.motion import INTERVALS_KEPT, MotionConfig
+from tests.examples import examples
+from tests.terrain.motion_law import LATE_AFTER
+from tests.terrain.surfaces import told
 
 SIDE = 70  # more than a block
-NOISY_INTERVAL = 0.05
+INTERVAL = 0.05
 AHEAD = 0.01
 
 
-def told(maps: list[FloatArray], noise: float, interval: float = NOISY_INTERVAL) -> HeightMap:
-    heightmap = HeightMap(maps[0], resolution=1.0, time=0.0, motion=MotionConfig(noise=noise))
-    for number, heights in enumerate(maps[1:], start=1):
-        heightmap.replace(heights, time=number * interval)
-    return heightmap
+def in_noise(maps: list[NDArray[np.float64]], noise: float, interval: float = INTERVAL) -> HeightMap:
+    return told(maps, interval * np.arange(len(maps)), MotionConfig(noise=noise))
 
 
 def sampled(heightmap: HeightMap, age: float = 0.0) -> tuple[FloatArray, FloatArray]:
@@ -49,7 +38,7 @@ def test_ground_that_stands_still_hardly_moves(rate: float, noise: float) -> Non
     rng = np.random.default_rng(2)
     shape = np.add.outer(2.0 * np.arange(SIDE), np.arange(SIDE))
     maps = [shape + rng.normal(0.0, noise, shape.shape) for _ in range(4)]
-    speeds = [np.sqrt(np.square(sampled(told(maps, said, 1.0 / rate))[1]).mean()) for said in (noise, 0.0)]
+    speeds = [np.sqrt(np.square(sampled(in_noise(maps, said, 1.0 / rate))[1]).mean()) for said in (noise, 0.0)]
     assert speeds[1] > noise * rate
     assert speeds[0] < speeds[1] / 7.0
 
@@ -64,30 +53,96 @@ def waves(time: float, frequency: float) -> NDArray[np.float64]:
 def test_waves_keep_their_velocity(frequency: float, noise: float) -> None:
     """Half of the noise of their velocity is gone, or more, for a small share of what they have."""
     rng = np.random.default_rng(3)
-    exact = [waves(number * NOISY_INTERVAL, frequency) for number in range(4)]
+    exact = [waves(number * INTERVAL, frequency) for number in range(4)]
     noisy = [heights + rng.normal(0.0, noise, heights.shape) for heights in exact]
-    truth = sampled(told(exact, 0.0))[1]
-    error = {said: sampled(told(noisy, said))[1] - truth for said in (noise, 0.0)}
+    truth = sampled(in_noise(exact, 0.0))[1]
+    error = {said: sampled(in_noise(noisy, said))[1] - truth for said in (noise, 0.0)}
     assert np.sqrt(np.square(error[noise]).mean()) < 0.5 * np.sqrt(np.square(error[0.0]).mean())
-    bias = sampled(told(exact, noise))[1] - truth
+    bias = sampled(in_noise(exact, noise))[1] - truth
     assert np.sqrt(np.square(bias).mean()) < 0.1 * np.sqrt(np.square(truth).mean())
+
+
+def test_a_noisy_velocity_is_the_mean_around_it_and_its_own_as_far_as_both_stand_out_of_the_noise() -> None:
+    """See core/map/noisy_motion.h."""
+    rng, noise = np.random.default_rng(6), 0.01
+    first, last = (waves(time, 4.0) + rng.normal(0.0, noise, (SIDE, SIDE)) for time in (0.0, INTERVAL))
+    found = sampled(in_noise([first, last], noise))[1][2:-2, 2:-2]
+    own = (last - first)[2:-2, 2:-2] / INTERVAL
+    opposite = [(r, c) for r in range(3) for c in range(-2 if r else 1, 3)]
+    around = [[np.roll((last - first) / INTERVAL, (s * r, s * c), (0, 1)) for s in (1, -1)] for r, c in opposite]
+    means = np.mean(around, axis=1)[:, 2:-2, 2:-2] - own
+    beyond, variance = 2.0 * means.sum(axis=0) / 25.0, 2.0 * (noise / INTERVAL) ** 2
+
+    def standing_out(power: FloatArray, of_noise: float) -> FloatArray:
+        return np.maximum(1.0 - of_noise / power, 0.0)
+
+    mean = own + beyond
+    expected = standing_out(mean**2, variance / 25.0) * mean
+    expected -= standing_out(2.0 * means.var(axis=0, ddof=1), 2.0 * variance) * beyond
+    np.testing.assert_allclose(found, expected, atol=1e-4)
 
 
 def test_exact_velocities_beside_noisy_heights_are_taken_as_they_are() -> None:
     rng = np.random.default_rng(4)
     heightmap = HeightMap(np.zeros((9, 9)), resolution=1.0, motion=MotionConfig(noise=0.01))
     speeds = rng.normal(0.0, 0.1, (9, 9))
-    heightmap.replace(rng.normal(0.0, 0.01, (9, 9)), time=NOISY_INTERVAL, velocities=speeds)
+    heightmap.replace(rng.normal(0.0, 0.01, (9, 9)), time=INTERVAL, velocities=speeds)
     np.testing.assert_allclose(sampled(heightmap)[1], speeds, atol=1e-6)
 
 
 def test_variances_that_come_with_a_map_are_its_noise() -> None:
     rng = np.random.default_rng(5)
     maps = [rng.normal(0.0, 0.01, (20, 20)) for _ in range(4)]
-    told_once = told(maps, 0.01)
+    once = in_noise(maps, 0.01)
     with_each = HeightMap(maps[0], resolution=1.0, variance=1e-4)
     for number, heights in enumerate(maps[1:], start=1):
         variance = np.full(heights.shape, 1e-4)
         variance[0, 0] = np.nan
-        with_each.replace(heights, time=number * NOISY_INTERVAL, variance=variance)
-    np.testing.assert_allclose(sampled(with_each, 0.02)[0], sampled(told_once, 0.02)[0], atol=1e-7)
+        with_each.replace(heights, time=number * INTERVAL, variance=variance)
+    np.testing.assert_allclose(sampled(with_each, 0.02)[0], sampled(once, 0.02)[0], atol=1e-7)
+
+
+SAMPLES = np.arange(25)
+
+
+def rising(times: NDArray[np.float64], speed: float = 1.0, noise: float = 0.0) -> HeightMap:
+    """A map told at so many times of ground that rises evenly."""
+    rng, times = np.random.default_rng(6), np.array([0.0, *times])
+    return told([np.full((5, 5), speed * time) + rng.normal(0.0, noise, (5, 5)) for time in times], times)
+
+
+def bursts(spacing: float) -> FloatArray:
+    """Five maps one right after the other every five intervals."""
+    starts = 5.0 * INTERVAL * np.arange(1, 7)
+    return (starts[:, None] + spacing * np.arange(5)).ravel()
+
+
+@pytest.mark.parametrize("spacing", [0.001, 0.003, 0.006, 0.01])
+def test_a_burst_makes_no_velocity_of_noise(spacing: float) -> None:
+    """What noise makes of maps that lie close together is divided by the time to the maps before them."""
+    heightmap = rising(bursts(spacing), speed=0.0, noise=0.01)
+    speeds = heightmap.sample(SAMPLES, heightmap.time).velocities
+    assert np.abs(speeds).max() < 4.0 * 0.01 * np.sqrt(2.0) / (4.0 * INTERVAL)
+
+
+@examples(40)
+@given(st.lists(st.floats(0.0, 2.0), min_size=1, max_size=20), st.floats(-2.0, 2.0))
+def test_ground_that_rises_evenly_does_so_whatever_the_stamps(shares: list[float], speed: float) -> None:
+    """Maps up to two intervals apart, or so close together that they are one that came in parts."""
+    heightmap = rising(np.cumsum([INTERVAL, *(INTERVAL * share for share in shares)]), speed)
+    found = heightmap.sample(SAMPLES, heightmap.time)
+    np.testing.assert_allclose(found.velocities, speed, atol=1e-4 + 0.09 * abs(speed))
+
+
+def test_maps_are_missed_after_the_longest_gap_of_late() -> None:
+    """Every third map is dropped: the ground goes on for as long as that takes. Maps that come faster again are missed
+    sooner."""
+    times = INTERVAL * np.array([k for k in range(1, 30) if k % 3])
+    dropped = rising(times)
+    for age in np.linspace(0.0, 2.0 * INTERVAL, 9):
+        assert dropped.sample(SAMPLES, float(times[-1] + age)).heights == pytest.approx(times[-1] + age, abs=1e-5)
+    slow = 0.2 * np.arange(1, 10)
+    fast = slow[-1] + 0.02 * np.arange(1, INTERVALS_KEPT + 1)
+    heightmap = rising(np.concatenate([slow, fast]))
+    late = heightmap.time + (LATE_AFTER + 0.5) * 0.02
+    assert (heightmap.sample(SAMPLES, late).velocities < 0.0).all()  # back to where it was seen last

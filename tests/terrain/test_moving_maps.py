@@ -1,7 +1,6 @@
-"""How maps, and meshes, are moved on in time from what their updates told, also if the stamps of these are uneven."""
+"""How maps, and meshes, are moved on in time from what their updates told."""
 
 import math
-from collections.abc import Callable
 from typing import get_args
 
 import numpy as np
@@ -9,25 +8,22 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from smartmesh_ros import HeightMap
+from smartmesh_ros import HeightMap, Terrain
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.motion import BLOCK, INTERVALS_KEPT, MotionConfig, MotionMode
+from smartmesh_ros.terrain.motion import BLOCK, MotionConfig, MotionMode
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.examples import examples
-from tests.terrain.motion_law import LATE_AFTER, REST_AFTER
+from tests.terrain.motion_law import REST_AFTER
+from tests.terrain.surfaces import told
 
 SIDE = 2 * BLOCK + 10
 EVERYTHING = np.arange(SIDE * SIDE)
+# The block of each sample.
+BLOCKS = np.add.outer(1000 * (np.arange(SIDE) // BLOCK), np.arange(SIDE) // BLOCK)
 
 corners = st.integers(0, SIDE - 1)
 regions = st.tuples(corners, corners, st.integers(1, SIDE), st.integers(1, SIDE))
 parts = st.lists(st.integers(1, SIDE - 1), max_size=3, unique=True).map(sorted)
-
-
-def raise_region(heightmap: HeightMap, region: tuple[int, int, int, int], by: float, time: float) -> None:
-    row, column, height, width = region
-    part = heightmap.heights[row : row + height, column : column + width]
-    heightmap.update_region(row, column, part + by, time=time)
 
 
 def ground(time: float, w: float = 4.0) -> FloatArray:
@@ -35,12 +31,9 @@ def ground(time: float, w: float = 4.0) -> FloatArray:
     return np.asarray(0.3 * np.sin(0.8 * r + 0.6 * c + w * time))
 
 
-def fed(when: Callable[[float], FloatArray], times: FloatArray, *, mode: MotionMode = "extrapolate") -> HeightMap:
+def fed(times: FloatArray, mode: MotionMode = "extrapolate") -> HeightMap:
     """A map that has seen the ground at so many times."""
-    heightmap = HeightMap(when(times[0]), resolution=1.0, time=float(times[0]), motion=MotionConfig(mode=mode))
-    for time in times[1:]:
-        heightmap.replace(when(time), time=float(time))
-    return heightmap
+    return told([ground(time) for time in times], times, MotionConfig(mode=mode))
 
 
 @examples(25)
@@ -69,38 +62,25 @@ def test_a_map_that_comes_in_parts_moves_as_the_whole_map_does(
 
 @examples(25)
 @given(st.lists(st.tuples(regions, st.floats(0.005, 0.3), st.floats(-1.0, 1.0)), min_size=1, max_size=5))
-def test_ground_that_no_region_covers_does_not_move(
+def test_an_update_moves_only_what_it_covers_and_blocks_that_it_does_not_meet_go_on(
     updates: list[tuple[tuple[int, int, int, int], float, float]],
 ) -> None:
     heightmap, time = HeightMap(np.zeros((SIDE, SIDE)), resolution=1.0, time=0.0), 0.0
     covered = np.zeros((SIDE, SIDE), bool)
-    for region, interval, by in updates:
+    for (row, column, height, width), interval, by in updates:
         time += interval
-        raise_region(heightmap, region, by, time)
-        covered[region[0] : region[0] + region[2], region[1] : region[1] + region[3]] = True
+        part = (slice(row, row + height), slice(column, column + width))
+        before = heightmap.sample(EVERYTHING, time, 0.01)
+        heightmap.update_region(row, column, heightmap.heights[part] + by, time=time)
+        after = heightmap.sample(EVERYTHING, time, 0.01)
+        covered[part] = True
+        others = ~np.isin(BLOCKS, BLOCKS[part]).ravel()
+        np.testing.assert_array_equal(after.heights[others], before.heights[others])
+        np.testing.assert_array_equal(after.velocities[others], before.velocities[others])
     for age in (0.0, 0.02, 0.3):
         samples = heightmap.sample(EVERYTHING, time + age, 0.01)
         assert not samples.heights.reshape(SIDE, SIDE)[~covered].any()
         assert not samples.velocities.reshape(SIDE, SIDE)[~covered].any()
-
-
-@examples(25)
-@given(regions, regions, st.floats(-1.0, 1.0))
-def test_blocks_that_an_update_does_not_meet_go_on(
-    first: tuple[int, int, int, int], second: tuple[int, int, int, int], by: float
-) -> None:
-    heightmap = HeightMap(np.zeros((SIDE, SIDE)), resolution=1.0, time=0.0)
-    raise_region(heightmap, first, 0.05, 0.05)
-    before = heightmap.sample(EVERYTHING, 0.07, 0.01)
-    raise_region(heightmap, second, by, 0.06)
-    after = heightmap.sample(EVERYTHING, 0.07, 0.01)
-    r, c = np.divmod(EVERYTHING, SIDE)
-    block_r, block_c = r // BLOCK, c // BLOCK
-    last_r, last_c = min(second[0] + second[2], SIDE) - 1, min(second[1] + second[3], SIDE) - 1
-    met = (block_r >= second[0] // BLOCK) & (block_r <= last_r // BLOCK)
-    met &= (block_c >= second[1] // BLOCK) & (block_c <= last_c // BLOCK)
-    np.testing.assert_array_equal(after.heights[~met], before.heights[~met])
-    np.testing.assert_array_equal(after.velocities[~met], before.velocities[~met])
 
 
 @pytest.mark.parametrize(("rate", "gain"), [(20.0, 2.5), (60.0, 4.0)])
@@ -111,7 +91,7 @@ def test_four_maps_predict_waves_better_than_two(rate: float, gain: float) -> No
     for maps in (2, 4):
         errors = []
         for time in 1.0 + interval * np.arange(40):
-            heightmap = fed(ground, time - interval * np.arange(maps - 1, -1, -1))
+            heightmap = fed(time - interval * np.arange(maps - 1, -1, -1))
             for share in (0.25, 0.5, 0.75, 1.0):
                 then = time + share * interval
                 errors.append(heightmap.sample(np.arange(600), then).heights - ground(then).ravel())
@@ -120,24 +100,44 @@ def test_four_maps_predict_waves_better_than_two(rate: float, gain: float) -> No
     assert worst[4] <= worst[2] * 1.001
 
 
-@pytest.mark.parametrize("jolt", ["stops", "starts", "jumps", "turns"])
-def test_ground_is_never_carried_past_its_velocity(jolt: str) -> None:
+PATHS = {
+    "stops": [0.0, 0.1, 0.2, 0.3, 0.3],
+    "starts": [0.0, 0.0, 0.0, 0.0, 0.1],
+    "turns": [0.0, 0.1, 0.2, 0.3, 0.2],
+}
+
+
+@pytest.mark.parametrize("path", PATHS.values(), ids=PATHS)
+def test_ground_is_never_carried_past_its_velocity(path: list[float]) -> None:
     """At most as far in an interval as it went in the one before, and the way it went."""
-    paths = {
-        "stops": [0.0, 0.1, 0.2, 0.3, 0.3],
-        "starts": [0.0, 0.0, 0.0, 0.0, 0.1],
-        "jumps": [0.0, 0.0, 0.0, 0.0, 5.0],
-        "turns": [0.0, 0.1, 0.2, 0.3, 0.2],
-    }
-    path = paths[jolt]
     heightmap = HeightMap(np.full((5, 5), path[0]), resolution=1.0, time=0.0)
     for k, height in enumerate(path[1:], start=1):
         heightmap.replace(np.full((5, 5), height), time=0.05 * k)
-    went = path[-1] - path[-2]
-    went = 0.0 if abs(went) > 1.0 else went  # 100 m/s is no motion
     for age in np.linspace(0.0, 0.05, 11):
         height = float(heightmap.sample(np.array([12]), 0.2 + age).heights[0])
-        assert height == pytest.approx(path[-1] + went * age / 0.05, abs=1e-6)
+        assert height == pytest.approx(path[-1] + (path[-1] - path[-2]) * age / 0.05, abs=1e-6)
+
+
+JUMPS = [(0.0, 5.0, 0.1), (math.nan, 0.1, 0.1), (0.0, 0.1, 0.3)]
+
+
+@pytest.mark.parametrize("mode", get_args(MotionMode))
+@pytest.mark.parametrize(
+    ("how", "before", "height", "time"),
+    [*((how, *jump) for how in ("replaced", "put") for jump in JUMPS), ("put", 0.0, 0.1, -1.0)],
+)
+def test_fast_changes_filled_holes_and_late_maps_and_those_of_an_earlier_time_are_jumps(
+    mode: MotionMode, how: str, before: float, height: float, time: float
+) -> None:
+    motion = MotionConfig(mode=mode, max_interval=0.25, max_velocity=25.0)
+    terrain = Terrain(HeightMap(np.full((5, 5), before), resolution=1.0, motion=motion))
+    if how == "put":
+        terrain.put("", HeightMap(np.full((5, 5), height), resolution=1.0, time=time, motion=motion))
+    else:
+        terrain.tile("").replace(np.full((5, 5), height), time=time)  # type: ignore[union-attr]
+    for age in (0.0, 0.05):
+        found = terrain.at([[1.5, 2.5]], time + age)
+        assert (found.heights[0], found.velocities[0]) == (pytest.approx(height), 0.0)
 
 
 def test_given_velocities_tell_the_acceleration_at_the_instants_they_hold_for() -> None:
@@ -157,7 +157,7 @@ def test_given_velocities_tell_the_acceleration_at_the_instants_they_hold_for() 
 @pytest.mark.parametrize("mode", get_args(MotionMode))
 def test_ground_rests_at_its_last_map_when_maps_stop(mode: MotionMode) -> None:
     times = np.arange(4) * 0.05
-    heightmap = fed(ground, times, mode=mode)
+    heightmap = fed(times, mode)
     end = times[-1] + REST_AFTER * 0.05
     assert heightmap.moving(float(end - 1e-6))
     before = heightmap.sample(np.arange(600), float(times[-1] + 0.04))
@@ -170,6 +170,7 @@ def test_ground_rests_at_its_last_map_when_maps_stop(mode: MotionMode) -> None:
 
 
 SMOOTH = (MotionConfig(mode="interpolate"), MotionConfig(smoothing=2.0))
+SAMPLES = np.arange(25)
 
 
 @given(
@@ -243,90 +244,40 @@ def test_the_velocity_of_the_ground_is_the_rate_of_its_height(motion: MotionConf
 
 @examples(25)
 @given(
-    st.lists(st.tuples(st.just(0.0) | st.floats(0.01, 0.3), st.booleans()), min_size=1, max_size=5),
-    st.integers(0, 10**6),
-    st.floats(0.0, 0.5),
-    st.sampled_from([MotionConfig(), *SMOOTH]),
-)
-def test_a_mesh_of_a_grid_moves_as_the_height_map_does(
-    updates: list[tuple[float, bool]], seed: int, age: float, motion: MotionConfig
+    st.lists(st.tuples(st.just(0.0) | st.floats(0.01, 0.3), st.booleans(), st.booleans()), min_size=1, max_size=5),
+    st.integers(0, 10**6), st.floats(0.0, 0.5), st.sampled_from([MotionConfig(), *SMOOTH]),
+)  # fmt: skip
+def test_vertices_move_along_any_line_as_samples_of_a_map_do_along_z(
+    updates: list[tuple[float, bool, bool]], seed: int, age: float, motion: MotionConfig
 ) -> None:
-    rng = np.random.default_rng(seed)
+    """All, or the first row alone; with velocities or without."""
+    rng, way = np.random.default_rng(seed), np.array([0.5, -1.0, 2.0])
     r, c = np.divmod(np.arange(12), 4)
-    z = rng.normal(size=12).astype(np.float32)
-    mesh = TriangleMesh(np.stack([c, r, z], axis=1), grid_triangles(3, 4), time=0.0, motion=motion)
+    start, z = np.stack([c, r, 0 * r], axis=1), rng.normal(size=12).astype(np.float32)
+    mesh = TriangleMesh(start + z[:, None] * way, grid_triangles(3, 4), time=0.0, motion=motion)
     heightmap, time = HeightMap(z.reshape(3, 4), resolution=1.0, time=0.0, motion=motion), 0.0
-    for interval, says in updates:
+    for interval, says, part in updates:
         time += interval
-        z = (z + rng.normal(scale=0.01, size=12)).astype(np.float32)
-        speed = rng.normal(size=12).astype(np.float32) if says else None
-        given_speed = None if speed is None else speed.reshape(3, 4)
-        heightmap.replace(z.reshape(3, 4), time=time, velocities=given_speed)
-        vertex_speed = None if speed is None else np.stack([0 * speed, 0 * speed, speed], axis=1)
-        mesh.move(np.stack([c, r, z], axis=1), time=time, velocities=vertex_speed)
+        moved = np.arange(4 if part else 12)
+        z[moved] += rng.normal(scale=0.01, size=len(moved)).astype(np.float32)
+        speed = rng.normal(size=len(moved)).astype(np.float32) if says else None
+        heightmap.update_region(
+            0, 0, z[moved].reshape(-1, 4), time=time, velocities=None if speed is None else speed.reshape(-1, 4)
+        )
+        mesh.move(
+            start[moved] + z[moved, None] * way, time=time, indices=moved if part else None,
+            velocities=None if speed is None else speed[:, None] * way,
+        )  # fmt: skip
     expected, found = heightmap.sample(np.arange(12), time + age, 0.01), mesh.sample(np.arange(12), time + age, 0.01)
-    np.testing.assert_allclose(found.positions[:, 2], expected.heights, atol=1e-5)
-    np.testing.assert_allclose(found.velocities[:, 2], expected.velocities, atol=1e-3)
-    np.testing.assert_array_equal(found.positions[:, :2], np.stack([c, r], axis=1))
+    np.testing.assert_allclose(found.positions, start + expected.heights[:, None] * way, atol=2e-5)
+    np.testing.assert_allclose(found.velocities, expected.velocities[:, None] * way, atol=2e-3)
 
 
 def test_a_clock_set_back_takes_the_maps_with_it() -> None:
     times = 10.0 + np.arange(4) * 0.05
-    heightmap = fed(ground, times)
+    heightmap = fed(times)
     before = heightmap.sample(np.arange(600), 10.17, 0.01)
     heightmap.shift_time(-10.0)
     after = heightmap.sample(np.arange(600), 0.17, 0.01)
     np.testing.assert_allclose(after.heights, before.heights, atol=1e-9)
     np.testing.assert_allclose(after.velocities, before.velocities, atol=1e-6)
-
-
-INTERVAL = 0.05
-SAMPLES = np.arange(25)
-
-
-def rising(times: FloatArray, speed: float = 1.0, noise: float = 0.0) -> HeightMap:
-    """A map told at so many times of ground that rises evenly."""
-    heightmap, rng = HeightMap(np.zeros((5, 5)), resolution=1.0, time=0.0), np.random.default_rng(6)
-    for time in times.tolist():
-        heightmap.replace(np.full((5, 5), speed * time) + rng.normal(0.0, noise, (5, 5)), time=time)
-    return heightmap
-
-
-def bursts(spacing: float) -> FloatArray:
-    """Five maps one right after the other every five intervals."""
-    starts = 5.0 * INTERVAL * np.arange(1, 7)
-    return (starts[:, None] + spacing * np.arange(5)).ravel()
-
-
-@pytest.mark.parametrize("spacing", [0.001, 0.003, 0.006, 0.01])
-def test_a_burst_makes_no_velocity_of_noise(spacing: float) -> None:
-    """What noise makes of maps that lie close together is divided by the time to the maps before them."""
-    heightmap = rising(bursts(spacing), speed=0.0, noise=0.01)
-    speeds = heightmap.sample(SAMPLES, heightmap.time).velocities
-    assert np.abs(speeds).max() < 4.0 * 0.01 * np.sqrt(2.0) / (4.0 * INTERVAL)
-
-
-@examples(40)
-@given(st.lists(st.floats(0.0, 2.0), min_size=1, max_size=20), st.floats(-2.0, 2.0))
-def test_ground_that_rises_evenly_does_so_whatever_the_stamps(shares: list[float], speed: float) -> None:
-    """Maps up to two intervals apart, or so close together that they are one that came in parts."""
-    heightmap = rising(np.cumsum([INTERVAL, *(INTERVAL * share for share in shares)]), speed)
-    found = heightmap.sample(SAMPLES, heightmap.time)
-    np.testing.assert_allclose(found.velocities, speed, atol=1e-4 + 0.09 * abs(speed))
-
-
-def test_after_drops_the_ground_goes_on_for_as_long_as_they_took() -> None:
-    """Every third map is missing: the ground is no further behind in the gap than between the others."""
-    times = INTERVAL * np.array([k for k in range(1, 30) if k % 3])
-    heightmap = rising(times)
-    for age in np.linspace(0.0, 2.0 * INTERVAL, 9):
-        heights = heightmap.sample(SAMPLES, float(times[-1] + age)).heights
-        assert heights == pytest.approx(times[-1] + age, abs=1e-5)
-
-
-def test_maps_that_come_faster_again_are_missed_sooner() -> None:
-    slow = 0.2 * np.arange(1, 10)
-    fast = slow[-1] + 0.02 * np.arange(1, INTERVALS_KEPT + 1)
-    heightmap = rising(np.concatenate([slow, fast]))
-    late = heightmap.time + (LATE_AFTER + 0.5) * 0.02
-    assert (heightmap.sample(SAMPLES, late).velocities < 0.0).all()  # back to where it was seen last

@@ -35,15 +35,6 @@ def test_waves_run_inwards_at_their_speed() -> None:
         np.testing.assert_allclose(scene.heights(time), expected, atol=1e-5)
 
 
-def test_a_rut_stays_where_the_wheel_was() -> None:
-    scene = Rut(GRID, depth=0.1)
-    early = scene.heights(2.0)
-    late = scene.heights(4.0)
-    assert early.min() == pytest.approx(-0.1, abs=0.01)
-    assert np.all(late <= early)
-    assert np.count_nonzero(late < -0.05) > 1.5 * np.count_nonzero(early < -0.05)
-
-
 def test_the_elevation_model_is_real_and_northwards() -> None:
     elevation = jacksboro_fault()
     assert elevation.shape == (344, 403)

@@ -1,6 +1,8 @@
 """Maps that travel with a robot keep the ground's velocity where they overlap."""
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -144,23 +146,6 @@ def test_maps_that_are_put_move_as_replaced_heights_do(how: str, acceleration: f
     assert found.velocities[0] == pytest.approx(0.4 + acceleration * time, rel=0.2)
 
 
-def test_velocities_that_are_given_with_a_map_are_kept() -> None:
-    terrain = Terrain(HeightMap(np.zeros((20, 20)), resolution=1.0))
-    given_velocities = HeightMap(np.full((20, 20), 0.05), resolution=1.0, time=0.1, velocities=np.full((20, 20), -2.0))
-    terrain.put("", given_velocities)
-    assert terrain.at([[10.0, 10.0]], 0.1).velocities == pytest.approx([-2.0])
-
-
-def test_a_map_that_is_put_late_or_early_is_at_rest() -> None:
-    """As one that replaces heights after a long pause, or that has an earlier time."""
-    for time in (60.0, -1.0):
-        terrain = Terrain(HeightMap(np.zeros((20, 20)), resolution=1.0))
-        terrain.put("", HeightMap(np.full((20, 20), 0.05), resolution=1.0, time=0.1))
-        terrain.put("", HeightMap(np.full((20, 20), 1.0), resolution=1.0, time=time))
-        assert terrain.at([[10.0, 10.0]], time).heights == pytest.approx([1.0])
-        assert not terrain.at([[10.0, 10.0]], time).velocities.any()
-
-
 def coefficients(geometry: GridGeometry) -> np.ndarray:
     """Friction by the place in the world, unknown in the south."""
     xy = geometry.to_world(*np.mgrid[: geometry.rows, : geometry.columns])
@@ -188,30 +173,25 @@ def test_friction_stays_with_the_ground_of_a_map_that_scrolls(
     np.testing.assert_allclose(np.full((8, 10), new.friction), np.where(is_new.all(), 1.0, wanted), atol=1e-5)
 
 
-def test_friction_slides_with_a_map_that_slides() -> None:
-    geometry = GridGeometry(rows=8, columns=10, resolution=0.2)
-    terrain = Terrain(HeightMap(np.zeros((8, 10)), geometry=geometry, friction=coefficients(geometry)))
-    slid = HeightMap(np.zeros((8, 10)), resolution=0.2, origin=(0.05, 0.03), time=0.1)
-    terrain.put("", slid)
-    np.testing.assert_array_equal(slid.friction, coefficients(geometry))
+PLACED = GridGeometry(rows=8, columns=10, resolution=0.2)
+OTHER = GridGeometry(rows=5, columns=5, resolution=0.7, origin=(1.0, 1.0, 0.0))
 
 
-def test_friction_that_is_given_with_a_map_replaces_that_of_before() -> None:
-    geometry = GridGeometry(rows=8, columns=10, resolution=0.2)
-    for given_friction in (1.0, 0.3, np.full((8, 10), 0.4, np.float32)):
-        terrain = Terrain(HeightMap(np.zeros((8, 10)), geometry=geometry, friction=coefficients(geometry)))
-        new = HeightMap(np.zeros((8, 10)), geometry=geometry, time=0.1, friction=given_friction)
-        terrain.put("", new)
-        np.testing.assert_array_equal(new.friction, given_friction)
-
-
-def test_one_coefficient_is_that_of_the_next_map_on_any_grid_and_others_are_not_known_there() -> None:
-    other = GridGeometry(rows=5, columns=5, resolution=0.7, origin=(1.0, 1.0, 0.0))
-    for friction, wanted in ((0.2, 0.2), (np.full((8, 10), 0.2), 1.0)):
-        terrain = Terrain(HeightMap(np.zeros((8, 10)), resolution=1.0, friction=friction))
-        new = HeightMap(np.zeros((5, 5)), geometry=other, time=0.1)
-        terrain.put("", new)
-        assert new.friction == wanted
+@pytest.mark.parametrize(
+    ("before", "after", "given_friction", "wanted"),
+    [
+        (coefficients(PLACED), replace(PLACED, origin=(0.05, 0.03, 0.0)), None, coefficients(PLACED)),  # it slid
+        (0.2, OTHER, None, 0.2), (np.full((8, 10), 0.2), OTHER, None, 1.0),
+        *((coefficients(PLACED), PLACED, each, each) for each in (1.0, 0.3, np.full((8, 10), 0.4, np.float32))),
+    ],
+)  # fmt: skip
+def test_friction_slides_with_its_map_and_a_new_one_replaces_it_and_one_coefficient_is_that_of_any_grid(
+    before: Any, after: GridGeometry, given_friction: Any, wanted: Any
+) -> None:
+    terrain = Terrain(HeightMap(np.zeros((8, 10)), geometry=PLACED, friction=before))
+    new = HeightMap(np.zeros((after.rows, after.columns)), geometry=after, time=0.1, friction=given_friction)
+    terrain.put("", new)
+    np.testing.assert_array_equal(new.friction, wanted)
 
 
 def test_friction_at_points_is_that_of_the_nearest_sample_of_the_first_map_with_ground() -> None:

@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from studies.report.collect import (
-    GridGraph,
-    TriangleGraph,
-    cached_topology,
-    queue_bfs,
-    topology_around,
-    union_bfs,
-)
+from studies.report.collect import GridGraph, TriangleGraph, cached_topology, queue_bfs, topology_around, union_bfs
 
 
 def flat_mesh(side: int) -> TriangleGraph:
@@ -20,15 +13,18 @@ def flat_mesh(side: int) -> TriangleGraph:
 
 @pytest.mark.parametrize("rings", [1, 2, 3, 4])
 @pytest.mark.parametrize("start", [0, 12, 13 * 6 + 6, 13 * 12, 13 * 13 - 1, 13 * 5])
-def test_both_searches_and_the_cache_collect_the_same(rings: int, start: int) -> None:
+def test_both_searches_and_the_cache_collect_the_same_with_the_triangles_all_of_whose_corners_are_collected(
+    rings: int, start: int
+) -> None:
     mesh = flat_mesh(13)
     queued, united = queue_bfs(mesh, start, rings), union_bfs(mesh, start, rings)
     cached = cached_topology(mesh)
     assert queued == united == cached(start, rings).vertices.tolist()
     assert cached(start, rings) is cached(start, rings)
-    np.testing.assert_array_equal(
-        topology_around(mesh, start, rings, queue_bfs).triangles, cached(start, rings).triangles
-    )
+    patch = topology_around(mesh, start, rings, queue_bfs)
+    np.testing.assert_array_equal(patch.triangles, cached(start, rings).triangles)
+    inside = np.isin(mesh.triangles, patch.vertices).all(axis=1)
+    np.testing.assert_array_equal(patch.vertices[patch.triangles], mesh.triangles[inside])
     grid = GridGraph(13, 13)
     assert queue_bfs(grid, start, rings) == union_bfs(grid, start, rings)
 
@@ -42,10 +38,3 @@ def test_counts_of_the_grid_graph_inside_at_edges_and_in_corners_and_of_the_tria
     assert len(union_bfs(graph, 0, rings)) == (rings + 1) ** 2
     # A hexagon of rings: 1 + 6 (1 + 2 + ... + rings) vertices.
     assert len(queue_bfs(flat_mesh(20), 10 * 20 + 10, rings)) == 1 + 3 * rings * (rings + 1)
-
-
-def test_triangles_of_a_patch_are_those_all_of_whose_corners_are_collected() -> None:
-    mesh = flat_mesh(9)
-    patch = topology_around(mesh, 40, 2)
-    inside = np.isin(mesh.triangles, patch.vertices).all(axis=1)
-    np.testing.assert_array_equal(patch.vertices[patch.triangles], mesh.triangles[inside])

@@ -1,0 +1,15 @@
+# Builds the messages, services and actions of a package for the tests, which use them from Python alone.
+macro(python_messages)
+  find_package(ament_cmake REQUIRED)
+  find_package(rosidl_default_generators REQUIRED)
+  foreach(dependency ${ARGN})
+    find_package(${dependency} REQUIRED)
+  endforeach()
+  # Leaves out the generators of C++; they are known once the packages are found.
+  list(FILTER AMENT_EXTENSIONS_rosidl_generate_idl_interfaces EXCLUDE REGEX cpp)
+  file(GLOB interfaces RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} action/*.action msg/*.msg srv/*.srv)
+  rosidl_generate_interfaces(${PROJECT_NAME} ${interfaces} DEPENDENCIES ${ARGN})
+  include(../../../msg_defs/cmake/batch_type_support.cmake)
+  batch_type_support()
+  ament_package()
+endmacro()

@@ -1,0 +1,157 @@
+"""What cannot be is refused with a reason and what would be right, and the ground is as before."""
+
+import math
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import GridGeometry, HeightMap, HeightScan, InputError, Material, MotionConfig
+from smartmesh_ros.io.rasters import RasterConfig, from_grid_map, occupancy_heights
+from smartmesh_ros.terrain.surface_query import checked_points, checked_rays
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+
+NAN, INF = math.nan, math.inf
+# Vertices of a mesh of 6 x 8.
+PLACES = np.stack([*np.divmod(np.arange(48.0), 8.0), np.sin(np.arange(48.0))], axis=1)
+TRIANGLES = grid_triangles(6, 8)
+DOWN = [[0, 0, -1]]
+ONES = np.ones((9, 12))
+
+
+def scan(**changes: Any) -> HeightScan:
+    return HeightScan.of("isaac_lab", **changes)
+
+
+def motion(**changes: Any) -> MotionConfig:
+    return MotionConfig(**changes)
+
+
+def geometry(**changes: Any) -> GridGeometry:
+    return GridGeometry(**{"rows": 10, "columns": 10, "resolution": 0.1, **changes})
+
+
+def points(values: Any) -> np.ndarray:
+    return checked_points(values)
+
+
+def rays(origins: Any, directions: Any = DOWN, reach: float = 1.0) -> object:
+    return checked_rays(origins, directions, reach)
+
+
+def mesh(vertices: Any = PLACES, triangles: Any = TRIANGLES, **more: Any) -> TriangleMesh:
+    return TriangleMesh(vertices, triangles, **more)
+
+
+def grid_map(start: tuple[int, int]) -> object:
+    return from_grid_map(np.zeros((5, 4)), start=start, centre=(0.0, 0.0), resolution=1.0, config=RasterConfig())
+
+
+def occupancy(percent: int) -> object:
+    return occupancy_heights(np.array([[percent]], np.int8), RasterConfig())
+
+
+# Makers with arguments that cannot be, the reason, and words of the refusal.
+REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
+    (scan, "height_scan"): [
+        ({"size": (1.0,)}, "size of a height scan is (1.0,); it must be 2 numbers"), ({"size": (-1.0, 1.0)}, "size"),
+        ({"size": ("1", 1.0)}, "size"), ({"size": (NAN, 1.0)}, "size"), ({"spacing": 0.0}, "above 0"),
+        ({"spacing": 0.001}, "at most 100000 points"),
+        ({"spacing": None}, "spacing of a height scan is None; it must be a number"),
+        ({"offset": (0.0, 0.0)}, "3 numbers"), ({"offset": (0.0, INF, 0.0)}, "offset"),
+        ({"order": "zx"}, "one of ('xy', 'yx')"), ({"values": "depth"}, "one of ('height', 'clearance')"),
+        ({"distribution": "pink"}, "one of ('uniform', 'normal')"), ({"noise": -0.1}, "noise"),
+        ({"noise": True}, "noise"), ({"clip": (1.0, -1.0)}, "a lower and a higher bound"), ({"scale": INF}, "finite"),
+        ({"delay": 11.0}, "0 to 10 s"), ({"seed": -1}, "whole number"), ({"seed": 0.5}, "whole number"),
+    ],
+    (HeightScan.of, "height_scan"): [(("isaac_gym",), "choose one of")],
+    (motion, "parameter"): [
+        ({"mode": "guess"}, "choose"), ({"changes": "guess"}, "choose"), ({"max_interval": 0.0}, "max_interval"),
+        ({"max_velocity": NAN}, "max_velocity"), ({"settle": 0.0}, "settle"), ({"noise": NAN}, "noise"),
+        *(({"min_interval": value}, "min_interval") for value in (1.0, -1.0)),
+        *(({"smoothing": value}, "smoothing") for value in (-1.0, NAN, 11.0)),
+    ],
+    (geometry, "geometry"): [
+        ({"rows": 2}, "3 x 3"), ({"columns": 0}, "3 x 3"), ({"origin": (0.0, INF, 0.0)}, "origin"),
+        ({"yaw": NAN}, "yaw"), *(({"resolution": value}, "resolution") for value in (0.0, -0.1, NAN)),
+    ],
+    (geometry, "size"): [({"rows": 2**20, "columns": 2**20}, "too many")],
+    (points, "length"): [(([[0.0]],), "(N, 2)"), (([0.0, 0.0],), "(N, 2)"), (([["a", "b"]],), "real numbers")],
+    (points, "non_finite"): [
+        (([[NAN, 0.0]],), "finite"), (([[0.0, INF]],), "finite"),
+        ((np.ma.masked_equal([[0.0, -9.0]], -9.0),), "finite"),
+    ],
+    (points, "geometry"): [(([[-1e300, 0.0]],), "m away")],
+    (rays, "length"): [(([[0, 0, 1]], [[0, 0, -1], [0, 0, 1]]), "both must be"), (([[0, 0]], [[0, 0]]), "both")],
+    (rays, "non_finite"): [(([[0, 0, NAN]],), "not finite"), (([[0, 0, 1]], [[0, INF, -1]]), "not finite")],
+    (rays, "direction"): [(([[0, 0, 1]], [[0, 0, 0]]), "direction 0 has no length")],
+    (rays, "geometry"): [(([[0, 0, 1e300]],), "up to 1e+300 m away")],
+    (rays, "range"): [(([[0, 0, 1]], DOWN, reach), "range") for reach in (0.0, INF)],
+    (mesh, "length"): [
+        ((PLACES[:, :2],), "(V, 3)"), ((PLACES, [[0, 1]]), "(T, 3)"), ((PLACES, np.zeros((0, 3), int)), "at least one"),
+        ({"velocities": np.zeros((3, 3))}, "(48, 3)"),
+    ],
+    (mesh, "index"): [((PLACES, [corners]), "a triangle uses") for corners in ([0, 1, 48], [0, 1, -1], [0, 1, 1])],
+    (mesh, "type"): [((PLACES, [[0.0, 1.0, 2.0]]), "whole numbers")],
+    (mesh, "non_finite"): [((PLACES * NAN,), "not finite"), ((np.ma.masked_equal(PLACES, PLACES[5, 2]),), "finite")],
+    (grid_map, "region"): [((start,), "circular buffer") for start in ((5, 0), (0, 4), (65535, 0))],
+    (occupancy, "occupancy"): [((101,), "101")],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("make", "reason", "given", "words"),
+    [(make, reason, given, words) for (make, reason), cases in REFUSED.items() for given, words in cases],
+)
+def test_what_cannot_be_made_is_refused(make: Callable[..., object], reason: str, given: Any, words: str) -> None:
+    with pytest.raises(InputError) as refused:
+        make(**given) if isinstance(given, dict) else make(*given)
+    assert refused.value.reason == reason
+    assert words in str(refused.value)
+
+
+def map_update(how: str, *place: int, heights: Any = ONES, **given: Any) -> tuple[HeightMap, Any]:
+    """A map that is pressed, and an update of it."""
+    heightmap = HeightMap(np.zeros((9, 12)), resolution=0.1, material=Material(rolling=0.2))
+    heightmap.press(np.array([[1, 1]]), np.array([-0.2], np.float32))
+    return heightmap, lambda: getattr(heightmap, how)(*place, heights, **{"time": 1.0, **given})
+
+
+def mesh_update(vertices: Any, **given: Any) -> tuple[TriangleMesh, Any]:
+    made = mesh()
+    return made, lambda: made.move(vertices, time=1.0, **given)
+
+
+UPDATES = [
+    *((map_update, (how, *place), given, reason)
+        for how, *place in (("replace",), ("update_region", 0, 0))
+        for given, reason in (
+            *(({"time": time}, "time") for time in (NAN, INF, 10**400, "soon", -1.0)),
+            *(({"heights": np.full((9, 12), height)}, "non_finite") for height in (np.inf, 1e300)),
+            ({"heights": np.full((9, 12), 1j)}, "type"), ({"velocities": np.zeros((3, 3))}, "length"),
+            ({"velocities": np.full((9, 12), INF)}, "non_finite"), ({"variance": np.zeros((3, 3))}, "length"),
+            ({"material": Material(rolling=0.1, stiffness=-1.0)}, "stiffness"),
+        )),
+    *((map_update, (how, *place), {"heights": np.zeros(shape)}, reason) for how, place, shape, reason in (
+        ("replace", (), (9, 13), "length"), ("update_region", (7, 0), (3, 1), "region"),
+        ("update_region", (0, -1), (1, 1), "region"), ("update_region", (0, 0), (0, 1), "length"),
+        ("update_region", (0, 0), (3,), "length"))),
+    *((mesh_update, (vertices,), {} if indices is None else {"indices": indices}, reason)
+        for vertices, indices, reason in (
+            (np.zeros((3, 3)), None, "length"), (np.zeros((1, 3)), [48], "index"), (np.zeros((2, 3)), [4, 4], "index"),
+            (np.zeros((2, 3)), [4], "length"), (np.full((1, 3), INF), [4], "non_finite"))),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("update", "place", "given", "reason"), UPDATES)
+def test_an_update_that_is_refused_changes_nothing(
+    update: Callable[..., tuple[Any, Any]], place: tuple[Any, ...], given: dict[str, Any], reason: str
+) -> None:
+    ground, act = update(*place, **given)
+    before, revision = pickle.dumps(ground), ground.revision
+    with pytest.raises(InputError) as refused:
+        act()
+    assert refused.value.reason == reason
+    assert (pickle.dumps(ground), ground.revision) == (before, revision)
