@@ -59,3 +59,9 @@ def put(client: Any, shape: Shape, at: tuple[float, float, float], mass: float =
 def height(client: Any, body: int) -> float:
     """Height of the middle of a body [m]."""
     return float(client.getBasePositionAndOrientation(body)[0][2])
+
+
+def run(ground: Ground, steps: int = 240) -> None:
+    """Step the world of a ground so many times, from the clock of the ground on."""
+    for _ in range(steps):
+        ground.step(ground.clock, 1.0 / 240.0)
