@@ -71,11 +71,14 @@ def test_a_marker_has_the_cells_of_the_map_in_reach_and_no_others(seed: int, rad
     corners = np.concatenate([np.stack([a, a + 1, a + 61], 1), np.stack([a, a + 61, a + 60], 1)])
     triangles, cells = points[corners], np.stack(np.divmod(np.tile(a, 2), 60), 1)
     known = ~np.isnan(triangles).any(axis=(1, 2))
-    for slot in bodies.at(places).slots.tolist():
-        place = terrain.geometry.to_grid(places[slot, :2])
+    slots = bodies.at(places).slots.tolist()
+    for slot, at in enumerate(places):
+        place = terrain.geometry.to_grid(at[:2])
         away = np.maximum(np.maximum(cells - place, place - cells - 1.0), 0.0) * 0.1  # from the cell of each triangle
         expected = triangles[known & ((away**2).sum(axis=1) <= radius**2)]
-        np.testing.assert_allclose(ordered(corners_of(bodies, slot)), ordered(expected), atol=1e-5)
+        assert (slot in slots) == (len(expected) > 0)
+        if slot in slots:
+            np.testing.assert_allclose(ordered(corners_of(bodies, slot)), ordered(expected), atol=1e-5)
 
 
 @pytest.mark.parametrize("radius", [0.3, 6.0])
@@ -173,15 +176,6 @@ def test_bodies_in_the_air_have_no_patch_unless_other_simulators_move_them() -> 
     assert bodies.at(places, speed=2.0 * 60.0).slots.tolist() == [1, 2], "whatever its speed, it comes no farther"
     places[:, 0] += 50.0
     assert not len(bodies.at(places))
-
-
-def test_over_a_hole_there_is_no_patch() -> None:
-    heights = np.zeros((60, 60))
-    heights[20:40, 20:40] = np.nan
-    heights[30, 30] = 0.0  # a sample, and no triangle
-    terrain = HeightMap(heights, resolution=0.1)
-    places = np.array([[3.0, 3.0, 0.1], [1.0, 1.0, 0.1], [3.9, 3.0, 0.1]])
-    assert balls_on(terrain, [0.2] * 3).at(places).slots.tolist() == [1, 2]
 
 
 def test_on_a_mesh_triangles_in_reach_are_shown() -> None:
