@@ -55,16 +55,17 @@ def test_a_target_moves_a_joint_no_faster_than_its_urdf_allows(kind: str, comman
     assert max(map(abs, found)) == pytest.approx(1.5, rel=1e-6)
 
 
-def test_without_a_limit_of_velocity_a_joint_is_as_fast_as_its_effort_makes_it() -> None:
-    for none in ("", '<limit effort="100" velocity="0"/>'):
-        assert velocities(arm(none), JointCommand(velocity=30.0))[-1] == pytest.approx(30.0)
-    assert velocities(arm(limit(1.5)), JointCommand(effort=2.0))[-1] == pytest.approx(2.0 / MOMENT, rel=0.01), (
-        "effort alone"
-    )
-
-
-def test_a_joint_that_may_be_faster_than_pybullet_lets_it_by_itself_is() -> None:
-    assert velocities(arm(limit(400.0)), JointCommand(velocity=300.0))[-1] == pytest.approx(300.0)
+@pytest.mark.parametrize(
+    ("more", "command", "speed"),
+    [
+        ("", JointCommand(velocity=30.0), 30.0),
+        ('<limit effort="100" velocity="0"/>', JointCommand(velocity=30.0), 30.0),
+        (limit(1.5), JointCommand(effort=2.0), 2.0 / MOMENT),  # the limit is one of targets
+        (limit(400.0), JointCommand(velocity=300.0), 300.0),  # faster than PyBullet lets it by itself
+    ],
+)
+def test_without_a_lower_limit_a_joint_is_as_fast_as_it_is_told(more: str, command: JointCommand, speed: float) -> None:
+    assert velocities(arm(more), command)[-1] == pytest.approx(speed, rel=0.01)
 
 
 @settings(max_examples=20)
