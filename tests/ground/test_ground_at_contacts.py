@@ -10,7 +10,7 @@ from smartmesh_ros import BodyState, Box, Cylinder, GridGeometry, HeightMap, Sph
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from tests.bodies import rotation
+from tests.bodies import rotation, surface_of
 from tests.core import mesh_parts
 from tests.grounds import terrain_of, world_of
 from tests.urdfs import link, robot
@@ -82,26 +82,10 @@ def rocking_mesh() -> tuple[Terrain, Change]:
     return terrain_of(all=mesh), change
 
 
-def surface_of(shape: Shape) -> FloatArray:
-    """Points (n, 3) on a shape, in its frame."""
-    if isinstance(shape, Box):
-        grid = np.array(np.meshgrid(*[np.linspace(-0.5, 0.5, 7)] * 3)).reshape(3, -1).T
-        return grid[np.abs(grid).max(axis=1) == 0.5] * (shape.x, shape.y, shape.z)
-    turns = np.linspace(0.0, 2.0 * math.pi, 48, endpoint=False)
-    if isinstance(shape, Cylinder):
-        ring = np.stack([np.cos(turns), np.sin(turns), 0.0 * turns], axis=1) * shape.radius
-        return np.concatenate([ring + (0.0, 0.0, z) for z in shape.height * np.linspace(-0.5, 0.5, 5)])
-    assert isinstance(shape, Sphere)
-    k = np.arange(400)
-    z, turns = 1.0 - 2.0 * (k + 0.5) / 400, math.pi * (1.0 + math.sqrt(5.0)) * k
-    ring = np.sqrt(1.0 - z * z)
-    return shape.radius * np.stack([ring * np.cos(turns), ring * np.sin(turns), z], axis=1)
-
-
-def depth_of(world: World, name: str, surface: FloatArray) -> float:
+def depth_of(world: World, name: str, shape: Shape) -> float:
     """How deep a body is in the ground [m]."""
     state = world.state(name)
-    points = surface @ rotation(np.array(state.orientation)).T + state.position
+    points = surface_of(shape) @ rotation(np.array(state.orientation)).T + state.position
     ground = world.ground.at(points[:, :2], world.time)
     return float(np.max((ground.z - points[:, 2]) * ground.normals[:, 2]))
 
@@ -117,7 +101,6 @@ def test_bodies_on_moving_ground_do_not_sink_in(ground: Callable[[], tuple[Terra
     terrain, change = ground()
     rng = np.random.default_rng(3)
     depths: dict[Shape, list[float]] = {shape: [] for shape in MOST}
-    surfaces = {shape: surface_of(shape) for shape in MOST}
     with world_of(terrain, sleep=False) as world:
         bodies: dict[str, Shape] = {}
         for k, (x, y) in enumerate(rng.uniform(-4.0, 4.0, (16, 2)) * (0.3, 1.0)):
@@ -134,7 +117,7 @@ def test_bodies_on_moving_ground_do_not_sink_in(ground: Callable[[], tuple[Terra
             world.step()
             if step > RATE and step % 5 == 0:
                 for name, shape in bodies.items():
-                    depths[shape].append(depth_of(world, name, surfaces[shape]))
+                    depths[shape].append(depth_of(world, name, shape))
     for shape, (most, share) in MOST.items():
         assert np.percentile(depths[shape], share) < most, shape
 

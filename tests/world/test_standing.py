@@ -14,7 +14,7 @@ from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from smartmesh_ros.world.standing import finished
-from tests.bodies import rotation
+from tests.bodies import rotation, surface_of
 from tests.grounds import shaped
 from tests.urdfs import ROVER
 
@@ -35,26 +35,6 @@ def hills(amplitude: float = 0.3) -> HeightMap:
     return shaped(lambda x, y: amplitude * np.sin(0.7 * x) * np.cos(0.6 * y), 161)
 
 
-def surface_points(shape: Shape, state: BodyState) -> np.ndarray:
-    """Points (n, 3) [m] all over the surface of a shape in its state."""
-    rng = np.random.default_rng(0)
-    d = rng.normal(size=(40_000, 3))
-    d /= np.linalg.norm(d, axis=1, keepdims=True)
-    match shape:
-        case Sphere(r):
-            points = r * d
-        case Box(x, y, z):
-            points = 0.5 * np.array([x, y, z]) * d / np.abs(d).max(axis=1, keepdims=True)
-            points = np.concatenate([points, 0.5 * np.array([x, y, z]) * np.sign(d[:100])])
-        case Cylinder(radius=r, height=h):
-            angle, away = rng.uniform(0.0, 2.0 * math.pi, 40_000), r * np.sqrt(rng.uniform(0.0, 1.0, 40_000))
-            away[:20_000] = r  # the rims; the others are on the faces
-            points = np.column_stack([away * np.cos(angle), away * np.sin(angle), 0.5 * h * np.sign(d[:, 2])])
-        case Capsule(radius=r, height=h):
-            points = r * d + np.sign(d[:, 2:]) * (0.0, 0.0, 0.5 * h)
-    return np.asarray(points @ rotation(np.array(state.orientation)).T + state.position)
-
-
 @settings(max_examples=25, deadline=None)
 @given(
     kind=st.sampled_from(sorted(SHAPES)), x=st.floats(-6.0, 6.0), y=st.floats(-6.0, 6.0),
@@ -70,7 +50,7 @@ def test_the_lowest_point_has_the_clearance(
             "body", SHAPES[kind], 1.0, BodyState((x, y, 55.0), (a, b, c, d)), on_ground=True, clearance=clearance
         )
         state = world.state("body")
-        points = surface_points(SHAPES[kind], state)
+        points = surface_of(SHAPES[kind]) @ rotation(np.array(state.orientation)).T + state.position
         gaps = points[:, 2] - world.ground_at(points[:, :2]).z
     assert state.position[:2] == pytest.approx((x, y), abs=1e-9)
     assert gaps.min() == pytest.approx(clearance, abs=EARLY + 1e-3)
