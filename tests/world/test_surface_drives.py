@@ -18,17 +18,6 @@ from tests.bodies import put, run
 from tests.grounds import shaped, world_of
 from tests.tracked import NAME, UNDERCARRIAGE, drive, slope, speed, standing
 
-
-def test_any_body_can_creep_on_its_surface() -> None:
-    with World(slope()) as world:
-        world.spawn("box", Box(0.4, 0.4, 0.2), 2.0, BodyState((0.0, 0.0, 0.1)))
-        world.step(24)
-        world.drive_surface("box", "", 0.3, axis=(-2.0, 0.0, 0.0))
-        world.step(480)
-        assert world.state("box").linear == pytest.approx((0.0, 0.3, 0.0), abs=3e-3)
-        assert world.surfaces("box") == []
-
-
 BLOCK = urdfs.robot(urdfs.link("box", urdfs.box((0.4, 0.3, 0.2)), 1.0, (0.4, 0.3, 0.2)))
 
 

@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, GridGeometry, HeightMap, World
+from smartmesh_ros import BodyState, HeightMap, World
 from smartmesh_ros.scenes.tracks import ground as ramp
 from smartmesh_ros.soil.soil import Soil
-from tests.tracked import FLAT_TRACKS, LEVEL, NAME, UNDERCARRIAGE, drive, slope, speed, standing, yaw
+from tests.grounds import shaped
+from tests.tracked import FLAT_TRACKS, NAME, UNDERCARRIAGE, drive, slope, speed, standing, yaw
 
 
 def test_on_ground_that_moves_back_as_fast_it_stays_in_place() -> None:
@@ -17,9 +18,9 @@ def test_on_ground_that_moves_back_as_fast_it_stays_in_place() -> None:
         start = world.time
         for step in range(720):
             if step % 4 == 0:
-                moved = 0.5 * (world.time - start)
-                geometry = GridGeometry(rows=201, columns=201, resolution=0.1, origin=(-10.0 - moved, -10.0, 0.0))
-                world.terrain.put("", HeightMap(np.zeros((201, 201)), geometry=geometry, time=world.time))
+                origin = (-10.0 - 0.5 * (world.time - start), -10.0)
+                new = HeightMap(np.zeros((201, 201)), resolution=0.1, origin=origin, time=world.time)
+                world.terrain.put("", new)
             world.step()
             if step == 240:
                 before = world.state(NAME).position[0]
@@ -124,9 +125,8 @@ def test_flat_tracks_turn_at_the_equilibrium_of_friction(belt: float, friction: 
 
 def test_at_a_wall_it_stays_on_the_ground_and_awake() -> None:
     """Each contact runs along its own ground: up at the wall, forward below."""
-    heights = np.zeros((201, 201))
-    heights[:, 109:] = 1.5
-    with standing(HeightMap(heights, geometry=LEVEL), FLAT_TRACKS, sleep=True, friction=0.2) as world:
+    wall = shaped(lambda x, y: np.where(x > 0.85, 1.5, 0.0), 201)
+    with standing(wall, FLAT_TRACKS, sleep=True, friction=0.2) as world:
         before = world.state(NAME).position[2]
         drive(world, 0.3, 0.3)
         for _ in range(96):
