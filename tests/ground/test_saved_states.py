@@ -55,6 +55,9 @@ def test_a_restored_world_goes_on_to_the_bit_here_and_in_a_new_process(scene: Sc
     )
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300).stdout
     assert told.split("digest ")[-1].strip() == digest(first)
+    scene.ground.show(20.0)
+    restore(scene, data)
+    assert scene.ground.drawn == 20.0, "what is shown is no part of a state"
 
 
 @moving

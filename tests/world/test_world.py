@@ -109,7 +109,8 @@ def test_bodies_ride_on_the_ground_although_steps_are_skipped() -> None:
 
 def test_settings_change_while_bodies_rest(world: World) -> None:
     world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2)))
-    world.step(60)
+    world.step(480)
+    assert world.is_asleep("ball")
     world.configure(WorldConfig(physics=PhysicsConfig(rate=480.0, gravity=(0.0, 0.0, -1.6))))
     time = world.time
     world.step(480)
