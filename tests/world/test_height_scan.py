@@ -56,8 +56,6 @@ def tiles() -> Terrain:
 
 
 GROUNDS = {
-    "still": lambda: HeightMap(wave(0.0), resolution=RESOLUTION, origin=(LOW, LOW)),
-    "moving": moving,
     "moving and turned": lambda: moving(yaw=0.3),
     "moving with noise": lambda: moving(MotionConfig(noise=0.01)),
     "sliding": sliding,
