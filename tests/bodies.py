@@ -9,7 +9,7 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import Ground, HeightMap
 from smartmesh_ros.core.body_shape import BodyShape
-from smartmesh_ros.ground.shapes import Shape, Sphere
+from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
 
 TETRAHEDRON = np.array([[1.0, 0.0, -0.4], [-0.5, 0.8, -0.4], [-0.5, -0.8, -0.4], [0.0, 0.0, 1.0]])
 
@@ -30,6 +30,26 @@ def random_turn(rng: np.random.Generator) -> np.ndarray:
     """A unit quaternion."""
     q = rng.normal(size=4)
     return np.asarray(q / np.linalg.norm(q))
+
+
+@cache
+def surface_of(shape: Shape) -> np.ndarray:
+    """Points (n, 3) all over a shape, in its frame."""
+    if isinstance(shape, Box):
+        grid = np.array(np.meshgrid(*[np.linspace(-0.5, 0.5, 7)] * 3)).reshape(3, -1).T
+        return np.asarray(grid[np.abs(grid).max(axis=1) == 0.5] * (shape.x, shape.y, shape.z))
+    if isinstance(shape, Cylinder):
+        turns = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+        ring = np.stack([np.cos(turns), np.sin(turns), 0.0 * turns], axis=1) * shape.radius
+        sides = [ring + (0.0, 0.0, z) for z in shape.height * np.linspace(-0.5, 0.5, 5)]
+        ends = [end * (share, share, 1.0) for share in (0.0, 0.3, 0.6, 0.8) for end in (sides[0], sides[-1])]
+        return np.concatenate([*sides, *ends])
+    assert isinstance(shape, Sphere | Capsule)
+    k = np.arange(2000)
+    z, turns = 1.0 - 2.0 * (k + 0.5) / len(k), np.pi * (1.0 + np.sqrt(5.0)) * k
+    ball = np.stack([np.sqrt(1.0 - z * z) * np.cos(turns), np.sqrt(1.0 - z * z) * np.sin(turns), z], axis=1)
+    away = shape.height if isinstance(shape, Capsule) else 0.0
+    return np.asarray(shape.radius * ball + 0.5 * away * np.sign(z)[:, None] * [0.0, 0.0, 1.0])
 
 
 @cache
@@ -59,3 +79,9 @@ def put(client: Any, shape: Shape, at: tuple[float, float, float], mass: float =
 def height(client: Any, body: int) -> float:
     """Height of the middle of a body [m]."""
     return float(client.getBasePositionAndOrientation(body)[0][2])
+
+
+def run(ground: Ground, steps: int = 240) -> None:
+    """Step the world of a ground so many times, from the clock of the ground on."""
+    for _ in range(steps):
+        ground.step(ground.clock, 1.0 / 240.0)

@@ -6,15 +6,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smartmesh_ros import HeightMap, Terrain, World
+from smartmesh_ros import HeightMap, PhysicsConfig, Terrain, World, WorldConfig
 from smartmesh_ros.terrain.terrain import MainMesh
+
+Form = Callable[[np.ndarray, np.ndarray], ArrayLike]  # heights [m] by x and y [m]
+
+
+def shaped(form: Form, side: int = 41, resolution: float = 0.1, **options: Any) -> HeightMap:
+    """A square map of a form around the origin, of so many samples a side."""
+    half = 0.5 * (side - 1) * resolution
+    x, y = np.meshgrid(*[resolution * np.arange(side) - half] * 2)
+    return HeightMap(np.broadcast_to(form(x, y), x.shape), resolution=resolution, origin=(-half, -half), **options)
 
 
 def level(side: int = 41, resolution: float = 0.1, **options: Any) -> HeightMap:
     """A square map at height zero around the origin, of so many samples a side."""
-    half = 0.5 * (side - 1) * resolution
-    heights = np.zeros((side, side), np.float32)
-    return HeightMap(heights, resolution=resolution, origin=(-half, -half), **options)
+    return shaped(lambda x, y: 0.0, side, resolution, **options)
+
+
+def world_of(ground: MainMesh | Terrain, **physics: Any) -> World:
+    """A world with some settings of its physics."""
+    return World(ground, WorldConfig(physics=PhysicsConfig(**physics)))
 
 
 def terrain_of(**tiles: MainMesh) -> Terrain:

@@ -2,13 +2,11 @@
 
 import math
 
-import numpy as np
-
-from smartmesh_ros import BodyState, GridGeometry, HeightMap, PhysicsConfig, World, WorldConfig
+from smartmesh_ros import BodyState, HeightMap, World
 from smartmesh_ros.scenes.tracks import robot_file
+from tests.grounds import shaped, world_of
 
 NAME = "machine"
-LEVEL = GridGeometry(rows=201, columns=201, resolution=0.1, origin=(-10.0, -10.0, 0.0))
 UNDERCARRIAGE = robot_file().read_text()
 # A chassis of 60 kg and two boxes of 20 kg as tracks, all of whose corners carry the load.
 BOXES = """<robot name="boxes"><link name="base"><inertial><mass value="60"/>
@@ -25,12 +23,11 @@ STANDING = 120  # steps until a machine stands
 
 def slope(degrees: float = 0.0, friction: float = 1.0) -> HeightMap:
     """Ground that rises along x."""
-    x = 0.1 * np.arange(201) - 10.0
-    return HeightMap(np.tile(math.tan(math.radians(degrees)) * x, (201, 1)), geometry=LEVEL, friction=friction)
+    return shaped(lambda x, y: math.tan(math.radians(degrees)) * x, 201, friction=friction)
 
 
 def standing(ground: HeightMap, urdf: str = UNDERCARRIAGE, *, sleep: bool = False, friction: float = 1.0) -> World:
-    world = World(ground, WorldConfig(physics=PhysicsConfig(friction=friction, sleep=sleep)))
+    world = world_of(ground, friction=friction, sleep=sleep)
     world.spawn_robot(NAME, urdf, BodyState((0.0, 0.0, 0.0)), on_ground=True, align=True)
     world.step(STANDING)
     return world

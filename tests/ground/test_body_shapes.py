@@ -1,7 +1,6 @@
 """Shapes read from PyBullet hold what PyBullet collides."""
 
 from contextlib import closing
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,12 +8,12 @@ import pybullet as pb
 import pybullet_data
 import pytest
 
-from smartmesh_ros import Box, Capsule, Cylinder, Ground, HeightMap, Sphere
+from smartmesh_ros import Box, Capsule, Cylinder, Ground, Sphere
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.body_shapes import read_shapes
 from smartmesh_ros.ground.shapes import ShapeKind
-from tests import urdfs
-from tests.bodies import lowest_of, put
+from tests.bodies import height, lowest_of, put, run
+from tests.grounds import level
 
 SHAPES = (Sphere(0.2), Box(0.2, 0.4, 0.6), Cylinder(radius=0.1, height=0.5), Capsule(radius=0.1, height=0.5))
 # By which PyBullet's loader grows the hulls of links [m].
@@ -87,55 +86,15 @@ def test_links_reach_as_far_as_they_do_in_bullet(client: Any, urdf: str, flags: 
             assert lowest_by_shape(client, robot, link, shape) == pytest.approx(lowest, abs=HULL_MARGIN)
 
 
-CORNERS = [[x, y, z] for x in (-0.1, 0.1) for y in (-0.2, 0.2) for z in (-0.3, 0.3)]
-
-
-def test_a_mesh_of_vertices_is_their_hull(client: Any) -> None:
-    body = client.createMultiBody(1.0, client.createCollisionShape(pb.GEOM_MESH, vertices=CORNERS))
-    shape = read_shape(client, body)
-    assert shape.kind == ShapeKind.HULL
-    np.testing.assert_allclose(shape.half, (0.1, 0.2, 0.3), atol=1e-6)
-
-
-def obj_file(folder: Path) -> Path:
-    """An OBJ file of two tetrahedra, a metre apart."""
-    lines = []
-    for number, x in enumerate((0.0, 1.0)):
-        lines.append(f"o part_{number}")
-        lines += [f"v {x + a} {b} {c}" for a, b, c in ((0, 0, 0), (0.2, 0, 0), (0, 0.2, 0), (0, 0, 0.2))]
-        first = 4 * number
-        lines += [f"f {first + i} {first + j} {first + k}" for i, j, k in ((1, 2, 3), (1, 2, 4), (1, 3, 4), (2, 3, 4))]
-    path = folder / "two.obj"
-    path.write_text("\n".join(lines))
-    return path
-
-
-def test_a_mesh_of_several_objects_is_their_compound(client: Any, tmp_path: Path) -> None:
-    file = obj_file(tmp_path)
-    robot = tmp_path / "robot.urdf"
-    robot.write_text(urdfs.robot(urdfs.link("l", f'<mesh filename="{file.name}" scale="1 2 -1"/>', moment=1.0)))
-    body = client.loadURDF(str(robot))
-    shape = read_shape(client, body)
-    assert [part.kind for part in shape.parts] == [ShapeKind.HULL] * 2
-    np.testing.assert_allclose(shape.half, (0.6, 0.2, 0.1), atol=2.0 * HULL_MARGIN)
-    np.testing.assert_allclose(shape.offset, (0.6, 0.2, -0.1), atol=2.0 * HULL_MARGIN)
-
-
-def test_a_body_without_a_shape_has_no_size(client: Any) -> None:
-    assert not read_shapes(client, client.createMultiBody(1.0))
-
-
 def test_a_margin_that_changes_after_the_first_contact_counts(client: Any) -> None:
-    client.setGravity(0.0, 0.0, -9.81)
     corners = np.array(np.meshgrid([-0.2, 0.2], [-0.2, 0.2], [-0.2, 0.2])).reshape(3, 8).T
     form = client.createCollisionShape(pb.GEOM_MESH, vertices=corners.tolist())
-    with closing(Ground(client, HeightMap(np.zeros((9, 9)), resolution=0.5, origin=(-2.0, -2.0)))) as ground:
+    with closing(Ground(client, level())) as ground:
         body = client.createMultiBody(1.0, form, basePosition=[0.0, 0.0, 0.22])
         ground.attach(body)
         heights = []
         for margin in (0.001, 0.05):
             client.changeDynamics(body, -1, collisionMargin=margin)
-            for _ in range(240):
-                client.stepSimulation()
-            heights.append(client.getBasePositionAndOrientation(body)[0][2])
+            run(ground)
+            heights.append(height(client, body))
     assert heights[1] - heights[0] == pytest.approx(0.049, abs=1e-3)

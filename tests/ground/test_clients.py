@@ -205,12 +205,15 @@ ELSEWHERE: list[tuple[str, Callable[[Any], Any], str]] = [
 
 @pytest.mark.parametrize(("call", "changed", "what"), ELSEWHERE)
 def test_a_core_that_was_built_for_another_pybullet_is_not_used(
-    call: str, changed: Callable[[Any], Any], what: str, monkeypatch: pytest.MonkeyPatch
+    client: Any, call: str, changed: Callable[[Any], Any], what: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     own = getattr(pb, call)
     layout_probe.misread.cache_clear()
     monkeypatch.setattr(pb, call, lambda *args, **named: changed(None if "set" in call else own(*args, **named)))
     assert layout_probe.misread() == what
     monkeypatch.undo()
+    with pytest.raises(InputError, match=f"the core was built for another PyBullet: the two differ in {what}"):
+        Ground(client, level())
+    assert client.getNumBodies() == 0
     layout_probe.misread.cache_clear()
     assert layout_probe.misread() == ""

@@ -7,17 +7,18 @@ import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, PhysicsConfig, Sphere, World, WorldConfig
+from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, PhysicsConfig, Sphere
 from smartmesh_ros.core import _core
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.config import set_up
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from tests.bodies import rotation
+from tests.grounds import level, world_of
 
 RATE = 240.0
 TOP, MIDDLE = 0.6, 12  # height of the crest [m], and its column
-AWAKE = WorldConfig(physics=PhysicsConfig(sleep=False))
+CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 # Heights of the rows of a map whose crest is in the middle [cells -> m].
 COLUMNS = np.arange(25) - MIDDLE
 CRESTS = {
@@ -27,7 +28,11 @@ CRESTS = {
     "hole": np.where((COLUMNS <= 0) | (COLUMNS > 9), TOP, np.nan),
     "blade": TOP - 0.15 * np.abs(COLUMNS),  # in cells of 5 cm, so that flanks rise by 3
 }
-CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+
+
+def crest(form: str, rows: int) -> HeightMap:
+    """A map whose crest lies along y at x = 0."""
+    return HeightMap(np.tile(CRESTS[form], (rows, 1)), resolution=0.05, origin=(-0.05 * MIDDLE, 0.0))
 
 
 def planes_of(points: FloatArray) -> FloatArray:
@@ -73,10 +78,9 @@ def depth_of(line: FloatArray, planes: FloatArray, at: FloatArray, turn: FloatAr
 def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool, speed: float) -> None:
     """At most 1 mm, of 12 boxes or sharp hulls each, also where they slide at a ``speed`` [m/s] and turn."""
     rng = np.random.default_rng(len(form) + is_box)
-    heights = np.tile(CRESTS[form], (360, 1)).astype(np.float32)
     client = BulletClient(pb.DIRECT)
     set_up(client, PhysicsConfig(rate=RATE))
-    ground = Ground(client, HeightMap(heights, resolution=0.05, origin=(-0.05 * MIDDLE, 0.0)))
+    ground = Ground(client, crest(form, 360))
     bodies = []
     for y in 1.0 + 1.4 * np.arange(12):
         half = np.array([rng.uniform(0.1, 0.3), rng.uniform(0.1, 0.3), rng.uniform(0.02, 0.15)])
@@ -110,14 +114,12 @@ def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool,
 @pytest.mark.parametrize("length", [0.2, 0.37])
 def test_boxes_slide_straight_down_a_blade_as_their_upper_edges_leave_it(length: float) -> None:
     """By g sin(slope) t, without friction, from where they lie on a flank that rises by 3, across its crest."""
-    heights = np.tile(CRESTS["blade"], (40, 1))
-    config = WorldConfig(physics=PhysicsConfig(sleep=False, friction=0.0))
     slope, half = np.arctan(3.0), 0.05
     down, out = np.array([np.cos(slope), 0.0, -np.sin(slope)]), np.array([np.sin(slope), 0.0, np.cos(slope)])
     turn = pb.getQuaternionFromEuler((0.0, slope, 0.0))
     for above in np.linspace(0.01, 0.05, 9):  # of the upper edge over the crest [m]
         start = np.array([0.0, 1.0, TOP]) + down * (0.5 * length - above) + out * (half - 1e-5)
-        with World(HeightMap(heights, resolution=0.05, origin=(-0.05 * MIDDLE, 0.0)), config) as world:
+        with world_of(crest("blade", 40), sleep=False, friction=0.0) as world:
             world.spawn("box", Box(length, 0.2, 2.0 * half), 1.0, BodyState(tuple(start.tolist()), turn))
             world.step(40)
             state = world.state("box")
@@ -126,28 +128,10 @@ def test_boxes_slide_straight_down_a_blade_as_their_upper_edges_leave_it(length:
         assert np.allclose(state.position, start + down * 0.5 * g_along * time * (time + 1.0 / RATE), atol=1e-3)
 
 
-def test_sharp_edges_are_touched_from_outside() -> None:
-    """Whatever they do, in the way of a height map's normals: none points down."""
-    angle = np.linspace(0.0, 2.0 * np.pi, 9)[:-1]
-    lens = np.column_stack([0.08 * np.cos(angle), 0.07 * np.sin(angle), 0.002 * np.sin(3.0 * angle)])
-    lens = np.vstack([lens, (0.02, 0.0, 6e-3), (-0.02, 0.0, -6e-3)])
-    shape = _core.Shape.hull(lens, 1e-3)
-    rim = HeightMap(np.tile(CRESTS["rim"], (40, 1)), resolution=0.05, origin=(-0.05 * MIDDLE, 0.0)).core_reader
-    rng, touched = np.random.default_rng(0), 0
-    for _ in range(400):
-        turn = rotation(tuple(pb.getQuaternionFromEuler((rng.normal(0.0, 0.1), rng.uniform(0.1, 1.3), 0.0))))
-        at = np.array([0.0, 1.0, TOP]) - turn @ (rng.uniform(-0.03, 0.03), 0.0, -rng.uniform(5e-3, 8e-3))
-        motion = np.vstack([rng.normal(0.0, 0.3, 3), rng.normal(0.0, 10.0, 3)])
-        contacts = np.asarray(_core.find_contacts(shape, [rim], np.vstack([turn, at]), motion, 1.0 / RATE, 1e-3))
-        touched += len(contacts) > 0
-        assert np.all(contacts[:, 5] > -0.1)
-    assert touched > 100
-
-
 @pytest.mark.parametrize("cell", [1e-3, 1e-2])
 @pytest.mark.parametrize("size", [3e-4, 1e-3, 5e-3])
 def test_boxes_of_any_size_come_to_rest_on_a_face(size: float, cell: float) -> None:
-    with World(HeightMap(np.zeros((41, 41)), resolution=cell, origin=(-20.0 * cell, -20.0 * cell)), AWAKE) as world:
+    with world_of(level(41, cell), sleep=False) as world:
         world.spawn("box", Box(size, size, size), 1e-3, BodyState((0.3 * cell, 0.3 * cell, 2.0 * size)))
         world.step(360)
         state = world.state("box")
@@ -167,56 +151,42 @@ def lowest(shape: Shape, state: BodyState) -> float:
     return float(state.position[2] - reach)
 
 
-@pytest.mark.parametrize("shape", [Cylinder(radius=0.5, height=0.05), Box(1.6, 0.1, 0.1)], ids=["coin", "rod"])
-def test_impacts_of_shapes_that_turn_are_not_deep(shape: Shape) -> None:
-    """At most 1 mm, in 12 throws onto level ground at 6 to 17 m/s and up to 12 rad/s."""
-    rng = np.random.default_rng(0)
-    with World(HeightMap(np.zeros((80, 80)), resolution=0.5), AWAKE) as world:
-        for k in range(12):
-            turn = rng.normal(size=4)
-            place = (4.0 + 8.0 * (k % 4), 4.0 + 8.0 * (k // 4), 1.5)
-            linear = (*rng.uniform(-2.0, 2.0, 2), rng.uniform(-12.0, 0.0))
-            state = BodyState(place, tuple(turn / np.linalg.norm(turn)), linear, tuple(rng.uniform(-7.0, 7.0, 3)))
-            world.spawn(f"{k}", shape, 1.0, state)
-        for _ in range(240):
-            world.step()
-            assert min(lowest(shape, world.state(f"{k}")) for k in range(12)) > -1e-3
-
-
-# Thin parts: an impact at one end turns them by half a radian in a step, and the other end comes down.
-THIN = {
-    "coin": Cylinder(radius=0.03, height=0.003),
-    "disc": Cylinder(radius=0.008, height=0.004),
-    "rod": Box(0.06, 0.003, 0.006),
-    "plate": Box(0.07, 0.07, 0.002),
+# Shapes, their distance [m], and how deep they may be [m] for how many steps. An impact at one end of a thin part
+# turns it by half a radian in a step, and the other end comes down.
+THROWN: dict[str, tuple[Shape, float, float, int]] = {
+    "large coin": (Cylinder(radius=0.5, height=0.05), 8.0, 1e-3, 0),
+    "long rod": (Box(1.6, 0.1, 0.1), 8.0, 1e-3, 0),
+    "coin": (Cylinder(radius=0.03, height=0.003), 1.0, 2e-3, 3),
+    "disc": (Cylinder(radius=0.008, height=0.004), 1.0, 2e-3, 3),
+    "rod": (Box(0.06, 0.003, 0.006), 1.0, 2e-3, 3),
+    "plate": (Box(0.07, 0.07, 0.002), 1.0, 2e-3, 3),
 }
 
 
-@pytest.mark.parametrize("shape", THIN.values(), ids=THIN.keys())
-def test_both_ends_of_a_thin_part_stop_at_the_surface(shape: Shape) -> None:
-    """None of 16 is below it, or deeper than 2 mm for more than 3 steps: thrown onto level ground at 2 to 6 m/s."""
+@pytest.mark.parametrize("name", THROWN)
+def test_impacts_of_shapes_that_turn_are_not_deep(name: str) -> None:
+    """Of 16 throws onto level ground, at 2 to 17 m/s and up to 17 rad/s; none comes to be below it."""
+    shape, apart, most, steps = THROWN[name]
     rng = np.random.default_rng(2)
-    with World(HeightMap(np.zeros((41, 41)), resolution=0.1), AWAKE) as world:
-        names = [f"{k}" for k in range(16)]
-        for k, name in enumerate(names):
+    with world_of(HeightMap(np.zeros((41, 41)), resolution=0.1 * apart), sleep=False) as world:
+        for k in range(16):
             turn = rng.normal(size=4)
-            place = (0.5 + 1.0 * (k % 4), 0.5 + 1.0 * (k // 4), 0.3)
-            linear = (*rng.uniform(-2.0, 2.0, 2), rng.uniform(-6.0, -2.0))
+            place = (apart * (0.5 + k % 4), apart * (0.5 + k // 4), 0.3 if apart < 2.0 else 1.5)
+            linear = (*rng.uniform(-2.0, 2.0, 2), rng.uniform(-6.0, -2.0) * (1.0 if apart < 2.0 else 2.0))
             state = BodyState(place, tuple(turn / np.linalg.norm(turn)), linear, tuple(rng.uniform(-10.0, 10.0, 3)))
-            world.spawn(name, shape, 0.1, state)
+            world.spawn(f"{k}", shape, 0.1, state)
         deep = np.zeros(16, int)
-        for _ in range(96):
+        for _ in range(240):
             world.step()
-            deep = np.where([lowest(shape, world.state(name)) < -2e-3 for name in names], deep + 1, 0)
-            assert deep.max() <= 3
+            deep = np.where([lowest(shape, world.state(each)) < -most for each in world.bodies], deep + 1, 0)
+            assert deep.max() <= steps
         assert world.rescues == 0
 
 
 @pytest.mark.parametrize("depth", [2e-3, 7e-3, 13e-3])
 @pytest.mark.parametrize("shape", [Sphere(0.2), Box(0.4, 0.4, 0.4)], ids=["ball", "box"])
 def test_what_bounces_out_of_the_ground_is_no_faster_than_it_came(shape: Shape, depth: float) -> None:
-    config = WorldConfig(physics=PhysicsConfig(sleep=False, restitution=0.8))
-    with World(HeightMap(np.zeros((21, 21)), resolution=0.1, origin=(-1.0, -1.0)), config) as world:
+    with world_of(level(), sleep=False, restitution=0.8) as world:
         world.spawn("body", shape, 1.0, BodyState((0.01, 0.02, 0.2 - depth), linear=(0.0, 0.0, -1.0)))
         world.step()
         assert 0.7 < world.state("body").linear[2] < 1.0
@@ -245,9 +215,7 @@ def test_a_rim_is_touched_wherever_its_samples_are(rise: float, yaw: float) -> N
 def test_plates_that_fall_over_a_rim_gain_no_energy(form: str) -> None:
     """Without friction, from the rim down beside the wall under it."""
     rng = np.random.default_rng(1)
-    heights = np.tile(CRESTS[form], (360, 1))
     plate, count = Box(0.4, 0.4, 0.03), 10
-    config = WorldConfig(physics=PhysicsConfig(sleep=False, friction=0.0))
     inertia = np.array([plate.y**2 + plate.z**2, plate.x**2 + plate.z**2, plate.x**2 + plate.y**2]) / 12.0
 
     def energy(name: str) -> float:
@@ -255,7 +223,7 @@ def test_plates_that_fall_over_a_rim_gain_no_energy(form: str) -> None:
         turning = rotation(state.orientation).T @ state.angular
         return float(9.81 * state.position[2] + 0.5 * np.dot(state.linear, state.linear) + 0.5 * inertia @ turning**2)
 
-    with World(HeightMap(heights, resolution=0.05, origin=(-0.05 * MIDDLE, 0.0)), config) as world:
+    with world_of(crest(form, 360), sleep=False, friction=0.0) as world:
         for k in range(count):
             turn = pb.getQuaternionFromEuler(rng.normal(0.0, 0.3, 3).tolist())
             place, linear = (rng.uniform(-0.15, 0.15), 1.0 + 1.5 * k, TOP + 0.25), (rng.uniform(0.0, 1.0), 0.0, 0.0)

@@ -7,28 +7,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, HeightMap, PhysicsConfig, Sphere, Terrain, World, WorldConfig
-from tests.grounds import terrain_of
+from smartmesh_ros import BodyState, Box, HeightMap, Sphere, Terrain, World
+from tests.grounds import shaped, terrain_of, world_of
 
 GRAVITY = 9.81
-ROWS, COLUMNS, RESOLUTION = 41, 201, 0.1
+ROWS, COLUMNS = 41, 201
+FLAT = np.zeros((ROWS, COLUMNS))
 ICE, GRAVEL = 0.1, 0.6
+HALVES = np.where(np.arange(COLUMNS) < COLUMNS // 2, ICE, GRAVEL) + FLAT  # ice where x < 0
 
 
-def halves() -> np.ndarray:
-    """Ice where x < 0, gravel elsewhere."""
-    friction = np.full((ROWS, COLUMNS), GRAVEL, np.float32)
-    friction[:, : COLUMNS // 2] = ICE
-    return friction
-
-
-def flat(friction: float | np.ndarray = 1.0) -> HeightMap:
-    heights = np.zeros((ROWS, COLUMNS))
-    return HeightMap(heights, resolution=RESOLUTION, origin=(-10.0, -2.0), friction=friction)
+def flat(friction: float | np.ndarray | None = 1.0, x: float = -10.0) -> HeightMap:
+    return HeightMap(FLAT, resolution=0.1, origin=(x, -2.0), friction=friction)
 
 
 def sliding(terrain: HeightMap | Terrain, x: float, speed: float, friction: float = 1.0) -> World:
-    world = World(terrain, WorldConfig(physics=PhysicsConfig(friction=friction)))
+    world = world_of(terrain, friction=friction)
     world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((x, 0.0, 0.1), linear=(speed, 0.0, 0.0)))
     return world
 
@@ -44,21 +38,42 @@ def way_of(world: World) -> float:
     raise AssertionError("the box did not stop")
 
 
-@pytest.mark.parametrize(("x", "speed", "mu"), [(-9.0, 3.0, ICE), (-9.0, 2.0, ICE), (1.0, 3.0, GRAVEL)])
-def test_a_box_stops_where_the_friction_of_its_place_stops_it(x: float, speed: float, mu: float) -> None:
-    assert way_of(sliding(flat(halves()), x, speed)) == pytest.approx(speed**2 / (2 * mu * GRAVITY), rel=0.02)
+def replaced() -> HeightMap:
+    """Ice whose heights were replaced."""
+    ground = flat(ICE)
+    ground.replace(FLAT, time=0.0)
+    return ground
+
+
+UNKNOWN = np.where(HALVES == ICE, np.nan, HALVES)
+
+
+@pytest.mark.parametrize(
+    ("terrain", "x", "speed", "own", "mu"),
+    [
+        (flat(HALVES), -9.0, 3.0, 1.0, ICE),
+        (flat(HALVES), 1.0, 3.0, 1.0, GRAVEL),
+        (flat(UNKNOWN), -5.0, 2.0, 0.5, 0.5),
+        (terrain_of(ice=flat(ICE), plain=flat(None, 10.1)), 12.0, 2.0, 0.5, 0.5),
+        (replaced(), -9.0, 2.0, 1.0, ICE),
+    ],
+    ids=["ice", "gravel", "unknown samples", "a tile without friction", "replaced heights"],
+)
+def test_a_box_stops_where_the_friction_of_its_place_stops_it(
+    terrain: HeightMap | Terrain, x: float, speed: float, own: float, mu: float
+) -> None:
+    assert way_of(sliding(terrain, x, speed, own)) == pytest.approx(speed**2 / (2 * mu * GRAVITY), rel=0.02)
 
 
 @given(st.floats(0.3, 1.0), st.floats(0.4, 0.8))
 def test_the_coefficients_of_ground_and_body_are_multiplied(ground: float, body: float) -> None:
-    speed = 2.0
-    found = way_of(sliding(flat(ground), -8.0, speed, body))
-    assert found == pytest.approx(speed**2 / (2 * ground * body * GRAVITY), rel=0.03)
+    found = way_of(sliding(flat(ground), -8.0, 2.0, body))
+    assert found == pytest.approx(2.0**2 / (2 * ground * body * GRAVITY), rel=0.03)
 
 
 def test_across_the_border_the_normal_force_does_not_jump() -> None:
     forces = []
-    with sliding(flat(halves()), -1.0, 3.0) as world:
+    with sliding(flat(HALVES), -1.0, 3.0) as world:
         for step in range(120):
             world.step()
             if step > 10:
@@ -69,7 +84,7 @@ def test_across_the_border_the_normal_force_does_not_jump() -> None:
 
 def test_a_ball_on_ice_keeps_sliding_where_one_on_gravel_rolls() -> None:
     def spin(x: float) -> float:
-        with World(flat(halves()), WorldConfig(physics=PhysicsConfig(friction=1.0))) as world:
+        with world_of(flat(HALVES), friction=1.0) as world:
             world.spawn("ball", Sphere(0.2), 1.0, BodyState((x, 0.0, 0.2), linear=(1.0, 0.0, 0.0)))
             world.step(24)
             return world.state("ball").angular[1] * 0.2
@@ -78,31 +93,11 @@ def test_a_ball_on_ice_keeps_sliding_where_one_on_gravel_rolls() -> None:
     assert spin(5.0) == pytest.approx(5.0 / 7.0, rel=0.03), "it rolls"
 
 
-def test_unknown_samples_and_tiles_without_friction_leave_the_bodies_own() -> None:
-    friction = halves()
-    friction[:, : COLUMNS // 2] = np.nan
-    expected = 2.0**2 / (2 * 0.5 * GRAVITY)
-    assert way_of(sliding(flat(friction), -5.0, 2.0, 0.5)) == pytest.approx(expected, rel=0.02)
-    plain = HeightMap(np.zeros((ROWS, COLUMNS)), resolution=RESOLUTION, origin=(10.1, -2.0))
-    assert way_of(sliding(terrain_of(ice=flat(ICE), plain=plain), 12.0, 2.0, 0.5)) == pytest.approx(expected, rel=0.02)
-
-
-def test_friction_stays_when_heights_are_replaced_and_changes_when_it_is_assigned() -> None:
-    terrain = flat(ICE)
-    terrain.replace(np.zeros((ROWS, COLUMNS)), time=0.0)
-    assert way_of(sliding(terrain, -9.0, 2.0)) == pytest.approx(2.0**2 / (2 * ICE * GRAVITY), rel=0.02)
-    world = sliding(terrain, -9.0, 2.0)
-    world.step()
-    terrain.friction = GRAVEL
-    assert way_of(world) == pytest.approx(2.0**2 / (2 * GRAVEL * GRAVITY), rel=0.04)
-
-
 def test_coefficients_change_by_assignment_alone() -> None:
-    """Which checks them, and wakes what sleeps there."""
-    given = halves()
+    given = HALVES.copy()
     terrain = flat(given)
     given[:] = -1.0
-    assert np.array_equal(terrain.friction, halves())
+    assert terrain.friction == pytest.approx(HALVES)
     with pytest.raises(ValueError, match="read-only"):
         terrain.friction[:] = ICE  # type: ignore[index]
     terrain.friction = np.float32(0.5)
@@ -113,19 +108,18 @@ def test_coefficients_change_by_assignment_alone() -> None:
 @pytest.mark.parametrize(("friction", "slides"), [(0.1, True), (1.0, False)])
 def test_what_sleeps_on_a_slope_that_freezes_wakes_and_slides(how: str, friction: float, slides: bool) -> None:
     """And sleeps on where the friction is the one that it fell asleep on."""
-    slope = 0.2 * RESOLUTION * np.arange(COLUMNS) * np.ones((ROWS, 1))
-    ground = HeightMap(slope, resolution=RESOLUTION, origin=(-10.0, -2.0))
-    with World(ground, WorldConfig(physics=PhysicsConfig(friction=0.8))) as world:
-        world.spawn("box", Box(0.4, 0.4, 0.1), 1.0, BodyState((0.0, 0.0, 2.06)))
+    ground = shaped(lambda x, y: 0.2 * x, friction=1.0)
+    with world_of(ground, friction=0.8) as world:
+        world.spawn("box", Box(0.4, 0.4, 0.1), 1.0, BodyState((0.0, 0.0, 0.06)))
         world.step(600)
         assert world.is_asleep("box")
         before = world.state("box").position[0]
         if how == "assigned":
             ground.friction = friction
         elif how == "replaced":
-            ground.replace(slope, time=world.time, friction=friction)
+            ground.replace(ground.heights, time=world.time, friction=friction)
         else:
-            new = HeightMap(slope, geometry=ground.geometry, time=world.time, friction=friction)
+            new = HeightMap(ground.heights, geometry=ground.geometry, time=world.time, friction=friction)
             world.terrain.put("", new)
         world.step()
         assert world.is_asleep("box") != slides
@@ -136,7 +130,7 @@ def test_what_sleeps_on_a_slope_that_freezes_wakes_and_slides(how: str, friction
 @pytest.mark.parametrize("spin", [0.0, 4.0])
 @pytest.mark.parametrize("heading", [0.0, 0.4, math.pi / 4])
 def test_friction_of_each_contact_that_slips_is_on_the_cone_and_against_the_slip(heading: float, spin: float) -> None:
-    with World(flat(), WorldConfig(physics=PhysicsConfig(friction=0.5, sleep=False))) as world:
+    with world_of(flat(), friction=0.5, sleep=False) as world:
         linear = (2.0 * math.cos(heading), 2.0 * math.sin(heading), 0.0)
         world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 0.1), linear=linear, angular=(0.0, 0.0, spin)))
         world.step(4)
@@ -154,12 +148,9 @@ def test_friction_of_each_contact_that_slips_is_on_the_cone_and_against_the_slip
 @pytest.mark.parametrize("heading", [0.0, 0.5, math.pi / 4])
 def test_a_box_at_rest_on_a_slope_stays_exactly_there(heading: float) -> None:
     """Where the solver does not end early, friction that takes its direction from the last step does not creep."""
-    axis = 0.1 * np.arange(-20, 21)
-    x, y = np.meshgrid(axis, axis)
-    heights = math.tan(math.radians(20.0)) * (x * math.cos(heading) + y * math.sin(heading))
-    ground = HeightMap(heights, resolution=0.1, origin=(-2.0, -2.0))
-    config = WorldConfig(physics=PhysicsConfig(friction=0.5, sleep=False, solver_residual=0.0))
-    with World(ground, config) as world:
+    rise = math.tan(math.radians(20.0))
+    ground = shaped(lambda x, y: rise * (x * math.cos(heading) + y * math.sin(heading)))
+    with world_of(ground, friction=0.5, sleep=False, solver_residual=0.0) as world:
         world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 0.25)))
         world.step(480)
         before = np.array(world.state("box").position)

@@ -9,25 +9,14 @@ import pybullet as pb
 import pybullet_data
 import pytest
 
-from smartmesh_ros import BodyState, Ground, HeightMap, PhysicsConfig, Terrain, World, WorldConfig
+from smartmesh_ros import BodyState, Ground, HeightMap
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
-from smartmesh_ros.terrain.trimesh import TriangleMesh
-from tests.grounds import level, moving
+from tests.bodies import run
+from tests.grounds import level, moving, world_of
 from tests.urdfs import joint, link, robot
 
 DT = 1.0 / 240.0
 LYING = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # with its axis along y
-SHAPES: list[tuple[Shape, tuple[float, ...], float]] = [
-    (Sphere(0.2), (0.0, 0.0, 0.0, 1.0), 0.2),
-    (Box(0.4, 0.3, 0.2), (0.0, 0.0, math.sin(0.3), math.cos(0.3)), 0.1),
-    (Cylinder(radius=0.1, height=0.3), (0.0, 0.0, 0.0, 1.0), 0.15),
-    (Cylinder(radius=0.1, height=0.3), LYING, 0.1),
-    (Capsule(radius=0.1, height=0.3), LYING, 0.1),
-]
-
-
-def world_of(ground: HeightMap | TriangleMesh | Terrain, **physics: Any) -> World:
-    return World(ground, WorldConfig(physics=PhysicsConfig(**physics)))
 
 
 @pytest.mark.parametrize("speed", [0.01, 0.05, 2.0])
@@ -46,30 +35,6 @@ def test_rollers_keep_their_speed_and_roll_straight(shape: Shape, speed: float) 
         assert end.position[0] > -1.0 + 9.75 * speed
 
 
-@pytest.mark.parametrize(("height", "drop"), [(0.3, 0.25), (0.3, 0.002), (0.05, 0.25)])
-def test_a_standing_cylinder_comes_to_rest(height: float, drop: float) -> None:
-    """Within 2 s of being dropped."""
-    with World(level()) as world:
-        world.spawn("can", Cylinder(radius=0.15, height=height), 1.0, BodyState((0.0, 0.0, drop + 0.5 * height)))
-        world.step(2 * 240)
-        for _ in range(2 * 240):
-            world.step()
-            state = world.state("can")
-            assert math.hypot(*state.linear) < 1e-4
-            assert math.hypot(*state.angular) < 1e-3
-
-
-@pytest.mark.parametrize(("edges", "spacing"), [((2.0, 1.0, 0.2), 0.02), ((1.0, 1.0, 0.2), 0.05)])
-def test_wide_boxes_come_to_rest_on_rough_ground(edges: tuple[float, float, float], spacing: float) -> None:
-    heights = np.random.default_rng(3).normal(scale=0.03, size=(201, 201))
-    half = 100.0 * spacing
-    with world_of(HeightMap(heights, resolution=spacing, origin=(-half, -half)), sleep=False) as world:
-        world.spawn("box", Box(*edges), 10.0, BodyState((0.0, 0.0, 0.3)))
-        world.step(480)
-        state = world.state("box")
-        assert math.hypot(*state.linear) < 1e-3 and math.hypot(*state.angular) < 1e-3
-
-
 @pytest.mark.parametrize("rate", [240.0, 960.0, 2000.0])
 def test_ground_that_heaves_throws_nothing_however_short_the_step(rate: float) -> None:
     """By 0.1 m once a second, known by 20 maps a second: what a map corrects is no reason to throw a body."""
@@ -83,19 +48,6 @@ def test_ground_that_heaves_throws_nothing_however_short_the_step(rate: float) -
             assert world.time < 1.5 or world.state("box").position[2] - 0.15 - heave(world.time) < 0.01
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.2, 0.5, 0.8, 0.9])
-def test_what_bounces_rises_as_high_as_its_restitution_says(restitution: float) -> None:
-    for shape, height in ((Sphere(0.2), 0.2), (Box(0.3, 0.3, 0.2), 0.1), (Cylinder(radius=0.15, height=0.2), 0.1)):
-        with world_of(level(201, 0.05), restitution=restitution) as world:
-            world.spawn("body", shape, 1.0, BodyState((0.01, 0.02, height + 1.0)))
-            rising: list[float] = []
-            while world.time < 0.6 + restitution:
-                world.step()
-                if rising or world.state("body").linear[2] > 0.0:
-                    rising.append(world.state("body").position[2] - height)
-            assert max(rising, default=0.0) == pytest.approx(restitution**2, rel=0.03, abs=1e-3)
-
-
 WHEELED = f"{pybullet_data.getDataPath()}/racecar/racecar.urdf"
 
 
@@ -105,8 +57,7 @@ def test_contacts_of_a_robot_at_rest_are_those_that_a_step_may_close(client: Any
     ground = Ground(client, HeightMap(heights, resolution=0.04, origin=(-2.0, -2.0)))
     robot = client.loadURDF(WHEELED, (0.0, 0.0, 0.1))
     ground.attach(robot)
-    for step in range(480):
-        ground.step(step * DT, DT)
+    run(ground, 480)
     distances = [contact[8] for contact in client.getContactPoints(robot)]
     assert len(distances) >= 3
     assert max(distances) < 2e-3
@@ -140,16 +91,13 @@ def stroke(client: Any, urdf: Path, height: float, speed: float, *, from_map: bo
         ground.attach(robot)
     else:
         client.createMultiBody(0.0, client.createCollisionShape(pb.GEOM_PLANE))
-    for step in range(120):
+    for _ in range(120):
         for leg in legs:
             place, rate = client.getJointState(robot, leg)[:2]
             longest = max(longest, place)
             force = -8000.0 * place - 700.0 * rate
             client.setJointMotorControl2(robot, leg, pb.TORQUE_CONTROL, force=force)
-        if from_map:
-            ground.step(step * DT, DT)
-        else:
-            client.stepSimulation()
+        client.stepSimulation()
     if from_map:
         ground.close()
     return longest
@@ -168,15 +116,6 @@ def test_a_lander_takes_the_same_stroke_at_each_phase_of_the_step(
     )
     assert of_map == pytest.approx(of_plane, rel=0.05)
     assert max(of_map) < 1.01 * min(of_map)
-
-
-def test_what_hovers_far_above_is_lifted_by_ground_that_rises() -> None:
-    speed = 5.0
-    with world_of(level(81), gravity=(0.0, 0.0, 0.0)) as world:
-        world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 1.5)))
-        for _ in moving(world, lambda time: speed * time, 120):
-            assert world.state("box").position[2] - 0.1 > speed * world.time - 1e-3
-        assert world.state("box").position[2] > 1.6 and world.rescues == 0
 
 
 def test_a_wheel_of_many_corners_rolls_on(client: Any) -> None:

@@ -6,25 +6,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from smartmesh_ros import (
-    BodyState,
-    Box,
-    Cylinder,
-    GridGeometry,
-    HeightMap,
-    PhysicsConfig,
-    Sphere,
-    Terrain,
-    World,
-    WorldConfig,
-)
+from smartmesh_ros import BodyState, Box, Cylinder, GridGeometry, HeightMap, Sphere, Terrain, World
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from tests.bodies import rotation
+from tests.bodies import rotation, surface_of
 from tests.core import mesh_parts
-from tests.grounds import terrain_of
-from tests.urdfs import box, link, robot
+from tests.grounds import terrain_of, world_of
+from tests.urdfs import link, robot
 
 RATE, SIDE, CELL, HALF = 240.0, 65, 0.25, 8.0
 LYING = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # with its axis along y
@@ -66,17 +55,6 @@ def two_tiles() -> tuple[Terrain, Change]:
     return terrain_of(**tiles), change
 
 
-def waving_mesh() -> tuple[Terrain, Change]:
-    vertices, triangles = mesh_parts.sheet(2.0 * HALF, SIDE - 1)
-    mesh = TriangleMesh(vertices + [0.0, 0.0, 1.0] * waves(vertices[:, :1], vertices[:, 1:2], 0.0), triangles)
-
-    def change(time: float) -> None:
-        x, y = vertices[:, 0], vertices[:, 1]
-        mesh.move(np.stack([x, y, waves(x, y, time)], axis=1), time=time)
-
-    return terrain_of(all=mesh), change
-
-
 def turning_map() -> tuple[Terrain, Change]:
     """Hills that turn about z at 0.4 rad/s."""
     terrain = Terrain()
@@ -104,26 +82,10 @@ def rocking_mesh() -> tuple[Terrain, Change]:
     return terrain_of(all=mesh), change
 
 
-def surface_of(shape: Shape) -> FloatArray:
-    """Points (n, 3) on a shape, in its frame."""
-    if isinstance(shape, Box):
-        grid = np.array(np.meshgrid(*[np.linspace(-0.5, 0.5, 7)] * 3)).reshape(3, -1).T
-        return grid[np.abs(grid).max(axis=1) == 0.5] * (shape.x, shape.y, shape.z)
-    turns = np.linspace(0.0, 2.0 * math.pi, 48, endpoint=False)
-    if isinstance(shape, Cylinder):
-        ring = np.stack([np.cos(turns), np.sin(turns), 0.0 * turns], axis=1) * shape.radius
-        return np.concatenate([ring + (0.0, 0.0, z) for z in shape.height * np.linspace(-0.5, 0.5, 5)])
-    assert isinstance(shape, Sphere)
-    k = np.arange(400)
-    z, turns = 1.0 - 2.0 * (k + 0.5) / 400, math.pi * (1.0 + math.sqrt(5.0)) * k
-    ring = np.sqrt(1.0 - z * z)
-    return shape.radius * np.stack([ring * np.cos(turns), ring * np.sin(turns), z], axis=1)
-
-
-def depth_of(world: World, name: str, surface: FloatArray) -> float:
+def depth_of(world: World, name: str, shape: Shape) -> float:
     """How deep a body is in the ground [m]."""
     state = world.state(name)
-    points = surface @ rotation(np.array(state.orientation)).T + state.position
+    points = surface_of(shape) @ rotation(np.array(state.orientation)).T + state.position
     ground = world.ground.at(points[:, :2], world.time)
     return float(np.max((ground.z - points[:, 2]) * ground.normals[:, 2]))
 
@@ -133,14 +95,13 @@ def depth_of(world: World, name: str, surface: FloatArray) -> float:
 MOST = {BALL: (0.3e-3, 99), BOX: (1.2e-3, 99), WHEEL: (0.4e-3, 90), FOOT: (0.2e-3, 99)}
 
 
-@pytest.mark.parametrize("ground", [one_map, two_tiles, waving_mesh, turning_map, rocking_mesh])
+@pytest.mark.parametrize("ground", [one_map, two_tiles, turning_map, rocking_mesh])
 def test_bodies_on_moving_ground_do_not_sink_in(ground: Callable[[], tuple[Terrain, Change]]) -> None:
     """Told in each step, so that only contacts can be wrong."""
     terrain, change = ground()
     rng = np.random.default_rng(3)
     depths: dict[Shape, list[float]] = {shape: [] for shape in MOST}
-    surfaces = {shape: surface_of(shape) for shape in MOST}
-    with World(terrain, WorldConfig(physics=PhysicsConfig(rate=RATE, sleep=False))) as world:
+    with world_of(terrain, sleep=False) as world:
         bodies: dict[str, Shape] = {}
         for k, (x, y) in enumerate(rng.uniform(-4.0, 4.0, (16, 2)) * (0.3, 1.0)):
             shape = list(MOST)[k % 4]
@@ -156,7 +117,7 @@ def test_bodies_on_moving_ground_do_not_sink_in(ground: Callable[[], tuple[Terra
             world.step()
             if step > RATE and step % 5 == 0:
                 for name, shape in bodies.items():
-                    depths[shape].append(depth_of(world, name, surfaces[shape]))
+                    depths[shape].append(depth_of(world, name, shape))
     for shape, (most, share) in MOST.items():
         assert np.percentile(depths[shape], share) < most, shape
 
@@ -167,8 +128,7 @@ def test_a_ball_leaves_a_flank_that_rises_by_its_restitution(is_robot: bool, res
     """Relative to the ground at the contact, which moves as no ground under its middle does; told with the true gap."""
     rises = np.clip(X / CELL, 0.0, 1.0)  # [m/s]
     ground = HeightMap(rises * 0.15, resolution=CELL, origin=(-HALF, -HALF))
-    config = WorldConfig(physics=PhysicsConfig(restitution=restitution))
-    with World(ground, config) as world:
+    with world_of(ground, restitution=restitution) as world:
         for step in range(1, 31):  # the velocities are known
             ground.replace(rises * (0.15 + step / RATE), time=step / RATE)
             world.step()
@@ -197,7 +157,7 @@ def test_a_ball_leaves_a_flank_that_rises_by_its_restitution(is_robot: bool, res
 @pytest.mark.parametrize("is_robot", [False, True])
 def test_friction_against_spinning_is_that_with_the_ground(is_robot: bool) -> None:
     terrain, change = turning_map()
-    with World(terrain, WorldConfig(physics=PhysicsConfig(sleep=False))) as world:
+    with world_of(terrain, sleep=False) as world:
         start = BodyState((0.0, 0.0, 0.2))
         if is_robot:
             world.spawn_robot("ball", robot(link("ball", '<sphere radius="0.2"/>')), start)
@@ -208,29 +168,3 @@ def test_friction_against_spinning_is_that_with_the_ground(is_robot: bool) -> No
             change(world.time)
             world.step()
         assert world.state("ball").angular[2] == pytest.approx(0.4, abs=0.01)
-
-
-@pytest.mark.parametrize(("is_robot", "error"), [(False, 0.03), (True, 0.15)], ids=["body", "robot"])
-def test_a_box_on_two_belts_that_run_apart_turns_on_the_spot(is_robot: bool, error: float) -> None:
-    """Until the slips of its corners, at +-a and +-b, have no moment: at v a / (a^2 + b^2).
-
-    PyBullet's solver for robots weighs slips by the mass that each axis meets.
-    """
-    speed, (a, b) = 0.5, (0.25, 0.2)
-    vertices, triangles = mesh_parts.sheet(8.0, 16)
-    belts = {side: TriangleMesh(vertices + (4.0 * side, 0.0, 0.0), triangles) for side in (-1, 1)}
-    terrain = terrain_of(west=belts[-1], east=belts[1])
-    with World(terrain, WorldConfig(physics=PhysicsConfig(sleep=False))) as world:
-        edges = (2.0 * a, 2.0 * b, 0.3)
-        if is_robot:
-            world.spawn_robot("box", robot(link("box", box(edges), 1.0, edges)), BodyState((0.0, 0.0, 0.15)))
-        else:
-            world.spawn("box", Box(*edges), 1.0, BodyState((0.0, 0.0, 0.15)))
-        for _ in range(28):
-            for side, belt in belts.items():
-                now = vertices + (4.0 * side, side * speed * world.time, 0.0)
-                belt.move(now, time=world.time, velocities=np.full(now.shape, (0.0, side * speed, 0.0)))
-            world.step()
-        state = world.state("box")
-        assert state.position == pytest.approx((0.0, 0.0, 0.15), abs=1e-3)
-        assert state.angular[2] == pytest.approx(speed * a / (a * a + b * b), rel=error)

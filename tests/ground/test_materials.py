@@ -7,20 +7,10 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import (
-    BodyState,
-    Box,
-    Cylinder,
-    Ground,
-    HeightMap,
-    InputError,
-    Material,
-    PhysicsConfig,
-    Sphere,
-    World,
-    WorldConfig,
-)
+from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, InputError, Material, Sphere, World
 from smartmesh_ros.ground.shapes import Capsule, Shape
+from tests.bodies import run
+from tests.grounds import shaped, world_of
 
 GRAVITY, MASS, STIFFNESS = 9.81, 20.0, 2e5
 RADIUS, LENGTH = 0.2, 0.3
@@ -33,7 +23,7 @@ def flat(material: Material) -> HeightMap:
 
 
 def world_on(material: Material, rate: float = 240.0, **physics: Any) -> World:
-    return World(flat(material), WorldConfig(physics=PhysicsConfig(rate=rate, sleep=False, **physics)))
+    return world_of(flat(material), rate=rate, sleep=False, **physics)
 
 
 def ball_volume(depth: float) -> float:
@@ -97,8 +87,7 @@ def test_a_plate_with_an_eccentric_mass_tilts_as_its_bed_of_springs_does(client:
     body = client.createMultiBody(MASS, shape, basePosition=(0.0, 0.0, 0.05), baseInertialFramePosition=(off, 0.0, 0.0))
     ground = Ground(client, flat(Material(stiffness=STIFFNESS, damping=2e4)))
     ground.attach(body)
-    for k in range(480):
-        ground.step(k / 240.0, 1.0 / 240.0)
+    run(ground, 480)
     turn = client.getEulerFromQuaternion(client.getBasePositionAndOrientation(body)[1])
     margin = 1e-3 if kind == "hull" else 0.0  # by which PyBullet grows hulls
     moment = (0.6 + 2.0 * margin) * (0.4 + 2.0 * margin) ** 3 / 12.0
@@ -115,25 +104,28 @@ def test_a_body_that_gives_and_ground_that_gives_are_springs_in_series(client: A
     client.changeDynamics(body, -1, contactStiffness=own, contactDamping=600.0)
     ground = Ground(client, flat(Material(stiffness=STIFFNESS)))
     ground.attach(body)
-    for k in range(480):
-        ground.step(k / 240.0, 1.0 / 240.0)
+    run(ground, 480)
     sunk = 0.05 - client.getBasePositionAndOrientation(body)[0][2]
     assert sunk == pytest.approx(MASS * GRAVITY * (0.25 / own + 1.0 / (STIFFNESS * area)), rel=0.02)
 
 
-@pytest.mark.parametrize("rate", [60.0, 240.0, 960.0])
-@pytest.mark.parametrize("ground", [0.4, 0.8])
-def test_a_ball_rebounds_by_the_product_of_both_coefficients(ground: float, rate: float) -> None:
-    own, height = 0.9, 1.0
-    with world_on(Material(restitution=ground), rate, restitution=own) as world:
-        world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.1 + height)))
-        heights = []
-        for _ in range(int(1.2 * rate)):
-            world.step()
-            heights.append(world.state("ball").position[2] - 0.1)
-    touched = int(np.argmax(np.array(heights) < 0.05))
-    speed = math.sqrt(2.0 * GRAVITY * max(heights[touched + 1 :]))
-    assert speed == pytest.approx(ground * own * math.sqrt(2.0 * GRAVITY * height), rel=0.02)
+@pytest.mark.parametrize(
+    ("ground", "own", "rate"),
+    [
+        *((ground, 0.9, rate) for ground in (0.4, 0.8) for rate in (60.0, 240.0, 960.0)),
+        *((1.0, own, 240.0) for own in (0.0, 0.2, 0.5, 0.9)),
+    ],
+)
+def test_what_falls_rebounds_by_the_product_of_both_coefficients(ground: float, own: float, rate: float) -> None:
+    for shape, above in ((Sphere(0.2), 0.2), (Box(0.3, 0.3, 0.2), 0.1), (Cylinder(radius=0.15, height=0.2), 0.1)):
+        with world_on(Material(restitution=ground), rate, restitution=own) as world:
+            world.spawn("body", shape, 1.0, BodyState((0.01, 0.02, above + 1.0)))
+            rising: list[float] = []
+            while world.time < 0.6 + ground * own:
+                world.step()
+                if rising or world.state("body").linear[2] > 0.0:
+                    rising.append(world.state("body").position[2] - above)
+        assert max(rising, default=0.0) == pytest.approx((ground * own) ** 2, rel=0.04, abs=1e-3)
 
 
 @pytest.mark.parametrize("rate", [60.0, 240.0, 960.0])
@@ -163,11 +155,8 @@ def test_what_rolls_coasts_down_by_the_coefficient(
 
 @pytest.mark.parametrize(("slope", "rolls"), [(0.02, False), (0.04, True)])
 def test_a_ball_on_a_slope_is_held_below_the_coefficient_alone(slope: float, rolls: bool) -> None:
-    x = np.linspace(-2.0, 18.0, 201)
-    ground = HeightMap(
-        np.tile(-slope * x, (41, 1)), resolution=0.1, origin=(-2.0, -2.0), material=Material(rolling=0.03)
-    )
-    with World(ground, WorldConfig(physics=PhysicsConfig(sleep=False))) as world:
+    ground = shaped(lambda x, y: -slope * x, material=Material(rolling=0.03))
+    with world_of(ground, sleep=False) as world:
         world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.1 * math.hypot(1.0, slope))))
         world.step(480)
         way = world.state("ball").position[0]

@@ -7,12 +7,12 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import BodyState, Deck, Ground, HeightMap, InputError, Sphere, Terrain, World
+from smartmesh_ros import Deck, Ground, HeightMap, InputError, Sphere
 from smartmesh_ros.terrain.colours import FRICTION, GROUND
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from tests.bodies import put
+from tests.bodies import height, put, run
 from tests.core import mesh_parts
 from tests.grounds import level, terrain_of
 
@@ -129,31 +129,13 @@ def test_nothing_touches_what_is_shown(client: Any) -> None:
     ground.show()
     stands, falls = put(client, Sphere(0.2), (0.0, 0.0, 0.2)), put(client, Sphere(0.2), (1.0, 0.0, 0.3))
     ground.attach(stands)
-    for step in range(120):
-        ground.step(step * DT, DT)
-    assert client.getBasePositionAndOrientation(stands)[0][2] == pytest.approx(0.2, abs=1e-4)
-    assert client.getBasePositionAndOrientation(falls)[0][2] < -0.8
+    run(ground, 120)
+    assert height(client, stands) == pytest.approx(0.2, abs=1e-4)
+    assert height(client, falls) < -0.8
     assert not client.getContactPoints(ground.shown[""])
     hits = [client.rayTest((x, y, 2.0), (x, y, -2.0))[0][0] for x, y in ((0.0, 0.0), (0.19, 0.19), (1.0, 0.0))]
     assert hits == [stands, *[ground.shown[""]] * 2]
     assert [ground.is_ground(body) for body in hits] == [False, True, True]
-
-
-def test_what_is_shown_wakes_nobody(client: Any) -> None:
-    """A body sleeps while a hill grows elsewhere on its map, which is drawn lower from time to time."""
-    terrain = level(motion=MotionConfig(mode="hold"))
-    ground, body = Ground(client, terrain), put(client, Sphere(0.2), (0.0, 0.0, 0.2))
-    ground.attach(body)
-    ground.let_sleep()
-    ground.show(240.0)
-    heights, slept = terrain.heights.copy(), []
-    for step in range(480):
-        heights[0, 0] = step * 1e-3
-        terrain.replace(heights, time=step * DT)
-        ground.step(step * DT, DT)
-        slept.append(ground.is_asleep(body))
-    assert any(slept)
-    assert all(slept[slept.index(True) :])
 
 
 def height_under(client: Any, x: float = 0.0, y: float = 0.0, above: float = 900.0) -> float:
@@ -204,7 +186,8 @@ def test_tiles_come_move_and_go(client: Any) -> None:
     assert height_under(client, 0.2, 0.3) == pytest.approx(2.0, abs=1e-5)
     terrain.put("map", HeightMap(np.full((5, 5), 1.0), resolution=0.5, origin=(-5.0, -1.0)))
     terrain.remove("mesh")
-    ground.show()
+    ground.show(20.0)
+    assert ground.drawn == 20.0
     assert [height_under(client, x) for x in (-4.0, 0.2, 1.9)] == pytest.approx([1.0, math.nan, math.nan], nan_ok=True)
     assert sorted(ground.shown) == ["fine", "map"]
     ground.hide()
@@ -222,13 +205,3 @@ def test_what_cannot_be_shown_is_refused(client: Any) -> None:
         ground.show()
     ground.close()
     assert not ground.shown
-
-
-def test_a_restored_world_shows_its_ground() -> None:
-    with World(Terrain(level())) as world:
-        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2)))
-        world.ground.show(20.0)
-        world.save()
-        world.step(10)
-        assert world.ground.drawn == 20.0
-        assert height_under(world.client, 1.0) == pytest.approx(0.0, abs=1e-6)

@@ -18,7 +18,6 @@ from tests.bodies import rotation
 from tests.core import mesh_parts
 from tests.examples import examples
 from tests.ground.reaching import Reaching, balls_on
-from tests.grounds import terrain_of
 
 HOLD = MotionConfig(mode="hold")
 
@@ -71,11 +70,14 @@ def test_a_marker_has_the_cells_of_the_map_in_reach_and_no_others(seed: int, rad
     corners = np.concatenate([np.stack([a, a + 1, a + 61], 1), np.stack([a, a + 61, a + 60], 1)])
     triangles, cells = points[corners], np.stack(np.divmod(np.tile(a, 2), 60), 1)
     known = ~np.isnan(triangles).any(axis=(1, 2))
-    for slot in bodies.at(places).slots.tolist():
-        place = terrain.geometry.to_grid(places[slot, :2])
+    slots = bodies.at(places).slots.tolist()
+    for slot, at in enumerate(places):
+        place = terrain.geometry.to_grid(at[:2])
         away = np.maximum(np.maximum(cells - place, place - cells - 1.0), 0.0) * 0.1  # from the cell of each triangle
         expected = triangles[known & ((away**2).sum(axis=1) <= radius**2)]
-        np.testing.assert_allclose(ordered(corners_of(bodies, slot)), ordered(expected), atol=1e-5)
+        assert (slot in slots) == (len(expected) > 0)
+        if slot in slots:
+            np.testing.assert_allclose(ordered(corners_of(bodies, slot)), ordered(expected), atol=1e-5)
 
 
 @pytest.mark.parametrize("radius", [0.3, 6.0])
@@ -175,15 +177,6 @@ def test_bodies_in_the_air_have_no_patch_unless_other_simulators_move_them() -> 
     assert not len(bodies.at(places))
 
 
-def test_over_a_hole_there_is_no_patch() -> None:
-    heights = np.zeros((60, 60))
-    heights[20:40, 20:40] = np.nan
-    heights[30, 30] = 0.0  # a sample, and no triangle
-    terrain = HeightMap(heights, resolution=0.1)
-    places = np.array([[3.0, 3.0, 0.1], [1.0, 1.0, 0.1], [3.9, 3.0, 0.1]])
-    assert balls_on(terrain, [0.2] * 3).at(places).slots.tolist() == [1, 2]
-
-
 def test_on_a_mesh_triangles_in_reach_are_shown() -> None:
     vertices, triangles = mesh_parts.sheet(4.0, 20, lambda x, y: 0.1 * np.sin(3.0 * x))
     bodies, middle = balls_on(TriangleMesh(vertices, triangles), [0.35]), np.array([[0.3, 0.4, 0.2]])
@@ -202,13 +195,13 @@ def test_patches_on_a_deck_are_those_on_the_same_ground_at_rest_seen_from_the_wo
     vertices, triangles = mesh_parts.sheet(4.0, 20, lambda x, y: 0.1 * np.sin(3.0 * x))
     ground = rough(holes=0.1) if kind == "map" else TriangleMesh(vertices + [3.0, 3.0, 0.3], triangles)
     places = places_on(rough(), np.random.default_rng(0), 8, 0.1)
-    deck, sea = Deck(ground, thickness=0.5), HeightMap(np.zeros((3, 3)), resolution=40.0, origin=(-40.0, -40.0))
+    deck, terrain = Deck(ground, thickness=0.5), Terrain()
     turn = np.array([0.1, -0.2, 0.3, 0.0])
     turn[3] = np.sqrt(1.0 - turn @ turn)
     at, velocity, spin = np.array([1.0, 2.0, 5.0]), np.array([0.3, 0.2, -0.1]), np.array([0.1, -0.05, 0.2])
     deck.place(at, turn, time=0.0)
-    terrain, rotated = terrain_of(sea=sea), rotation(turn)
     terrain.put("ferry", deck)
+    rotated = rotation(turn)
     resting, riding = (balls_on(on, [0.3] * 8) for on in (ground, terrain))
     known, table = resting.at(places), riding.at(places @ rotated.T + at)
     assert table.slots.tolist() == known.slots.tolist()
@@ -226,10 +219,6 @@ def test_patches_on_a_deck_are_those_on_the_same_ground_at_rest_seen_from_the_wo
         points = moving.points_of(index)
         middle = points[_middle(points)]
         np.testing.assert_allclose(moving.motion[index], [*(velocity + np.cross(spin, middle - at)), *spin], atol=1e-9)
-    below = riding.at(places @ rotated.T + at - [0.0, 0.0, 2.0])
-    assert not len(below), "they pass below the deck"
-    on_sea = riding.at(places * [1.0, 1.0, 0.0] + [0.0, 0.0, 0.2])
-    assert set(on_sea.tiles) == {"sea"}
     deck.ride(3, -1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     assert 3 not in riding.at(places @ rotated.T + at).slots, "a carrier has no patch on its own deck"
 

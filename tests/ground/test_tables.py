@@ -1,17 +1,24 @@
 """Bodies on, under and beside a table: meshes of several parts, and height maps and meshes together."""
 
+import math
 from typing import Any
 
-import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, Terrain
-from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros import BodyState, Box, Terrain
+from smartmesh_ros.ground.shapes import Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts
-from tests.ground.test_from_map import SHAPES, world_of
-from tests.grounds import level, terrain_of
-from tests.urdfs import HUSKY
+from tests.grounds import level, terrain_of, world_of
+
+LYING = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # with its axis along y
+SHAPES: list[tuple[Shape, tuple[float, ...], float]] = [
+    (Sphere(0.2), (0.0, 0.0, 0.0, 1.0), 0.2),
+    (Box(0.4, 0.3, 0.2), (0.0, 0.0, math.sin(0.3), math.cos(0.3)), 0.1),
+    (Cylinder(radius=0.1, height=0.3), (0.0, 0.0, 0.0, 1.0), 0.15),
+    (Cylinder(radius=0.1, height=0.3), LYING, 0.1),
+    (Capsule(radius=0.1, height=0.3), LYING, 0.1),
+]
 
 
 def table(thickness: float = 0.02) -> TriangleMesh:
@@ -48,33 +55,3 @@ def test_bodies_rest_on_a_table_and_under_it_as_the_ground_says(
             assert below == pytest.approx(z, abs=1e-9)
             assert centre[2] - height == pytest.approx(below, abs=2e-5)
         assert world.rescues == 0
-
-
-def test_what_sleeps_under_a_table_wakes_when_its_floor_falls() -> None:
-    mesh = table()
-    with world_of(mesh) as world:
-        world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 0.1)))
-        world.step(480)
-        assert world.is_asleep("box")
-        lowered = mesh.vertices - np.where(np.arange(mesh.size) < 4, 0.5, 0.0)[:, None] * [0.0, 0.0, 1.0]
-        mesh.move(lowered, time=world.time + 100.0)
-        world.step(480)
-        assert world.state("box").position[2] == pytest.approx(-0.4, abs=1e-3)
-
-
-def test_a_robot_drives_over_a_mesh_as_over_the_same_height_map() -> None:
-    def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return np.asarray(0.03 * np.sin(3.0 * x) * np.cos(2.0 * y))
-
-    x, y = np.meshgrid(*[np.linspace(-4.0, 4.0, 161)] * 2)
-    heightmap = HeightMap(height(x, y), resolution=0.05, origin=(-4.0, -4.0))
-    places = []
-    for terrain in (heightmap, TriangleMesh(*mesh_parts.soup(mesh_parts.sheet(8.0, 160, height)))):
-        with world_of(terrain) as world:
-            world.spawn_robot("husky", HUSKY, BodyState((-1.0, 0.0, 0.25)))
-            for wheel in world.bodies["husky"].joints:
-                world.drive("husky", wheel, 4.0)
-            world.step(720)
-            places.append(world.state("husky").position)
-    assert places[0][0] > 0.5
-    assert places[0] == pytest.approx(places[1], abs=2e-3)

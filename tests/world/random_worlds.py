@@ -122,7 +122,7 @@ class RandomWorld:
             x, y = rng.uniform(-1.8, 1.8, 2).tolist()
             state = BodyState((x, y, rng.uniform(0.6, 1.5)), linear=tuple(rng.normal(0.0, 0.3, 3).tolist()))
             world.spawn(f"body_{index}", shapes[int(rng.integers(4))], float(rng.uniform(0.5, 30.0)), state)
-        world.track("hand", 0.3, BodyState((1.5, 1.5, 0.4), linear=(-0.1, 0.0, 0.0)))
+        self.track_hand()
         if not self.decks:
             return
         for deck, carrier in (("ship", ""), ("bed", "body_0"), ("palm", "hand")):
@@ -130,6 +130,10 @@ class RandomWorld:
             world.terrain.put(deck, Deck(tile, thickness=0.1, position=(0.0, 0.0, 1.0)))
             if carrier:
                 world.carry(deck, Carrier(carrier, position=(0.0, 0.0, 0.5)))
+
+    def track_hand(self) -> None:
+        """Say where a tracked body is at first."""
+        self.world.track("hand", 0.3, BodyState((1.5, 1.5, 0.4), linear=(-0.1, 0.0, 0.0)))
 
     def _feed(self, step: int) -> None:
         """Give the inputs of a step."""

@@ -11,8 +11,9 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from smartmesh_ros import Base, BaseConfig, BodyState, HeightMap, InputError, PhysicsConfig, World, WorldConfig
+from smartmesh_ros import Base, BaseConfig, BodyState, InputError, World
 from tests import urdfs
+from tests.grounds import level, shaped, world_of
 from tests.tracked import UNDERCARRIAGE
 
 RACECAR = str(Path(pybullet_data.getDataPath()) / "racecar" / "racecar.urdf")
@@ -40,6 +41,7 @@ CART = urdfs.robot(
 )  # fmt: skip
 ROBOTS = {
     "cart": (CART, BaseConfig(wheels=("left", "right"))),
+    "axle behind": (CART.replace('xyz="0.0 ', 'xyz="-0.3 '), BaseConfig(wheels=("left", "right"))),
     "husky": (urdfs.HUSKY, BaseConfig(wheels=HUSKY_WHEELS)),
     "racecar": (RACECAR, BaseConfig(wheels=REAR, steering=HINGES)),
     "racecar, all driven": (RACECAR, BaseConfig(wheels=REAR + FRONT, steering=HINGES)),
@@ -52,8 +54,7 @@ ROBOTS = {
 def standing(name: str, **changes: object) -> Iterator[tuple[World, Base]]:
     """A robot that stands on level ground, and its base, with other settings."""
     urdf, config = ROBOTS[name]
-    ground = HeightMap(np.zeros((201, 201)), resolution=0.1, origin=(-10.0, -10.0))
-    with World(ground, WorldConfig(physics=PhysicsConfig(friction=1.0))) as world:
+    with world_of(level(201), friction=1.0) as world:
         world.spawn_robot("robot", urdf, BodyState(), on_ground=True)
         base = Base(world, "robot", BaseConfig(**{**vars(config), **changes}))  # type: ignore[arg-type]
         world.step(240)
@@ -170,34 +171,24 @@ def test_it_keeps_to_its_limits() -> None:
         assert abs(turned(world, 240)) < 0.01, "a car that stands does not turn"
 
 
-def test_odometry_is_the_path_of_the_root_link_without_slip() -> None:
-    """Nearly around a circle of half a metre, and of a robot whose axle is behind its root link."""
-    with standing("cart") as (world, base):
+@pytest.mark.parametrize(
+    ("name", "linear", "axle", "steps"), [("cart", 0.5, 0.0, 1200), ("axle behind", 0.2, -0.3, 600)]
+)
+def test_odometry_is_the_path_of_the_root_link_without_slip(name: str, linear: float, axle: float, steps: int) -> None:
+    """Nearly around a circle; also of a robot whose axle is behind its root link, which moves sideways then."""
+    with standing(name) as (world, base):
         start, told = pose(world), base.odometry
-        base.drive(0.5, 1.0)
-        world.step(1200)
-        found = base.odometry
-        np.testing.assert_allclose([found.x - told.x, found.y - told.y], (pose(world) - start)[:2], atol=0.05)
-    behind = CART.replace('xyz="0.0 ', 'xyz="-0.3 ')
-    ground = HeightMap(np.zeros((201, 201)), resolution=0.1, origin=(-10.0, -10.0))
-    with World(ground, WorldConfig(physics=PhysicsConfig(friction=1.0))) as world:
-        world.spawn_robot("robot", behind, BodyState(), on_ground=True)
-        base = Base(world, "robot", BaseConfig(wheels=("left", "right")))
-        world.step(120)
-        start = pose(world)
-        base.drive(0.2, 1.0)
-        world.step(600)
-        found = base.odometry
-        np.testing.assert_allclose([found.x, found.y], (pose(world) - start)[:2], atol=0.05)
-        state = world.base_state("robot")
-        yaw = pose(world)[2]
-        aside = -math.sin(yaw) * state.linear[0] + math.cos(yaw) * state.linear[1]
-        assert found.side == pytest.approx(0.3, rel=0.02) == aside
+        base.drive(linear, 1.0)
+        world.step(steps)
+        found, (x, y, yaw), speed = base.odometry, pose(world), world.base_state("robot").linear
+        np.testing.assert_allclose([found.x - told.x, found.y - told.y], [x - start[0], y - start[1]], atol=0.05)
+        aside = -math.sin(yaw) * speed[0] + math.cos(yaw) * speed[1]
+        assert found.side == pytest.approx(-axle, rel=0.02, abs=0.01)
+        assert aside == pytest.approx(-axle, rel=0.02, abs=0.02)
 
 
 def test_it_holds_its_wheels_comes_back_with_its_robot_and_starts_anew_with_the_time() -> None:
-    slope = HeightMap(np.tile(0.1 * np.linspace(-10.0, 10.0, 201), (201, 1)), resolution=0.1, origin=(-10.0, -10.0))
-    with World(slope, WorldConfig(physics=PhysicsConfig(friction=1.0))) as world:
+    with world_of(shaped(lambda x, y: 0.1 * x, 201), friction=1.0) as world:
         base = Base(world, "robot", BaseConfig(wheels=("left", "right")))
         world.step(2)
         with pytest.raises(InputError, match="no robot 'robot'"):

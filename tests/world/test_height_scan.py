@@ -11,6 +11,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.height_scan import LAYOUTS, yaws_of
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts
+from tests.grounds import level
 from tests.urdfs import link, robot
 
 SIDE, RESOLUTION, LOW = 161, 0.05, -4.0
@@ -55,8 +56,6 @@ def tiles() -> Terrain:
 
 
 GROUNDS = {
-    "still": lambda: HeightMap(wave(0.0), resolution=RESOLUTION, origin=(LOW, LOW)),
-    "moving": moving,
     "moving and turned": lambda: moving(yaw=0.3),
     "moving with noise": lambda: moving(MotionConfig(noise=0.01)),
     "sliding": sliding,
@@ -112,15 +111,6 @@ def test_a_tracked_body_and_a_robot_are_scanned_around_their_frames(world: World
     for values, state in ((robot, base), (tracked, world.state("tracked"))):
         ground = world.ground_at([state.position[:2]]).z[0]
         assert values[centre] == pytest.approx(state.position[2] - ground, abs=1e-9)
-
-
-def test_a_body_that_physics_threw_to_no_place_sees_no_ground(world: World) -> None:
-    world.spawn_robot("robot", LOPSIDED, turned(0.0, 0.0, 1.0, 0.0))
-    world.spawn("ball", Sphere(0.2), 1.0, turned(1.0, 0.0, 1.0, 0.0))
-    for body in world.bodies.values():
-        world.client.resetBaseVelocity(body.uid, [1e308] * 3)
-    world.client.stepSimulation()
-    assert np.isnan(world.height_scan(["robot", "ball"], HeightScan())).all()
 
 
 def isaac_lab_points(size: tuple[float, float], resolution: float, ordering: str) -> np.ndarray:
@@ -210,15 +200,6 @@ def test_noise_has_its_deviation_and_is_added_before_the_scale(
         assert abs(np.corrcoef(again.ravel(), errors.ravel())[0, 1]) < 0.05
 
 
-def test_holes_are_filled_only_if_that_is_asked() -> None:
-    with World(holed()) as world:
-        world.spawn("robot", Sphere(0.1), 1.0, turned(0.0, -0.6, 1.0, 0.4))
-        open_ = world.height_scan("robot", HeightScan(noise=0.01))
-        filled = world.height_scan("robot", HeightScan(noise=0.01, fill=7.0, clip=(-1.0, 1.0), scale=2.0))
-    assert 0 < np.isnan(open_).sum() < open_.size
-    np.testing.assert_allclose(filled, np.where(np.isnan(open_), 7.0, 2.0 * open_))
-
-
 @pytest.mark.parametrize("steps", [0, 1, 12])
 def test_a_delayed_scan_shows_the_ground_and_the_pose_of_then(steps: int) -> None:
     scan = HeightScan.of("isaac_lab", noise=0.01)
@@ -236,25 +217,6 @@ def test_a_delayed_scan_shows_the_ground_and_the_pose_of_then(steps: int) -> Non
         np.testing.assert_array_equal(delayed.read(), world.height_scan("robot", scan))
 
 
-def test_a_body_that_takes_the_name_of_one_that_went_has_scans_of_its_own(world: World) -> None:
-    world.spawn("robot", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.1)))
-    scanner = HeightScanner(world, "robot", HeightScan(values="clearance", delay=0.05))
-    scanner.read()
-    world.step(4)
-    world.remove("robot")
-    with pytest.raises(InputError, match="no body 'robot'"):
-        scanner.read()
-    world.spawn("robot", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 5.0)))
-    assert scanner.read()[0, 0] == pytest.approx(5.0)
-
-
-def test_a_scan_without_bodies_or_ground_is_empty() -> None:
-    with World() as world:
-        assert world.height_scan([], HeightScan()).shape == (0, 187)
-        world.spawn("robot", Sphere(0.1), 1.0)
-        assert np.isnan(world.height_scan("robot", HeightScan(size=(0.0, 0.0)))).tolist() == [[True]]
-
-
 def test_what_cannot_be_scanned_is_refused(world: World) -> None:
     world.spawn("robot", Sphere(0.1), 1.0)
     with pytest.raises(InputError, match="there is no body 'rover'"):
@@ -266,8 +228,11 @@ def test_what_cannot_be_scanned_is_refused(world: World) -> None:
             HeightScan().read(world.terrain, poses, 0.0)
 
 
-def test_a_map_is_ground_to_scan_and_poses_may_be_any_numbers() -> None:
-    ground = HeightMap(np.full((41, 41), 0.5), resolution=0.1)
-    scan = HeightScan(size=(0.2, 0.2))
-    assert scan.read(ground, [(2, 2, 1, 0)], 0.0).tolist() == [[0.5] * 9]
+def test_without_bodies_or_ground_there_is_nothing_and_poses_may_be_any_numbers() -> None:
+    ground, scan = level(), HeightScan(size=(0.2, 0.2))
+    assert scan.read(ground, [(0, 0, 1, 0)], 0.0).tolist() == [[0.0] * 9]
     assert np.isnan(scan.read(ground, [(np.nan, 2, 1, 0), (2, 2, 1, np.inf), (1e300, -1e300, 0, 0)], 0.0)).all()
+    with World() as world:
+        assert world.height_scan([], HeightScan()).shape == (0, 187)
+        world.spawn("robot", Sphere(0.1), 1.0)
+        assert np.isnan(world.height_scan("robot", HeightScan(size=(0.0, 0.0)))).tolist() == [[True]]

@@ -1,6 +1,5 @@
 """Links without <inertial> have no mass, and the user is told which."""
 
-import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, World
@@ -25,35 +24,23 @@ def spawned(world: World, links: str) -> list[str]:
     return said
 
 
-def weight(world: World) -> float:
-    """Force of the ground on the robot, a mean over its last steps [N]."""
-    world.step(240)
-    forces = []
-    for _ in range(24):
-        world.step()
-        forces.append(sum(wrench.force[2] for wrench in world.wrenches()))
-    return float(np.mean(forces))
-
-
 def test_frames_fixed_to_a_robot_weigh_nothing(world: World) -> None:
     frames = "".join(frame(f"frame_{i}", "base") for i in range(4))
     [said] = spawned(world, BASE + frames + frame("on_frame", "frame_0"))
     assert world.bodies["robot"].mass == pytest.approx(2.0), "7 kg, if each of the five weighed one"
-    assert weight(world) == pytest.approx(2.0 * 9.81, rel=0.01)
+    world.step(240)
+    assert sum(wrench.force[2] for wrench in world.wrenches()) == pytest.approx(2.0 * 9.81, rel=0.01)
     names = "frame_0, on_frame, frame_1, frame_2, frame_3"
     assert said == f"robot 'robot': links without <inertial> have no mass: {names}"
-
-
-def test_nothing_is_said_of_links_that_have_a_mass(world: World) -> None:
-    assert spawned(world, BASE + link("a", "", 0.0, 0.0) + joint("j", "fixed", "base", "a")) == []
 
 
 def test_a_massless_link_between_two_joints_moves_with_the_mass_beyond(world: World) -> None:
     """A pan and tilt head whose middle link is only a frame."""
     arm = link("pan", "", None) + joint("pan", "continuous", "base", "pan", LIMIT, "0 0 0.2", "0 0 1")
+    arm += link("sensor", "", 0.0, 0.0) + joint("j", "fixed", "base", "sensor")  # nothing is said of a mass of zero
     arm += link("tilt", "", 0.5, 0.002) + joint("tilt", "continuous", "pan", "tilt", LIMIT, "0.1 0 0")
     [said] = spawned(world, BASE + arm)
-    assert "have no mass: pan" in said
+    assert said.endswith("have no mass: pan")
     assert world.bodies["robot"].mass == pytest.approx(2.5)
     for name, target in (("pan", 0.7), ("tilt", -0.4)):
         world.command("robot", name, JointCommand(position=target))

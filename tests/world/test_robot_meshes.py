@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, HeightMap, InputError, World
+from smartmesh_ros import BodyState, InputError, World
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from tests.urdfs import joint, link, mesh, robot
 
@@ -76,6 +76,7 @@ MESHES: dict[str, tuple[str, Callable[[], bytes]]] = {
     "tristrips": ("box.dae", lambda: collada("tristrips")),
     "millimetres": ("box.dae", lambda: collada(unit=0.001)),
     "without a scene": ("box.dae", lambda: collada(scene=False)),
+    "a node that moves": ("box.dae", lambda: collada(offset="0 0 -1")),
 }
 
 
@@ -85,17 +86,10 @@ def test_a_robot_stands_on_its_collision_mesh(world: World, tmp_path: Path, kind
     (tmp_path / name).write_bytes(content())
     file = tmp_path / "robot.urdf"
     file.write_text(robot(link("chassis", mesh(name)), link("mast"), joint("m", "fixed", "chassis", "mast")))
-    world.spawn_robot("r", str(file), BodyState((0.0, 0.0, 0.2)))
+    world.spawn_robot("r", str(file), BodyState(), on_ground=True)
     assert list(world.bodies["r"].links.values()) == ["chassis", "mast"]
-    world.step(480)
-    assert world.state("r").position[2] == pytest.approx(0.5 * BOX[2], abs=2e-3)
-
-
-def test_a_node_of_a_scene_moves_and_a_scale_scales_its_mesh(world: World, tmp_path: Path) -> None:
-    (tmp_path / "box.dae").write_bytes(collada(offset="0 0 1"))
-    urdf = robot(link("a", mesh(tmp_path / "box.dae", 'scale="1 1 0.5"')))
-    world.spawn_robot("r", urdf, BodyState(), on_ground=True)
-    assert world.base_state("r").position[2] == pytest.approx(-0.5 * (1.0 - 0.5 * BOX[2]), abs=2e-3)
+    height = 0.5 * BOX[2] + (1.0 if kind == "a node that moves" else 0.0)
+    assert world.state("r").position[2] == pytest.approx(height, abs=2e-3)
 
 
 UNREADABLE: dict[str, tuple[str, bytes]] = {
@@ -145,23 +139,17 @@ def test_every_object_of_an_obj_file_and_every_collision_of_a_link_is_kept(world
             assert hit[3][2] == pytest.approx(top, abs=5e-3)
 
 
-def test_pybullet_never_opens_a_file_of_the_robot_in_this_process(tmp_path: Path) -> None:
-    (tmp_path / "box.stl").write_bytes(binary_stl())
-    prepared = prepare_robot(robot(link("a", mesh(tmp_path / "box.stl"))))
-    (tmp_path / "box.stl").unlink()
-    with World(HeightMap(np.zeros((5, 5)), resolution=1.0)) as world:
-        world.spawn_robot("r", prepared, BodyState((1.0, 1.0, 1.0)))
-        assert [name.endswith(".obj") for name in prepared.files] == [True]
-    with pytest.raises(InputError, match="does not exist"):
-        prepare_robot(robot(link("a", mesh(tmp_path / "box.stl"))))
-
-
-def test_the_content_of_a_mesh_counts_not_its_name(world: World, tmp_path: Path) -> None:
-    urdf = robot(link("a", mesh(tmp_path / "box.obj")))
+def test_the_content_of_a_mesh_counts_when_a_robot_is_prepared_not_its_name(world: World, tmp_path: Path) -> None:
+    """Nor what becomes of its file."""
+    urdf = robot(link("a", mesh(tmp_path / "box.obj", 'scale="1 1 0.5"')))
     for factor in (1.0, 2.0):
         (tmp_path / "box.obj").write_bytes(obj(factor))
-        world.spawn_robot(f"r{factor}", urdf, BodyState((-1.0 + factor, 0.0, 0.0)), on_ground=True)
-        assert world.state(f"r{factor}").position[2] == pytest.approx(0.5 * factor * BOX[2], abs=2e-3)
+        prepared = prepare_robot(urdf)
+        (tmp_path / "box.obj").unlink()
+        world.spawn_robot(f"r{factor}", prepared, BodyState((-1.0 + factor, 0.0, 0.0)), on_ground=True)
+        assert world.state(f"r{factor}").position[2] == pytest.approx(0.25 * factor * BOX[2], abs=2e-3)
+    with pytest.raises(InputError, match="does not exist"):
+        prepare_robot(urdf)
 
 
 def test_hulls_of_thousands_of_vertices_keep_their_extent(world: World, tmp_path: Path) -> None:
@@ -171,10 +159,9 @@ def test_hulls_of_thousands_of_vertices_keep_their_extent(world: World, tmp_path
     lines = [f"v {x} {y} {z}" for x, y, z in points]
     faces = [f"f {k} {k + 1} {k + 2}" for k in range(1, len(points) - 1, 3)]
     (tmp_path / "ball.obj").write_text("\n".join([*lines, *faces]))
-    robots = [link(f"l{k}", mesh(tmp_path / "ball.obj")) for k in range(4)]
+    links = [link(f"l{k}", mesh(tmp_path / "ball.obj")) for k in range(4)]
     joints = [joint(f"j{k}", "fixed", "l0", f"l{k}", xyz=f"{k} 0 0") for k in range(1, 4)]
-    prepared = prepare_robot(robot(*robots, *joints))
-    world.spawn_robot("r", prepared, BodyState((-1.5, 0.0, 1.0)))
+    world.spawn_robot("r", robot(*links, *joints), BodyState((-1.5, 0.0, 1.0)))
     vertices = np.array(world.client.getMeshData(world.bodies["r"].uid, -1)[1])
     assert len(vertices) < 3000
     directions = rng.normal(size=(500, 3))

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, HeightMap, InputError, PhysicsConfig, World, WorldConfig
+from smartmesh_ros import BodyState, Box, InputError, PhysicsConfig, World, WorldConfig
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.link_frames import InertialFrame, centre_state, frame_state
-from tests.grounds import level, step_on_moving
+from tests.grounds import level, shaped, step_on_moving, world_of
 from tests.urdfs import ROVER, inertial, joint, link, robot
 
 SLIDE = '<limit lower="-5" upper="5" effort="7" velocity="10"/>'
@@ -29,6 +29,9 @@ def reading(world: World, joint: str) -> tuple[float, float, float]:
 
 
 def test_a_commanded_effort_accelerates_as_newton_says(world: World) -> None:
+    for fields in ({"position": math.nan}, {"velocity": math.inf}, {"velocity": 1.0, "effort": -1.0}):
+        with pytest.raises(InputError):
+            JointCommand(**fields)
     world.spawn_robot("arm", PENDULUM, BodyState((0.0, 0.0, 3.0)))
     world.command("arm", "hinge", JointCommand(effort=0.25))
     world.command("arm", "slide", JointCommand(effort=-1.5))
@@ -39,12 +42,6 @@ def test_a_commanded_effort_accelerates_as_newton_says(world: World) -> None:
     before = reading(world, "hinge")[1]
     world.step(60)
     assert reading(world, "hinge")[1:] == pytest.approx((before, 0.0), rel=1e-3), "free: no effort, and no brake"
-
-
-@pytest.mark.parametrize("fields", [{"position": math.nan}, {"velocity": math.inf}, {"velocity": 1.0, "effort": -1.0}])
-def test_impossible_commands_are_refused(fields: dict[str, float]) -> None:
-    with pytest.raises(InputError):
-        JointCommand(**fields)
 
 
 UNIT = st.floats(-1.0, 1.0)
@@ -83,8 +80,7 @@ def test_the_frame_of_a_spawned_robot_is_pybullets(world: World) -> None:
 
 def test_on_a_slope_the_ground_carries_the_weight_and_no_more() -> None:
     """At rest all contact forces, friction among them, sum up to the weight straight up, without torque."""
-    slope = np.tile(np.linspace(-5, 5, 101) * 0.2, (101, 1))
-    with World(HeightMap(slope, resolution=0.1, origin=(-5.0, -5.0))) as world:
+    with World(shaped(lambda x, y: 0.2 * x, 101)) as world:
         world.spawn("box", Box(0.3, 0.4, 0.2), 3.0, BodyState((0.0, 0.0, 0.15)))
         world.spawn("far", Box(0.3, 0.4, 0.2), 3.0, BodyState((0.0, 2.0, 9.0)))
         world.step(480)
@@ -106,8 +102,8 @@ def test_a_link_whose_centre_of_mass_is_below_the_ground_beside_its_shape_is_no_
         '<link name="base"><collision><geometry><box size="0.4 0.4 0.2"/></geometry></collision>',
         inertial(5.0, 0.1, "0 0 -0.35"), "</link>",
     )  # fmt: skip
-    with World(HeightMap(np.zeros((41, 41)), resolution=0.1)) as world:
-        world.spawn_robot("keel", urdf, BodyState((2.0, 2.0, -0.24)))
+    with World(level()) as world:
+        world.spawn_robot("keel", urdf, BodyState((0.0, 0.0, -0.24)))
         world.step(240)
         assert world.state("keel").position[2] == pytest.approx(-0.25, abs=0.01)
         assert world.rescues == 0
@@ -122,70 +118,52 @@ def on_a_fixed_base(*, arm: bool) -> str:
     )  # fmt: skip
     hinged = (
         joint("hinge", "continuous", "pole", "arm", xyz="0 0 0.5"),
-        f'<link name="arm">{inertial(1.0, 0.1, "0 0 -0.35")}<collision><origin xyz="0.1 0 -0.35"/><geometry>'
-        '<box size="0.05 0.05 0.7"/></geometry></collision></link>',
+        link("arm", '<box size="0.05 0.05 0.7"/>', 1.0, 0.1, at="0.1 0 -0.35"),
     )
     return robot(*pole, *(hinged if arm else ()))
 
 
 @pytest.mark.parametrize("changes", ["motion", "correction"])
 @pytest.mark.parametrize("arm", [False, True], ids=["alone", "with an arm"])
-def test_a_fixed_base_stays_while_the_ground_rises_around_it(arm: bool, changes: Changes) -> None:
+def test_a_fixed_base_stays_where_it_was_put_whatever_the_ground_does_and_velocity_it_is_given(
+    arm: bool, changes: Changes
+) -> None:
+    """Also buried."""
     with World(level(motion=MotionConfig(changes=changes))) as world:
-        world.spawn_robot("mast", on_a_fixed_base(arm=arm), BodyState((0.0, 0.0, 0.5)))
+        world.spawn_robot("mast", on_a_fixed_base(arm=arm), BodyState((0.0, 0.0, -0.1), linear=(1.0, 0.0, 0.5)))
+        step_on_moving(world, lambda time: 0.2 * time, 480)
+        assert world.state("mast") == BodyState((0.0, 0.0, -0.1))
+        world.move("mast", BodyState((0.5, 0.0, 0.5), linear=(0.0, 1.0, 0.0), angular=(0.0, 0.0, 2.0)))
         world.step(240)
-        step_on_moving(world, lambda time: 0.2 * (time - 1.0), 720)
-        world.step(480)
-        assert world.state("mast") == BodyState((0.0, 0.0, 0.5))
+        assert world.state("mast") == BodyState((0.5, 0.0, 0.5))
+        world.reset_bodies()
+        world.step(240)
+        assert world.state("mast") == BodyState((0.0, 0.0, -0.1))
         assert world.rescues == 0
+        assert world.below_ground() == []
 
 
-def test_a_buried_fixed_base_stays_where_it_was_spawned_or_moved_whatever_velocity_it_is_given(world: World) -> None:
-    world.spawn_robot("mast", on_a_fixed_base(arm=True), BodyState((0.0, 0.0, -0.1), linear=(1.0, 0.0, 0.5)))
-    world.step(240)
-    assert world.state("mast") == BodyState((0.0, 0.0, -0.1))
-    world.move("mast", BodyState((0.5, 0.0, -0.2), linear=(0.0, 1.0, 0.0), angular=(0.0, 0.0, 2.0)))
-    world.step(240)
-    assert world.state("mast") == BodyState((0.5, 0.0, -0.2))
-    world.reset_bodies()
-    world.step(240)
-    assert world.state("mast") == BodyState((0.0, 0.0, -0.1))
-    assert world.rescues == 0
-    assert world.below_ground() == []
-
-
-def sled(contact: str = "", *more: str) -> str:
-    return robot(link("base", '<box size="0.3 0.3 0.1"/>', 1.0, 0.01, f"<contact>{contact}</contact>"), *more)
-
-
-def slick_world(**physics: float) -> World:
-    ground = HeightMap(np.zeros((41, 141)), resolution=0.1, origin=(-2.0, -2.0))
-    return World(ground, WorldConfig(physics=PhysicsConfig(**physics)))
+SLED = robot(
+    link("base", '<box size="0.3 0.3 0.1"/>', 1.0, 0.01, '<contact><lateral_friction value="0.15"/></contact>'),
+    joint("hinge", "continuous", "base", "arm"),
+    '<!-- <contact><lateral_friction value="0.9"/></contact> -->',
+    link("arm", moment=1.0, more='<contact><restitution value="0.3"/></contact>'),
+)
 
 
 def test_contact_parameters_of_the_urdf_go_before_the_configured_ones(tmp_path: Path) -> None:
-    """Each by itself, for each link, and from a file as from a text; comments do not count."""
-    arm = (
-        joint("hinge", "continuous", "base", "arm"),
-        '<!-- <contact><lateral_friction value="0.9"/></contact> -->',
-        link("arm", moment=1.0, more='<contact><restitution value="0.3"/></contact>'),
-    )
-    text = sled('<lateral_friction value="0.15"/>', *arm)
+    """Each by itself, for each link, from a file as from a text, and restored; comments do not count. A guest has the
+    configured ones."""
     file = tmp_path / "sled.urdf"
-    file.write_text(text)
-    with slick_world(friction=0.6, restitution=0.2) as world:
-        for name, urdf in (("text", text), ("file", str(file))):
+    file.write_text(SLED)
+    with world_of(level(), friction=0.6, restitution=0.2) as world:
+        for name, urdf in (("text", SLED), ("file", str(file))):
             world.spawn_robot(name, urdf, BodyState((0.0, 0.0, 1.0)))
-            uid = world.bodies[name].uid
-            found = [world.client.getDynamicsInfo(uid, link) for link in (-1, 0)]
-            assert [(round(link[1], 6), round(link[5], 6)) for link in found] == [(0.15, 0.2), (0.6, 0.3)]
-
-
-def test_guests_and_restored_robots_have_the_configured_friction() -> None:
-    with slick_world(friction=0.6) as world:
         guest = world.add_guest("guest", "peer", Box(0.3, 0.3, 0.1), 1.0)
         assert world.client.getDynamicsInfo(guest, -1)[1] == pytest.approx(0.6)
-        world.spawn_robot("sled", sled(), BodyState((0.0, 0.0, 1.0)))
-        world.configure(WorldConfig(physics=PhysicsConfig(friction=0.1)))
-        world.restore(world.snapshot())
-        assert world.client.getDynamicsInfo(world.bodies["sled"].uid, -1)[1] == pytest.approx(0.6)
+        for _ in range(2):
+            for name in ("text", "file"):
+                found = [world.client.getDynamicsInfo(world.bodies[name].uid, link) for link in (-1, 0)]
+                assert [(round(link[1], 6), round(link[5], 6)) for link in found] == [(0.15, 0.2), (0.6, 0.3)]
+            world.configure(WorldConfig(physics=PhysicsConfig(friction=0.1)))  # for bodies that come later
+            world.restore(world.snapshot())

@@ -1,4 +1,4 @@
-"""Robots sleep without colliders: none of their links moves for a minute, and they stand as they did awake.
+"""Robots sleep: none of their links moves for a minute, and they stand as they did awake.
 
 Joints hold their positions, which loads their motors: these push as soon as a robot loses the ground.
 """
@@ -7,13 +7,13 @@ import math
 from pathlib import Path
 
 import numpy as np
-import pybullet as pb
 import pybullet_data
 import pytest
 
-from smartmesh_ros import BodyState, HeightMap, PhysicsConfig, World, WorldConfig
+from smartmesh_ros import BodyState, HeightMap, World
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand
+from tests.grounds import world_of
 from tests.legged import MODELS, Robot, robot
 from tests.urdfs import HUSKY
 
@@ -34,8 +34,7 @@ KNOWN = (
 def row_world(count: int, *, sleep: bool = True) -> World:
     """Flat ground for some robots in a row along x."""
     heights = np.zeros((61, round(APART * count / 0.1) + 61))
-    ground = HeightMap(heights, resolution=0.1, origin=(-APART, -3.0))
-    return World(ground, WorldConfig(physics=PhysicsConfig(sleep=sleep)))
+    return world_of(HeightMap(heights, resolution=0.1, origin=(-APART, -3.0)), sleep=sleep)
 
 
 def stand(world: World, name: str, made: Robot, x: float) -> None:
@@ -162,19 +161,6 @@ def test_a_robot_without_a_shape_of_its_root_is_noticed_if_it_moves_asleep() -> 
         assert not world.is_asleep("solo")
         sleep_all(world)
         assert world.state("solo").position[2] == pytest.approx(robot("solo").height, abs=0.02)
-
-
-def test_a_robot_that_is_woken_through_pybullet_is_noticed() -> None:
-    """PyBullet moves it again, but it has no colliders until that is noticed."""
-    with row_world(1) as world:
-        drive_husky(world, JointCommand(velocity=0.0))
-        sleep_all(world)
-        height = world.state("husky").position[2]
-        world.client.changeDynamics(world.bodies["husky"].uid, -1, activationState=pb.ACTIVATION_STATE_WAKE_UP)
-        slept = [world.is_asleep("husky") for _ in range(RATE) if world.step() is None]
-        assert not all(slept)
-        sleep_all(world)
-        assert world.state("husky").position[2] == pytest.approx(height, abs=0.01)
 
 
 def test_joints_that_are_driven_by_an_effort_keep_a_robot_awake() -> None:

@@ -14,7 +14,8 @@ from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from smartmesh_ros.world.standing import finished
-from tests.bodies import rotation
+from tests.bodies import rotation, surface_of
+from tests.grounds import shaped
 from tests.urdfs import ROVER
 
 DATA = Path(pybullet_data.getDataPath())
@@ -31,29 +32,7 @@ EARLY = 2e-3
 
 
 def hills(amplitude: float = 0.3) -> HeightMap:
-    r, c = np.mgrid[:161, :161]
-    x, y = 0.1 * c - 8.0, 0.1 * r - 8.0
-    return HeightMap(amplitude * np.sin(0.7 * x) * np.cos(0.6 * y), resolution=0.1, origin=(-8.0, -8.0))
-
-
-def surface_points(shape: Shape, state: BodyState) -> np.ndarray:
-    """Points (n, 3) [m] all over the surface of a shape in its state."""
-    rng = np.random.default_rng(0)
-    d = rng.normal(size=(40_000, 3))
-    d /= np.linalg.norm(d, axis=1, keepdims=True)
-    match shape:
-        case Sphere(r):
-            points = r * d
-        case Box(x, y, z):
-            points = 0.5 * np.array([x, y, z]) * d / np.abs(d).max(axis=1, keepdims=True)
-            points = np.concatenate([points, 0.5 * np.array([x, y, z]) * np.sign(d[:100])])
-        case Cylinder(radius=r, height=h):
-            angle, away = rng.uniform(0.0, 2.0 * math.pi, 40_000), r * np.sqrt(rng.uniform(0.0, 1.0, 40_000))
-            away[:20_000] = r  # the rims; the others are on the faces
-            points = np.column_stack([away * np.cos(angle), away * np.sin(angle), 0.5 * h * np.sign(d[:, 2])])
-        case Capsule(radius=r, height=h):
-            points = r * d + np.sign(d[:, 2:]) * (0.0, 0.0, 0.5 * h)
-    return np.asarray(points @ rotation(np.array(state.orientation)).T + state.position)
+    return shaped(lambda x, y: amplitude * np.sin(0.7 * x) * np.cos(0.6 * y), 161)
 
 
 @settings(max_examples=25, deadline=None)
@@ -71,32 +50,24 @@ def test_the_lowest_point_has_the_clearance(
             "body", SHAPES[kind], 1.0, BodyState((x, y, 55.0), (a, b, c, d)), on_ground=True, clearance=clearance
         )
         state = world.state("body")
-        points = surface_points(SHAPES[kind], state)
+        points = surface_of(SHAPES[kind]) @ rotation(np.array(state.orientation)).T + state.position
         gaps = points[:, 2] - world.ground_at(points[:, :2]).z
     assert state.position[:2] == pytest.approx((x, y), abs=1e-9)
     assert gaps.min() == pytest.approx(clearance, abs=EARLY + 1e-3)
 
 
-def test_a_peak_under_the_middle_of_a_box_carries_it() -> None:
-    heights = np.zeros((41, 41))
-    heights[20, 20] = 0.2  # narrower than the distance between two samples of the box's underside
-    with World(HeightMap(heights, resolution=0.02, origin=(-0.4, -0.4))) as world:
-        world.spawn("box", Box(0.7, 0.5, 0.1), 1.0, BodyState((0.03, 0.01, 0.0)), on_ground=True)
-        assert world.state("box").position[2] == pytest.approx(0.25, abs=1e-3)
-
-
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_robots_rest_where_they_were_put(robot: str) -> None:
-    for place in ((0.3, 0.2), (-2.1, 1.7)):
-        with World(hills(0.2)) as world:
+    with World(hills(0.2)) as world:
+        for name, place in (("one", (0.3, 0.2)), ("other", (-2.1, 1.7))):
             state = BodyState((*place, 0.0), (0.0, 0.0, math.sin(0.35), math.cos(0.35)))
-            world.spawn_robot("robot", str(DATA / robot), state, on_ground=True, align=True)
-            for joint in world.bodies["robot"].joints:
-                world.command("robot", joint, JointCommand(position=0.0))
-            put = np.array(world.state("robot").position)
-            world.step(480)
-            assert np.linalg.norm(np.array(world.state("robot").position) - put) < 6e-3
-            assert world.rescues == 0
+            world.spawn_robot(name, str(DATA / robot), state, on_ground=True, align=True)
+            for joint in world.bodies[name].joints:
+                world.command(name, joint, JointCommand(position=0.0))
+        put = [world.state(name).position for name in world.bodies]
+        world.step(480)
+        assert [world.state(name).position for name in world.bodies] == [pytest.approx(it, abs=5e-3) for it in put]
+        assert world.rescues == 0
 
 
 def test_alignment_follows_the_slope_and_keeps_the_heading() -> None:

@@ -9,46 +9,14 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import (
-    BodyState,
-    Box,
-    Ground,
-    HeightMap,
-    InputError,
-    PhysicsConfig,
-    Sphere,
-    World,
-    WorldConfig,
-)
+from smartmesh_ros import BodyState, Box, Ground, InputError, Sphere, World
 from smartmesh_ros.ground.followers import Belt
-from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from tests import urdfs
-from tests.bodies import put
+from tests.bodies import put, run
+from tests.grounds import shaped, world_of
 from tests.tracked import NAME, UNDERCARRIAGE, drive, slope, speed, standing
-
-
-def test_a_command_beyond_the_limit_drives_at_the_limit() -> None:
-    with standing(slope()) as world:
-        drive(world, 9.0, 9.0)
-        world.step(600)
-        assert speed(world) == pytest.approx(1.5, rel=0.01)
-        assert [(s.name, s.speed, s.limit) for s in world.surfaces(NAME)] == [
-            ("left_track", 1.5, 1.5),
-            ("right_track", 1.5, 1.5),
-        ]
-
-
-def test_any_body_can_creep_on_its_surface() -> None:
-    with World(slope()) as world:
-        world.spawn("box", Box(0.4, 0.4, 0.2), 2.0, BodyState((0.0, 0.0, 0.1)))
-        world.step(24)
-        world.drive_surface("box", "", 0.3, axis=(-2.0, 0.0, 0.0))
-        world.step(480)
-        assert world.state("box").linear == pytest.approx((0.0, 0.3, 0.0), abs=3e-3)
-        assert world.surfaces("box") == []
-
 
 BLOCK = urdfs.robot(urdfs.link("box", urdfs.box((0.4, 0.3, 0.2)), 1.0, (0.4, 0.3, 0.2)))
 
@@ -58,13 +26,10 @@ BLOCK = urdfs.robot(urdfs.link("box", urdfs.box((0.4, 0.3, 0.2)), 1.0, (0.4, 0.3
 def test_a_driven_surface_pulls_no_more_than_friction_allows(degrees: float, is_robot: bool) -> None:
     """Up a slope that is too steep, a box slides down by the law of Coulomb, as fast as its surface may run."""
     friction, gravity, angle, time, speed_ = 0.5, 9.81, math.radians(degrees), 2.0, 1.0
-    axis = 0.25 * np.arange(-60, 61)
-    heights = np.tan(angle) * np.broadcast_to(axis, (121, 121))
-    ground = HeightMap(heights, resolution=0.25, origin=(-15.0, -15.0))
     up = np.array([math.cos(angle), 0.0, math.sin(angle)])
     turn = (0.0, -math.sin(angle / 2.0), 0.0, math.cos(angle / 2.0))
     start = BodyState((-0.1 * math.sin(angle), 0.0, 0.1 * math.cos(angle)), turn)
-    with World(ground, WorldConfig(physics=PhysicsConfig(friction=friction, sleep=False))) as world:
+    with world_of(shaped(lambda x, y: math.tan(angle) * x, 121, 0.25), friction=friction, sleep=False) as world:
         if is_robot:
             world.spawn_robot("box", BLOCK, start)
         else:
@@ -78,13 +43,17 @@ def test_a_driven_surface_pulls_no_more_than_friction_allows(degrees: float, is_
     assert way == pytest.approx(law, rel=0.01, abs=0.02)
 
 
-def test_the_axis_is_one_of_the_frame_of_the_link() -> None:
+def test_a_command_beyond_the_limit_drives_at_the_limit_about_the_axis_of_the_frame_of_the_link() -> None:
     """Whose inertia has another frame."""
     turned = UNDERCARRIAGE.replace('<mass value="200"/>', '<origin rpy="0.3 0.2 1.2"/><mass value="200"/>')
     with standing(slope(), turned) as world:
-        drive(world, 0.5, 0.5)
-        world.step(240)
-        assert speed(world) == pytest.approx(0.5, rel=0.01)
+        drive(world, 9.0, 9.0)
+        world.step(600)
+        assert speed(world) == pytest.approx(1.5, rel=0.01)
+        assert [(s.name, s.speed, s.limit) for s in world.surfaces(NAME)] == [
+            ("left_track", 1.5, 1.5),
+            ("right_track", 1.5, 1.5),
+        ]
 
 
 def test_it_sleeps_only_while_its_tracks_stand_still() -> None:
@@ -110,12 +79,6 @@ def driven() -> Iterator[World]:
         yield world
 
 
-def test_commands_stay_after_a_reset(driven: World) -> None:
-    driven.reset_bodies()
-    driven.step(240)
-    assert math.hypot(*driven.state(NAME).linear) == pytest.approx(0.4, rel=0.02)
-
-
 def test_what_has_no_surface_on_the_ground_is_refused(driven: World) -> None:
     driven.track("hand", 0.2, BodyState((5.0, 0.0, 0.2)))
     for name, link, speed_, axis, words in (
@@ -132,7 +95,10 @@ def test_what_has_no_surface_on_the_ground_is_refused(driven: World) -> None:
     for fields in ({"position": 1.0}, {"effort": 1.0}, {"velocity": 1.0, "effort": 1.0}, {}):
         with pytest.raises(InputError, match="velocity alone"):
             driven.command(NAME, "left_track", JointCommand(**fields))
-    assert [s.speed for s in driven.surfaces(NAME)] == [0.3, 0.5]
+    driven.reset_bodies()
+    driven.step(240)
+    assert [s.speed for s in driven.surfaces(NAME)] == [0.3, 0.5], "commands stay after a reset"
+    assert math.hypot(*driven.state(NAME).linear) == pytest.approx(0.4, rel=0.02)
     with pytest.raises(InputError, match="left_track, right_track"):
         driven.drive(NAME, "middle_track", 1.0)
     driven.spawn("ball", Sphere(0.2), 1.0, BodyState((6.0, 0.0, 0.2)))
@@ -161,25 +127,14 @@ DRIVE = '<surface_drive name="left_track" link="left_track_link"><axis xyz="0 1 
         (DRIVE.replace("1.5", "fast"), "a number"),
         (DRIVE.replace("1.5", "0"), "above zero"),
         (DRIVE.replace("1.5", "-1"), "above zero"),
+        (DRIVE.replace("left_track_link", "bare"), "touches nothing"),
     ],
 )
 def test_a_description_whose_surface_cannot_be_driven_is_refused(instead: str, words: str) -> None:
     assert DRIVE in UNDERCARRIAGE
-    with pytest.raises(InputError, match=words):
-        prepare_robot(UNDERCARRIAGE.replace(DRIVE, instead))
-
-
-def test_a_link_without_a_shape_has_no_surface() -> None:
     bare = '<link name="bare"/><joint name="j" type="fixed"><parent link="house"/><child link="bare"/></joint></robot>'
-    moved = UNDERCARRIAGE.replace(DRIVE, DRIVE.replace("left_track_link", "bare")).replace("</robot>", bare)
-    with pytest.raises(InputError, match="touches nothing"):
-        prepare_robot(moved)
-
-
-def test_pybullet_itself_ignores_the_element() -> None:
-    with World() as world:
-        uid = world.client.loadURDF(str(robot_file()))
-        assert world.client.getNumJoints(uid) == 3
+    with pytest.raises(InputError, match=words):
+        prepare_robot(UNDERCARRIAGE.replace(DRIVE, instead).replace("</robot>", bare))
 
 
 @pytest.fixture
@@ -191,10 +146,9 @@ def ground(client: Any) -> Ground:
     return made
 
 
-def run(ground: Ground, client: Any, steps: int) -> float:
+def speed_after(ground: Ground, client: Any, steps: int) -> float:
     """Go on, and return the velocity of the box along x [m/s]."""
-    for _ in range(steps):
-        ground.step(ground.clock, 1.0 / 240.0)
+    run(ground, steps)
     return float(client.getBaseVelocity(0)[0][0])
 
 
@@ -220,16 +174,13 @@ def test_a_robot_whose_file_lost_a_link_or_joint_is_not_restored(tmp_path: Path,
 
 def test_in_a_pybullet_world_of_ones_own(ground: Ground, client: Any) -> None:
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
-    assert run(ground, client, 240) == pytest.approx(0.3, rel=0.01)
+    assert speed_after(ground, client, 240) == pytest.approx(0.3, rel=0.01)
     ground.drive(0, -1, np.array([0.0, 1.0, 0.0]), np.float32(0.25))  # type: ignore[arg-type]
     assert ground.followers.at(0, -1).belt == Belt((0.0, 1.0, 0.0), 0.25)  # type: ignore[union-attr]
-    assert run(ground, client, 240) == pytest.approx(0.25, rel=0.01)
+    assert speed_after(ground, client, 240) == pytest.approx(0.25, rel=0.01)
     ground.detach(0)
     ground.attach(0)
-    assert run(ground, client, 240) == pytest.approx(0.0, abs=1e-3), "it is attached anew"
-
-
-def test_after_a_reset_of_pybullet_nothing_is_driven(ground: Ground, client: Any) -> None:
+    assert speed_after(ground, client, 240) == pytest.approx(0.0, abs=1e-3), "it is attached anew"
     client.resetSimulation()
     with pytest.raises(InputError, match="make another"):
         ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
@@ -240,15 +191,9 @@ def test_a_command_wakes_a_body_that_sleeps_in_pybullet_and_one_that_creeps_does
     ground: Ground, client: Any
 ) -> None:
     client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
-    run(ground, client, 1200)
+    speed_after(ground, client, 1200)
     for speed_ in (0.3, 0.02):
         ground.drive(0, -1, (0.0, 1.0, 0.0), speed_)
-        assert run(ground, client, 960) == pytest.approx(speed_, rel=0.01)
+        assert speed_after(ground, client, 960) == pytest.approx(speed_, rel=0.01)
     ground.drive(0, -1, (0.0, 1.0, 0.0), 0.0)
-    assert run(ground, client, 960) == 0.0, "it sleeps again"
-
-
-def test_without_pybullets_correction_of_friction_a_robots_surface_stands_still(ground: Ground, client: Any) -> None:
-    client.setPhysicsEngineParameter(frictionERP=0.0)
-    ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
-    assert run(ground, client, 240) == pytest.approx(0.0, abs=1e-3)
+    assert speed_after(ground, client, 960) == 0.0, "it sleeps again"

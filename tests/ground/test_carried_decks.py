@@ -1,0 +1,139 @@
+"""Decks and robots: bodies that carry a deck take the reaction, and a rover drives from one onto ground at rest."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import BodyState, Box, Deck, Ground, HeightMap, InputError, Sphere, Terrain, World
+from smartmesh_ros.world.driving import Carrier
+from smartmesh_ros.world.joints import JointCommand
+from tests.bodies import put, rotation
+from tests.ground.ships import OMEGA, about_y
+from tests.grounds import level, world_of
+from tests.urdfs import HUSKY, box, joint, link, robot
+
+DT = 1.0 / 240.0
+
+
+def test_cargo_rides_on_a_robot_that_drives_and_turns() -> None:
+    terrain = Terrain(level(81, 0.5))
+    terrain.put("bed", Deck(level(9, 0.1), thickness=0.2))
+    with world_of(terrain, friction=0.9) as world:
+        world.spawn_robot("husky", HUSKY, BodyState((0.0, 0.0, 0.15)))
+        world.carry("bed", Carrier("husky", position=(0.0, 0.0, 0.45)))
+        world.spawn("cargo", Box(0.3, 0.3, 0.2), 20.0, BodyState((0.0, 0.0, 0.72)))
+        world.step(240)
+        for joint_name in (it.name for it in world.joints("husky") if "wheel" in it.name):
+            world.command("husky", joint_name, JointCommand(velocity=4.0 if "left" in joint_name else 8.0))
+        places = []
+        for _ in range(480):
+            world.step()
+            frame = terrain.deck("bed").frame(world.time)
+            places.append(frame.rotation.T @ (np.array(world.state("cargo").position) - frame.position))
+        found = np.array(places)
+        assert np.abs(found[:, 2] - 0.1).max() < 2e-3
+        assert np.linalg.norm(found[:, :2] - found[0, :2], axis=1).max() < 0.03
+        assert math.hypot(*world.state("husky").position[:2]) > 1.0
+
+
+def test_a_rover_drives_from_a_rolling_deck_over_a_ramp_onto_ground_at_rest() -> None:
+    """A ramp of the deck leads down to its end, which lies on the quay, on the axis about which the deck pitches."""
+    x = np.arange(0.0, 6.01, 0.1)
+    ramp = np.tile(np.interp(x, [0.0, 5.0, 6.0], [0.3, 0.3, 0.0]), (31, 1))
+    deck = Deck(HeightMap(ramp, resolution=0.1, origin=(0.0, -1.5)))
+    terrain = Terrain(HeightMap(np.zeros((31, 61)), resolution=0.1, origin=(5.9, -1.5)))
+    terrain.put("deck", deck)
+    axis = np.array([6.0, 0.0, 0.0])
+    with world_of(terrain, friction=1.0) as world:
+        climbs = []
+        for step in range(1500):
+            turn = about_y(math.radians(3.0) * math.sin(OMEGA * world.time))
+            deck.move(axis - rotation(turn) @ axis, turn, time=world.time)
+            if step == 0:
+                world.spawn_robot("husky", HUSKY, BodyState((3.0, 0.0, 0.6)))
+            if step == 240:
+                over = rotation(turn).T @ (np.array(world.state("husky").position) - axis)
+                for wheel in (it.name for it in world.joints("husky") if "wheel" in it.name):
+                    world.command("husky", wheel, JointCommand(velocity=6.0))
+            world.step()
+            climbs.append(world.state("husky").linear[2])
+        x, _, z = world.state("husky").position
+        assert x > 8.0
+        assert z == pytest.approx(over[2] - 0.3, abs=0.01)
+        assert np.abs(np.diff(climbs[240:])).max() < 0.1  # m/s in a step: no jump
+
+
+class Raft(NamedTuple):
+    """What carries a deck in free flight: its kind, its mass [kg], and where on it a ball lands [m]."""
+
+    multibody: bool
+    mass: float
+    off: float
+
+
+RAFTS = (Raft(False, 2.0, 0.8), Raft(True, 2.0, 0.8), Raft(False, 10.0, 0.0), Raft(True, 0.5, 0.0))
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.6])
+@pytest.mark.parametrize("raft", RAFTS)
+def test_a_ball_and_the_free_body_whose_deck_it_lands_on_conserve_momentum(
+    client: Any, raft: Raft, restitution: float
+) -> None:
+    """At the end of each step; and they part with the restitution of their speed."""
+    client.setGravity(0.0, 0.0, 0.0)
+    size = Box(2.0, 2.0, 0.2)
+    carrier = put(client, size, (0.0, 0.0, 1.0), raft.mass, useMaximalCoordinates=0 if raft.multibody else 1)
+    ball = put(client, Sphere(0.1), (raft.off, 0.0, 1.8), useMaximalCoordinates=1)
+    client.resetBaseVelocity(ball, (0.0, 0.0, -2.0))
+    for body in (carrier, ball):
+        client.changeDynamics(body, -1, restitution=restitution, lateralFriction=0.0)
+        client.changeDynamics(body, -1, linearDamping=0.0, angularDamping=0.0)
+    terrain = Terrain()
+    terrain.put("deck", Deck(level(9, 0.25)))
+    ground = Ground(client, terrain)
+    ground.attach(ball)
+    ground.carry("deck", carrier, position=(0.0, 0.0, 0.3))
+    for step in range(120):
+        ground.step(step * DT, DT)
+        velocity, (linear, angular) = client.getBaseVelocity(ball)[0], client.getBaseVelocity(carrier)
+        assert np.array(velocity) + raft.mass * np.array(linear) == pytest.approx([0.0, 0.0, -2.0], abs=1e-9)
+        moment = np.array(client.getDynamicsInfo(carrier, -1)[2])
+        spin = np.cross(client.getBasePositionAndOrientation(ball)[0], velocity)
+        spin = spin + raft.mass * np.cross(client.getBasePositionAndOrientation(carrier)[0], linear) + moment * angular
+        assert spin == pytest.approx([0.0, 2.0 * raft.off, 0.0], abs=0.02)  # the moment turns with the raft
+    arm = np.subtract(client.getBasePositionAndOrientation(ball)[0], client.getBasePositionAndOrientation(carrier)[0])
+    parts = np.subtract(velocity, np.add(linear, np.cross(angular, arm)))[2]
+    assert parts == pytest.approx(2.0 * restitution, abs=0.06)
+
+
+LIFT = robot(
+    link("base", box((1.0, 1.0, 0.1)), mass=None), link("cage", box((1.0, 1.0, 0.05)), 5.0, (1.0, 1.0, 0.05)),
+    joint("rail", "prismatic", "base", "cage", '<limit lower="0" upper="5" effort="1000" velocity="2"/>', axis="0 0 1"),
+)  # fmt: skip
+
+
+def test_a_lift_carries_a_box_up_also_once_it_is_restored_and_rests_when_the_lift_is_gone() -> None:
+    terrain = Terrain(level(11, 1.0))
+    terrain.put("cage", Deck(level(5, 0.25), thickness=0.2))
+    with World(terrain) as world:
+        world.spawn_robot("lift", LIFT, BodyState((0.0, 0.0, 0.5)))
+        world.carry("cage", Carrier("lift", "cage", (0.0, 0.0, 0.05)))
+        world.spawn("box", Box(0.3, 0.3, 0.3), 2.0, BodyState((0.0, 0.0, 1.1)))
+        world.command("lift", "rail", JointCommand(velocity=0.5))
+        for _ in range(2):
+            world.step(240)
+            cage = world.client.getLinkState(world.bodies["lift"].uid, 0, computeLinkVelocity=1)
+            assert cage[6][2] == pytest.approx(0.5, abs=0.02)
+            assert world.state("box").linear[2] == pytest.approx(cage[6][2], abs=0.01)
+            assert world.state("box").position[2] == pytest.approx(cage[0][2] + 0.2, abs=2e-3)
+            world.restore(world.save())  # in another PyBullet
+            world.step()
+        cage = world.client.getLinkState(world.bodies["lift"].uid, 0)
+        with pytest.raises(InputError):
+            world.carry("cage", Carrier("lift", "roof"))
+        world.remove("lift")
+        world.step(240)
+        assert world.state("box").position[2] == pytest.approx(cage[0][2] + 0.2, abs=5e-3)
+        assert world.state("box").linear[2] == pytest.approx(0.0, abs=1e-3)
