@@ -16,7 +16,8 @@ from smartmesh_ros.world.guests import Guests
 from smartmesh_ros.world.settings import GuestConfig
 from smartmesh_ros.world.states import SimulatedStates
 from tests.bodies import random_turn, rotation
-from tests.peers import RATE, Start, flat_world, peers
+from tests.peers import RATE, Peers, Start, flat_world, peers
+from tests.urdfs import ROVER
 
 BALL = Sphere(0.2)
 SMOOTH = PhysicsConfig(rate=RATE, restitution=0.97, friction=0.0)
@@ -254,3 +255,34 @@ def test_states_move_on_at_their_velocities(seed: int, duration: float) -> None:
     assert np.allclose(CORE.blended(numbers, moved, 1.0)[:, :3], moved[:, :3])
     half = CORE.blended(numbers, -moved, 0.5)[:, 3:7]  # the same rotations by the other quaternion
     assert np.allclose(np.linalg.norm(half, axis=1), 1.0)
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_a_box_is_pushed_by_a_robot_of_another_world(late: int) -> None:
+    """The rover drives up to it at its own pace and takes it along; where one world and two have it then."""
+    rough = PhysicsConfig(rate=RATE, friction=0.5)
+    ends = []
+    for split, age in (([0, 0], 0), ([0, 1], late)):
+        made = Peers(max(split) + 1, age, rough)
+        rovers, boxes = (made.worlds[index] for index in split)
+        rovers.spawn_robot("rover", ROVER, BodyState((-1.5, 0.0, 0.12)))
+        boxes.spawn("box", Box(0.4, 1.0, 0.4), 1.0, BodyState((0.0, 0.0, 0.2)))
+        for wheel in ("front_left", "front_right", "rear_left", "rear_right"):
+            rovers.drive("rover", wheel, 6.0)
+        made.step(960)
+        ends.append([made.state(name).position[0] for name in ("rover", "box")])
+        for world in made.worlds:
+            world.close()
+    assert ends[0][1] > 0.5, "it was pushed"
+    assert np.allclose(ends[1], ends[0], atol=0.03)
+
+
+@pytest.mark.parametrize("late", [0, 1, 6])
+def test_a_pile_of_four_worlds_boxes_stands(late: int) -> None:
+    boxes = [Start(Box(0.4, 0.4, 0.4), 1.0, 0.02 * place, 0.0, 0.2 + 0.4 * place) for place in range(4)]
+    with peers([[box] for box in boxes], late) as made:
+        made.step(480)
+        for place, box in enumerate(boxes):
+            state = made.state(f"b{place}")
+            assert np.allclose(state.position, (box.x, 0.0, box.z), atol=0.01)
+            assert math.hypot(*state.linear) < 0.02

@@ -8,7 +8,7 @@ import pytest
 from smartmesh_ros import BodyState, HeightMap, World
 from smartmesh_ros.scenes.tracks import ground as ramp
 from smartmesh_ros.soil.soil import Soil
-from tests.grounds import shaped
+from tests.grounds import moving, shaped
 from tests.tracked import FLAT_TRACKS, NAME, UNDERCARRIAGE, drive, slope, speed, standing, yaw
 
 
@@ -133,3 +133,22 @@ def test_at_a_wall_it_stays_on_the_ground_and_awake() -> None:
             world.step(10)
             assert world.state(NAME).position[2] == pytest.approx(before, abs=5e-3)
         assert 0.15 < world.state(NAME).position[0] < 0.3 and not world.is_asleep(NAME)
+
+
+def test_on_ground_that_rises_and_sinks_it_keeps_its_speed() -> None:
+    with standing(slope()) as world:
+        drive(world, 0.5, 0.5)
+        for step in moving(world, lambda time: 0.1 * math.sin(3.0 * time), 480):
+            if step >= 120:
+                assert world.state(NAME).linear[0] == pytest.approx(0.5, rel=0.02)
+
+
+def test_at_the_foot_of_a_slope_its_rear_stays_on_the_level() -> None:
+    rising = shaped(lambda x, y: np.clip(x - 1.0, 0.0, None) * math.tan(math.radians(20.0)), 201)
+    with standing(rising, FLAT_TRACKS) as world:
+        drive(world, 0.5, 0.5)
+        for _ in range(480):
+            world.step()
+            rear = min(contact.position[0] for contact in world.contacts())
+            assert rear - world.state(NAME).position[0] < -0.5
+        assert world.state(NAME).position[0] > 0.9
