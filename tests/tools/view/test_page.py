@@ -189,4 +189,5 @@ def test_a_page_opens_with_the_bodies_in_sight(shown: tuple[Probe, Process], bro
 
 
 def test_a_browser_without_a_graphics_card_is_told_what_drawing_costs(page: Any) -> None:
+    page.get_by_role("tab", name="Node").click()
     page.get_by_text("This browser draws on the processor").wait_for()
