@@ -75,19 +75,22 @@ def test_one_line_tells_the_start_and_pybullet_says_nothing(probe: Probe) -> Non
         assert words in line
 
 
-@pytest.mark.parametrize(
-    "command",
-    [("terrain_collider", "--help"), ("terrain_source", "--print-parameters"), ("smartmesh-demo", "--seconds", "1000")],
-)
-def test_an_executable_ends_quietly_if_nobody_reads_its_output(domain: int, command: tuple[str, ...]) -> None:
+def test_executables_end_quietly_if_nobody_reads_their_output(domain: int) -> None:
     """As `--help | head` does."""
-    name, *arguments = command
-    process = subprocess.Popen(
-        [executable(name), *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    assert process.stdout is not None
-    process.stdout.close()
-    assert (process.communicate(timeout=TIMEOUT)[1], process.returncode) == ("", 0)
+    commands = (
+        ("terrain_collider", "--help"), ("terrain_source", "--print-parameters"),
+        ("smartmesh-demo", "--seconds", "1000"),
+    )  # fmt: skip
+    running = []
+    for name, *arguments in commands:
+        process = subprocess.Popen(
+            [executable(name), *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        assert process.stdout is not None
+        process.stdout.close()
+        running.append(process)
+    for process in running:
+        assert (process.communicate(timeout=TIMEOUT)[1], process.returncode) == ("", 0), process.args
 
 
 @pytest.mark.parametrize(
@@ -181,11 +184,14 @@ def test_a_node_takes_or_refuses_any_value_of_any_parameter(
     make, specs = OTHER_NODES[name]
     defaults = {spec.name: spec.default for spec in specs}
     for spec in specs:
+        possible = []
         for value in MALFORMED:
             with suppress(InputError):
                 checked({**defaults, spec.name: value}, specs)
-                with made_with(make, {spec.name: value}):  # seldom, because it takes long
-                    pass
+                possible.append(value)
+        for value in possible[-2:]:  # not all, because it takes long
+            with suppress(InputError), made_with(make, {spec.name: value}):
+                pass
 
 
 def test_the_collider_takes_or_refuses_any_value_of_any_parameter() -> None:
