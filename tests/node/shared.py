@@ -26,12 +26,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Heightmap
-from smartmesh_msgs.srv import QueryGround, RemoveBodies, SpawnBody
+from smartmesh_msgs.srv import RemoveBodies, SpawnBody
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.parameters.specifications import SPECS
+from smartmesh_ros.node.services.turns import Work
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.node.timing.pacing import NodeClock
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, pose_message
@@ -52,11 +52,12 @@ def clear(probe: Probe) -> None:
     assert probe.call("pause", SetBool, data=False).success
     asked: set[str] = set()
 
-    def take_away(tiles: set[str]) -> None:
+    def take_away(terrain: Mapping[str, str]) -> None:
         probe.publish_bodies({})
         probe.publish_poses([])
         if names := body_names(probe):
             probe.call("remove_bodies", RemoveBodies, ids=names)
+        tiles = {found[1] for key in terrain if (found := re.fullmatch(r"size of '(.*)'", key))}
         for name in tiles - asked:  # one that is gone already would be refused, and counted
             asked.add(name)
             probe.publish_map(np.zeros((0, 0)), tile=name)
@@ -69,29 +70,12 @@ def clear(probe: Probe) -> None:
             return True
         if monotonic() >= due:  # a reset starts the time-outs of tracked bodies anew
             due = monotonic() + AGAIN
-            take_away(_tiles(found["terrain"]))
+            take_away(found["terrain"])
         return False
 
-    take_away(_tiles(probe.newest_diagnostics().get("terrain", {})))  # likely all of them, a diagnostics period earlier
+    take_away(probe.newest_diagnostics().get("terrain", {}))  # likely all of it, a diagnostics period earlier
     due = monotonic() + AGAIN
     probe.wait_for(empty)
-
-
-def _tiles(terrain: Mapping[str, str]) -> set[str]:
-    """Names of the tiles that the diagnostics list."""
-    return {found[1] for key in terrain if (found := re.fullmatch(r"size of '(.*)'", key))}
-
-
-def show_level_ground(probe: Probe, size: int = 60) -> None:
-    """Publishes a map of zero height and waits until the node has it: a body that is spawned before would fall."""
-    probe.publish_map(np.zeros((size, size)))
-    middle = doubles(np.array([0.05 * size]))
-
-    def has_ground() -> bool:
-        answer = probe.call("query_ground", QueryGround, x=middle, y=middle)
-        return bool(answer.success and answer.z[0] == 0.0)
-
-    probe.wait_for(has_ground)
 
 
 def show_map(probe: Probe, heights: ArrayLike, **options: Any) -> Heightmap:
@@ -101,12 +85,9 @@ def show_map(probe: Probe, heights: ArrayLike, **options: Any) -> Heightmap:
     return message
 
 
-def patch_vertices(probe: Probe) -> dict[str, NDArray[np.float64]]:
-    """Vertices (n, 3) [m] of the next collider patches by body."""
-    return {
-        patch.body_id: np.array([(v.x, v.y, v.z) for v in patch.mesh.vertices])
-        for patch in probe.latest("collider_patches").patches
-    }
+def show_level_ground(probe: Probe, size: int = 60) -> None:
+    """Shows a first map of zero height: a body that is spawned before would fall."""
+    show_map(probe, np.zeros((size, size)))
 
 
 def transform_message(
@@ -243,6 +224,17 @@ class Fed:
         [take] = [found.callback for found in self.node.session.subscriptions if found.topic_name == name]
         take(message if isinstance(message, bytes) else serialize_message(message))
         self.run(steps)
+
+    def call(self, service: str, request: Any) -> Any:
+        """Calls a service (below its name), does all turns of the answer, and returns it."""
+        [served] = [found for found in self.node.services if found.srv_name.endswith(f"/{service}")]
+        answers = [served.callback(request, served.srv_type.Response())]
+        if isinstance(work := answers[0], Work):
+            answers.clear()
+            self.node.session.turns.add(work, answers.append)
+        while not answers:
+            self.node.turn()
+        return answers[0]
 
     def run(self, steps: int) -> None:
         """Runs steps of the physics, with what the node does at each."""

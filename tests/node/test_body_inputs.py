@@ -33,7 +33,9 @@ def transform(node: Fed, parent: str, child: str, x: float, y: float, yaw: float
     return TFMessage(transforms=[transform_message(node, parent, child, (x, y, 0.0), yaw)])
 
 
-def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(domain: int) -> None:
+def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(
+    domain: int, capfd: pytest.CaptureFixture[str]
+) -> None:
     with fed({**INPUTS, "bodies.timeout": 0.5}) as node:
         odometry = Odometry(child_frame_id="base_link")
         odometry.pose.pose = pose_message((-3.0, 4.0, 0.2))
@@ -50,15 +52,10 @@ def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(domain: i
         node.require_refused("~/tracked_odometry", [("non_finite", stamped(node, odometry))])
         lost = PoseStamped(pose=pose_message((4.0, 5.0, math.inf)))
         node.require_refused("/second/pose", [("non_finite", stamped(node, lost))])
-
-
-def test_jumps_of_a_pose_are_counted_and_logged(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
-    with fed(INPUTS) as node:
-        for number in range(6):
-            pose = pose_message((100.0 * (number % 2), 5.0, 0.2))
-            node.give("/second/pose", stamped(node, PoseStamped(pose=pose)))
-        assert node.node._outputs._diagnostics._bodies()[2]["jumps on /second/pose"] > 0
-    assert "the pose of 'second.pose' jumped by 100 m" in capfd.readouterr().err
+        for x in (0.0, 100.0):
+            node.give("/second/pose", stamped(node, PoseStamped(pose=pose_message((x, 5.0, 0.2)))))
+        assert node.node._outputs._diagnostics._bodies()[2]["jumps on /second/pose"] == 1
+        assert "the pose of 'second.pose' jumped by 100 m" in capfd.readouterr().err
 
 
 def place(node: Fed, name: str) -> tuple[float, float]:
@@ -82,6 +79,10 @@ def test_poses_in_another_frame_are_transformed(domain: int, capfd: pytest.Captu
         node.give("body_poses", stamped(node, PoseArray(poses=[pose_message((0.0, 1.0, 0.2))]), "camera"))
         assert place(node, "body_0") == pytest.approx((3.0, 4.0))
         node.require_refused("tracked_bodies", [("frame", stamped(node, stones, "elsewhere"))])
+        for count in (4, 2):  # a shorter array takes bodies away
+            poses = [pose_message((0.3 * index, 1.0, 0.2)) for index in range(count)]
+            node.give("body_poses", stamped(node, PoseArray(poses=poses)))
+            assert node.world.bodies.keys() == {"arm", "stone", *(f"body_{index}" for index in range(count))}
 
 
 def test_frames_of_tf_are_bodies(domain: int) -> None:
@@ -134,17 +135,6 @@ def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(
         wait_until(lambda: node.node.tick() or not node.world.bodies)
 
 
-def test_without_tf_foreign_frames_are_refused_and_what_is_missing_is_named(
-    domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("smartmesh_ros.node.inputs.optional_messages.find_interfaces", lambda *_: None)
-    with fed({"frame_id": "map"}) as node:
-        node.require_refused(
-            "body_poses", [("frame", stamped(node, PoseArray(poses=[pose_message((0, 0, 0))]), "odom"))]
-        )
-        assert "apt install ros-jazzy-tf2-msgs" in capfd.readouterr().err
-
-
 FACE = 0.85  # of the box, along x [m]
 RADIUS = 0.4
 
@@ -172,8 +162,8 @@ def run(world: World, tracking: Tracking, states: list[BodyState], rate: float) 
     return fastest
 
 
-@pytest.mark.parametrize("rate", [5.0, 10.0, 50.0, 100.0])
-@pytest.mark.parametrize("jump", [0.05, 0.2, 0.3])
+@pytest.mark.parametrize("rate", [5.0, 10.0, 100.0])
+@pytest.mark.parametrize("jump", [0.05, 0.3])
 def test_a_jump_of_a_pose_pushes_nothing_that_the_body_does_not_touch(world: World, rate: float, jump: float) -> None:
     """As by a loop closure, there and back: velocities of up to 30 m/s."""
     n = round(rate)
@@ -203,14 +193,6 @@ def test_steady_motion_keeps_its_velocity(speed: float, spin: float, course: flo
         state = world.state("rover")
         assert math.hypot(*state.linear) == pytest.approx(speed, rel=0.03)
         assert state.angular[2] == pytest.approx(spin, abs=1e-6)
-
-
-def test_a_jump_while_driving_leaves_the_velocity(world: World) -> None:
-    tracking = Tracking(world, 60.0, max_velocity=10.0)
-    for number in range(10):
-        jump = tracking.update("rover", RADIUS, pose(0.05 * number + 0.3 * (number > 5)), 0.1 * number)
-        assert jump == ""
-        assert number == 0 or world.state("rover").linear == pytest.approx((0.5, 0.0, 0.0))
 
 
 def test_changes_that_are_too_fast_give_no_velocity_and_are_said(world: World) -> None:

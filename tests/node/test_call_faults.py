@@ -15,12 +15,11 @@ from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from smartmesh_msgs.msg import BodySpecification, ColliderPatchArray
-from smartmesh_msgs.srv import RemoveBodies, SpawnBodies, SpawnBody
+from smartmesh_msgs.srv import RemoveBodies, SpawnBodies
 
 from smartmesh_ros import BodyState, Box, HeightMap
 from smartmesh_ros.node.outputs import audience, transform_outputs
 from smartmesh_ros.node.terrain_collider import TerrainCollider
-from smartmesh_ros.tools.testing import pose_message
 from tests.faults import Faults, bullet_faults
 from tests.node.shared import BALL, made_with
 from tests.node.test_robot_outputs import ARM
@@ -109,6 +108,8 @@ def test_an_output_that_fails_stops_no_other(wire: Wire, node: TerrainCollider) 
 
 
 def test_changes_that_were_not_sent_are_sent_again(wire: Wire, node: TerrainCollider) -> None:
+    """Of patches, and descriptions."""
+
     def has_all() -> bool:
         publish_all(node)
         [data] = (message for topic, message in wire.sent if topic == "/terrain_collider/collider_patches")
@@ -127,9 +128,6 @@ def test_changes_that_were_not_sent_are_sent_again(wire: Wire, node: TerrainColl
         all_again = has_all()
         assert lost or not all_again
         assert all_again or not (lost and wire.faults.fired == "publish")
-
-
-def test_descriptions_that_were_not_sent_are_sent_again(wire: Wire, node: TerrainCollider) -> None:
     descriptions = node._outputs._descriptions
     for number in wire.faults.runs():
         descriptions._due, descriptions._sent = 0.0, None
@@ -152,18 +150,6 @@ def test_a_tick_in_which_pybullet_fails_is_counted(node: TerrainCollider, monkey
     node.tick()
     assert world.time > time
     assert not world.lost
-
-
-def test_a_call_in_which_pybullet_fails_is_answered(node: TerrainCollider, monkeypatch: pytest.MonkeyPatch) -> None:
-    faults, world = bullet_faults(monkeypatch), node.session.world
-    for number in faults.runs():
-        request = SpawnBody.Request(id="new", mass=1.0, on_ground=True, shape=BALL, pose=pose_message((-1.0, 0.0, 0.0)))
-        with faults.failing(number):
-            answer = answered(node, node._body_services._on_spawn, request, SpawnBody.Response())
-        assert answer.success == ("new" in world.bodies) == (not faults.fired)
-        assert faults.fired in answer.message
-        if answer.success:
-            world.remove("new")
 
 
 def test_bodies_that_are_not_removed_are_named_and_the_others_are_gone(

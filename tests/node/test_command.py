@@ -15,9 +15,9 @@ from ament_index_python.packages import get_package_prefix
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.startup.executables import STARTED_BY_NAME
 from smartmesh_ros.tools.client import command
-from smartmesh_ros.tools.client.remote import Remote
+from smartmesh_ros.tools.client.remote import Remote, colliders
 from smartmesh_ros.tools.testing import Probe, Process
-from tests.node.shared import position_of, show_map
+from tests.node.shared import position_of, show_map, wait_until
 from tests.urdfs import link, mesh, robot
 
 Command = Callable[..., str]
@@ -109,11 +109,16 @@ def test_physics_and_parameters_are_set(shared: Probe, smartmesh: Command) -> No
     assert "back where they were spawned" in smartmesh("reset")
 
 
-def test_a_node_is_named_or_those_that_run_are(shared: Probe) -> None:
+def test_a_node_is_named_or_those_that_run_are(shared: Probe, remote: Remote) -> None:
+    """``remote`` has made the context that the other one needs."""
     assert whole("--node", shared.collider, "list") == "no bodies"
-    missing = whole("--timeout", "8", "pause")
-    assert f"there is no node /terrain_collider in DDS domain {os.environ['ROS_DOMAIN_ID']}" in missing
-    assert f"running: {shared.collider}" in missing
+    with closing(Remote("/terrain_collider")) as other:
+        wait_until(lambda: other.spin(0.05) or colliders(other.node))
+        options = command.parser().parse_args(["pause"])
+        with pytest.raises(InputError) as missing:
+            options.act(command.Caller(other, 0.2), options)
+    assert f"there is no node /terrain_collider in DDS domain {os.environ['ROS_DOMAIN_ID']}" in str(missing.value)
+    assert f"running: {shared.collider}" in str(missing.value)
 
 
 def test_the_command_of_a_workspace_starts_its_executables() -> None:

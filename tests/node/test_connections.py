@@ -6,11 +6,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 import rclpy
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-from smartmesh_msgs.msg import ContactArray, Heightmap, Timing
+from smartmesh_msgs.msg import ContactArray, Heightmap
 
 from smartmesh_ros.node.endpoints import NAME_TIMEOUT, NAMELESS, UNKNOWN, EndpointNames, incompatible_peers
 from smartmesh_ros.node.fleet.front import Front
@@ -20,7 +19,7 @@ from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE, use_large_messa
 from smartmesh_ros.tools.demo.rover import Rover
 from smartmesh_ros.tools.demo.terrain_source import TerrainSource
 from smartmesh_ros.tools.testing import COLLIDER, Probe, Process
-from tests.node.shared import LATCHED, made_with, refusal_at_start, seconds
+from tests.node.shared import LATCHED, made_with, refusal_at_start
 
 # Size of the shared memory that the profile asks for [bytes].
 SEGMENT = 128 * 1024**2
@@ -29,7 +28,8 @@ BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def test_a_peer_with_incompatible_qos_is_named_with_the_policy(probe: Probe) -> None:
-    with probe.running():
+    """And an override of a topic that the node does not have, which is of other nodes in a file for all."""
+    with probe.running(parameters=nested("/other", "publisher", {"depth": 3})) as process:
         assert probe.diagnostics("connections")["message"] == "no incompatible QoS"
         stubborn = rclpy.create_node("stubborn", context=probe.context)
         stubborn.create_publisher(Heightmap, f"{COLLIDER}/heightmap", BEST_EFFORT)
@@ -46,25 +46,7 @@ def test_a_peer_with_incompatible_qos_is_named_with_the_policy(probe: Probe) -> 
         assert "/stubborn" in maps and "reliable" in maps
         assert "/stubborn" in contacts and "transient local" in contacts.lower()
         assert "/probe" not in str(values)
-
-
-def test_latched_outputs_reach_late_joiners(probe: Probe) -> None:
-    """As many of the last messages as the depth says."""
-    latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    overrides = {"/terrain_collider/timing": {"publisher": {"depth": 3, "durability": "transient_local"}}}
-    with probe.running(parameters={"qos_overrides": overrides}):
-        probe.publish_map(np.zeros((20, 20)))
-        probe.publish_poses([(1.0, 1.0, 0.1)])
-        assert probe.wait_for(probe.patches)
-        late: list[Timing] = []
-        probe.latest("timing")
-        probe.latest("timing")
-        probe.latest("timing")
-        newest = probe.latest("timing").header.stamp
-        probe.node.create_subscription(Timing, f"{COLLIDER}/timing", late.append, latched)
-        probe.wait_for(lambda: late and seconds(late[-1].header.stamp) > seconds(newest))
-        before = [message for message in late if seconds(message.header.stamp) <= seconds(newest)]
-        assert 2 <= len(before) <= 3
+        probe.wait_for(lambda: "'qos_overrides./other.publisher.depth' has no effect so far" in process.output)
 
 
 def test_large_maps_go_through_with_the_installed_profile(probe: Probe, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -76,8 +58,7 @@ def test_large_maps_go_through_with_the_installed_profile(probe: Probe, monkeypa
     # Slowly: the source keeps only its newest map, so that one that is still on its way is given up for the next.
     source = {"rows": 2048, "columns": 2048, "rate": 0.5, "resolution": 0.05}
     with probe.running() as collider, Process("terrain_source", source):
-        probe.wait_for(lambda: int(probe.diagnostics("terrain").get("updates of ''", 0)) >= 3)
-        assert probe.diagnostics("terrain")["samples"] == str(2048 * 2048)
+        probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == str(2048 * 2048))
         lines = Path(f"/proc/{collider.process.pid}/maps").read_text().splitlines()
         segments = [line.split()[0].split("-") for line in lines if "/dev/shm/fastrtps_" in line]
         # Its own and the source's.
@@ -107,21 +88,16 @@ def graph_of_two_publishers() -> Any:
     )
 
 
-def test_rivals_are_named_once_the_names_of_all_have_arrived() -> None:
-    graph, names = graph_of_two_publishers(), EndpointNames()
-    assert names.of_publishers(graph, ["/maps"]) is None
-    graph.publishers[1] = endpoint(2, ("other", "/"))
-    assert names.of_publishers(graph, ["/maps"]) == ["/other", "/robot/mapper"]
-
-
-def test_a_peer_that_does_not_fit_is_told_of_once_its_name_has_arrived() -> None:
+def test_peers_are_told_of_once_their_names_have_arrived() -> None:
     graph, names = graph_of_two_publishers(), EndpointNames()
     [said] = incompatible_peers(graph, [graph.subscription], [], names).values()
     assert "/robot/mapper" in said
     assert UNKNOWN not in said
+    assert names.of_publishers(graph, ["/maps"]) is None
     graph.publishers[1] = endpoint(2, ("other", "/"))
     [said] = incompatible_peers(graph, [graph.subscription], [], names).values()
     assert "/other" in said
+    assert names.of_publishers(graph, ["/maps"]) == ["/other", "/robot/mapper"]
 
 
 def test_a_program_that_never_sends_a_name_is_told_of_after_a_while() -> None:
@@ -183,14 +159,11 @@ def nested(topic: str, kind: str, policies: Mapping[str, Any]) -> dict[str, Any]
     ("name", "value", "words"),
     [
         ("/terrain_collider/heightmap.subscription.reliability", "often", "reliable, best_effort"),
-        ("/terrain_collider/heightmap.subscription.reliability", 1, "reliable, best_effort"),
         ("/terrain_collider/heightmap.subscription.durability", "", "transient_local"),
         ("/terrain_collider/heightmap.subscription.history", True, "keep_last, keep_all"),
         ("/terrain_collider/heightmap.subscription.depth", 0, "1 to"),
-        ("/terrain_collider/heightmap.subscription.depth", -3, "1 to"),
         ("/terrain_collider/heightmap.subscription.depth", 2**40, "1 to"),
         ("/terrain_collider/heightmap.subscription.depth", "ten", "1 to"),
-        ("/terrain_collider/heightmap.subscription.depth", 5.0, "1 to"),
         ("/terrain_collider/heightmap.subscription.speed", 5, "history, depth, reliability, durability"),
         ("/terrain_collider/heightmap.subscriber.depth", 5, "publisher or subscription"),
         ("terrain_collider/heightmap.subscription.depth", 5, "full name"),
@@ -201,10 +174,3 @@ def test_overrides_that_are_not_possible_are_refused(domain: int, name: str, val
     said = refusal_at_start({f"qos_overrides.{name}": value})
     assert f"qos_overrides.{name}" in said
     assert words in said
-
-
-def test_an_override_of_a_topic_that_the_node_does_not_have_is_warned_about(probe: Probe) -> None:
-    """Not refused: a parameter file for all nodes names topics of other nodes as well."""
-    with probe.running(parameters=nested("/other", "publisher", {"depth": 3})) as process:
-        words = "'qos_overrides./other.publisher.depth' has no effect so far"
-        probe.wait_for(lambda: words in process.output)

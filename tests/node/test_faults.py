@@ -16,9 +16,8 @@ from rcl_interfaces.srv import SetParameters
 from smartmesh_msgs.msg import Heightmap
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, assert_on_map, heightmap_message
-from tests.node.shared import LATCHED, fed, own_time, refusals
+from tests.node.shared import LATCHED, refusals
 
 SHAPE = (40, 30)
 SHARED = {"terrain.motion": "hold"}
@@ -44,37 +43,19 @@ def on_map(probe: Probe, message: Heightmap) -> Callable[[], bool]:
     return holds
 
 
-def test_two_sources_of_one_terrain_never_mix(shared: Probe) -> None:
-    """The newest map holds, whoever sent it: every patch lies wholly on one of the two."""
-    other = shared.publisher(Heightmap, "heightmap")
-    first, second = rough(1), rough(2, base=5.0)
-    seen = set()
-
-    def both_seen() -> bool:
-        shared.publish_poses([(1.0, 1.0, 0.3)])
-        if np.random.default_rng().random() < 0.5:
-            shared.publish_map(first)
-        else:
-            other.publish(heightmap_message(second, stamp=shared.now()))
-        for points in shared.patches().values():
-            of = int(points[:, 2].max() > 2.0)
-            assert_on_map(points, heightmap_message((first, second)[of]))
-            seen.add(of)
-        return len(seen) == 2
-
-    shared.wait_for(both_seen)
-    shared.node.destroy_publisher(other)
-
-
-def test_a_stamp_far_ahead_does_not_shut_out_the_right_ones_after_it(shared: Probe) -> None:
+def test_the_newest_map_holds_whoever_sent_it_and_stamps_far_ahead_shut_none_out(shared: Probe) -> None:
     """The node's own time goes on through all of it. Stamps from the past: test_refusals.py and test_real_maps.py."""
-    before = refusals(shared)
+    before, publishers = refusals(shared), [shared.publisher(Heightmap, "heightmap") for _ in range(2)]
     for ahead in (0, 100_000, 0):
-        stamp = shared.now()
-        stamp.sec += ahead
-        shared.wait_for(on_map(shared, shared.publish_map(rough(ahead), stamp=stamp)))
+        for number, publisher in enumerate(publishers):
+            message = heightmap_message(rough(number, base=5.0 * number), stamp=shared.now())
+            message.header.stamp.sec += ahead
+            publisher.publish(message)
+            shared.wait_for(on_map(shared, message))
     assert refusals(shared) == before
     shared.wait_for(lambda: shared.latest("timing").real_time_factor > 0.0)
+    for publisher in publishers:
+        shared.node.destroy_publisher(publisher)
 
 
 def test_a_node_that_was_killed_comes_back_with_the_latched_map(udp_only: None, probe: Probe) -> None:
@@ -143,26 +124,3 @@ def test_an_empty_list_of_numbers_is_refused_with_an_answer(shared: Probe) -> No
     given = Parameter(name="physics.gravity", value=value)
     [result] = shared.call("set_parameters", SetParameters, parameters=[given]).results
     assert not result.successful and "gravity is (); it must be three finite numbers" in result.reason
-
-
-def test_ground_that_rises_slowly_throws_nothing_when_a_stalled_node_goes_on(
-    domain: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The node stands still while its ground rises by 10 cm, which it must not take for the motion of some steps: that
-    would be 3 m/s. How exact velocities are then: test_pacing.py."""
-    now, speed = own_time(monkeypatch), 0.1
-    with fed({}) as node:
-
-        def rise() -> None:
-            heights = np.full((40, 40), speed * (now[0] - 1000.0))
-            node.give("heightmap", heightmap_message(heights, stamp=stamp_of(now[0])), steps=0)
-
-        def velocity() -> float:
-            return float(node.world.terrain.at(np.ones((1, 2)), node.world.time).velocities[0])
-
-        node.play(now, 1.0, 1 / 30, rise)
-        for _ in range(3):
-            now[0] += 1.0
-            found = node.play(now, 0.5, 1 / 30, rise, velocity)
-            assert max(np.abs(found)) < 2.0 * speed
-            assert found[-1] == pytest.approx(speed, rel=0.01)

@@ -1,27 +1,25 @@
-"""Two nodes on one terrain: their bodies meet, one outlives the other, and who does not fit is refused."""
+"""Two nodes on one terrain: they hear of each other's bodies, which outlive a node, and who does not fit is refused.
+
+What bodies of two nodes do to each other: tests/world/test_guests.py; from recorded states: tests/tools/replay."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import Twist, Vector3
-from rclpy.time import Time
-from rosgraph_msgs.msg import Clock
+from diagnostic_msgs.msg import DiagnosticStatus
 from smartmesh_msgs.msg import BodySpecification, Heightmap, Timing, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.node.fleet import layout as layout
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
-from tests.node.shared import BALL, fed, seconds, stamped
+from tests.node.shared import BALL, fed, stamped
 
 NODES = layout.node_names(2)
-# Period of the states that nodes tell each other of [s].
-STATES = 1 / 60
 # After which silence the front takes a node for dead [s]: longer than a busy machine lets one wait.
 FRONT_TIMEOUT = 5.0
 PHYSICS = {"physics.rate": 120.0, "physics.restitution": 0.97, "physics.friction": 0.0, "bodies.timeout": 2.0}
@@ -35,45 +33,40 @@ class Fleet:
         self.states = [probe.listen(f"{name}/body_states", TrackedBodyArray) for name in NODES]
         self.maps = probe.node.create_publisher(Heightmap, "/fleet/heightmap", 10)
 
-    def show_ground(self, nodes: int = len(NODES)) -> None:
+    def show_ground(self) -> None:
         """Publishes flat ground until the nodes have it, which names its frame."""
 
         def known() -> bool:
-            self.publish_ground()
+            self.maps.publish(heightmap_message(np.zeros((41, 161)), resolution=0.25, origin=(-20.0, -5.0, 0.0)))
             self.probe.spin(0.1)
-            return self.has_ground(nodes)
+            return all(states and states[-1].header.frame_id for states in self.states)
 
         self.probe.wait_for(known)
 
-    def publish_ground(self) -> None:
-        """Publishes flat ground."""
-        self.maps.publish(heightmap_message(np.zeros((41, 161)), resolution=0.25, origin=(-20.0, -5.0, 0.0)))
-
-    def has_ground(self, nodes: int = len(NODES)) -> bool:
-        """Whether the nodes have the ground, which names their frame."""
-        return all(states and states[-1].header.frame_id for states in self.states[:nodes])
-
     def complete(self) -> bool:
         """Whether the front hears all nodes."""
-        newest = self.probe.received["/diagnostics"][-9:]
-        said = [status for message in newest for status in message.status if status.name == "fleet: nodes"]
+        said = self.statuses("fleet: nodes")
         return bool(said) and said[-1].message == f"{len(NODES)} nodes"
 
-    def speeds(self, node: int) -> dict[str, float]:
-        """Velocities along x of the bodies that a node simulates, by name [m/s]."""
-        newest = self.states[node][-1] if self.states[node] else TrackedBodyArray()
-        return {body.id: body.twist.linear.x for body in newest.bodies}
+    def guests(self) -> list[str]:
+        """How many bodies of the other node each node has as guests."""
+        tasks = [self.statuses(f"{name.strip('/')}: bodies")[-1:] for name in NODES]
+        return [pair.value for found in tasks for status in found for pair in status.values if pair.key == "guests"]
 
-    def times(self) -> list[float]:
-        """Stamps of the nodes' newest states [s]."""
-        return [seconds(states[-1].header.stamp) if states else 0.0 for states in self.states]
+    def statuses(self, name: str) -> list[DiagnosticStatus]:
+        """The newest ones of a name."""
+        newest = self.probe.received["/diagnostics"][-9:]
+        return [status for message in newest for status in message.status if status.name == name]
 
-    def spawn(self, name: str, x: float, speed: float = 0.0) -> Any:
-        """Has the front spawn a ball that slides along x."""
+    def bodies(self, node: int) -> set[str]:
+        """Names of the bodies that a node simulates."""
+        return {body.id for body in self.states[node][-1].bodies} if self.states[node] else set()
+
+    def spawn(self, name: str, x: float) -> Any:
+        """Has the front spawn a ball."""
         return self.probe.call(
-            "/fleet/spawn_body", SpawnBody, id=name, shape=BALL, mass=1.0, pose=pose_message((x, 0.0, 0.2)),
-            twist=Twist(linear=Vector3(x=speed)),
-        )  # fmt: skip
+            "/fleet/spawn_body", SpawnBody, id=name, shape=BALL, mass=1.0, pose=pose_message((x, 0.0, 0.2))
+        )
 
 
 @contextmanager
@@ -90,41 +83,6 @@ def fleet(udp_only: None, probe: Probe) -> Fleet:
     return Fleet(probe)
 
 
-def test_a_ball_hands_its_momentum_to_one_of_another_node(fleet: Fleet) -> None:
-    """The nodes follow a clock that goes on once both have told of their bodies, so that none hears of the other's ball
-    too late."""
-    probe, now = fleet.probe, 0.0
-    clock = probe.node.create_publisher(Clock, "/clock", 10)
-
-    def run_until(condition: Callable[[], Any]) -> None:
-        """Lets the clock go on until the condition holds."""
-
-        def holds() -> Any:
-            nonlocal now
-            if min(fleet.times()) >= now - 0.5 * STATES:
-                now += STATES
-            clock.publish(Clock(clock=Time(nanoseconds=round(1e9 * now)).to_msg()))
-            return condition()
-
-        probe.wait_for(holds)
-
-    with ExitStack() as stack:
-        for index in range(2):
-            stack.enter_context(node(index, use_sim_time=True))
-        stack.enter_context(Process("fleet_front", {"nodes": NODES, "timeout": FRONT_TIMEOUT, "use_sim_time": True}))
-        run_until(lambda: fleet.publish_ground() or fleet.has_ground())
-        run_until(fleet.complete)
-        assert fleet.spawn("still", 0.0).success
-        # The front gives the second one to the other node, where it hits the first one as a guest.
-        assert fleet.spawn("fast", -1.5, 2.0).success
-        run_until(lambda: fleet.speeds(0).keys() == {"still"} and fleet.speeds(1).keys() == {"fast"})
-        run_until(lambda: fleet.speeds(0)["still"] > 0.1)
-        met = now
-        run_until(lambda: now > met + 1.0)
-        assert fleet.speeds(0)["still"] > 1.6
-        assert abs(fleet.speeds(1)["fast"]) < 0.4
-
-
 def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
     probe = fleet.probe
     patches, timing = probe.listen("/fleet/patches", MarkerArray), probe.listen("/fleet/timing", Timing)
@@ -134,8 +92,10 @@ def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
         fleet.show_ground()
         probe.wait_for(fleet.complete)
         assert fleet.spawn("still", 0.0).success
-        assert fleet.spawn("fast", -1.5).success
-        probe.wait_for(lambda: fleet.speeds(0).keys() == {"still"} and fleet.speeds(1).keys() == {"fast"})
+        # The front gives the second one to the other node, where each meets the other as a guest.
+        assert fleet.spawn("near", -0.5).success
+        probe.wait_for(lambda: fleet.bodies(0) == {"still"} and fleet.bodies(1) == {"near"})
+        probe.wait_for(lambda: fleet.guests() == ["1", "1"])
         assert not fleet.spawn("still", 5.0).success
         many = [
             BodySpecification(id=f"more_{k}", shape=BALL, mass=1.0, pose=pose_message((-8.0, k, 0.2))) for k in (-2, 2)
@@ -144,7 +104,7 @@ def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
         twice = probe.call("/fleet/spawn_bodies", SpawnBodies, bodies=[many[0]])
         assert [failure.id for failure in twice.failures] == ["more_-2"]
         assert probe.call("/fleet/remove_body", RemoveBody, id="still").success
-        probe.wait_for(lambda: len(fleet.speeds(0)) == 1 and len(fleet.speeds(1)) == 2)
+        probe.wait_for(lambda: len(fleet.bodies(0)) == 1 and len(fleet.bodies(1)) == 2)
         probe.wait_for(lambda: len({marker.ns for message in patches[-9:] for marker in message.markers}) == 2)
         probe.wait_for(lambda: timing)
         assert {stage.stage.partition("/")[0] for message in timing for stage in message.stages} <= {"node_0", "node_1"}
@@ -152,7 +112,7 @@ def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
         last = {body.id: body.pose.position for body in fleet.states[1][-1].bodies}
         seen = len(patches)
         processes[1].process.kill()
-        probe.wait_for(lambda: fleet.speeds(0).keys() >= last.keys())
+        probe.wait_for(lambda: fleet.bodies(0) >= last.keys())
         now = {body.id: body.pose.position for body in fleet.states[0][-1].bodies}
         for name, position in last.items():
             assert abs(now[name].x - position.x) < 1.5, "it goes on from its last known state"
@@ -181,7 +141,7 @@ def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
         fleet.show_ground()
         probe.wait_for(lambda: front.output.count(f"{NODES[1]} joined the fleet") == 2)  # diagnostics may be old
         assert fleet.spawn("late", 5.0).success
-        probe.wait_for(lambda: fleet.speeds(1).keys() == {"late"})
+        probe.wait_for(lambda: fleet.bodies(1) == {"late"})
 
 
 def test_peers_that_simulate_otherwise_are_refused_by_reason(domain: int, capfd: pytest.CaptureFixture[str]) -> None:

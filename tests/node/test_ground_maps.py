@@ -11,20 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from grid_map_msgs.msg import GridMap
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import PointCloud2
 
-from smartmesh_ros import BodyState, Box, Deck, HeightMap, World
-from smartmesh_ros.io.rasters import RasterConfig
-from smartmesh_ros.node.inputs.adapters import grid_map_raster
+from smartmesh_ros import BodyState, Deck, HeightMap
 from smartmesh_ros.node.outputs import scan_outputs
-from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.tools.score.terrain_score import TerrainScore
-from smartmesh_ros.tools.testing import Probe
 from tests.grid_maps import grid_map_message
-from tests.node.shared import fed, made_with, seconds
+from tests.node.shared import fed, made_with
 from tests.node.test_ground_services import HILLS, LOW, RESOLUTION
 
 SIZE, SPACING = (3.0, 2.0), 0.25
@@ -75,37 +69,16 @@ def test_a_ground_map_is_the_ground_in_the_layout_of_grid_map(domain: int, monke
                 known = [*at.z, *at.velocities[0], *at.normals[0], *at.friction, 0.0 * at.z[0], *at.ages]
                 np.testing.assert_allclose(cell, known, rtol=1e-5, atol=1e-6)
         first = [layer.data[0] for layer in message.data]  # farthest along +x and +y: on the deck
-        assert first[0] == 2.0
-        assert first[7] == pytest.approx(0.1)
+        assert (first[0], first[7]) == (2.0, pytest.approx(0.1))
         assert sum(map(math.isnan, message.data[0].data)) > 0
-        raster = grid_map_raster(message, RasterConfig())
-        places = raster.geometry.to_world(*np.mgrid[:columns, :rows])
-        np.testing.assert_allclose(
-            raster.heights, truth(places.reshape(-1, 2), time).z.reshape(columns, rows), atol=1e-6
-        )
-
-
-def test_sinkage_is_how_deep_soil_was_pressed() -> None:
-    with World(HeightMap(np.zeros((41, 41)), resolution=0.05, origin=(-1.0, -1.0))) as world:
-        world.ground.set_soil(Soil(world.terrain, "dry_sand"))
-        world.terrain.put(
-            "deck", Deck(HeightMap(np.zeros((3, 3)), resolution=0.2), thickness=0.1, position=(0.1, 0.1, 0.5))
-        )
-        world.spawn("box", Box(0.4, 0.4, 0.2), 60.0, BodyState((0.0, 0.0, 0.1)))
-        world.step(240)
-        grid = scan_outputs.grid_around((0.0, 0.0, 0.0), (1.0, 1.0), 0.05)
-        layers = scan_outputs.ground_layers(world, grid)
-        on_deck = layers["elevation"] > 0.4
-        assert on_deck.sum() > 10
-        assert layers["sinkage"].max() > 0.002
-        np.testing.assert_allclose(layers["sinkage"], np.where(on_deck, 0.0, -layers["elevation"]), atol=1e-6)
 
 
 LEVEL = np.zeros((6, 8), np.float32)
 
 
-def test_what_keeps_a_mapper_from_a_score_is_told(domain: int) -> None:
-    with made_with(TerrainScore, {}) as node:
+def test_what_keeps_a_mapper_from_a_score_is_told_and_scores_are_written(domain: int, tmp_path: Path) -> None:
+    file = tmp_path / "score.csv"
+    with made_with(TerrainScore, {"csv": str(file)}) as node:
         take = {it.topic_name.rpartition("/")[2]: it.callback for it in node.subscriptions if it.raw}
 
         def give(topic: str, sec: int, middle: tuple[float, float, float] = (0.0, 0.0, 0.0), **fields: Any) -> None:
@@ -142,59 +115,6 @@ def test_what_keeps_a_mapper_from_a_score_is_told(domain: int) -> None:
         assert "no ground in common" in words()
         node._came["~/map"] -= 7.0
         assert words().startswith("the mapper is silent: no map on /terrain_score/map for 7.0 s")
-
-
-class Averaging:
-    """A mapper of this test: the mean of the points of the newest cloud in cells of 0.25 m. Its maps are stamped
-    ``late`` [s] after their clouds, and ``bias`` [m] too high."""
-
-    def __init__(self, probe: Probe, late: float, bias: float) -> None:
-        self._probe, self._late, self._bias = probe, late, bias
-        self._maps = probe.node.create_publisher(GridMap, "/shared/elevation_map", 10)
-
-    def take(self, cloud: PointCloud2) -> None:
-        points = np.frombuffer(cloud.data, np.float32).reshape(-1, 3)
-        columns, rows = np.floor((points[:, :2] + 4.0) / 0.25).astype(int).T
-        inside = (rows >= 0) & (rows < 32) & (columns >= 0) & (columns < 32)
-        flat = 32 * rows[inside] + columns[inside]
-        with np.errstate(invalid="ignore"):
-            means = np.bincount(flat, points[inside, 2], 1024) / np.bincount(flat, minlength=1024)
-        stamp = seconds(cloud.header.stamp) + self._late
-        message = grid_map_message(
-            {"elevation": means.reshape(32, 32) + self._bias}, 0.25, frame_id=cloud.header.frame_id,
-            stamp=Time(sec=int(stamp), nanosec=int(stamp % 1.0 * 1e9)),
-        )  # fmt: skip
-        self._maps.publish(message)
-
-
-SHARED = {"ground_maps": ["{body: post, size: [6, 6], spacing: 0.25, rate: 50}"]}
-
-
-def test_a_mapper_that_sees_the_simulated_ground_gets_its_score(shared: Probe, tmp_path: Path) -> None:
-    """On ground that heaves by 0.5 m in 4 s, whose maps, clouds and true maps come in real time."""
-    mapper, file = Averaging(shared, 0.2, 0.03), tmp_path / "score.csv"
-    clouds = shared.listen("/shared/terrain_sensor/points", PointCloud2)
-    diagnostics = shared.listen("/diagnostics", DiagnosticArray)
-    remapped = ["--ros-args", "-r", "~/map:=elevation_map", "-r", "~/truth:=terrain_collider/ground_map/post", "--"]
-    sensor = {"position": [0.0, 0.0, 2.5], "lidar.fan": [-1.4, -0.4], "rate": 20.0}
-    with (
-        shared.running("terrain_source", {"scene": "heave"}),
-        shared.running("terrain_sensor", sensor),
-        shared.running("terrain_score", {"csv": str(file), "longest_lag": 1.0}, remapped),
-    ):
-
-        def lag() -> float:
-            shared.publish_bodies({"post": (0.0, 0.0, 2.0)}, radius=0.1)
-            while clouds:
-                mapper.take(clouds.pop(0))
-            told = [status for each in diagnostics for status in each.status if "terrain_score: score" in status.name]
-            return float(
-                next((pair.value for status in told[-1:] for pair in status.values if pair.key == "lag"), "nan")
-            )
-
-        shared.wait_for(lambda: lag() == pytest.approx(0.2, abs=0.02))
     with file.open() as lines:
-        score = {name: float(value) for name, value in [*csv.DictReader(lines)][-1].items()}
-    assert score["spread"] < 0.03
-    assert score["covered"] > 0.5
-    assert abs(score["bias"]) < 0.03 + 0.2 * 0.4 + 0.02  # the ground moves at up to 0.4 m/s
+        [score, _] = csv.DictReader(lines)
+    assert (float(score["rmse"]), float(score["covered"]), float(score["delay"])) == (0.0, 1.0, -1.0)

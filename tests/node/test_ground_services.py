@@ -9,17 +9,18 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
-from smartmesh_msgs.srv import CastRays, QueryGround, SpawnBodies, SpawnBody, StepPhysics
+from smartmesh_msgs.srv import CastRays, QueryGround, SpawnBodies, SpawnBody
 from std_msgs.msg import Header
-from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.node.outputs.cdr import doubles
+from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.tools.testing import Probe, pose_message
-from tests.node.shared import LATCHED, box, seconds, show_map, transform_message
+from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
+from smartmesh_ros.tools.testing.replaying import replayed
+from tests.node.shared import LATCHED, body_names, box, fed, own_time, seconds, show_map, transform_message
 from tests.terrain.surfaces import first_hit, triangles_of
 
 SIDE, RESOLUTION, LOW = 81, 0.25, -10.0
@@ -68,45 +69,40 @@ def test_heights_are_those_of_the_map(shared: Probe) -> None:
     assert math.isnan(query(shared, points[there][:1], below=[-5.0]).z[0])
 
 
-def test_waves_are_answered_for_the_instant_of_the_stamp(shared: Probe) -> None:
+@pytest.mark.parametrize("stamped", [True, False])
+def test_waves_are_answered_for_the_instant_of_the_stamp(
+    domain: int, monkeypatch: pytest.MonkeyPatch, stamped: bool
+) -> None:
     """Whole maps that rise at a constant speed, each with its stamp: heights are linear in the answer's stamp."""
-    start, speed = seconds(shared.now()), 0.7
+    now, speed = own_time(monkeypatch), 0.7
+    with fed({}) as node:
 
-    def publish() -> None:
-        now = shared.now()
-        heights = np.full((5, 5), speed * (seconds(now) - start))
-        shared.publish_map(heights, resolution=2.0, origin=(-4.0, -4.0, 0.0), stamp=now)
-        shared.spin(0.02)
+        def rise() -> None:
+            heights = np.full((5, 5), speed * (now[0] - 1000.0))
+            message = heightmap_message(heights, resolution=2.0, origin=(-4.0, -4.0, 0.0), stamp=stamp_of(now[0]))
+            node.give("heightmap", message, steps=0)
 
-    def moves() -> bool:
-        publish()
-        answer = shared.call("query_ground", QueryGround, x=[0.3], y=[-0.2])
-        return bool(answer.success) and answer.velocities[2] == pytest.approx(speed, rel=0.1)
+        node.play(now, 1.0, 0.05, rise)
+        stamp = stamp_of(now[0]) if stamped else Time()
+        answer = node.call("query_ground", QueryGround.Request(header=Header(stamp=stamp), x=[0.3], y=[-0.2]))
+        assert answer.success, answer.message
+        assert not stamped or answer.header.stamp == stamp
+        assert answer.velocities[2] == pytest.approx(speed, rel=0.01)
+        # Maps are placed in simulated time to within a step.
+        assert answer.z[0] == pytest.approx(speed * (seconds(answer.header.stamp) - 1000.0), abs=2.0 * speed / 240.0)
+        # A paused node answers for the time at which it stands.
+        node.node.pause(True)
 
-    shared.wait_for(moves)
-    for asked in (True, False):
+        def height() -> float:
+            now[0] += 0.1
+            return float(node.call("query_ground", QueryGround.Request(x=[0.3], y=[-0.2])).z[0])
 
-        def is_there(asked: bool = asked) -> bool:
-            publish()
-            stamp = shared.now() if asked else Time()
-            answer = shared.call("query_ground", QueryGround, header=Header(stamp=stamp), x=[0.3], y=[-0.2])
-            assert not asked or answer.header.stamp == stamp
-            # Maps are placed in simulated time to within a step, unless the node runs behind real time.
-            height = speed * (seconds(answer.header.stamp) - start)
-            return answer.z[0] == pytest.approx(height, abs=2.0 * speed / 240.0)
-
-        shared.wait_for(is_there)
-    # A paused node answers for the time at which it stands.
-    shared.wait_for(moves)
-    assert shared.call("pause", SetBool, data=True).success
-    here = np.array([[0.3, -0.2]])
-    first, ray = query(shared, here), cast(shared, [0.3, -0.2, 50.0], [0.0, 0.0, -1.0], 100.0)
-    shared.spin(0.1)
-    again = query(shared, here)
-    assert first.success and again.z == first.z
-    assert ray.distances[0] == pytest.approx(50.0 - first.z[0], abs=1e-6)
-    assert shared.call("step", StepPhysics, steps=2).success
-    assert query(shared, here).z != first.z
+        stands = height()
+        assert height() == stands
+        ray = CastRays.Request(origins=[0.3, -0.2, 50.0], directions=[0.0, 0.0, -1.0], range=100.0)
+        assert node.call("cast_rays", ray).distances[0] == pytest.approx(50.0 - stands, abs=1e-6)
+        node.node.step(2)
+        assert height() > stands
 
 
 def test_rays_meet_hills_and_bodies(shared: Probe) -> None:
@@ -178,46 +174,39 @@ def test_what_cannot_be_answered_is_refused_by_reason(shared: Probe) -> None:
 
 
 def test_bodies_are_spawned_on_the_ground_or_refused(shared: Probe) -> None:
+    """With the clearance that was asked for: tests/world/test_standing.py."""
     holes = HILLS.copy()
     holes[:10, :10] = np.nan
     show_map(shared, holes, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
-    assert shared.call("pause", SetBool, data=True).success
 
     def spawn(name: str, x: float, y: float, **fields: Any) -> Any:
         pose = pose_message((x, y, -77.0))
         return shared.call("spawn_body", SpawnBody, id=name, shape=BALL, mass=1.0, pose=pose, on_ground=True, **fields)
 
     assert spawn("ball", 1.1, 0.7, clearance=0.25).success
-    shared.wait_for(lambda: shared.latest("body_states").bodies)
-    [ball] = shared.latest("body_states").bodies
-    place = np.array([[ball.pose.position.x, ball.pose.position.y, ball.pose.position.z - 0.25]])
-    triangles = triangles_of(hills(), 0.0)
-    near = np.linalg.norm(triangles - place, axis=2).min(axis=1) < 1.0
-    samples = np.random.default_rng(0).dirichlet((1.0, 1.0, 1.0), 3000) @ triangles[near]
-    assert np.linalg.norm(samples - place, axis=-1).min() == pytest.approx(0.3, abs=5e-3)
     for x, y in ((-9.5, -9.5), (9.9, 0.0), (500.0, 0.0)):
         answer = spawn("other", x, y)
         assert not answer.success and "no ground at" in answer.message
     assert "clearance" in spawn("other", 0.0, 0.0, clearance=-0.1).message
-    assert len(shared.latest("body_states").bodies) == 1
+    assert body_names(shared) == ["ball"]
 
 
-def test_the_parameter_spawns_bodies_once_there_is_ground_for_them(probe: Probe) -> None:
+def test_the_parameter_spawns_bodies_once_there_is_ground_for_them() -> None:
     spawn = [
         "{id: low, shape: sphere, size: [0.2], mass: 1.0, xyz: [2, 2, 9.0]}",
         "{id: high, shape: box, size: [0.2, 0.2, 0.2], xy: [3, 3], above: 1.0, yaw: 0.5}",
         "{id: ball, shape: sphere, size: [0.3], xy: [0.2, 0.1]}",
         "{id: box, shape: box, size: [0.5, 0.4, 0.3], xy: [3, 2], clearance: 0.1, align: true}",
     ]
-    with probe.running(parameters={"bodies.spawn": spawn, "physics.gravity": [0.0, 0.0, 0.0]}):
-        probe.wait_for(lambda: [body.id for body in probe.latest("body_states").bodies] == ["low"])
-        publish_hills(probe)
-        probe.wait_for(lambda: len(probe.latest("body_states").bodies) == 4)
-        found = {body.id: body for body in probe.latest("body_states").bodies}
-        ball, box, high = found["ball"], found["box"], found["high"].pose.position
+    parameters = {"bodies.spawn": spawn, "physics.gravity": [0.0, 0.0, 0.0]}
+    message = heightmap_message(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
+    with replayed([("heightmap", 0.0, message)], parameters) as run:
+        assert run.world.bodies.keys() == {"low"}
+        run.run(0.1)
+        ball, box, high = (run.world.state(name) for name in ("ball", "box", "high"))
         ground = ground_samples(Terrain(hills()), checked_points([[0.2, 0.1], [3.0, 2.0], [3.0, 3.0]]), 0.0)
-        assert (high.x, high.y, high.z) == pytest.approx((3.0, 3.0, ground.z[2] + 1.0), abs=1e-6)
-        assert ball.pose.position.z - ground.z[0] == pytest.approx(0.3 / ground.normals[0, 2], abs=0.02)
-        assert box.pose.position.z - ground.z[1] == pytest.approx(0.25 / ground.normals[1, 2], abs=0.02)
-        turn = box.pose.orientation
-        assert 1.0 - 2.0 * (turn.x**2 + turn.y**2) == pytest.approx(ground.normals[1, 2], abs=0.02)
+        assert high.position == pytest.approx((3.0, 3.0, ground.z[2] + 1.0), abs=1e-6)
+        assert ball.position[2] - ground.z[0] == pytest.approx(0.3 / ground.normals[0, 2], abs=0.02)
+        assert box.position[2] - ground.z[1] == pytest.approx(0.25 / ground.normals[1, 2], abs=0.02)
+        x, y, _, _ = box.orientation
+        assert 1.0 - 2.0 * (x**2 + y**2) == pytest.approx(ground.normals[1, 2], abs=0.02)

@@ -1,17 +1,14 @@
-"""What RViz keeps of ``~/patches``, by namespace and id until a marker deletes it, across ends and starts of a node."""
+"""What RViz keeps of ``~/patches`` and ``~/scene``, by namespace and id until a marker deletes it, across ends and
+starts of a node."""
 
 import signal
-from typing import Any
 
 import numpy as np
-import pytest
 
 from smartmesh_ros.tools.testing import Probe, Process
 from tests.node.displays import Display
 
-
-def places_of(display: Display) -> list[int]:
-    return sorted(round(marker.points[0].x + 0.5) for marker in display.shown.values())
+INCREMENTAL = {"publish.incremental": True}
 
 
 def publish(probe: Probe, places: tuple[float, ...]) -> None:
@@ -19,18 +16,26 @@ def publish(probe: Probe, places: tuple[float, ...]) -> None:
     probe.spin()
 
 
-@pytest.mark.parametrize("more", [{}, {"publish.incremental": True}])
-def test_patches_go_with_their_node(probe: Probe, more: dict[str, Any]) -> None:
-    displays = [Display(probe, probe.topic("patches"), by_namespace=each) for each in (True, False)]
+def publish_ground(probe: Probe) -> None:
+    probe.publish_map(np.zeros((41, 41)), resolution=0.5, origin=(-10.0, -10.0, 0.0))
+
+
+def test_markers_go_with_their_node(probe: Probe) -> None:
+    patches = [Display(probe, probe.topic("patches"), by_namespace=each) for each in (True, False)]
+    displays = [*patches, Display(probe, probe.topic("scene"))]
+
+    def empty() -> bool:
+        return not any(display.shown for display in displays)
 
     def show(*places: float) -> bool:
         publish(probe, places)
-        return all(places_of(display) == list(places) for display in displays)
+        shown = [sorted(round(marker.points[0].x + 0.5) for marker in one.shown.values()) for one in patches]
+        return shown == [list(places)] * 2 and bool(displays[-1].shown)
 
-    for places, ends in (((0.0, 2.0, 4.0), signal.SIGKILL), ((0.0,), signal.SIGINT), ((2.0,), signal.SIGTERM)):
-        with probe.running(parameters=more) as node:
-            probe.wait_for(lambda: not any(display.shown for display in displays))  # what a killed node left
-            probe.publish_map(np.zeros((41, 41)), resolution=0.5, origin=(-10.0, -10.0, 0.0))
+    for places, ends in (((0.0, 2.0, 4.0), signal.SIGKILL), ((2.0,), signal.SIGTERM)):
+        with probe.running(parameters=INCREMENTAL) as node:
+            probe.wait_for(empty)  # what a killed node left
+            publish_ground(probe)
             probe.wait_for(lambda places=places: show(*places))
             assert all(marker.frame_locked for display in displays for marker in display.shown.values())
             node.process.send_signal(ends)
@@ -38,7 +43,7 @@ def test_patches_go_with_their_node(probe: Probe, more: dict[str, Any]) -> None:
             if ends == signal.SIGKILL:
                 assert all(display.shown for display in displays)
             else:
-                probe.wait_for(lambda: not any(display.shown for display in displays))
+                probe.wait_for(empty)
 
 
 def test_nodes_that_share_a_topic_keep_each_others_patches(domain: int) -> None:
@@ -48,14 +53,13 @@ def test_nodes_that_share_a_topic_keep_each_others_patches(domain: int) -> None:
 
         def shown(*wanted: str) -> bool:
             for probe in (one, two):
-                probe.publish_map(np.zeros((41, 41)), resolution=0.5, origin=(-10.0, -10.0, 0.0))
+                publish_ground(probe)
                 publish(probe, (0.0,))
             return {namespace for namespace, _ in display.shown} == set(wanted)
 
-        parameters = {"publish.incremental": True}
         remapped = ["--ros-args", "-r", "__ns:=/two", "-r", f"~/patches:={one.topic('patches')}", "--"]
-        with one.running(parameters=parameters):
+        with one.running(parameters=INCREMENTAL):
             one.wait_for(lambda: shown("one"))
-            with Process("terrain_collider", parameters, remapped):
+            with Process("terrain_collider", INCREMENTAL, remapped):
                 one.wait_for(lambda: shown("one", "two"))
             one.wait_for(lambda: shown("one"))

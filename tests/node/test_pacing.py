@@ -1,17 +1,15 @@
 """The loop's deadlines under load, on a clock of the test's own."""
 
 import itertools
-from collections import deque
 from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from smartmesh_ros import HeightMap
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, DeadlinePolicy, Pacer
 from smartmesh_ros.node.timing.stamps import OLDEST, Placed, StampClock
@@ -69,13 +67,6 @@ def test_catch_up_runs_every_step_and_returns_to_the_beat(costs: list[float], re
     assert result.starts[-1] == pytest.approx(result.simulated[-1])
 
 
-def test_catch_up_gives_up_what_is_too_late() -> None:
-    stall = 2.0 * MOST_CATCH_UP
-    result = run("catch_up", [stall, *[0.0] * 10])
-    assert result.starts[2] - result.starts[1] == pytest.approx(PERIOD)
-    assert result.pacer.misses == int((stall - PERIOD) / PERIOD)
-
-
 @given(costs)
 def test_slow_down_never_hurries_and_leaves_nothing_out(costs: list[float]) -> None:
     result = run("slow_down", costs)
@@ -86,10 +77,13 @@ def test_slow_down_never_hurries_and_leaves_nothing_out(costs: list[float]) -> N
     assert all(one + two >= PERIOD - 1e-9 for one, two in itertools.pairwise(gaps))
 
 
-@pytest.mark.parametrize("policy", POLICIES)
-def test_a_stall_is_counted_alike_whatever_follows_from_it(policy: DeadlinePolicy) -> None:
-    result = run(policy, [10.5 * PERIOD, *[0.0] * 20])
-    assert result.pacer.misses == 9
+def test_a_stall_is_given_up_and_counted() -> None:
+    stall = 2.0 * MOST_CATCH_UP
+    result = run("catch_up", [stall, *[0.0] * 10])
+    assert result.starts[2] - result.starts[1] == pytest.approx(PERIOD)
+    assert result.pacer.misses == int((stall - PERIOD) / PERIOD)
+    for policy in POLICIES:
+        assert run(policy, [10.5 * PERIOD, *[0.0] * 20]).pacer.misses == 9, "alike, whatever follows from it"
 
 
 @pytest.mark.parametrize("policy", POLICIES)
@@ -154,6 +148,12 @@ def gaps(policy: DeadlinePolicy, costs: Iterable[float], every: float) -> NDArra
     return np.diff(placed[len(placed) // 2 :])
 
 
+def test_long_steps_between_short_ones_do_not_make_the_ground_jolt() -> None:
+    """Each fourth step takes long. By the steps' own times, gaps are up to half as long again, or half."""
+    found = gaps("catch_up", [0.012, 0.003, 0.003, 0.003] * 200, 1 / 60)
+    assert np.abs(found / found.mean() - 1.0).max() < 0.15
+
+
 @pytest.mark.parametrize("policy", ["catch_up", "slow_down"])
 @given(st.floats(1.05, 10.0), st.floats(1.0, 10.0))
 def test_maps_are_as_far_apart_for_a_loop_that_is_always_late_as_they_came(
@@ -161,56 +161,6 @@ def test_maps_are_as_far_apart_for_a_loop_that_is_always_late_as_they_came(
 ) -> None:
     found = gaps(policy, [cost * PERIOD] * 600, every * cost * PERIOD)
     np.testing.assert_allclose(found, every * PERIOD, rtol=1e-6)
-
-
-def test_long_steps_between_short_ones_do_not_make_the_ground_jolt() -> None:
-    """Each fourth step brings patches up to date. By the steps' own times, gaps are up to half as long again, or
-    half."""
-    found = gaps("catch_up", [0.012, 0.003, 0.003, 0.003] * 200, 1 / 60)
-    assert found.mean() == pytest.approx(4 * PERIOD / 0.021 / 60, rel=0.01)
-    assert np.abs(found / found.mean() - 1.0).max() < 0.15
-
-
-@pytest.mark.parametrize("policy", POLICIES)
-@settings(max_examples=10)
-@given(st.integers(0, 2**32), st.sampled_from([(0.002, 0.5), (0.02, 0.03), (0.05, 0.01)]))
-def test_stalls_of_the_loop_give_the_ground_no_velocity(
-    policy: DeadlinePolicy, seed: int, stalls: tuple[float, float]
-) -> None:
-    """In a loop that has time otherwise, stalls of a mean length [s] come with a probability, before a step and before
-    a map. The velocity of ground that rises evenly is its rise by the time between stamps, nearly."""
-    speed, start, rng = 0.1, 1000.0, np.random.default_rng(seed)
-    now, time, sent = [start], 1.0, start  # the map of the start is that of zero
-    pacer, clock, queue = Pacer(PERIOD, policy, lambda: now[0]), StampClock(), deque[float](maxlen=10)
-    tile = HeightMap(np.zeros((6, 6)), resolution=0.1)
-
-    def stall() -> None:
-        now[0] += rng.exponential(stalls[1]) if rng.random() < stalls[0] else 0.0
-
-    while now[0] < start + 3.0:
-        stall()
-        while True:
-            while sent <= now[0]:
-                queue.append(sent)
-                sent += rng.choice([0.02, 0.03, 0.05])
-            left = pacer.remaining()
-            if not queue:
-                if left <= 0.0:
-                    break
-                now[0] += min(left, sent - now[0]) + 1e-6
-                continue
-            stamp = queue.popleft()
-            heights = np.full((6, 6), speed * (stamp - start))
-            placed = clock.place(stamp, now[0], lambda age: pacer.simulated_at(age, time), pace=pacer.pace)  # noqa: B023
-            tile.shift_time(-placed.lost)
-            tile.replace(heights, time=placed.time)
-            clock.accept(placed)
-            now[0] += rng.uniform(0.0002, 0.002)
-            stall()
-        velocity = float(tile.at([[0.2, 0.2]], time).velocities[0])
-        assert abs(velocity) < 2.0 * speed
-        time += (1 + pacer.advance()) * PERIOD
-        now[0] += rng.uniform(0.1, 0.8) * PERIOD
 
 
 def placed_at(clock: StampClock, stamp: float, now: float, gained: float = 0.0) -> Placed:

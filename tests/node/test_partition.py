@@ -28,7 +28,7 @@ MODULE = "tests.node.test_partition"
 NAMESPACES = ["unshare", "--user", "--map-root-user", "--net"]
 SETTINGS = {"terrain.motion": "hold", "bodies.timeout": 60.0}
 # Peers that are not heard of for so long are given up [s]; 20 by default.
-LEASE = 8
+LEASE = 5
 PROFILE = f"""<?xml version="1.0" encoding="UTF-8"?>
 <profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
   <participant profile_name="short_lease" is_default_profile="true"><rtps><builtin><discovery_config>
@@ -111,17 +111,15 @@ def heights(probe: Probe) -> set[float]:
     return {round(float(z), 4) for points in probe.patches().values() for z in points[:, 2]}
 
 
-def cut_and_join(probe: Probe, link: Cable, *, past_lease: bool) -> None:
-    """Cuts the cable until the node says that its map is old (``past_lease``: that nobody publishes maps), and joins it
-    again; asserts that the node goes on in between and afterwards."""
+def cut_and_join(probe: Probe, link: Cable) -> None:
+    """Cuts the cable until the node says that its map is old and then that nobody publishes maps, and joins it again;
+    asserts that the node goes on in between and afterwards."""
     probe.wait_for(lambda: probe.diagnostics("terrain")["message"] == "maps arrive")
-    start = monotonic()
     link.cut()
-    words = "nobody publishes maps" if past_lease else " s old"
+    probe.wait_for(lambda: " s old" in probe.diagnostics("terrain")["message"])
+    words = "nobody publishes maps"
     terrain = probe.wait_for(lambda: words in (values := probe.diagnostics("terrain"))["message"] and values)
-    # On a busy machine the lease may have passed in the other case as well. A peer is heard of once a second.
-    if past_lease or monotonic() - start < LEASE - 1:
-        assert (terrain["publishers"] == "0") == past_lease, terrain
+    assert terrain["publishers"] == "0", terrain
 
     # The last good map stays, patches and bodies with it, and physics in real time.
     kept, updates, got = heights(probe), terrain["updates of ''"], link.received()
@@ -157,16 +155,16 @@ def cables_can_be_made() -> bool:
 
 @pytest.mark.skipif(not cables_can_be_made(), reason="needs user and network namespaces, and virtual cables (iproute2)")
 def test_a_peer_that_was_cut_off_is_heard_again() -> None:
-    """Cut for less than the lease of peers, and for longer: the last map stays, is said to be old, and maps are taken
-    and patches received again once the cable is joined."""
+    """Cut for longer than the lease of peers: the last map stays, is said to be old, and maps are taken and patches
+    received again once the cable is joined."""
     command, root = [*NAMESPACES, sys.executable, "-m", MODULE], Path(__file__).parents[2]
     result = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=8 * TIMEOUT, check=False)
     assert result.returncode == 0, result.stdout + result.stderr
-    assert result.stdout.split() == ["joined"] * 2
+    assert result.stdout.split() == ["joined"]
 
 
 def main() -> None:
-    """A node with a simulated box on the peer's map, cut off for less than the lease, and for longer."""
+    """A node with a simulated box on the peer's map, which is cut off."""
     with tempfile.NamedTemporaryFile("w", suffix=".xml") as profile:
         profile.write(PROFILE)
         profile.flush()
@@ -180,9 +178,8 @@ def main() -> None:
             for topic in [topic for topic in probe.publishers if "heightmap" in topic or "terrain" in topic]:
                 probe.node.destroy_publisher(probe.publishers.pop(topic))  # so that the peer is the only one
             probe.wait_for(link.received)
-            for past_lease in (False, True):
-                cut_and_join(probe, link, past_lease=past_lease)
-                print("joined", flush=True)
+            cut_and_join(probe, link)
+            print("joined", flush=True)
 
 
 if __name__ == "__main__":

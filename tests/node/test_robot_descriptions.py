@@ -4,19 +4,19 @@
 import os
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pybullet_data
 import pytest
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, BodySpecification
+from smartmesh_msgs.msg import BodyDescription, BodySpecification, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from std_msgs.msg import String
 
-from smartmesh_ros.node.services.files import robot_name
-from smartmesh_ros.tools.testing import Probe
-from tests.node.shared import BALL, LATCHED, body_names, box, refusals, show_level_ground, spawn
+from smartmesh_ros import BodyState
+from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
+from smartmesh_ros.tools.testing.replaying import replayed
+from tests.node.shared import BALL, LATCHED, body_names, refusals, show_level_ground, spawn
 from tests.urdfs import ROVER, joint, link, robot
 
 SHARED = {"bodies.urdf_folders": [tempfile.gettempdir()]}
@@ -30,52 +30,50 @@ REFUSED = {
 
 
 def test_a_refused_robot_changes_nothing_whichever_way_it_comes(probe: Probe, tmp_path: Path) -> None:
-    """The robot of the topic stays, the refused name is free, and the node runs."""
+    """The robot of the topic, which was latched before there was a node, stays; the refused name is free."""
     (tmp_path / "part.glb").write_bytes(b"glTF")
     parameters = {"bodies.urdf_folders": [str(tmp_path)], "robot.start": "{id: good, xy: [0, 0], above: 0.5}"}
-    with probe.running(parameters=parameters) as process:
-        topic = probe.publisher(String, "robot_description", LATCHED)
+    topic = probe.node.create_publisher(String, probe.topic("robot_description"), LATCHED)
+    topic.publish(String(data=robot(link("base"))))
+    with probe.running(parameters=parameters):
         show_level_ground(probe)
-        topic.publish(String(data=robot(link("base"))))
-
         probe.wait_for(lambda: body_names(probe) == ["good"])
         for kind, (text, words) in REFUSED.items():
             urdf = text.replace("{folder}", str(tmp_path))
             answer = probe.call("spawn_body", SpawnBody, id="bad", urdf=urdf)
             assert not answer.success and words in answer.message, kind
-            ball = BodySpecification(id="bad_ball", mass=1.0, shape=BALL)
-            both = [ball, BodySpecification(id="bad", urdf=urdf)]
+            both = [BodySpecification(id="ball", mass=1.0, shape=BALL), BodySpecification(id="bad", urdf=urdf)]
             batch = probe.call("spawn_bodies", SpawnBodies, bodies=both)
             assert [failure.id for failure in batch.failures] == ["bad"], kind
             seen = refusals(probe)
             topic.publish(String(data=urdf))
             probe.wait_for(lambda seen=seen: refusals(probe) > seen)
-        assert body_names(probe) == ["good"]
-        # The same description again is of the robot that is there; once it was removed, it is of a new one.
-        for _ in range(2):
-            topic.publish(String(data=robot(link("base"))))
-            probe.wait_for(lambda: body_names(probe) == ["good"])
-            assert probe.call("remove_body", RemoveBody, id="good").success
-            probe.wait_for(lambda: body_names(probe) == [])
-        topic.publish(String(data=robot(link("base"))))
-        probe.wait_for(lambda: body_names(probe) == ["good"])
         spawn(probe, "bad")
         probe.wait_for(lambda: body_names(probe) == ["good", "bad"])
-        assert process.process.poll() is None
 
 
-def test_space_before_the_xml_declaration_is_skipped(shared: Probe) -> None:
-    text = "\n \n" + '<?xml version="1.0"?>' + robot(link("a"))
-    assert robot_name(text) == "r"
-    spawn(shared, "by_service", urdf=text)
-    shared.publisher(String, "robot_description", LATCHED).publish(String(data=text))
-    show_level_ground(shared)
-    shared.wait_for(lambda: {"by_service", "robot"} <= set(body_names(shared)))
+def test_a_description_is_of_the_robot_that_is_there_or_of_a_new_one_in_its_place() -> None:
+    start = {"robot.start": "{id: rover, xy: [4.0, 4.0], above: 0.25, yaw: 2.1}"}
+    text = Path(ROVER).read_text()
+    with replayed([("heightmap", 0.0, heightmap_message(np.zeros((101, 101))))], start) as run:
+
+        def describe(what: str) -> BodyState:
+            run.give("robot_description", String(data=what))
+            run.run(run.time + 1.0)
+            return run.world.state("rover")
+
+        place = describe("\n \n" + text).position  # space before the XML declaration is skipped
+        assert describe(text).position == pytest.approx(place, abs=1e-3)
+        assert describe(str(ROVER)).position == pytest.approx(place, abs=1e-3)
+        assert run.refused == {"robot_description: urdf": 1}, "a path"
+        mass = run.world.bodies["rover"].mass
+        assert describe(text.replace('"10.0"', '"20.0"')).position == pytest.approx(place, abs=0.02)
+        assert run.world.bodies["rover"].mass == pytest.approx(mass + 10.0)
+        assert run.call("remove_body", RemoveBody.Request(id="rover")).success
+        assert describe(text).position == pytest.approx(place, abs=0.02), "a new one"
 
 
-def test_the_packages_of_a_file_are_found_as_those_of_a_text(
-    probe: Probe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_packages_of_a_file_are_found_as_those_of_a_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     share = tmp_path / "install/share"
     index = share / "ament_index/resource_index/packages"
     index.mkdir(parents=True)
@@ -94,16 +92,16 @@ def test_the_packages_of_a_file_are_found_as_those_of_a_text(
         "robot.start": "{id: robot, xy: [0, 0], above: 1.0}",
         "bodies.spawn": [f"{{id: spawned, urdf: {file}, xy: [4, 4], align: true}}"],
     }  # fmt: skip
-    with probe.running(parameters=parameters) as process:
-        show_level_ground(probe, 100)
+    with replayed([("heightmap", 0.0, heightmap_message(np.zeros((101, 101))))], parameters) as run:
+        run.run(0.1)
         for name, urdf in (("text", text), ("path", str(file)), ("uri", f"file://{file}"), ("local", local)):
-            spawn(probe, name, (2.0, 2.0, 9.0), urdf=urdf)
-        wanted = {"robot", "spawned", "text", "path", "uri", "local"}
-        probe.wait_for(lambda: set(body_names(probe)) == wanted)
+            answer = run.call("spawn_body", SpawnBody.Request(id=name, urdf=urdf, pose=pose_message((2.0, 2.0, 9.0))))
+            assert answer.success, answer.message
+        assert run.world.bodies.keys() == {"robot", "spawned", "text", "path", "uri", "local"}
         part.rename(part.with_name("other.obj"))
-        answer = probe.call("spawn_body", SpawnBody, id="late", urdf=str(file))
+        answer = run.call("spawn_body", SpawnBody.Request(id="late", urdf=str(file)))
         assert not answer.success and "package://my_robot/my%20meshes/part.obj" in answer.message
-        assert "WARN" in process.output
+        assert any("WARN" in line for line in run.log)
 
 
 def test_the_physics_steps_while_a_robot_is_prepared_and_put_onto_the_ground(shared: Probe, tmp_path: Path) -> None:
@@ -129,40 +127,35 @@ def test_the_physics_steps_while_a_robot_is_prepared_and_put_onto_the_ground(sha
     assert len(states) - before > 5
 
 
-CAPSULE = "{id: pill, shape: capsule, size: [0.4, 0.1], mass: 1.0, xyz: [3, 0, 1]}"
-
-
-def described(messages: list[Any]) -> dict[str, BodyDescription]:
-    return {body.id: body for body in messages[-1].bodies} if messages else {}
-
-
-def test_every_body_is_described_while_it_is_there(probe: Probe) -> None:
+def test_every_body_is_described_while_it_is_there() -> None:
+    """How late ones get the description: tests/node/test_robot_outputs.py."""
     file = Path(pybullet_data.getDataPath()) / "r2d2.urdf"
-    with probe.running(parameters={"bodies.spawn": [CAPSULE, f"{{id: robot, urdf: {file}, xyz: [0, 4, 1]}}"]}):
-        probe.publish_map(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0, 0.0))
-        messages = probe.listen("body_descriptions", BodyDescriptionArray, LATCHED)
-        can = SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.8, 0.3])
-        spawn(probe, "box", (0, 0, 2), shape=box(0.2, 0.4, 0.6))
-        spawn(probe, "can", (0, 0, 2), shape=can)
-        text = Path(ROVER).read_text()
-        spawn(probe, "rover", (-2, 0, 1), urdf=text)
+    text = Path(ROVER).read_text()
+    shapes = {
+        "box": SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.4, 0.6]),
+        "can": SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.8, 0.3]),
+        "pill": SolidPrimitive(type=BodyDescription.CAPSULE, dimensions=[0.4, 0.1]),
+    }
+    given = {"bodies.spawn": [f"{{id: robot, urdf: {file}, xyz: [0, 4, 1]}}"], "bodies.timeout": 60.0}
+    with replayed(
+        [("heightmap", 0.0, heightmap_message(np.zeros((41, 41))))], given, keep=["body_descriptions"]
+    ) as run:
 
-        def all_are_described() -> bool:
-            probe.publish_bodies({"guest": (2.0, 2.0, 1.0)}, radius=0.7)  # it goes if no pose comes for a second
-            return described(messages).keys() == {"pill", "robot", "box", "can", "rover", "guest"}
+        def described() -> dict[str, BodyDescription]:
+            run.run(run.time + 1.0)
+            return {body.id: body for body in run.received("body_descriptions")[-1].bodies}
 
-        probe.wait_for(all_are_described)
-        found = described(messages)
-        assert (found["box"].shape, list(found["box"].dimensions)) == (BodyDescription.BOX, [0.2, 0.4, 0.6])
-        assert (found["can"].shape, list(found["can"].dimensions)) == (BodyDescription.CYLINDER, [0.8, 0.3])
-        assert (found["pill"].shape, list(found["pill"].dimensions)) == (BodyDescription.CAPSULE, [0.4, 0.1])
-        rover = found["rover"]
+        for name, shape in shapes.items():
+            assert run.call("spawn_body", SpawnBody.Request(id=name, shape=shape, mass=1.0)).success
+        assert run.call("spawn_body", SpawnBody.Request(id="rover", urdf=text)).success
+        run.give("tracked_bodies", TrackedBodyArray(bodies=[TrackedBody(id="guest", radius=0.7)]))
+        found = described()
+        assert found.keys() == {*shapes, "robot", "rover", "guest"}
+        for name, shape in shapes.items():
+            assert (found[name].shape, [*found[name].dimensions]) == (shape.type, [*shape.dimensions])
+        rover, guest = found["rover"], found["guest"]
         assert (rover.shape, rover.urdf, rover.urdf_file) == (BodyDescription.ROBOT, text, "")
         assert (found["robot"].urdf, found["robot"].urdf_file) == (file.read_text(), str(file))
-        assert found["guest"].tracked
-        assert np.allclose(found["guest"].dimensions, 0.7)
-        with Probe() as late:
-            seen = late.listen(probe.topic("body_descriptions"), BodyDescriptionArray, LATCHED)
-            late.wait_for(lambda: {"box", "rover"} <= described(seen).keys())
-        assert probe.call("remove_body", RemoveBody, id="box").success
-        probe.wait_for(lambda: described(messages) and "box" not in described(messages))
+        assert guest.tracked and guest.dimensions[0] == pytest.approx(0.7)
+        assert run.call("remove_body", RemoveBody.Request(id="box")).success
+        assert described().keys() == found.keys() - {"box"}

@@ -8,19 +8,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from simulation_interfaces.msg import Result
 from simulation_interfaces.srv import GetEntityBounds, GetEntityInfo, GetEntityState
 from smartmesh_msgs.msg import BodyDescriptionArray
-from smartmesh_msgs.srv import RemoveBody
 
 from smartmesh_ros import BodyState, World
 from smartmesh_ros.node.inputs.conversions import RobotNames, joint_commands_from
-from smartmesh_ros.node.terrain_collider import TerrainCollider
-from smartmesh_ros.tools.testing import Probe, Process
+from smartmesh_ros.tools.testing import Probe, Process, heightmap_message
+from smartmesh_ros.tools.testing.replaying import replayed
 from smartmesh_ros.world.joints import JointCommand
-from tests.node.shared import LATCHED, body_names, made_with, show_level_ground
+from tests.node.shared import LATCHED, body_names, show_level_ground
 from tests.node.shared import spawn as spawn_body
 from tests.urdfs import joint, link, robot
 
@@ -41,16 +39,14 @@ def spawn(probe: Probe, name: str, links: str, x: float = 2.0, **more: Any) -> N
     spawn_body(probe, name, (x, 2.0, 0.1), urdf=robot(links), **more)
 
 
-@pytest.mark.parametrize("kinds", [["one_link"], list(STIFF)])
-def test_robots_that_cannot_move_their_links_are_published(
-    shared: Probe, shared_node: tuple[Probe, Process], kinds: list[str]
-) -> None:
+def test_robots_that_cannot_move_their_links_are_published(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
+    kinds = list(STIFF)
     show_level_ground(shared)
-    described = shared.listen("body_descriptions", BodyDescriptionArray, LATCHED)
     for place, kind in enumerate(kinds):
         spawn(shared, kind, STIFF[kind], 0.5 + place)
     assert shared_node[1].process.poll() is None
     shared.wait_for(lambda: set(body_names(shared)) == set(kinds))
+    described = shared.listen("body_descriptions", BodyDescriptionArray, LATCHED)  # late
     shared.wait_for(lambda: described and {body.id for body in described[-1].bodies} == set(kinds))
     message = shared.latest("joint_states")
     assert (list(message.name), list(message.position)) == ([], [])
@@ -79,42 +75,35 @@ ARM = (
 JOINTS = ["hinge", "slide"]
 
 
-def names(probe: Probe) -> list[str]:
-    return list(probe.latest("joint_states").name)
+def test_names_stay_whatever_robots_come_and_go() -> None:
+    ground = ("heightmap", 0.0, heightmap_message(np.zeros((60, 60))))
+    with replayed([ground], keep=["joint_states", "odometry"]) as run:
 
+        def names(*, joints: list[str], roots: set[str]) -> bool:
+            """Whether these are the names of joints, and the child frames of the odometry."""
+            run.received("odometry").clear()
+            run.run(run.time + 0.1)
+            found = {message.child_frame_id for message in run.received("odometry")[2:]}
+            return list(run.received("joint_states")[-1].name) == joints and found == roots
 
-def roots(probe: Probe, count: int) -> set[str]:
-    """Child frames of the odometry, once there are so many."""
-    received = probe.received[probe.topic("odometry")]
-    received.clear()
-    probe.wait_for(lambda: len({message.child_frame_id for message in received}) == count)
-    return {message.child_frame_id for message in received}
+        def add(name: str, links: str, x: float) -> None:
+            run.world.spawn_robot(name, robot(links), BodyState((x, 2.0, 0.1)))
 
-
-def test_names_stay_whatever_robots_come_and_go(shared: Probe) -> None:
-    show_level_ground(shared)
-    shared.listen("odometry", Odometry)
-    spawn(shared, "one", ARM, 0.7)
-    shared.wait_for(lambda: names(shared) == JOINTS)
-    assert roots(shared, 1) == {"base"}
-    spawn(shared, "two", ARM, 1.7)
-    spawn(shared, "three", STIFF["one_link"], 2.5)
-    prefixed = [f"two/{joint}" for joint in JOINTS]
-    shared.wait_for(lambda: names(shared) == JOINTS + prefixed)
-    assert roots(shared, 3) == {"base", "two/base", "three/base"}
-    # What was published as a name is taken as one: it means the first robot, not whichever is alone.
-    publisher = shared.publisher(JointState, "joint_commands")
-
-    def turned() -> bool:
-        publisher.publish(JointState(name=["hinge", "two/hinge"], position=[0.4, -0.4]))
-        return np.allclose(np.array(shared.latest("joint_states").position)[[0, 2]], (0.4, -0.4), atol=0.02)
-
-    shared.wait_for(turned)
-    assert shared.call("remove_body", RemoveBody, id="one").success
-    shared.wait_for(lambda: names(shared) == prefixed)
-    assert roots(shared, 2) == {"two/base", "three/base"}
-    spawn(shared, "four", ARM, 0.7)
-    shared.wait_for(lambda: names(shared) == prefixed + JOINTS)
+        add("one", ARM, 0.7)
+        assert names(joints=JOINTS, roots={"base"})
+        add("two", ARM, 1.7)
+        add("three", STIFF["one_link"], 2.5)
+        prefixed = [f"two/{joint}" for joint in JOINTS]
+        assert names(joints=JOINTS + prefixed, roots={"base", "two/base", "three/base"})
+        # What was published as a name is taken as one: it means the first robot, not whichever is alone.
+        run.give("joint_commands", JointState(name=["hinge", "two/hinge"], position=[0.4, -0.4]))
+        run.run(run.time + 1.0)
+        turned = run.received("joint_states")[-1].position
+        assert (turned[0], turned[2]) == pytest.approx((0.4, -0.4), abs=0.02)
+        run.world.remove("one")
+        assert names(joints=prefixed, roots={"two/base", "three/base"})
+        add("four", ARM, 0.7)
+        assert names(joints=prefixed + JOINTS, roots={"base", "two/base", "three/base"})
 
 
 def unlike(prefix: str) -> str:
@@ -184,12 +173,11 @@ def test_nan_is_no_command_for_an_interface(world: World, fields: Any, wanted: d
     assert {joint: command for _, joint, command in commands(world, **fields)} == wanted
 
 
-def test_every_robot_has_a_prefix_by_a_parameter(domain: int) -> None:
+def test_every_robot_has_a_prefix_by_a_parameter() -> None:
     """One that is alone takes both names in commands."""
-    with made_with(TerrainCollider, {"publish.robot_prefix": True}) as node:
-        world = node.session.world
+    with World() as world:
         world.spawn_robot("one", robot(ARM), BodyState((0.0, 0.0, 1.0)))
-        prefixes = node.session.robot_names.prefixes()
+        prefixes = RobotNames(world, always=True).prefixes()
         assert prefixes == {"one": "one/"}
         message = JointState(name=["hinge", "one/slide"], position=[0.4, 0.1])
         assert [joint for _, joint, _ in joint_commands_from(message, world, prefixes)] == JOINTS

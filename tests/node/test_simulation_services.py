@@ -23,10 +23,8 @@ from simulation_interfaces.msg import (
 )
 from simulation_interfaces.msg import SpawnEntity as Wanted
 
-from smartmesh_ros.node.services import simulation_services
-from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, pose_message
-from tests.node.shared import changed, made_with
+from tests.node.shared import changed
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
 OK = Result.RESULT_OK
@@ -99,12 +97,13 @@ def test_entities_come_move_and_go(started: Probe) -> None:
     for code, fields in (
         (r.NAME_NOT_UNIQUE, {"resource_string": text}),
         (r.NAME_INVALID, {"resource_string": text, "name": "a/b"}),
-        (r.NAME_NOT_UNIQUE, {"uri": str(ROVER)}),
+        (r.NAME_INVALID, {"resource_string": text.replace(' name="rover"', "")}),
         (r.NO_RESOURCE, {"name": "x"}),
         (r.UNSUPPORTED_FORMAT, {"name": "x", "uri": "world.sdf"}),
+        (r.UNSUPPORTED_FORMAT, {"name": "x", "uri": "\n"}),
         (r.UNSUPPORTED_FORMAT, {"name": "x", "resource_string": "<sdf/>"}),
         (r.RESOURCE_PARSE_ERROR, {"name": "x", "resource_string": "<robot"}),
-        (r.RESOURCE_PARSE_ERROR, {"name": "x", "uri": f"{ROVER.parent}/no_such.urdf"}),
+        (r.RESOURCE_PARSE_ERROR, {"name": "x", "uri": f"{ROVER.parent}/{'long' * 999}.urdf"}),
         (Result.RESULT_OPERATION_FAILED, {"name": "x", "uri": "/elsewhere/a.urdf"}),
         (r.MISSING_ASSETS, {"name": "x", "uri": "package://no_such_pkg/a.urdf"}),
         (r.INVALID_POSE, {"name": "x", "uri": str(ROVER), "initial_pose": invalid}),
@@ -128,9 +127,9 @@ def test_entities_come_move_and_go(started: Probe) -> None:
     assert pose_of(started, "rover") == pytest.approx((3.0, 4.0, 5.0), abs=1e-6)
 
     assert ask(started, "delete_entity", entity="truck").result.result == OK
-    assert ask(started, "delete_entity", entity="truck").result.result == Result.RESULT_NOT_FOUND
-    gone = ask(started, "get_entity_state", entity="truck").result
-    assert (gone.result, "truck" in gone.error_message) == (Result.RESULT_NOT_FOUND, True)
+    for service in ("delete_entity", "get_entity_state", "set_entity_state", "get_entity_info", "get_entity_bounds"):
+        gone = ask(started, service, entity="truck").result
+        assert (gone.result, "truck" in gone.error_message) == (Result.RESULT_NOT_FOUND, True), service
     assert entities(started) == ["ball", "rover", "rover_1"]
 
 
@@ -172,7 +171,6 @@ def test_entities_have_what_clients_say_of_them(started: Probe) -> None:
     assert ask(started, "set_entity_info", entity="ball", info=unknown).result.result == Result.RESULT_OPERATION_FAILED
     every, some = TagsFilter.FILTER_MODE_ALL, TagsFilter.FILTER_MODE_ANY
     for expected, filters in (
-        (["ball"], {"categories": [static]}),
         (["ball", "rover"], {"categories": [static, robot]}),
         ([], {"categories": [other]}),
         (["ball"], {"tags": TagsFilter(tags=["red", "blue"], filter_mode=some)}),
@@ -219,7 +217,8 @@ def test_entities_are_filtered_by_name_and_place(started: Probe) -> None:
         for code, filters in (
             (Result.RESULT_FEATURE_UNSUPPORTED, {"bounds": Bounds(type=Bounds.TYPE_CONVEX_HULL)}),
             (Result.RESULT_OPERATION_FAILED, {"bounds": Bounds(type=Bounds.TYPE_SPHERE)}),
-            (Result.RESULT_OPERATION_FAILED, {"filter": "("}),
+            (Result.RESULT_OPERATION_FAILED, {"bounds": sphere(math.nan, 1.0)}),
+            (Result.RESULT_OPERATION_FAILED, {"filter": "(" * 9999}),
         ):
             answer = ask(started, "get_entities", filters=EntityFilters(**filters))
             assert answer.result.result == code
@@ -251,14 +250,6 @@ def test_a_reset_has_the_scope_that_is_asked_for(started: Probe) -> None:
         assert pose_of(started, "ball") == (2.0, 2.0, 9.0), "as if the node had been started again"
 
 
-def test_the_missing_package_is_named(
-    domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(simulation_services, "find_interfaces", lambda *_: None)
-    with made_with(TerrainCollider, {"simulation_interfaces": True}):
-        assert "apt install ros-jazzy-simulation-interfaces" in capfd.readouterr().err
-
-
 def test_the_simulation_plays_pauses_steps_and_stops(started: Probe, shared_node: tuple[Probe, Process]) -> None:
     """The last test of this file, because the node ends."""
     s = SimulationState
@@ -278,7 +269,10 @@ def test_the_simulation_plays_pauses_steps_and_stops(started: Probe, shared_node
     fallen = 9.0 - 9.81 / 240.0**2 * 24 * 25 / 2
     assert pose_of(started, "ball")[2] == pytest.approx(fallen, abs=1e-6)
     assert state(started) == s.STATE_PAUSED
-    assert set_state(started, s.STATE_NO_WORLD) == srv.SetSimulationState.Response.STATE_TRANSITION_ERROR
+    for unknown in (s.STATE_NO_WORLD, 99):
+        assert set_state(started, unknown) == srv.SetSimulationState.Response.STATE_TRANSITION_ERROR
+    for steps in (0, 2**63):
+        assert ask(started, "step_simulation", steps=steps).result.result == Result.RESULT_OPERATION_FAILED
     assert set_state(started, s.STATE_PLAYING) == OK
     started.wait_for(lambda: pose_of(started, "ball")[2] < fallen - 0.1)
     assert set_state(started, s.STATE_QUITTING) == OK

@@ -1,6 +1,5 @@
-"""Worlds of the standard services of simulation_interfaces, and what these services make of nonsense, over real DDS."""
+"""Worlds of the standard services of simulation_interfaces, over real DDS and in this process."""
 
-import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,7 +11,7 @@ import pytest
 import yaml
 from geometry_msgs.msg import Twist, Vector3
 from simulation_interfaces import msg, srv
-from simulation_interfaces.msg import Bounds, EntityFilters, Resource, Result, SimulationState, TagsFilter
+from simulation_interfaces.msg import Resource, Result, SimulationState, TagsFilter
 from smartmesh_msgs.srv import QueryGround, StartEpisode
 
 from smartmesh_ros.node.services import simulation_services
@@ -109,32 +108,25 @@ def test_a_world_that_is_refused_changes_nothing(shared: Probe, worlds: Path) ->
     scene(worlds / "type.yaml", **{"terrain.file": "slope.npy", "raster.resolution": "fine"})
     bomb = "".join(f"  a{k}: &a{k} {{l: *a{k - 1}, r: *a{k - 1}}}\n" for k in range(1, 40))
     (worlds / "alias.yaml").write_text(f"ros__parameters:\n  a0: &a0 {{x: 1}}\n{bomb}")
-    (worlds / "text.npy").write_text("no array")
     (worlds / "flat.npy").write_bytes((worlds / "slope.npy").read_bytes()[:-8])
-    np.save(worlds / "line.npy", np.zeros(9))
-    np.save(worlds / "dot.npy", np.zeros((1, 1)))
     (worlds / "sub.npy").mkdir()
     assert load(shared, worlds / "scene.yaml").result.result == OK
     before = ask(shared, "get_current_world").world
     for code, fields in (
         (L.NO_RESOURCE, {}),
         (L.UNSUPPORTED_FORMAT, {"uri": f"{worlds}/rover.urdf"}),
-        (L.UNSUPPORTED_FORMAT, {"uri": str(worlds)}),
-        (Result.RESULT_OPERATION_FAILED, {"uri": "/etc/slope.npy"}),
         (Result.RESULT_OPERATION_FAILED, {"uri": f"{worlds}/../../slope.npy"}),
         (Result.RESULT_OPERATION_FAILED, {"uri": "http://host/slope.npy"}),
         (L.RESOURCE_PARSE_ERROR, {"uri": "package://no_such_pkg/slope.npy"}),
-        (L.RESOURCE_PARSE_ERROR, {"uri": f"file://{worlds}/no_such.npy"}),
         (L.RESOURCE_PARSE_ERROR, {"uri": f"file://{worlds}/no_such.yaml"}),
         (L.RESOURCE_PARSE_ERROR, {"uri": f"file://{worlds}/{'long' * 999}.npy"}),
-        (L.RESOURCE_PARSE_ERROR, {"uri": f"package://{'long' * 999}/a.npy"}),
-        *((L.RESOURCE_PARSE_ERROR, {"uri": f"{worlds}/{name}.npy"}) for name in ("text", "flat", "line", "dot", "sub")),
+        *((L.RESOURCE_PARSE_ERROR, {"uri": f"{worlds}/{name}.npy"}) for name in ("no_such", "flat", "sub")),
         *((L.RESOURCE_PARSE_ERROR, {"uri": f"{worlds}/{name}.yaml"}) for name in ("other", "twice", "type", "alias")),
         (L.MISSING_ASSETS, {"uri": f"{worlds}/no_terrain.yaml"}),
         (L.MISSING_ASSETS, {"uri": f"{worlds}/nul.yaml"}),
         (L.UNSUPPORTED_ASSETS, {"uri": f"{worlds}/no_mesh.yaml"}),
         (L.UNSUPPORTED_ELEMENTS, {"uri": f"{worlds}/scene.yaml", "fail_on_unsupported_element": True}),
-        *((L.RESOURCE_PARSE_ERROR, {"resource_string": text}) for text in ("{", "3", "<sdf/>", "[" * 5000, "a: b: c")),
+        *((L.RESOURCE_PARSE_ERROR, {"resource_string": text}) for text in ("{", "<sdf/>", "[" * 5000)),
     ):
         result = ask(shared, "load_world", **fields).result
         assert (result.result, bool(result.error_message)) == (code, True), (fields, result.error_message)
@@ -171,31 +163,6 @@ def test_what_is_there_is_listed(shared: Probe, worlds: Path) -> None:
     with changed(shared, {"bodies.urdf_folders": gone}):
         assert ask(shared, "get_available_worlds").result.result == r.DEFAULT_SOURCES_FAILED
         assert len(ask(shared, "get_available_worlds", continue_on_error=True).worlds) == 2
-
-
-def test_nonsense_is_refused_with_the_codes_of_the_standard(shared: Probe) -> None:
-    bad = placed(0.0, 0.0, math.nan)
-    bad_filters = [EntityFilters(filter=text) for text in ("(", "(" * 9999, "a{9999999999}")]
-    bad_filters.append(EntityFilters(bounds=Bounds(type=Bounds.TYPE_SPHERE, points=[Vector3(x=math.nan)] * 2)))
-    unknown = srv.SetSimulationState.Response.STATE_TRANSITION_ERROR
-    found, failed, r = Result.RESULT_NOT_FOUND, Result.RESULT_OPERATION_FAILED, srv.SpawnEntity.Response
-    for code, service, fields in (
-        *((found, name, {"entity": ""}) for name in ("delete_entity", "get_entity_state", "set_entity_state")),
-        *((found, f"{name}_entity_info", {"entity": "é" * 300}) for name in ("get", "set")),
-        (found, "get_entity_bounds", {"entity": "a/b"}),
-        (Result.RESULT_FEATURE_UNSUPPORTED, "get_named_pose_bounds", {"name": "ball"}),
-        *((failed, "get_entities", {"filters": one}) for one in bad_filters),
-        (failed, "step_simulation", {"steps": 2**63}),
-        (failed, "step_simulation", {"steps": 0}),
-        (r.INVALID_POSE, "spawn_entity", {"uri": str(ROVER), "initial_pose": bad}),
-        (r.RESOURCE_PARSE_ERROR, "spawn_entity", {"uri": f"{ROVER.parent}/{'long' * 999}.urdf"}),
-        (r.RESOURCE_PARSE_ERROR, "spawn_entity", {"uri": f"package://{'long' * 999}/a.urdf"}),
-        (r.UNSUPPORTED_FORMAT, "spawn_entity", {"uri": "\n"}),
-        (r.NAME_INVALID, "spawn_entity", {"resource_string": ROVER.read_text().replace(' name="rover"', "")}),
-        (unknown, "set_simulation_state", {"state": SimulationState(state=99)}),
-    ):
-        result = ask(shared, service, **fields).result
-        assert (result.result, bool(result.error_message)) == (code, True), (service, fields, result.error_message)
 
 
 @contextmanager

@@ -23,7 +23,6 @@ from tests.node.shared import box, fed, made_with, position_of, set_parameters, 
 PLATE, MASS = box(0.2, 0.2, 0.1), 5e3 * 0.04 / 9.81
 SIDE = 101
 FLAT: dict[str, Any] = {"heights": np.zeros((SIDE, SIDE)), "resolution": 0.04, "origin": (-2.0, -2.0, 0.0)}
-HALVES = np.repeat([[0, 1]], SIDE, axis=0).repeat([50, SIDE - 50], axis=1)  # the second soil where x >= 0
 
 
 def test_bodies_of_a_collider_stand_on_soil(probe: Probe) -> None:
@@ -48,19 +47,6 @@ def test_bodies_of_a_collider_stand_on_soil(probe: Probe) -> None:
         probe.wait_for(lambda: position_of(probe, "plate")[2] > 0.05 - sunk + 1e-4)
         probe.wait_for(lambda: probe.diagnostics("bodies")["asleep"] == "1")
         assert 0.05 - sunk < position_of(probe, "plate")[2] < 0.05
-
-
-def test_bodies_sink_by_the_soil_that_the_map_says_lies_under_them(probe: Probe) -> None:
-    """Clay is much harder than sand; the next map exchanges them, under bodies that sleep."""
-    with probe.running("terrain_collider", {"soil.type": ["dry_sand", "clay"], "publish.body_states": 60.0}):
-        show_map(probe, **FLAT, soil=HALVES)
-        for name, x in (("west", -0.5), ("east", 0.5)):
-            spawn(probe, name, (x, 0.0, 0.0501), shape=PLATE, mass=MASS)
-        probe.wait_for(lambda: position_of(probe, "west")[2] < 0.0455)
-        probe.wait_for(lambda: probe.diagnostics("bodies")["asleep"] == "2")
-        assert position_of(probe, "east")[2] > 0.0495
-        show_map(probe, **FLAT, soil=1 - HALVES)
-        probe.wait_for(lambda: position_of(probe, "east")[2] < 0.0455)
 
 
 def test_soils_come_with_maps_and_layers_and_stay_where_later_ones_say_nothing(domain: int) -> None:
@@ -114,7 +100,7 @@ def test_a_rover_leaves_ruts_where_it_drove(probe: Probe) -> None:
             columns = [side for update in pressed for side in (update.x, update.x + update.width)]
             return eight.SPACING * (max(columns) - min(columns)) if columns else 0.0
 
-        probe.wait_for(lambda: reach() > 2.0)
+        probe.wait_for(lambda: reach() > 1.0)
         assert probe.diagnostics("bodies")["put back onto the ground"] == "0"
         [place] = [body.pose.position for body in probe.latest("body_states").bodies if body.id == "rover"]
         assert math.dist((place.x, place.y), eight.PLACE) < 2.5 * eight.LOOP

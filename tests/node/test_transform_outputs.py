@@ -2,22 +2,21 @@
 
 from collections import Counter
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
-from nav_msgs.msg import Odometry
-from sensor_msgs.msg import JointState, PointCloud2
-from smartmesh_msgs.srv import CastRays, RemoveBody, StepPhysics
-from std_msgs.msg import Header
+from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
+from smartmesh_ros import BodyState, Sphere
 from smartmesh_ros.node.inputs.frames import FrameBuffer, Transform
-from smartmesh_ros.tools.testing import Probe
+from smartmesh_ros.tools.testing import Probe, heightmap_message
+from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import LATCHED, changed, show_level_ground, transform_message
 from tests.node.shared import spawn as spawn_body
 from tests.node.test_robot_outputs import ARM, STIFF, spawn
+from tests.urdfs import robot
 
 SHARED = {"frame_id": "map", "publish.tf": 50.0}
 TF, NAME = "/tf", "terrain_collider"
@@ -41,44 +40,47 @@ def buffer_of(*messages: TFMessage) -> FrameBuffer:
     return buffer
 
 
-def test_bodies_and_links_have_frames_where_they_are(shared: Probe) -> None:
-    show_level_ground(shared)
-    shared.publish_bodies({"tracked": (1.0, 1.0, 0.3)})
-    spawn_body(shared, "ball", (2, 1, 0.5))
-    spawn(shared, "one", ARM, 0.7)
-    wanted = {"ball": "map", "base": "map", "arm": "base", "slider": "arm", "one": "base"}
-    shared.wait_for(lambda: parents(shared) == wanted)
-    spawn(shared, "two", ARM, 1.7)
-    spawn(shared, "stiff", STIFF["fixed_links"], 2.5)
-    more = {"two/base": "map", "two/arm": "two/base", "two/slider": "two/arm", "two": "two/base"}
-    more |= {"stiff/base": "map", "stiff/lidar": "stiff/base", "stiff": "stiff/base"}
-    shared.wait_for(lambda: parents(shared) == wanted | more)
-    publisher = shared.publisher(JointState, "joint_commands")
+def test_bodies_and_links_have_frames_where_they_are() -> None:
+    ground = ("heightmap", 0.0, heightmap_message(np.zeros((60, 60))))
+    with replayed([ground], SHARED, keep=["/tf", "joint_states", "odometry"]) as run:
 
-    def turned() -> bool:
-        publisher.publish(JointState(name=["hinge", "slide"], position=[0.5, 0.2]))
-        return np.allclose(shared.latest("joint_states").position[:2], (0.5, 0.2), atol=0.01)
+        def parents() -> dict[str, str]:
+            run.run(run.time + 1.5)
+            return {item.child_frame_id: item.header.frame_id for item in run.received("/tf")[-1].transforms}
 
-    shared.wait_for(turned)
-    assert shared.call("pause", SetBool, data=True).success
-    received, bases = shared.received[TF], shared.listen("odometry", Odometry)
-    assert shared.call("step", StepPhysics, steps=1).success
-    for messages in (received, bases):
-        messages.clear()
-    shared.wait_for(lambda: len(received) > 3 and len(bases) > 9)  # the last of them are of after the step
-    buffer = buffer_of(received[-1])
-    joints = dict(zip((m := shared.latest("joint_states")).name, m.position, strict=True))
-    arm, _ = buffer.lookup("base", "slider")
-    c, s = np.cos(joints["hinge"]), np.sin(joints["hinge"])
-    assert arm.translation == pytest.approx((0.1 + c * joints["slide"], 0.2 + s * joints["slide"], 0.3), abs=1e-6)
-    assert {message.child_frame_id for message in bases[-3:]} == {"base", "two/base", "stiff/base"}
-    for message in bases[-3:]:
-        p, _ = buffer.lookup("map", message.child_frame_id)
-        q = message.pose.pose.position
-        assert p.translation == pytest.approx((q.x, q.y, q.z), abs=1e-9), "the same as the odometry says"
-    assert shared.call("remove_body", RemoveBody, id="one").success
-    assert shared.call("pause", SetBool, data=False).success
-    shared.wait_for(lambda: parents(shared) == {"ball": "map"} | more)
+        def add(name: str, links: str, x: float) -> None:
+            run.world.spawn_robot(name, robot(links), BodyState((x, 2.0, 0.1)))
+
+        run.world.track("tracked", 0.3, BodyState((1.0, 1.0, 0.3)))
+        run.world.spawn("ball", Sphere(0.2), 1.0, BodyState((2.0, 1.0, 0.5)))
+        add("one", ARM, 0.7)
+        wanted = {"ball": "map", "base": "map", "arm": "base", "slider": "arm", "one": "base"}
+        assert parents() == wanted
+        add("two", ARM, 1.7)
+        add("stiff", STIFF["fixed_links"], 2.5)
+        more = {"two/base": "map", "two/arm": "two/base", "two/slider": "two/arm", "two": "two/base"}
+        more |= {"stiff/base": "map", "stiff/lidar": "stiff/base", "stiff": "stiff/base"}
+        run.give("joint_commands", JointState(name=["hinge", "slide"], position=[0.5, 0.2]))
+        assert parents() == wanted | more
+        buffer, joints = buffer_of(run.received("/tf")[-1]), run.received("joint_states")[-1]
+        turn, shift = joints.position[:2]
+        assert (turn, shift) == pytest.approx((0.5, 0.2), abs=0.01)
+        arm, _ = buffer.lookup("base", "slider")
+        there = (0.1 + np.cos(turn) * shift, 0.2 + np.sin(turn) * shift, 0.3)
+        assert arm.translation == pytest.approx(there, abs=1e-3)
+        bases = {message.child_frame_id: message.pose.pose.position for message in run.received("odometry")[-3:]}
+        assert bases.keys() == {"base", "two/base", "stiff/base"}
+        for name, place in bases.items():
+            found, _ = buffer.lookup("map", name)
+            assert found.translation == pytest.approx((place.x, place.y, place.z), abs=1e-3), "as the odometry says"
+        run.world.remove("one")
+        assert parents() == {"ball": "map"} | more
+        # No frame has two parents: of a body that is called as a link of the robot without prefix.
+        add("slider", ARM.replace('"arm"', '"leaf"').replace('"base"', '"stem"'), 0.7)
+        run.world.spawn("leaf", Sphere(0.2), 1.0, BodyState((2.0, 1.5, 0.5)))
+        assert parents() == {"ball": "map", "stem": "map", "leaf": "stem", "slider": "leaf"} | more
+        counts = Counter(item.child_frame_id for item in run.received("/tf")[-1].transforms)
+        assert set(counts.values()) == {1}
 
 
 def test_frames_of_others_are_left_to_them(shared: Probe) -> None:
@@ -103,16 +105,6 @@ def test_frames_of_others_are_left_to_them(shared: Probe) -> None:
     shared.wait_for(lambda: parents(shared).get("trunk") == "map")  # nobody publishes it any more
 
 
-def test_no_frame_has_two_parents_in_one_message(shared: Probe) -> None:
-    """A body that is called as a link of the robot without prefix."""
-    show_level_ground(shared)
-    spawn(shared, "slider", ARM.replace('"arm"', '"leaf"').replace('"base"', '"stem"'), 0.7)
-    spawn_body(shared, "leaf", (2, 1, 0.5))
-    shared.wait_for(lambda: parents(shared) == {"stem": "map", "leaf": "stem", "slider": "leaf"})
-    counts = Counter(item.child_frame_id for item in shared.received[TF][-1].transforms)
-    assert set(counts.values()) == {1}
-
-
 def test_the_rate_may_change_and_a_clock_that_stands_still_sends_nothing(shared: Probe) -> None:
     show_level_ground(shared)
     spawn(shared, "stiff", STIFF["one_link"])
@@ -131,32 +123,3 @@ def test_the_rate_may_change_and_a_clock_that_stands_still_sends_nothing(shared:
         assert len({(m.transforms[0].header.stamp.sec, m.transforms[0].header.stamp.nanosec) for m in received}) == len(
             received
         ), "tf2 warns of a frame that comes twice at one time"
-
-
-def test_the_frame_of_a_sensors_cloud_exists(shared: Probe) -> None:
-    show_level_ground(shared)
-    spawn(shared, "rover", STIFF["fixed_links"])
-    clouds = shared.listen("/shared/terrain_sensor/points", PointCloud2)
-    static = shared.listen("/tf_static", TFMessage, LATCHED)
-    camera: dict[str, Any] = {"sensor": "depth_camera", "camera.columns": 8, "camera.rows": 6, "pitch": 0.6}
-    with shared.running("terrain_sensor", {"frame": "rover", "through": ["rover"], **camera}):
-        optical = "shared/terrain_sensor_optical"  # with the namespace, because others have a camera of this name
-        shared.wait_for(lambda: clouds and optical in {item.child_frame_id for m in static for item in m.transforms})
-        shared.wait_for(lambda: "rover" in parents(shared))
-        buffer = buffer_of(shared.received[TF][-1], *static)
-        for frame in (clouds[-1].header.frame_id, optical):
-            buffer.lookup("map", frame)
-
-    # A frame that the node publishes is one to ask in.
-    header = Header(frame_id="base")
-    asked: dict[str, Any] = {"header": header, "origins": [0.0, 0.0, 2.0], "directions": [0.0, 0.0, -1.0], "range": 5.0}
-    shared.wait_for(lambda: shared.call("cast_rays", CastRays, **asked).success)
-
-
-def test_a_body_cannot_follow_a_frame_of_its_own_node(probe: Probe) -> None:
-    """It would be inside the simulated robot and throw it."""
-    with probe.running(parameters={"frame_id": "map", "publish.tf": 50.0, "bodies.frames": ["ghost=base"]}):
-        show_level_ground(probe)
-        spawn(probe, "rover", STIFF["one_link"])
-        probe.wait_for(lambda: "refused, bodies.frames: own_topic" in probe.diagnostics("inputs"))
-        assert probe.diagnostics("bodies")["tracked"] == "0"

@@ -16,89 +16,38 @@ import pytest
 import yaml
 from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import Odometry
-from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState, PointCloud2
 from smartmesh_msgs.srv import QueryGround
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
-from smartmesh_ros.io.rasters import RasterConfig
-from smartmesh_ros.node.inputs.adapters import grid_map_raster as raster_from
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client import command
-from smartmesh_ros.tools.testing import Probe, Process, pose_message
+from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
 from tests.grid_maps import grid_map_message
 from tests.launch_files import Recorded, stand_ins
-from tests.node.shared import LATCHED, fed, patch_vertices, stamped, transform_message
+from tests.node.shared import fed, stamped, transform_message, wait_until
 from tests.urdfs import joint, link, robot
 
 __all__ = ["stand_ins"]
 
 ROOT = Path(__file__).parents[2]
-CELLS, RESOLUTION = 60, 0.1
+RESOLUTION = 0.1
 
 
 def blocks(page: str, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
 
 
+def arguments_of(command: str) -> list[str]:
+    """Arguments for ROS of a command that starts a collider."""
+    words = shlex.split(command.replace("\\\n", " "))
+    assert words[:5] == ["ros2", "run", "smartmesh_ros", "terrain_collider", "--ros-args"]
+    return words[5:]
+
+
 def ground(x: Any, y: Any) -> Any:
     return 0.2 * np.sin(x) + 0.1 * np.asarray(y)
-
-
-class Stack:
-    """An elevation mapping stack: a robot that drives along x, and a map of 6 m that scrolls with it, cell by cell.
-
-    The map is in ``map``, the odometry in ``odom``, which lies 10 m further along y.
-    """
-
-    def __init__(self, probe: Probe) -> None:
-        self._probe = probe
-        self._maps = probe.publisher(GridMap, "/elevation_mapping/elevation_map")
-        self._odometry = probe.publisher(Odometry, "/odom")
-        self._transforms = probe.node.create_publisher(TFMessage, "/tf", 10)
-        self.x = 0.0
-
-    def publish(self) -> None:
-        stamp = self._probe.now()
-        transform = transform_message(self._probe, "map", "odom", (0.0, 10.0, 0.0))
-        self._transforms.publish(TFMessage(transforms=[transform]))
-        odometry = Odometry(child_frame_id="base_link")
-        odometry.header.stamp, odometry.header.frame_id = stamp, "odom"
-        odometry.pose.pose = pose_message((self.x, -10.0, float(ground(self.x, 0.0)) + 0.4))
-        self._odometry.publish(odometry)
-        self._maps.publish(self._map(stamp))
-
-    def _map(self, stamp: Any) -> GridMap:
-        moved = round(self.x / RESOLUTION)
-        y, x = np.mgrid[:CELLS, :CELLS] * RESOLUTION - 0.5 * (CELLS - 1) * RESOLUTION
-        heights = ground(x + moved * RESOLUTION, y)
-        heights[:, -2:] = np.nan  # what the sensor has not seen yet
-        middle, start = (moved * RESOLUTION, 0.0, 0.0), (-moved % CELLS, 0)
-        return grid_map_message({"elevation": heights}, RESOLUTION, middle, start=start, stamp=stamp)
-
-
-def test_an_elevation_map_becomes_patches_under_the_robot(probe: Probe, tmp_path: Path) -> None:
-    [file] = blocks("docs/elevation_mapping.md", "yaml")
-    command, *_ = blocks("docs/elevation_mapping.md", "console")
-    words = shlex.split(command.replace("\\\n", " "))
-    assert words[:4] == ["ros2", "run", "smartmesh_ros", "terrain_collider"]
-    assert words.count("-r") == 2
-    (tmp_path / "my_robot.yaml").write_text(file)
-    arguments = [word.replace("my_robot.yaml", str(tmp_path / "my_robot.yaml")) for word in words[4:]]
-    with Process("terrain_collider", arguments=arguments) as process:
-        stack = Stack(probe)
-        for stack.x in (0.0, 0.3, 1.5):
-
-            def patched_under_the_robot() -> bool:
-                stack.publish()
-                points = patch_vertices(probe).get("rover", np.full((1, 3), np.inf))
-                middle = points[:, :2].mean(axis=0)
-                near = np.abs(middle - (stack.x, 0.0)).max() < 0.2
-                return bool(near and np.abs(points[:, 2] - ground(points[:, 0], points[:, 1])).max() < 0.006)
-
-            probe.wait_for(patched_under_the_robot, watch=process)
-        assert probe.diagnostics("terrain")["message"] == "maps arrive"
 
 
 def commands(language: str, beginning: str) -> list[list[str]]:
@@ -227,29 +176,33 @@ def cupy_map(x: float, y: float, *, seen: bool = True) -> GridMap:
         "variance": np.full_like(heights, 1e-4 if seen else UNSEEN),
         "rgb": np.where(seen, color, np.nan),
     }
-    made = grid_map_message(values, RESOLUTION, (x, y, 0.0), frame_id="odom")
+    made = grid_map_message(values, RESOLUTION, (x, y, 0.0))
     made.basic_layers = ["elevation"]
     return made
 
 
-@pytest.mark.parametrize("place", [(0.0, 0.0), (3.2, -1.7), (0.033, -4.048)])
-def test_heights_of_elevation_mapping_cupy_are_where_it_says(place: tuple[float, float]) -> None:
-    """Within the half cell by which the middle that it sends is off."""
-    geometry, heights, *_ = raster_from(cupy_map(*place), RasterConfig(layer="elevation"))
-    rows, columns = np.mgrid[:SIDE, :SIDE]
-    off = np.abs(heights - ground(*np.moveaxis(geometry.to_world(rows, columns), -1, 0))).max()
-    on_grid = np.allclose(np.round(place, 1), place)
-    assert off < (1e-5 if on_grid else HALF_CELL)
-
-
-def test_the_node_takes_maps_of_elevation_mapping_cupy_with_the_file_of_the_page(domain: int) -> None:
-    arguments = ["--params-file", str(ROOT / "config" / "elevation_mapping.yaml")]
-    with fed({}, arguments) as node:
+def test_an_elevation_map_becomes_patches_under_the_robot(domain: int, tmp_path: Path) -> None:
+    """The map is in ``map``, the odometry in ``odom``, which lies 10 m further along y."""
+    [file] = blocks("docs/elevation_mapping.md", "yaml")
+    command, *_ = blocks("docs/elevation_mapping.md", "console")
+    (tmp_path / "my_robot.yaml").write_text(file)
+    with fed({}, arguments_of(command.replace("my_robot.yaml", str(tmp_path / "my_robot.yaml")))) as node:
         for x, seen in ((0.0, False), (0.0, True), (0.033, True), (0.31, True), (1.248, True)):
-            node.give("grid_map", stamped(node, cupy_map(x, 0.2, seen=seen), "odom"), steps=240)
-            height = node.heights(x, 0.2)
-            assert abs(height - ground(x, 0.2)) < HALF_CELL if seen else np.isnan(height)
-        assert not node.node.refusals.counts
+            node.give("/elevation_mapping/elevation_map", stamped(node, cupy_map(x, 0.2, seen=seen)), steps=240)
+            odometry = Odometry(child_frame_id="base_link")
+            odometry.pose.pose = pose_message((x, -9.8, float(ground(x, 0.2)) + 0.3))
+            node.give("/odom", stamped(node, odometry, "odom"))
+            node.give("/tf", TFMessage(transforms=[transform_message(node, "map", "odom", (0.0, 10.0, 0.0))]))
+            node.give("/odom", stamped(node, odometry, "odom"))
+            if not seen:
+                assert np.isnan(node.heights(x, 0.2))
+                continue
+            patches = node.world.patches().table()
+            assert [patches.slots[0]] == [*patches.slots]
+            points = patches.points_of(0)
+            assert np.abs(points[:, :2].mean(axis=0) - (x, 0.2)).max() < 0.2
+            assert np.abs(points[:, 2] - ground(points[:, 0], points[:, 1])).max() < HALF_CELL
+        assert node.node.refusals.counts == {"~/tracked_odometry: frame": 1}, "before there was a transform"
 
 
 LIMIT = '<limit lower="{}" upper="{}" effort="50" velocity="50"/>'
@@ -260,86 +213,40 @@ PARTS = [
     joint("shoulder", "revolute", "base", "arm", LIMIT.format("-2", "2"), "0 0 0", "0 0 1"),
     joint("wheel", "continuous", "base", "reel", LIMIT.format("0", "0"), "0 0 0", "0 0 1"),
 ]
-FIELDS = ("position", "velocity", "effort")
 
 
-class Hardware:
-    """A block of topic_based_ros2_control: sends the commands of its joints, and takes their states by name.
-
-    An array has the numbers of those joints alone that have the interface, in the order of the block.
-    """
-
-    def __init__(self, probe: Probe, block: str) -> None:
-        self._probe, system = probe, ElementTree.fromstring(block)
-        self._commands = [
-            (joint.attrib["name"], interface.attrib["name"])
-            for joint in system.iterfind("joint")
-            for interface in joint.iterfind("command_interface")
-        ]
-        self.commands = dict.fromkeys(self._commands, math.nan)
-        self.states: dict[tuple[str, str], float] = {}
-        parameters = {item.attrib["name"]: item.text or "" for item in system.iterfind("hardware/param")}
-        probe.node.create_subscription(
-            JointState, parameters["joint_states_topic"], self._read, qos_profile_sensor_data
-        )
-        self._publisher = probe.node.create_publisher(
-            JointState, parameters["joint_commands_topic"], QoSProfile(depth=1)
-        )
-
-    def _read(self, message: JointState) -> None:
-        for index, name in enumerate(message.name):
-            for field in FIELDS:
-                self.states[name, field] = getattr(message, field)[index]
-
-    def write(self) -> None:
-        """Sends all commands, whether or not a controller has set them."""
-        message = JointState(name=list(dict.fromkeys(name for name, _ in self._commands)))
-        message.header.stamp = self._probe.now()
-        for name, interface in self._commands:
-            getattr(message, interface).append(self.commands[name, interface])
-        self._publisher.publish(message)
+def command_of(block: str, **values: float) -> tuple[str, JointState]:
+    """What a block of topic_based_ros2_control sends, and on which topic: arrays have the numbers of those of its
+    joints alone that have the interface, NaN where no controller has set one (``values``: by joint)."""
+    system = ElementTree.fromstring(block)
+    [topic] = [item.text for item in system.iterfind("hardware/param") if item.get("name") == "joint_commands_topic"]
+    assert topic is not None
+    message = JointState(name=[str(joint.get("name")) for joint in system.iterfind("joint")])
+    for name, found in zip(message.name, system.iterfind("joint"), strict=True):
+        for interface in found.iterfind("command_interface"):
+            getattr(message, str(interface.get("name"))).append(values.get(name, math.nan))
+    return topic, message
 
 
-def test_two_blocks_drive_a_robot_on_the_topics_of_the_page(probe: Probe) -> None:
+def test_two_blocks_drive_a_robot_on_the_topics_of_the_page(domain: int) -> None:
     [arm] = [block for block in blocks("docs/robots.md", "xml") if "TopicBasedSystem" in block]
     [command] = [block for block in blocks("docs/robots.md", "console") if "topic_based" in block]
     wheels = arm.replace("shoulder", "wheel").replace(
         'command_interface name="position"', 'command_interface name="velocity"'
     )
-    described = robot(*PARTS, arm, wheels)
-    words = shlex.split(command.replace("\\\n", " "))
-    arguments = [*words[4:], "-p", "robot.start:='{id: robot, xy: [5.0, 5.0], above: 0.11}'"]
-    with Process("terrain_collider", arguments=arguments) as process:
-        hardware = [Hardware(probe, arm), Hardware(probe, wheels)]
-        probe.wait_for(probe.connected, watch=process)
-        probe.publish_map(np.zeros((21, 21)), resolution=0.5)
-        probe.publisher(String, "/robot_description", LATCHED).publish(String(data=described))
-
-        def holds(**wanted: float) -> Any:
-            """Whether positions of the shoulder and velocities of the wheel are so, while both blocks send."""
-
-            def found() -> bool:
-                for block in hardware:
-                    block.write()
-                states = hardware[0].states | hardware[1].states
-                near = (
-                    abs(states.get(tuple(key.split("_")), math.inf) - value) < 0.02 for key, value in wanted.items()
-                )
-                return all(near)
-
-            return found
-
-        probe.wait_for(lambda: all(block.states for block in hardware), watch=process)
-        probe.wait_for(holds(shoulder_position=0.0, wheel_velocity=0.0), watch=process)  # nothing but NaN
-        hardware[0].commands["shoulder", "position"] = 0.7
-        probe.wait_for(holds(shoulder_position=0.7, wheel_velocity=0.0), watch=process)
-        hardware[1].commands["wheel", "velocity"] = 3.0
-        probe.wait_for(holds(shoulder_position=0.7, wheel_velocity=3.0), watch=process)
-        assert probe.diagnostics("inputs")["message"] == "0 refused so far"
-        one = Hardware(probe, re.sub(r"</ros2_control>$", "", arm.strip()) + wheels[wheels.index("<joint") :])
-
-        def refused() -> bool:
-            one.write()  # the first commands of a new publisher may be lost
-            return "refused, joint_commands: length" in probe.diagnostics("inputs")
-
-        probe.wait_for(refused, watch=process)
+    start = "robot.start:='{id: robot, xy: [5.0, 5.0], above: 0.11}'"
+    with fed({}, [*arguments_of(command), "-p", start]) as node:
+        node.give("heightmap", stamped(node, heightmap_message(np.zeros((21, 21)), resolution=0.5)))
+        node.give("/robot_description", String(data=robot(*PARTS, arm, wheels)))
+        wait_until(lambda: node.node.turn() or "robot" in node.world.bodies)
+        assert "/topic_based_joint_states" in {found.topic_name for found in node.node.publishers}
+        for shoulder, wheel in ((math.nan, math.nan), (0.7, math.nan), (0.7, 3.0)):
+            for _ in range(10):
+                node.give(*command_of(arm, shoulder=shoulder), steps=0)
+                node.give(*command_of(wheels, wheel=wheel), steps=24)
+            turned, driven = node.world.joints("robot")
+            found, wanted = (turned.position, driven.velocity), np.nan_to_num((shoulder, wheel))
+            assert found == pytest.approx(wanted, abs=0.02)
+        topic, message = command_of(re.sub(r"</ros2_control>$", "", arm.strip()) + wheels[wheels.index("<joint") :])
+        node.give(topic, message)
+        assert node.node.refusals.counts == {"joint_commands: length": 1}

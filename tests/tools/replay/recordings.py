@@ -1,4 +1,4 @@
-"""Ten short recordings with mixed inputs, and their digests: ``python -m tests.tools.replay.recordings [NAME ...]``."""
+"""Short recordings with mixed inputs, and their digests: ``python -m tests.tools.replay.recordings [NAME ...]``."""
 
 import json
 import math
@@ -36,6 +36,7 @@ ORIGIN = (-0.5 * (SIDE - 1) * CELL, -0.5 * (SIDE - 1) * CELL, 0.0)
 X, Y = np.meshgrid(ORIGIN[0] + CELL * np.arange(SIDE), ORIGIN[1] + CELL * np.arange(SIDE))
 HUSKY = str(Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf")
 WHEELS = [f"{place}_wheel" for place in ("front_left", "front_right", "rear_left", "rear_right")]
+TRACKS = ["left_track", "right_track"]
 SHAPES = ("{shape: sphere, size: [0.12]", "{shape: box, size: [0.3, 0.2, 0.15]", "{shape: capsule, size: [0.2, 0.1]")
 
 
@@ -68,21 +69,17 @@ def stamped(message: Any, time: float, frame_id: str = "map") -> Any:
 
 
 def maps() -> Iterator[Message]:
-    """Waves, with jitter between stamp and arrival, and one late by more than a map's interval."""
+    """Waves, with jitter between stamp and arrival, and one late by more than a map's interval; then a pit that grows
+    under the bodies, by regions of every shape, one of them outside of the map."""
     rng = np.random.default_rng(1)
-    for time in every(0.05, 1.0):
+    for time in every(0.05, 0.6):
         name, at, message = a_map(wave(time), time)
-        yield name, at + (0.12 if abs(time - 0.5) < 0.01 else rng.uniform(0.002, 0.02)), message
-
-
-def regions() -> Iterator[Message]:
-    """A pit that grows under the bodies, by regions of every shape, one of them outside of the map."""
-    yield a_map(np.zeros((SIDE, SIDE)), 0.0)
-    for number, time in enumerate(every(0.04, 1.0)):
+        yield name, at + (0.12 if abs(time - 0.3) < 0.01 else rng.uniform(0.002, 0.02)), message
+    for number, time in enumerate(every(0.02, 0.4)):
         rows, columns = 5 + number % 7, 3 + number % 5
-        update = HeightmapUpdate(x=10 + number, y=22 - number % 9, width=columns, height=rows)
+        update = HeightmapUpdate(x=20 + number, y=22 - number % 9, width=columns, height=rows)
         update.heights = floats(np.full(rows * columns, -0.01 * number, np.float32))
-        yield "heightmap_update", BEGIN + 0.1 + time, stamped(update, 0.1 + time)
+        yield "heightmap_update", BEGIN + 0.7 + time, stamped(update, 0.7 + time)
 
 
 def grid_maps() -> Iterator[Message]:
@@ -103,20 +100,14 @@ def grid_maps() -> Iterator[Message]:
         yield "/odom", BEGIN + time + 0.003, stamped(pose, time, "odom")
 
 
-def scrolling() -> Iterator[Message]:
-    """A map that moves along with what it shows, with friction by place."""
-    for number, time in enumerate(every(0.05, 1.0)):
-        shift = CELL * (number // 3)
-        heights = 0.1 * np.sin(2.0 * (X + shift)) + 0.05 * np.cos(3.0 * Y)
-        friction = np.where(X + shift > 0.0, 0.3, 1.0)
-        yield a_map(heights, time, origin=(ORIGIN[0] + shift, ORIGIN[1], 0.0), friction=friction)
-
-
 def tiles() -> Iterator[Message]:
-    """Two tiles of other resolutions, one turned and one that goes and comes back, with bodies across the seam."""
+    """Two tiles of other resolutions, one that moves along with what it shows, with friction by place, and one that
+    goes and comes back, with bodies across the seam."""
     for number, time in enumerate(every(0.1, 1.0)):
+        shift = CELL * (number // 3)
         half = wave(time)[:, : SIDE // 2 + 1]
-        yield a_map(half, time, tile="west")
+        friction = np.where(X + shift > -1.0, 0.3, 1.0)[:, : SIDE // 2 + 1]
+        yield a_map(half, time, tile="west", origin=(ORIGIN[0] + shift, ORIGIN[1], 0.0), friction=friction)
         heights = np.zeros((3, 3)) if number == 4 else np.tile(0.05 * np.sin(4.0 * time), (21, 11))
         options = {"resolution": 0.2, "origin": (0.0, ORIGIN[1], 0.0), "tile": "east"}
         yield a_map(heights, time + 0.03, **options)
@@ -124,12 +115,13 @@ def tiles() -> Iterator[Message]:
 
 
 def robot() -> Iterator[Message]:
-    """A husky that drives over waves, by commands of several kinds."""
+    """A husky that drives over waves, and a tracked machine, by commands of several kinds."""
     for time in every(0.1, 1.0):
         yield a_map(wave(time, 0.05), time)
-        command = JointState(name=WHEELS, velocity=[6.0 + 4.0 * time] * 4)
+        command = JointState(name=[*WHEELS, *TRACKS], velocity=[6.0 + 4.0 * time] * 4 + [0.5] * 2)
         if time > 0.6:
             command = JointState(name=[f"husky/{wheel}" for wheel in WHEELS], effort=[3.0, -3.0, 3.0, -3.0])
+            yield "cmd_vel/machine", BEGIN + time + 0.04, Twist(angular=Vector3(z=0.8))
         yield "joint_commands", BEGIN + time + 0.05, command
 
 
@@ -139,15 +131,6 @@ def soil() -> Iterator[Message]:
     yield "robot_description", BEGIN + 0.02, String(data=Path(HUSKY).read_text())
     for time in every(0.1, 0.8):
         yield "joint_commands", BEGIN + 0.1 + time, JointState(name=WHEELS, velocity=[5.0] * 4)
-
-
-def driven_tracks() -> Iterator[Message]:
-    """A tracked machine that drives by its tracks, and turns as a base."""
-    yield a_map(0.03 * np.sin(2.0 * X + Y), 0.0)
-    for time in every(0.1, 1.0):
-        joints = JointState(name=["left_track", "right_track"], velocity=[0.5, 0.5])
-        message = ("joint_commands", joints) if time < 0.6 else ("cmd_vel/machine", Twist(angular=Vector3(z=0.8)))
-        yield message[0], BEGIN + time + 0.05, message[1]
 
 
 def tracked_bodies() -> Iterator[Message]:
@@ -199,19 +182,17 @@ def calls() -> Iterator[Message]:
 
 # The parameters of each recording, and its messages.
 RECORDINGS: dict[str, tuple[dict[str, Any], Callable[[], Iterator[Message]]]] = {
-    "maps": ({"bodies.spawn": bodies()}, maps),
-    "regions": ({"bodies.spawn": bodies(9)}, regions),
+    "maps": ({"bodies.spawn": bodies(), "height_scans": ["{body: thing_0, noise: 0.01}"]}, maps),
     "grid_maps": (
         {"terrain.input": "grid_map", "raster.variance_layer": "variance", "terrain.noise": 0.02,
          "bodies.odometry": ["rover=/odom"], "bodies.spawn": bodies(3)}, grid_maps),
-    "scrolling": ({"bodies.spawn": bodies(5), "height_scans": ["{body: thing_0, noise: 0.01}"]}, scrolling),
     "tiles": ({"bodies.spawn": bodies(8)}, tiles),
-    "robot": ({"bodies.spawn": [f"{{id: husky, urdf: {HUSKY}, xy: [0, 0], above: 0.3}}", *bodies(3)]}, robot),
-    "soil": ({"soil.type": ["sandy_loam", "lunar"], "bodies.spawn": bodies(3)}, soil),
-    "tracks": (
-        {"bodies.spawn": [f"{{id: machine, urdf: {tracks.robot_file()}, xy: [0, 0]}}"],
+    "robot": (
+        {"bodies.spawn": [f"{{id: husky, urdf: {HUSKY}, xy: [0, 0], above: 0.3}}",
+                          f"{{id: machine, urdf: {tracks.robot_file()}, xy: [-1, -1]}}", *bodies(3)],
          "imus": ["{body: machine, accelerometer_noise_density: 0.01, gyroscope_random_walk: 0.001}"],
-         "bases": ["{body: machine, tracks: [left_track, right_track]}"]}, driven_tracks),
+         "bases": ["{body: machine, tracks: [left_track, right_track]}"]}, robot),
+    "soil": ({"soil.type": ["sandy_loam", "lunar"], "bodies.spawn": bodies(3)}, soil),
     "tracked": (
         {"bodies.poses": ["arm=/pose"], "bodies.frames": ["tool"], "bodies.spawn": bodies(7), "publish.tf": 20.0},
         tracked_bodies),

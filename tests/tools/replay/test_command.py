@@ -102,13 +102,12 @@ def test_only_some_outputs(bag: str, tmp_path: Path, capsys: pytest.CaptureFixtu
     assert not (tmp_path / "no.mcap").exists()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_run_leaves_a_whole_file(bag: str, tmp_path: Path, number: int) -> None:
+def test_an_interrupted_run_leaves_a_whole_file(bag: str, tmp_path: Path) -> None:
     out = tmp_path / "out.mcap"
     command = [executable("replay"), bag, *ARGUMENTS, "-o", out, "--until", "1000000"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     wait_until(lambda: any(file.stat().st_size > 500_000 for file in tmp_path.rglob("*.mcap")))
-    process.send_signal(number)
+    process.send_signal(signal.SIGINT)
     said, _ = process.communicate(timeout=TIMEOUT)
     assert process.returncode == 130 and [*tmp_path.iterdir()] == [out]
     assert "until interrupted" in said and said.splitlines()[-1].startswith("digest: ")

@@ -15,9 +15,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rosgraph_msgs.msg import Clock
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodyDescriptionArray
-from smartmesh_msgs.srv import CastRays, QueryGround, SpawnBody
-from std_msgs.msg import Header
-from std_srvs.srv import SetBool, Trigger
+from smartmesh_msgs.srv import SpawnBody
+from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import Soil
@@ -48,7 +47,7 @@ def flat(state: BodyState) -> list[float]:
     return [*state.position, *state.orientation, *state.linear, *state.angular]
 
 
-def test_ten_recordings_give_the_same_digests_in_other_processes(tmp_path: Path) -> None:
+def test_recordings_give_the_same_digests_in_other_processes(tmp_path: Path) -> None:
     """Beside each other and other programs, with other hashes of Python's strings; and in this process, from a list."""
     command = [sys.executable, "-m", "tests.tools.replay.recordings"]
     processes = [
@@ -61,7 +60,7 @@ def test_ten_recordings_give_the_same_digests_in_other_processes(tmp_path: Path)
     assert first["tracked"] == digest_of("tracked", tmp_path)
 
 
-@pytest.mark.parametrize("name", ["maps", "regions", "scrolling", "tiles"])
+@pytest.mark.parametrize("name", ["maps", "tiles"])
 def test_the_node_does_the_same(domain: int, replay: Make, name: str) -> None:
     """A paused node that is given each message before the step in which it arrives, and outputs that nobody keeps."""
     parameters, messages = RECORDINGS[name][0], in_order(name)
@@ -116,17 +115,9 @@ def test_prints_in_soils_by_place_come_with_a_replay(replay: Make) -> None:
     assert 0.0 < shown.max() <= soil.sinkage().max() + 1e-6
 
 
-def test_a_ball_falls_as_it_must(replay: Make) -> None:
-    run = replay([level()], {"bodies.spawn": [BALL]})
-    run.run(0.2)
-    assert run.world.time == pytest.approx(0.2)
-    assert run.world.state("ball").position[2] == pytest.approx(0.5 - 0.5 * 9.81 * 0.2**2, abs=0.005)
-    run.run(2.0)
-    assert run.world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
-
-
 def test_calls_come_when_they_were_recorded_once(replay: Make, tmp_path: Path) -> None:
-    """Also if client and server recorded them; answers do nothing, and a call without its contents is refused."""
+    """Also if client and server recorded them; answers do nothing, and a call without its contents is refused. Calls of
+    a test are answered at once."""
     ball = SpawnBody.Request(id="ball", shape=SPHERE, mass=1.0, pose=pose_message((0.0, 0.0, 1.0)))
     server, client, answer, empty = (SpawnBody.Event(request=[ball]) for _ in range(4))
     server.info.event_type, client.info.event_type = server.info.REQUEST_RECEIVED, client.info.REQUEST_SENT
@@ -134,7 +125,7 @@ def test_calls_come_when_they_were_recorded_once(replay: Make, tmp_path: Path) -
     empty.request = []
     topic = "/terrain_collider/spawn_body/_service_event"
     events = [(topic, 0.1, client), (topic, 0.2, server), (topic, 0.3, answer), (topic, 0.4, empty)]
-    bags.write(tmp_path / "bag", [("/terrain_collider/heightmap", *level()[1:]), *events])
+    bags.write(tmp_path / "bag", [("/terrain_collider/heightmap", *level()[1:]), *events], "sqlite3")
     run = replay(tmp_path / "bag")
     run.run(0.15)
     assert not run.world.bodies
@@ -142,27 +133,13 @@ def test_calls_come_when_they_were_recorded_once(replay: Make, tmp_path: Path) -
     fallen = 0.5 * 9.81 * 0.2**2
     assert run.world.state("ball").position[2] == pytest.approx(1.0 - fallen, abs=0.01)
     assert run.refused == {f"{topic}: content": 1}
+    assert run.call("pause", SetBool.Request(data=True)).message == "paused"
+    before = run.world.time
+    run.run(run.time + 0.5)
+    assert run.world.time == before
     only_client = replay([level(), (topic, 0.1, client), (topic, 0.3, answer)])
     only_client.run()
     assert list(only_client.world.bodies) == ["ball"]
-
-
-def test_calls_of_a_test_are_answered_at_once(replay: Make) -> None:
-    """Those that take turns, and wait for a thread, too."""
-    run = replay([level()])
-    run.run(0.1)
-    husky = SpawnBody.Request(id="husky", urdf="husky/husky.urdf", on_ground=True)
-    assert run.call("spawn_body", SpawnBody.Request(id="ball", shape=SPHERE, mass=1.0, pose=husky.pose)).success
-    asked = run.call("query_ground", QueryGround.Request(x=[1.0], y=[1.0]))
-    assert asked.success, asked.message
-    assert list(asked.z) == [0.0]
-    refused = run.call("cast_rays", CastRays.Request(header=Header(frame_id="nowhere")))
-    assert not refused.success and "nowhere" in refused.message
-    assert run.call("pause", SetBool.Request(data=True)).message == "paused"
-    before = run.world.time
-    run.run(0.5)
-    assert run.world.time == before
-    assert run.call("reset", Trigger.Request()).success and run.world.time == 0.0
 
 
 def test_clock_rules_if_it_is_asked_to(replay: Make) -> None:

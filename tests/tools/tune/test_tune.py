@@ -130,10 +130,8 @@ def test_corrected_ground_is_the_one_that_the_node_shows(tmp_path: Path) -> None
     ("arguments", "words"),
     [
         (["flat", "--budget", "0"], "--budget is 0; it must be a number greater than zero"),
-        (["flat", "--deadline", "nan"], "--deadline is nan"),
         (["flat", "--jobs", "0"], "--jobs is 0"),
         (["flat", "-p", "physics.rats:=0.1"], "did you mean 'physics.rate'?"),
-        (["flat", "-p", "bodies.timeout:=many"], "bodies.timeout is 'many'"),
         (["flat", "--preset", "swift"], "there is no preset 'swift'; choose accurate"),
         (["nowhere"], "no bag and no scene 'nowhere'; the scenes are crater"),
         (["bag"], "no simulated body stayed over the ground"),

@@ -58,13 +58,10 @@ def test_the_map_is_whole_near_bodies(shape: tuple[int, int], bodies: list[tuple
         assert shown[np.maximum(abs(r - row), abs(c - column)) < near].all()
 
 
-def test_far_from_bodies_few_samples_are_left() -> None:
+def test_a_large_map_is_one_that_a_browser_draws() -> None:
+    """Far from bodies few samples are left, and many bodies do not make it larger."""
     surface = decimate((4096, 4096), np.array([[2000.0, 2000.0]]), np.array([20.0]))
     assert len(surface.rows) < 30_000
     assert (surface.rows.max(), surface.columns.max()) == (4095, 4095)
-
-
-def test_many_bodies_do_not_make_it_larger_than_a_browser_draws() -> None:
-    rng = np.random.default_rng(0)
-    surface = decimate((4096, 4096), rng.uniform(0, 4096, (400, 2)), np.full(400, 100.0))
-    assert len(surface.triangles) < 4 * MOST_CELLS
+    places = np.random.default_rng(0).uniform(0, 4096, (400, 2))
+    assert len(decimate((4096, 4096), places, np.full(400, 100.0)).triangles) < 4 * MOST_CELLS

@@ -13,7 +13,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate, StageTiming, Timing
 
@@ -49,45 +48,33 @@ def server() -> Iterator[Any]:
 
 def knobs() -> dict:
     """Knobs of all of the node's parameters, at their defaults, from the descriptions that the node declares."""
-    found = {spec.name: knob_of(named_descriptor(spec), spec.default) for spec in SPECS}
+    found = {}
+    for spec in SPECS:
+        descriptor = declaring._descriptor(spec)
+        descriptor.name = spec.name
+        found[spec.name] = knob_of(descriptor, spec.default)
     return {name: knob for name, knob in found.items() if knob is not None}
 
 
-def named_descriptor(spec: declaring.Spec) -> ParameterDescriptor:
-    descriptor = declaring._descriptor(spec)
-    descriptor.name = spec.name
-    return descriptor
-
-
-def test_every_parameter_that_may_change_has_a_knob_and_no_other() -> None:
-    assert knobs().keys() == {spec.name for spec in SPECS if not spec.read_only}
-
-
-def test_knobs_hold_to_the_bounds_and_choices_of_the_node() -> None:
+def test_every_parameter_that_may_change_has_a_knob_with_the_bounds_and_choices_of_the_node() -> None:
+    found = knobs()
+    assert found.keys() == {spec.name for spec in SPECS if not spec.read_only}
     for spec in SPECS:
-        knob = knobs().get(spec.name)
-        if knob is None:
+        if (knob := found.get(spec.name)) is None:
             continue
         assert spec.description in knob.options["hint"]
         assert tuple(knob.options.get("options", ())) == spec.choices
         if isinstance(spec.default, int | float) and not isinstance(spec.default, bool):
-            low, high = knob.options["min"], knob.options["max"]
-            assert (low, high) == (spec.low, spec.high)
-            assert low <= knob.value <= high
+            assert (knob.options["min"], knob.options["max"]) == (spec.low, spec.high)
+            assert spec.low <= knob.value <= spec.high
             assert type(knob.options["step"]) is type(spec.default)
-        sent = parameter_of(knob, knob.value).value
-        assert declaring.checked_value(spec, declaring.plain_value(parameter_of(knob, knob.value))) == spec.default, (
-            sent
-        )
-
-
-def test_kinds_of_knobs() -> None:
-    found = knobs()
-    assert found["physics.friction"].kind == "slider"
-    assert found["terrain.motion"].kind == "dropdown"
-    assert found["physics.sleep"].kind == "checkbox"
-    assert found["physics.gravity"].kind == "text"
-    assert found["physics.solver_residual"].kind == "number", "no slider can be set to 1e-7 of 1"
+        sent = declaring.plain_value(parameter_of(knob, knob.value))
+        assert declaring.checked_value(spec, sent) == spec.default, sent
+    kinds = {
+        "physics.friction": "slider", "terrain.motion": "dropdown", "physics.sleep": "checkbox",
+        "physics.gravity": "text", "physics.solver_residual": "number",  # no slider can be set to 1e-7 of 1
+    }  # fmt: skip
+    assert {name: found[name].kind for name in kinds} == kinds
 
 
 @given(low=st.floats(0, 1), length=st.floats(0.1, 1e4), share=st.floats(0, 1))
@@ -125,13 +112,9 @@ def test_a_stall_is_cut_and_marked_and_the_rest_is_shown_as_it_is(totals: list[f
     assert shown.max() <= CUT * max(total for total in totals if total < 1000.0) + 1e-6
     assert words == f"1 x cut, at most 1000 ms, the last {len(totals) - stalled} s ago"
     assert np.allclose(np.delete(shown, stalled), np.delete(totals, stalled), rtol=1e-5)
-
-
-def test_a_longer_load_is_not_cut() -> None:
-    totals = [1.0] * 40 + [20.0] * 10
-    (_, shown, *_), words = chart_data(timings_of(totals), 50.0)
-    assert np.allclose(shown, totals, rtol=1e-5)
-    assert words is None
+    longer = [1.0] * 40 + [20.0] * 10  # a load, and no stall
+    (_, shown, *_), words = chart_data(timings_of(longer), 50.0)
+    assert np.allclose(shown, longer, rtol=1e-5) and words is None
 
 
 def test_every_kind_of_patch_has_a_colour_that_is_told_apart() -> None:
@@ -175,10 +158,7 @@ def test_arrows_are_longer_for_larger_forces_and_never_too_long(forces: list[flo
     lengths = points[:, 1, 2] - points[:, 0, 2]
     assert lengths.max() == pytest.approx(0.7)
     assert (np.diff(lengths[np.argsort(forces)]) >= -1e-12).all()
-
-
-def test_contacts_without_force_have_no_arrow() -> None:
-    assert len(looks.arrows(contacts_of([math.nan, 0.0, 5.0]), 1.0)) == 1
+    assert len(looks.arrows(contacts_of([math.nan, 0.0, 5.0]), 1.0)) == 1, "those without a force have none"
 
 
 def ground_of(heights: np.ndarray, **options: object) -> Ground:
@@ -198,14 +178,9 @@ def test_a_click_meets_the_ground_that_is_seen_there(yaw: float, x: float, y: fl
     ground = ground_of(np.tile(slope * across, (101, 1)), resolution=0.2, yaw=yaw, origin=origin)
     target = np.array([x, y, ground.heights(np.array([[x, y]]))[0]])
     eye = np.array([1.0, -30.0, 60.0])
-    [distance] = ground.distances(eye[None], (target - eye)[None])
+    [distance, beside] = ground.distances(np.stack([eye, eye]), np.stack([target - eye, [0.0, 0.0, 1.0]]))
     assert distance == pytest.approx(np.linalg.norm(target - eye), abs=1e-3)
-
-
-def test_a_click_beside_the_ground_meets_none() -> None:
-    ground = ground_of(np.zeros((11, 11)))
-    origins, directions = np.array([[50.0, 50.0, 9.0], [0.5, 0.5, 9.0]]), np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
-    assert np.isinf(ground.distances(origins, directions)).all()
+    assert np.isinf(beside)
 
 
 def test_a_click_meets_the_nearest_body_on_its_way() -> None:
@@ -349,19 +324,6 @@ def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(serve
 URDF = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'
 
 
-@pytest.mark.parametrize(("text", "least"), [(URDF, 0.2), ("no robot", 0.0)], ids=["a robot", "none"])
-def test_a_robot_has_its_name_above_it(server: Any, text: str, least: float) -> None:
-    place = Pose((3.0, 4.0, 1.0), (1.0, 0.0, 0.0, 0.0))
-    described = BodyDescription(shape=BodyDescription.ROBOT, urdf=text)
-    scene = Scene(server)
-    scene.show(Ground(), Sight(poses={"rover": place}, appearances={"rover": described}, bases={"b": place}))
-    label = server.scene._handle_from_node_name["/labels/rover"]
-    assert label.text == "rover" and label.visible
-    assert np.allclose(label.position[:2], (3.0, 4.0)) and label.position[2] > 1.0 + least
-    scene.show(Ground(), Sight())
-    assert "/labels/rover" not in server.scene._handle_from_node_name
-
-
 @pytest.mark.parametrize("mesh", ["box.stl", "missing.stl", "package://nowhere/missing.stl"])
 def test_a_robot_is_drawn_by_its_meshes_and_else_by_its_collision_shapes(
     server: Any, tmp_path: Path, mesh: str
@@ -384,9 +346,14 @@ def test_each_of_two_robots_is_where_its_own_frame_is(server: Any) -> None:
     poses = {name: Pose((*place, 1.0), (1.0, 0.0, 0.0, 0.0)) for name, place in places.items()}
     appearances = {name: BodyDescription(shape=BodyDescription.ROBOT, urdf=URDF) for name in places}
     sight = Sight(poses=poses, appearances=appearances, bases={"b": poses["one"], "two/b": poses["two"]})
-    Scene(server).show(Ground(), sight)
+    (scene := Scene(server)).show(Ground(), sight)
+    labels = server.scene._handle_from_node_name
     for name, place in places.items():
-        assert np.allclose(server.scene._handle_from_node_name[f"/labels/{name}"].position[:2], place)
+        label = labels[f"/labels/{name}"]
+        assert label.text == name and label.visible
+        assert np.allclose(label.position[:2], place) and label.position[2] > 1.2, "above it"
+    scene.show(Ground(), Sight())
+    assert "/labels/one" not in labels
 
 
 def test_a_page_is_refreshed_by_the_thread_that_sends_it(server: Any, monkeypatch: pytest.MonkeyPatch) -> None:
