@@ -41,7 +41,7 @@ prepare:  ## environment and install/ only
 fleet:  ## four nodes on one terrain whose bodies meet, until Ctrl-C; ARGS="--nodes 2 --bodies 50 --seconds 20"
 	@$(RUN) -- install/smartmesh_ros/lib/smartmesh_ros/smartmesh-fleet $(ARGS)
 
-fleet-study:  ## how many bodies fleets carry in real time (about 20 minutes; ARGS=--quick: one)
+fleet-study:  ## how many bodies fleets carry in real time (about eight minutes; ARGS=--quick: one)
 	@$(RUN) load -- $(STUDIES) fleet $(ARGS)
 
 bench:  ## running times against the report's tables
@@ -59,7 +59,7 @@ records:  ## terrain tax, touchdown and size of cells, beside other engines (abo
 before-after:  ## the code of another checkout against this one's: BEFORE=/path/to/it, ARGS=--quick for a few scenes
 	@$(RUN) studies -- $(STUDIES) accuracy --charts-only --before "$(BEFORE)" $(ARGS)
 
-robots:  ## robots on rough and moving ground, beside other engines (about 12 minutes; ARGS=--quick: two)
+robots:  ## robots on rough and moving ground, beside other engines (about seven minutes; ARGS=--quick: two)
 	@$(RUN) studies -- $(STUDIES) robots $(ARGS)
 
 start-study:  ## from a node's command to its first answer, and its memory (a minute; on a machine with nothing to do)
@@ -80,7 +80,7 @@ tracks:  ## a tracked machine drives, turns on the spot and climbs 20 degrees on
 soil:  ## soil against closed forms and a measured wheel, and its cost (ARGS="--only boxes" for a part)
 	@$(RUN) studies -- $(STUDIES) soil $(ARGS)
 
-load:  ## the node under load over DDS, about 15 minutes; LOAD=--quick for less than two
+load:  ## the node under load over DDS, about eight minutes; LOAD=--quick for less than two
 	@$(RUN) load -- $(STUDIES) load $(LOAD)
 
 soak:  ## ten minutes of everything changing; SOAK="--minutes 120" for two hours, --document for docs/
