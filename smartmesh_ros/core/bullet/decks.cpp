@@ -72,7 +72,7 @@ void BulletWorld::find_deck_contacts(const Slot& slot, const Convex& shape, cons
   const auto& decks = terrain->decks();
   for (const NearbyDeck& near : slot.decks)  // a sleeping body may know decks that are gone
     if (near.number < static_cast<int>(decks.size()))
-      deck_search_.add(shape, pose, *decks[near.number], near, time, body, on_decks_);
+      deck_search_.add(shape, pose, *decks[near.number], near, time, body, on_decks_, seams_);
 }
 
 // Lets contacts yield as their carriers do. Contacts of a body with one deck share their load.

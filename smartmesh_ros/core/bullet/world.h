@@ -248,6 +248,7 @@ class BulletWorld {
   std::vector<TruePoint> told_;  // in this step
   ContactSearch search_;
   DeckSearch deck_search_;
+  Seams seams_;
 
   // What carries a deck, by PyBullet's numbers; null = nothing. `start`: of its centre of mass in this step. `last`,
   // `change`: its change in the last step [m/s^2], and as far as it agrees with the step before.

@@ -194,7 +194,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   const auto* rigid = btRigidBody::upcast(slot.object);
   const Vec3 pull = rigid != nullptr ? from_bullet(rigid->getTotalForce() * (rigid->getInvMass() * step))
                                      : from_bullet(world_->getGravity() * step);
-  on_decks_.clear();
+  on_decks_.clear(), seams_.clear();
   if (!slot.decks.empty()) find_deck_contacts(slot, *shape, pose, step);
   if (on_decks_.empty() && soil != nullptr && soil->is_under(pose.at, time)) {
     SoilPart& part = slot.on_soil[part_number(slot, *body.getCollisionShape())];
@@ -202,6 +202,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   } else {
     search_.run(*shape, pose, *terrain, time, approach, contacts_);
     contacts_.insert(contacts_.end(), on_decks_.begin(), on_decks_.end());
+    seams_.remove_hidden(search_, pose.to_world(shape->centre), contacts_);
     choose_contacts(*shape, pose, approach, before_, contacts_);
     if (!on_decks_.empty()) let_decks_yield();
     const bool has_material = terrain->has_material();
@@ -243,10 +244,12 @@ std::optional<Contact> BulletWorld::deepest_contact(int index) {
     still.centre = from_bullet(at.getOrigin());
     const Pose pose = pose_of(*shape, at);
     search_.run(*shape, pose, *terrain, time, still, contacts_);
+    seams_.clear();
     const auto& decks = terrain->decks();
     for (std::size_t k = 0; k < decks.size(); ++k)
       if (decks[k]->body != slot.body)
-        deck_search_.add(*shape, pose, *decks[k], {static_cast<int>(k), {}, 0.0}, time, still, contacts_);
+        deck_search_.add(*shape, pose, *decks[k], {static_cast<int>(k), {}, 0.0}, time, still, contacts_, seams_);
+    seams_.remove_hidden(search_, pose.to_world(shape->centre), contacts_);
     for (const Contact& contact : contacts_)
       if (contact.distance <= 0.0 && (!deepest || contact.distance < deepest->distance)) deepest = contact;
   };

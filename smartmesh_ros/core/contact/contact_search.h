@@ -17,6 +17,10 @@ class ContactSearch {
   void run(const Convex& shape, const Pose& pose, Tiles& tiles, double time, Approach approach,
            std::vector<Contact>& contacts, double thickness = std::numeric_limits<double>::infinity());
 
+  // The ground that the last search found.
+  const Patch& maps() const { return maps_; }
+  const Patch& meshes() const { return meshes_; }
+
  private:
   Patch maps_, meshes_;
 };

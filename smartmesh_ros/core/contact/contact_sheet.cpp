@@ -1,10 +1,10 @@
 // Facets of meshes, which are touched from both sides.
 //
 // The straight way from a shape's centre to a point of the shape lies inside the shape. If the way goes through an odd
-// number of facets, the point has penetrated the ground. If the number is even, the way has gone through something
-// thin: a ridge beside the point, which does not matter, or a plate that the point is behind. The point leaves by the
-// nearest of these facets that leads out, to the side of the centre. So bodies on a table, under it and beside it are
-// right without knowing which side of a facet is its outside, or how thick the table is.
+// number of facets of a mesh, the point has penetrated the mesh. If the number is even, the way has gone through
+// something thin: a ridge beside the point, which does not matter, or a plate that the point is behind. The point
+// leaves by the nearest of these facets that leads out, to the side of the centre. So bodies on a table, under it and
+// beside it are right without knowing which side of a facet is its outside, or how thick the table is.
 #include <algorithm>
 #include <cmath>
 
@@ -46,30 +46,39 @@ bool is_beside(const Vec3& at, const Facet& facet, const Patch& patch) {
   return !inside_triangle(at - facet.normal * distance, a, b, c, facet.normal, SLACK * std::abs(distance));
 }
 
-// A facet that the way to a point goes through, at this share of the way.
+// A facet that the way to a point goes through, at this share of the way, and its mesh.
 struct Passage {
+  long mesh;
   double share;
   const Facet* facet;
 };
 
-// Returns the facets that the way from `inside` to `at` goes through, in turn.
+// Returns the end of the way from `inside` to `at`.
+Vec3 end_of_way(const Vec3& inside, const Vec3& at) { return at + (at - inside) * TOUCHING; }
+
+// Returns the facets that the way from `inside` to `at` goes through, mesh by mesh, in turn.
 std::vector<Passage> passages_to(const Vec3& inside, const Vec3& at, const Patch& patch) {
   std::vector<Passage> found;
   double share;
   for (const Facet& facet : patch.facets)
-    if (goes_through(inside, at + (at - inside) * TOUCHING, facet, patch, share)) found.push_back({share, &facet});
-  std::sort(found.begin(), found.end(), [](const Passage& a, const Passage& b) { return a.share < b.share; });
+    if (goes_through(inside, end_of_way(inside, at), facet, patch, share))
+      found.push_back({patch.mesh_of(facet), share, &facet});
+  std::sort(found.begin(), found.end(),
+            [](const Passage& a, const Passage& b) { return a.mesh != b.mesh ? a.mesh < b.mesh : a.share < b.share; });
   return found;
 }
 
-// Returns true if a point is in the ground or behind a plate: the `passages` lead from `inside` to it.
+// Returns true if a point is in a mesh or behind a plate: the `passages` lead from `inside` to it.
 bool is_behind(const std::vector<Passage>& passages, const Vec3& inside, const Vec3& at, const Patch& patch) {
-  const std::size_t count = passages.size();
-  if (count % 2 == 1) return true;
-  if (count == 0) return false;
-  const Facet &front = *passages[count - 2].facet, &back = *passages[count - 1].facet;
-  return dot(normal_towards(inside, front, patch), normal_towards(inside, back, patch)) > PLATE &&
-         !is_beside(at, front, patch);
+  for (std::size_t first = 0, end; first < passages.size(); first = end) {
+    for (end = first; end < passages.size() && passages[end].mesh == passages[first].mesh;) ++end;
+    if ((end - first) % 2 == 1) return true;
+    const Facet &front = *passages[end - 2].facet, &back = *passages[end - 1].facet;
+    if (dot(normal_towards(inside, front, patch), normal_towards(inside, back, patch)) > PLATE &&
+        !is_beside(at, front, patch))
+      return true;
+  }
+  return false;
 }
 
 }  // namespace
@@ -117,7 +126,7 @@ bool touch_sheets(const MovingPoint& point, int name, const Patch& patch, double
     if (norm2(lifted.at - patch.points[facet.corner[0]]) > (most + facet.size) * (most + facet.size)) continue;
     const double distance = std::abs(dot(facet.normal, lifted.at - patch.points[facet.corner[0]]));
     if (distance > most || std::find(behind, behind + count, &facet) != behind + count) continue;
-    const Vec3 n = normal_towards(lifted.at, facet, patch);
+    const Vec3 n = normal_towards(end_of_way(point.inside, lifted.at), facet, patch);
     if (comes_over(lifted, n, distance, duration, SLACK, facet, patch))
       add_contact(lifted, name, n, distance, ground_name(patch, facet), contacts);
   }

@@ -36,11 +36,12 @@ bool is_near(Deck& deck, const Bounds& swept, double time, double duration, Near
 }
 
 void DeckSearch::add(const Convex& shape, const Pose& pose, Deck& deck, const NearbyDeck& near, double time,
-                     const Approach& body, std::vector<Contact>& contacts) {
+                     const Approach& body, std::vector<Contact>& contacts, Seams& seams) {
   const FrameState frame = deck.motion.at(time);
   const Pose local = smartmesh::seen_from(frame.pose, pose);
   if (deck.is_above(local.to_world(shape.centre), time)) return;
   search_.run(shape, local, deck.tiles, time, seen_from(frame, near.ground, body), found_, deck.thickness);
+  seams.add(search_, frame.pose);
   if (found_.empty()) return;
   // Where the deck is at the end of the step: a point of it moves along a chord.
   const Pose end = deck.motion.at(time + body.ahead).pose;

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "contact/contact_search.h"
+#include "contact/seams.h"
 #include "ground/deck.h"
 
 namespace smartmesh {
@@ -19,11 +19,12 @@ struct NearbyDeck {
 // Returns true if a body that stays inside `swept` in a step, which takes `duration` [s], may touch a deck.
 bool is_near(Deck& deck, const Bounds& swept, double time, double duration, NearbyDeck& found);
 
-// Adds the contacts of a shape at `pose` with a deck at `time` [s]. `body`: motion of the body relative to the world.
+// Adds the contacts of a shape at `pose` with a deck at `time` [s], and the deck's ground there to `seams`. `body`:
+// motion of the body relative to the world.
 class DeckSearch {
  public:
   void add(const Convex& shape, const Pose& pose, Deck& deck, const NearbyDeck& near, double time, const Approach& body,
-           std::vector<Contact>& contacts);
+           std::vector<Contact>& contacts, Seams& seams);
 
  private:
   ContactSearch search_;

@@ -65,8 +65,7 @@ struct MapCorrection {
 // All tiles of a terrain, or of a deck: the ground as it moves.
 class Tiles {
  public:
-  // The first height map that has ground at a point counts there. The seam between two meshes is an edge of both, which
-  // bodies feel; the parts of one mesh join where they abut.
+  // The first height map that has ground at a point counts there. The parts of one mesh join where they abut.
   void set_all(const std::vector<HeightGrid*>& maps, const std::vector<MeshSurface*>& meshes,
                const std::vector<Deck*>& decks = {});
   const std::vector<Deck*>& decks() const { return decks_; }

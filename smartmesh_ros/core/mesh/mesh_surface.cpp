@@ -19,7 +19,7 @@ class MeshAdder {
             Patch& patch)
       : mesh_(mesh),
         reader_(reader),
-        first_name_((static_cast<long>(number) + 1) << 40),
+        first_name_((static_cast<long>(number) + 1) << MESHES_NAMED),
         reach_(reach),
         scratch_(scratch),
         patch_(patch) {}

@@ -49,6 +49,9 @@ struct GroundMotion {
   Vec3 velocity, angular;
 };
 
+// Names of a mesh's points begin with the number of the mesh, in bits from this one on.
+constexpr int MESHES_NAMED = 40;
+
 struct Patch {
   bool is_mesh = false;  // facets are touched from both sides; else what is under them is below the ground
   PatchCells cells;
@@ -70,6 +73,8 @@ struct Patch {
   void finish();
   // Returns the motion of the ground at a point of it, by the facet nearest to the point.
   GroundMotion motion_at(const Vec3& p) const;
+  // Returns the number of the mesh that a facet belongs to, from 1, 0 = height maps.
+  long mesh_of(const Facet& facet) const { return is_mesh ? names[facet.corner[0]] >> MESHES_NAMED : 0; }
   // Returns the angular velocity of a facet [rad/s].
   Vec3 angular_velocity(const Facet& facet) const;
   void clear() {

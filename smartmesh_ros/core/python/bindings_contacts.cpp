@@ -43,13 +43,16 @@ NewTable find_contacts_with(const Convex& shape, const nb::list& tiles, Doubles2
   Tiles terrain;
   set_tiles_of(terrain, tiles);
   std::vector<Contact> contacts;
-  ContactSearch().run(shape, {{{rows[0], rows[1], rows[2]}}, rows[3]}, terrain, finite(time, "the time"), approach,
-                      contacts);
+  const Pose at{{{rows[0], rows[1], rows[2]}}, rows[3]};
+  ContactSearch search;
+  Seams seams;
+  search.run(shape, at, terrain, finite(time, "the time"), approach, contacts);
   int number = 0;
   for (Deck* deck : terrain.decks()) {
     const NearbyDeck near{number++, {}, 0.0};
-    DeckSearch().add(shape, {{{rows[0], rows[1], rows[2]}}, rows[3]}, *deck, near, time, approach, contacts);
+    DeckSearch().add(shape, at, *deck, near, time, approach, contacts, seams);
   }
+  seams.remove_hidden(search, at.to_world(shape.centre), contacts);
   NewTable found = new_array<double, 2>({contacts.size(), COLUMNS});
   double* next = found.data();
   for (const Contact& c : contacts)

@@ -75,7 +75,8 @@ TEST(Deck, IsTouchedAsGroundInItsFrame) {
   body.centre = at, body.linear = velocity.linear, body.angular = velocity.angular;
   body.duration = body.ahead = step, body.margin = 1e-3;
   std::vector<Contact> contacts;
-  DeckSearch().add(shape, frame * on_deck, deck, near, 0.0, body, contacts);
+  Seams seams;
+  DeckSearch().add(shape, frame * on_deck, deck, near, 0.0, body, contacts, seams);
   ASSERT_EQ(contacts.size(), 4u);
   const Pose end = deck.motion.at(step).pose;
   for (const Contact& contact : contacts) {
@@ -97,9 +98,10 @@ TEST(Deck, IsAsThickAsItIs) {
   for (const double depth : {0.05, 0.4, 0.6}) {
     deck.thickness = 0.5;
     std::vector<Contact> contacts;
+    Seams seams;
     Approach body;
     body.duration = 1.0 / 240.0, body.margin = 1e-3;
-    DeckSearch().add(shape, {{}, {0.0, 0.0, -depth}}, deck, {0, {}, 0.0}, 0.0, body, contacts);
+    DeckSearch().add(shape, {{}, {0.0, 0.0, -depth}}, deck, {0, {}, 0.0}, 0.0, body, contacts, seams);
     EXPECT_EQ(contacts.empty(), depth > deck.thickness) << depth;
   }
 }

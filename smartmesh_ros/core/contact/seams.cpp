@@ -1,0 +1,88 @@
+#include "contact/seams.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "contact/cones.h"
+#include "math/triangle.h"
+
+namespace smartmesh {
+
+namespace {
+
+// Steps and gaps between two pieces that are flush [m]. Shapes are lifted over steps up to this height.
+constexpr double FLUSH = 1e-3;
+// Distance from a facet within which a contact is on it [m].
+constexpr double ON = 1e-6;
+
+bool are_parallel(const Vec3& a, const Vec3& b) { return norm2(cross(a, b)) <= SEAT * SEAT; }
+
+// Returns true if a point is within a distance of a facet with the unit normal `n`.
+bool is_within(const Vec3& p, const Vec3 (&corner)[3], const Vec3& n, double distance) {
+  double weights[3];
+  return std::abs(dot(n, p - corner[0])) <= distance &&
+         nearest_weights(p, corner[0], corner[1], corner[2], n, weights) <= distance * distance;
+}
+
+}  // namespace
+
+void Seams::add(const ContactSearch& search, const Pose& frame) {
+  add(search.maps(), frame);
+  add(search.meshes(), frame);
+}
+
+void Seams::add(const Patch& patch, const Pose& frame) {
+  int piece = pieces();
+  long mesh = -1;
+  for (const Facet& facet : patch.facets) {
+    const auto& k = facet.corner;
+    if (const long number = patch.mesh_of(facet); number != mesh) mesh = number, ++piece;
+    facets_.push_back(
+        {{frame.to_world(patch.points[k[0]]), frame.to_world(patch.points[k[1]]), frame.to_world(patch.points[k[2]])},
+         frame.rotation * facet.normal,
+         piece});
+  }
+}
+
+void Seams::remove_hidden(const ContactSearch& beside, const Vec3& inside, std::vector<Contact>& contacts) {
+  const std::vector<Facet>& of_meshes = beside.meshes().facets;
+  const bool is_one_mesh =
+      of_meshes.empty() || beside.meshes().mesh_of(of_meshes.front()) == beside.meshes().mesh_of(of_meshes.back());
+  if (facets_.empty() && is_one_mesh && (of_meshes.empty() || beside.maps().facets.empty())) return;
+  add(beside, {});
+  if (pieces() < 2) return;
+  double deepest = 0.0;  // of a point of the shape below any piece [m]
+  for (const Contact& contact : contacts) deepest = std::max(deepest, -contact.distance);
+  const auto hidden = [&](const Contact& contact) {
+    return std::any_of(facets_.begin(), facets_.end(),
+                       [&](const PieceFacet& facet) { return is_hidden_by(facet, inside, deepest, contact); });
+  };
+  contacts.erase(std::remove_if(contacts.begin(), contacts.end(), hidden), contacts.end());
+}
+
+// A contact on a facet goes against that facet if its normal leads along or into it. It then belongs to a rim, unless
+// the facets that it is on stand out of the other piece there: one that has its normal, or two with an edge between
+// them.
+bool Seams::is_hidden_by(const PieceFacet& facet, const Vec3& inside, double deepest, const Contact& contact) const {
+  const Vec3 &p = contact.point, &n = contact.normal, &origin = facet.corner[0];
+  const Vec3 out = dot(facet.normal, inside - origin) < 0.0 ? -facet.normal : facet.normal;
+  const Vec3 lifted = p + out * std::clamp(-dot(out, p - origin), 0.0, deepest);
+  if (!is_within(lifted, facet.corner, facet.normal, FLUSH)) return false;
+  const bool is_against = std::any_of(std::begin(facet.corner), std::end(facet.corner),
+                                      [&](const Vec3& corner) { return !is_below(n, lifted, corner, CONE_TOLERANCE); });
+  if (!is_against) return false;
+  const PieceFacet *on = nullptr, *standing = nullptr;
+  for (const PieceFacet& own : facets_) {
+    if (own.piece == facet.piece || !is_within(p, own.corner, own.normal, ON)) continue;
+    on = &own;
+    if (std::none_of(std::begin(own.corner), std::end(own.corner),
+                     [&](const Vec3& corner) { return dot(out, corner - origin) > FLUSH; }))
+      continue;
+    if (are_parallel(own.normal, n) || (standing != nullptr && !are_parallel(own.normal, standing->normal)))
+      return false;
+    standing = &own;
+  }
+  return on != nullptr;
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,34 @@
+// Seams between pieces of ground: the height maps, each mesh, and those of each deck. A piece has edges and walls at
+// its rim. Where another piece goes on flush with it, they are no part of the surface of both, and a shape slides past.
+#pragma once
+
+#include <vector>
+
+#include "contact/contact_search.h"
+
+namespace smartmesh {
+
+class Seams {
+ public:
+  void clear() { facets_.clear(); }
+  // Adds the ground of a deck that a search has found; `frame`: of the deck in that of the contacts.
+  void add(const ContactSearch& search, const Pose& frame);
+  // Removes the contacts with rims that another piece hides. `beside`: the last search of other ground than decks.
+  // `inside`: a point inside the shape [m].
+  void remove_hidden(const ContactSearch& beside, const Vec3& inside, std::vector<Contact>& contacts);
+
+ private:
+  struct PieceFacet {
+    Vec3 corner[3], normal;
+    int piece;
+  };
+
+  int pieces() const { return facets_.empty() ? 0 : facets_.back().piece; }
+  void add(const Patch& patch, const Pose& frame);
+  // `deepest` [m]: depth of a point of the shape below any piece.
+  bool is_hidden_by(const PieceFacet& facet, const Vec3& inside, double deepest, const Contact& contact) const;
+
+  std::vector<PieceFacet> facets_;  // piece by piece, numbered from 1
+};
+
+}  // namespace smartmesh

@@ -1,0 +1,127 @@
+"""Ground in two pieces, of maps, meshes and decks that are flush, is touched as the same ground in one."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import BodyState, Box, Cylinder, Deck, HeightMap, Sphere, Terrain
+from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.terrain import MainMesh
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.core import mesh_parts
+from tests.grounds import world_of
+
+RESOLUTION = 0.1
+ALONG_X = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))
+TURNED = (0.0, 0.0, np.sin(0.05), np.cos(0.05))
+Form = Callable[[FloatArray, FloatArray], FloatArray]
+Piece = Callable[[Form, float, float], MainMesh | Deck]  # of a form, from one x to another
+FORMS: dict[str, Form] = {
+    "level": lambda x, y: 0.0 * x,
+    "waves": lambda x, y: 0.03 * np.sin(2.0 * x + 0.5) * np.cos(1.5 * y),
+    "crest": lambda x, y: -0.15 * np.abs(x),
+}
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+BODIES = [
+    (Sphere(0.2), 0.2, UPRIGHT),
+    (Box(0.5, 0.4, 0.3), 0.15, TURNED),
+    (Cylinder(radius=0.2, height=0.3), 0.2, ALONG_X),
+]
+CRATE = (Box(0.5, 0.4, 0.3), 0.15, UPRIGHT)
+
+
+def grid(form: Form, low: float, high: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    x, y = np.meshgrid(np.arange(round(low / RESOLUTION), round(high / RESOLUTION) + 1), np.arange(-20, 21))
+    return RESOLUTION * x, RESOLUTION * y, form(RESOLUTION * x, RESOLUTION * y)
+
+
+def a_map(form: Form, low: float, high: float) -> HeightMap:
+    x, y, z = grid(form, low, high)
+    return HeightMap(z, resolution=RESOLUTION, origin=(x[0, 0], y[0, 0]))
+
+
+def a_mesh(form: Form, low: float, high: float) -> TriangleMesh:
+    x, y, z = grid(form, low, high)
+    i = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, 1:].ravel(), i[1:, :-1].ravel()
+    triangles = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    return TriangleMesh(np.stack([x, y, z], -1).reshape(-1, 3), triangles)
+
+
+def a_deck(form: Form, low: float, high: float) -> Deck:
+    deck = Deck(a_map(form, low, high), thickness=0.5)
+    deck.place((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), time=0.0)
+    return deck
+
+
+def a_block(form: Form, low: float, high: float) -> TriangleMesh:
+    """A closed box whose top is level."""
+    return TriangleMesh(*mesh_parts.box((low, -2.0, -0.5), (high, 2.0, 0.0)))
+
+
+def terrain_of(**pieces: MainMesh | Deck) -> Terrain:
+    terrain = Terrain()
+    for name, piece in pieces.items():
+        terrain.put(name, piece)
+    return terrain
+
+
+def ride(terrain: Terrain, body: tuple[Shape, float, tuple[float, ...]], form: Form, friction: float) -> FloatArray:
+    """Positions of a body that starts at 1.5 m/s, 1.2 m before the seam (steps, 3)."""
+    shape, up, orientation = body
+    start = (-1.2, 0.03, float(form(np.array(-1.2), np.array(0.03))) + up)
+    found = []
+    with world_of(terrain, friction=friction) as world:
+        world.spawn("body", shape, 1.0, BodyState(start, orientation, (1.5, 0.0, 0.0)))
+        for _ in range(300):
+            world.step()
+            found.append(world.state("body").position)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_bodies_pass_a_seam_as_if_the_ground_were_one(form: Form, friction: float) -> None:
+    """Meshes and maps whose contacts are chosen in another order differ a little on one piece, too."""
+    for body in BODIES:
+        one = ride(Terrain(a_map(form, -4.0, 4.0)), body, form, friction)
+        for here, there in [(a_deck, a_map), (a_map, a_deck), (a_mesh, a_map), (a_mesh, a_mesh), (a_mesh, a_deck)]:
+            two = ride(terrain_of(here=here(form, -4.0, 0.0), there=there(form, 0.0, 4.0)), body, form, friction)
+            assert np.abs(two - one).max() < 2e-3, (body[0], here, there)
+
+
+@pytest.mark.parametrize(
+    ("here", "there"), [(a_block, a_map), (a_map, a_block), (a_block, a_block), (a_block, a_mesh), (a_mesh, a_block)]
+)
+def test_a_box_slides_from_a_block_to_what_is_flush_with_it(here: Piece, there: Piece) -> None:
+    """Its front and its back come to the seam at the end of a step."""
+    form = FORMS["level"]
+    way = ride(terrain_of(here=here(form, -4.0, 0.0), there=there(form, 0.0, 4.0)), CRATE, form, 0.0)
+    assert np.abs(way - ride(Terrain(a_map(form, -4.0, 4.0)), CRATE, form, 0.0)).max() < 5e-4
+
+
+@pytest.mark.parametrize("step", [-5e-4, 5e-4, 5e-3])
+@pytest.mark.parametrize("there", [a_map, a_mesh])
+def test_a_box_passes_steps_of_half_a_millimetre_and_stops_at_larger_ones(there: Piece, step: float) -> None:
+    """The first millimetre of a step up is no wall; where pieces overlap, too."""
+    for overlap in (0.0, 0.1, -5e-4):
+        deck = a_deck(FORMS["level"], -4.0, 0.0)
+        deck.place((overlap, 0.0, -step), (0.0, 0.0, 0.0, 1.0), time=0.0)
+        terrain = terrain_of(here=deck, there=there(FORMS["level"], 0.0, 4.0))
+        way = ride(terrain, CRATE, lambda x, y: 0.0 * x - step, 0.0)
+        if step < 1e-3:
+            assert way[-1, 0] == pytest.approx(-1.2 + 1.5 * 300 / 240, abs=5e-3)
+        elif there is a_map:
+            assert way[:, 0].max() + 0.25 < 0.05  # where its front tips over the edge
+
+
+@pytest.mark.parametrize("low", [0.0, -0.2])
+@pytest.mark.parametrize("floor", [a_map, a_mesh, a_deck])
+def test_a_wall_on_the_floor_stops_what_comes_to_its_foot(floor: Piece, low: float) -> None:
+    wall = TriangleMesh(*mesh_parts.box((0.0, -1.5, low), (1.0, 1.5, 1.0)))
+    for body, front in [(BODIES[0], 0.2), (CRATE, 0.25), (BODIES[2], 0.2)]:
+        way = ride(terrain_of(floor=floor(FORMS["level"], -4.0, 4.0), wall=wall), body, FORMS["level"], 0.0)
+        assert way[:, 0].max() + front == pytest.approx(0.0, abs=1e-3), body
+        assert np.abs(way[:, 2] - body[1]).max() < 1e-3
