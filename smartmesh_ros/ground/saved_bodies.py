@@ -67,8 +67,6 @@ class SavedBodies(AttachedBodies):
         with state_file.foreign_refused(), undone(lambda: self._recall(before)):
             undo = self.terrain.become(terrain)
             with undone(self._soil_undone()), undone(undo):
-                for name, (body, link, place) in tree["carriers"].items():
-                    self.terrain.decks[name].ride(body, link, place[:3], place[3:])
                 if self.soil is not None:
                     self.soil.become(self.terrain, tree["soil"], tree["tile"])
                 self._recall(tree)
@@ -91,7 +89,6 @@ class SavedBodies(AttachedBodies):
             **self._memory(),
             "links": self._links,
             "terrain": self.terrain.state(),
-            "carriers": {name: deck.carrier for name, deck in self.terrain.decks.items()},
             "soil": None if self.soil is None else self.soil.state(),
             "tile": self.tile_of_soil,
         }

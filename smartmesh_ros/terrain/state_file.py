@@ -23,7 +23,7 @@ from smartmesh_ros.errors import InputError
 
 Made = TypeVar("Made")
 # Version of the contents. A file of another one is refused.
-VERSION = 3
+VERSION = 4
 FORMAT = "smartmesh_ros state"
 # A zip file ends with its comment: this and the digest of all bytes before it, in hexadecimal.
 MARK = b"smartmesh_ros state, sha256 "

@@ -115,6 +115,7 @@ class SavedWorld(Population):
                 self._recall(state)
             if drawn:
                 self.ground.show(drawn)
+            self._bind_anew()
         if before["client"].isConnected():
             before["client"].disconnect()
 
