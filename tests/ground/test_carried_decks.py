@@ -180,6 +180,18 @@ def rest(world: World) -> list[list[float]]:
     return found
 
 
+@pytest.mark.parametrize(
+    "change", [lambda world: world.ground.show(), lambda world: world.spawn("far", RAFT, 1.0)], ids=["shown", "spawned"]
+)
+def test_what_else_comes_leaves_the_acceleration_of_a_carrier(change: Callable[[World], object]) -> None:
+    with falling_raft("spawned") as world, falling_raft("spawned") as other:
+        change(other)
+        for each in (world, other):
+            each.step()
+        frames = [each.terrain.deck("deck").frame(each.time + 0.5 * DT) for each in (world, other)]
+        assert all(map(np.array_equal, *frames))
+
+
 @pytest.mark.parametrize("saved", ["before", "after"])
 @pytest.mark.parametrize("end", ENDS)
 @pytest.mark.parametrize("carrier", CARRIERS)
