@@ -19,11 +19,6 @@ from smartmesh_ros.terrain.tiles import MainMesh, Tiles
 
 __all__ = ["MainMesh", "Terrain"]
 
-# What the saved state of a terrain is made of, by name.
-STATE_TYPES: dict[str, type] = {
-    each.__name__: each for each in (GridGeometry, MotionConfig, GridTrack, RigidMotion, FusedMap, Material)
-}
-
 
 class Terrain(Tiles):
     """Tiles by name, each a height map or a general mesh, and ``decks`` by name, which have tiles of their own and may
@@ -129,3 +124,9 @@ class Terrain(Tiles):
         height maps are ground, too. Decks are ground where they are highest.
         """
         return ground_heights(self.readers, xy_w, time)
+
+
+# What saved states have of a terrain, by name.
+STATE_TYPES: dict[str, type] = {
+    each.__name__: each for each in (Terrain, GridGeometry, MotionConfig, GridTrack, RigidMotion, FusedMap, Material)
+}
