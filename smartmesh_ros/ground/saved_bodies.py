@@ -18,7 +18,7 @@ from smartmesh_ros.ground.attached_bodies import AttachedBodies
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.terrain import state_file
-from smartmesh_ros.terrain.terrain import STATE_TYPES, Terrain
+from smartmesh_ros.terrain.terrain import STATE_TYPES
 
 KIND = "Ground"
 TYPES = {**STATE_TYPES, Belt.__name__: Belt}
@@ -52,23 +52,19 @@ class SavedBodies(AttachedBodies):
         saved by another version, or has other bodies.
         """
         self._require_exact()
-        tree, terrain = state_file.from_bytes(
-            state_file.read(state), KIND, TYPES, lambda tree: (tree, Terrain.from_state(tree["terrain"]))
-        )
+        tree = state_file.from_bytes(state_file.read(state), KIND, TYPES)
         self._drop_gone()
         self._require_same(tree)
         with self._hidden():
-            self._replace(tree, terrain)
+            self._replace(tree)
         return float(tree["time"])
 
-    def _replace(self, tree: dict[str, Any], terrain: Terrain) -> None:
+    def _replace(self, tree: dict[str, Any]) -> None:
         """Take a state that was read; on an error everything is as before."""
         before = self._memory()
         with state_file.foreign_refused(), undone(lambda: self._recall(before)):
-            undo = self.terrain.become(terrain)
+            undo = self.terrain.become(tree["terrain"])
             with undone(self._soil_undone()), undone(undo):
-                for name, (body, link, place) in tree["carriers"].items():
-                    self.terrain.decks[name].ride(body, link, place[:3], place[3:])
                 if self.soil is not None:
                     self.soil.become(self.terrain, tree["soil"], tree["tile"])
                 self._recall(tree)
@@ -90,8 +86,7 @@ class SavedBodies(AttachedBodies):
         tree = {
             **self._memory(),
             "links": self._links,
-            "terrain": self.terrain.state(),
-            "carriers": {name: deck.carrier for name, deck in self.terrain.decks.items()},
+            "terrain": self.terrain,
             "soil": None if self.soil is None else self.soil.state(),
             "tile": self.tile_of_soil,
         }

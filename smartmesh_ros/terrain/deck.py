@@ -71,18 +71,21 @@ class Deck(Tiles):
             self.ride(-1, -1, (0.0, 0.0, 0.0), LEVEL)
 
     def state(self) -> dict[str, Any]:
-        """Return all that the deck goes on from beside what carries it; see `Tiles.state`."""
+        """Return all that the deck goes on from, with PyBullet's numbers of what carries it; see `Tiles.state`."""
         return {
-            **super().state(), "thickness": self.thickness, "motion": self.core.memory(), "last": self._last
+            **super().state(), "thickness": self.thickness, "motion": self.core.memory(), "last": self._last,
+            "carrier": (self.body, self.link, self._place),
         }  # fmt: skip
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> Deck:
-        """Return the deck of such a state, carried by nobody; raises `InputError` if it is none."""
+        """Return the deck of such a state; raises `InputError` if it is none."""
         made = cls(thickness=state["thickness"])
         made.take_state(state)
         made._last = float(state["last"])
         made.core.recall(state["motion"])
+        body, link, place = state["carrier"]
+        made.ride(body, link, place[:3], place[3:])
         return made
 
     def move(
@@ -128,12 +131,6 @@ class Deck(Tiles):
         place = _pose(position, orientation)
         self.body, self.link, self._place = body, link, place
         self.core.carry(body, link, place)
-
-    @property
-    def carrier(self) -> tuple[int, int, FloatArray]:
-        """The PyBullet body and link that carry the frame, -1 = nobody, and the place (7,) as of `ride`: position [m],
-        orientation."""
-        return self.body, self.link, self._place
 
     def frame(self, time: float) -> Frame:
         """Return the frame at ``time`` [s]."""

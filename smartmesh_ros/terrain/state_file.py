@@ -11,19 +11,18 @@ import io
 import json
 import os
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from smartmesh_ros.errors import InputError
 
-Made = TypeVar("Made")
 # Version of the contents. A file of another one is refused.
-VERSION = 3
+VERSION = 4
 FORMAT = "smartmesh_ros state"
 # A zip file ends with its comment: this and the digest of all bytes before it, in hexadecimal.
 MARK = b"smartmesh_ros state, sha256 "
@@ -34,8 +33,8 @@ FOREIGN = "this is no saved state of smartmesh_ros; save one with save(), save_s
 
 
 def to_bytes(kind: str, tree: Any) -> bytes:
-    """Return a tree of dictionaries, lists, tuples, dataclasses, named tuples, arrays, numbers and texts as a file; the
-    ``kind`` says of what."""
+    """Return a tree of dictionaries, lists, tuples, dataclasses, named tuples, arrays, numbers, texts and what has a
+    ``state`` and is made ``from_state`` as a file; the ``kind`` says of what."""
     arrays: list[np.ndarray] = []
     text = json.dumps({"format": FORMAT, "version": VERSION, "kind": kind, "tree": _encoded(tree, arrays)})
     file, comment = io.BytesIO(), MARK + b"0" * DIGITS
@@ -60,10 +59,9 @@ def is_state(data: bytes) -> bool:
     return signed(data[: -len(MARK) - DIGITS]) == data
 
 
-def from_bytes(data: bytes, kind: str, types: Mapping[str, type], make: Callable[[Any], Made]) -> Made:
-    """Return what ``make`` makes of the tree in a file of a ``kind``, which has dataclasses and named tuples of these
-    ``types`` alone, by name. Raises `InputError` if the file is no state, was changed, or is of another version or
-    kind."""
+def from_bytes(data: bytes, kind: str, types: Mapping[str, type]) -> Any:
+    """Return the tree in a file of a ``kind``, which has objects of these ``types`` alone, by name. Raises `InputError`
+    if the file is no state, was changed, or is of another version or kind."""
     if data[-len(MARK) - DIGITS : -DIGITS] != MARK:
         whole = data[:2] == b"PK" or MARK[:-8] in data
         raise InputError("state", f"{FOREIGN}{'; or it was cut off' if whole else ''}")
@@ -74,7 +72,7 @@ def from_bytes(data: bytes, kind: str, types: Mapping[str, type], make: Callable
         if head["format"] != FORMAT:
             raise InputError("state", FOREIGN)
         _require(head, kind)
-        return make(_decoded(head["tree"], file, types))
+        return _decoded(head["tree"], file, types)
 
 
 @contextmanager
@@ -137,6 +135,8 @@ def _encoded(value: Any, arrays: list[np.ndarray]) -> Any:
         return {"array": len(arrays) - 1}
     if isinstance(value, np.generic):
         return value.item()
+    if hasattr(value, "from_state"):
+        return {"is": type(value).__name__, "state": _encoded(value.state(), arrays)}
     if is_dataclass(value) and not isinstance(value, type):
         named = {field.name: getattr(value, field.name) for field in fields(value)}
     elif isinstance(value, tuple) and hasattr(value, "_asdict"):
@@ -165,4 +165,7 @@ def _decoded(value: Any, arrays: Any, types: Mapping[str, type]) -> Any:
         return tuple(_decoded(item, arrays, types) for item in value["tuple"])
     if "dict" in value:
         return {key: _decoded(item, arrays, types) for key, item in value["dict"]}
-    return types[value["is"]](**{name: _decoded(item, arrays, types) for name, item in value["of"].items()})
+    made: Any = types[value["is"]]
+    if "state" in value:
+        return made.from_state(_decoded(value["state"], arrays, types))
+    return made(**{name: _decoded(item, arrays, types) for name, item in value["of"].items()})

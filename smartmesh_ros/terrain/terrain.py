@@ -19,11 +19,6 @@ from smartmesh_ros.terrain.tiles import MainMesh, Tiles
 
 __all__ = ["MainMesh", "Terrain"]
 
-# What the saved state of a terrain is made of, by name.
-STATE_TYPES: dict[str, type] = {
-    each.__name__: each for each in (GridGeometry, MotionConfig, GridTrack, RigidMotion, FusedMap, Material)
-}
-
 
 class Terrain(Tiles):
     """Tiles by name, each a height map or a general mesh, and ``decks`` by name, which have tiles of their own and may
@@ -34,12 +29,12 @@ class Terrain(Tiles):
         super().__init__(single)
 
     def state(self) -> dict[str, Any]:
-        """Return all that the terrain goes on from beside what carries its decks; see `Tiles.state`."""
+        """Return all that the terrain goes on from; see `Tiles.state`."""
         return {**super().state(), "decks": {name: deck.state() for name, deck in self.decks.items()}}
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> Terrain:
-        """Return the terrain of such a state, whose decks nobody carries; raises `InputError` if it is none."""
+        """Return the terrain of such a state; raises `InputError` if it is none."""
         made = cls()
         made.take_state(state)
         made.decks = {name: Deck.from_state(kept) for name, kept in state["decks"].items()}
@@ -47,8 +42,7 @@ class Terrain(Tiles):
         return made
 
     def become(self, other: Terrain) -> Callable[[], None]:
-        """Take tiles and decks of another terrain, as `Tiles.become` does; nobody carries the decks. Grounds of this
-        terrain go on with it."""
+        """Take tiles and decks of another terrain, as `Tiles.become` does. Grounds of this terrain go on with it."""
         known, decks, core = self.decks, other.decks, self.core
         undos = [*(known[name].become(decks[name]) for name in known.keys() & decks.keys()), super().become(other)]
         self.decks = {name: known.get(name, deck) for name, deck in decks.items()}
@@ -130,3 +124,9 @@ class Terrain(Tiles):
         height maps are ground, too. Decks are ground where they are highest.
         """
         return ground_heights(self.readers, xy_w, time)
+
+
+# What saved states have of a terrain, by name.
+STATE_TYPES: dict[str, type] = {
+    each.__name__: each for each in (Terrain, GridGeometry, MotionConfig, GridTrack, RigidMotion, FusedMap, Material)
+}

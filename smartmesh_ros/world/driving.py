@@ -15,7 +15,7 @@ from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.quaternions import conjugate, product, rotate
 from smartmesh_ros.ground.state import Quaternion, Vector
-from smartmesh_ros.terrain.deck import LEVEL, Deck
+from smartmesh_ros.terrain.deck import LEVEL
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.bodies import Body, BodyFactory
 from smartmesh_ros.world.joints import JointCommand, JointReading, command_joint, read_joints
@@ -165,23 +165,36 @@ class Driving:
         and the user is told."""
         for name, carrier in list(self.carried.items()):
             deck, body = self.terrain.decks.get(name), self.bodies.get(carrier.body)
-            if deck is None or (body is None and deck.body < 0):
-                continue
-            try:
-                self._bind(name, deck, body, carrier)
-            except InputError as error:
-                self.say(f"nothing carries deck {name!r} any more: {error}")
-                del self.carried[name]
+            if deck is not None and body is not None and body.uid != deck.body:
+                self._bind(name, body, carrier)
 
-    def _bind(self, name: str, deck: Deck, body: Body | None, carrier: Carrier) -> None:
-        if body is None:
-            self.ground.carry(name, None)
-        elif body.uid != deck.body:
+    def _bind_anew(self) -> None:
+        """Bind the decks that bodies of another client carried; those whose carriers are not here rest."""
+        for name in [name for name, deck in self.terrain.decks.items() if deck.body >= 0]:
+            carrier = self.carried.get(name)
+            if carrier is not None and carrier.body in self.bodies:
+                self._bind(name, self.bodies[carrier.body], carrier)
+            else:
+                self.ground.carry(name, None)
+
+    def _release_decks(self, body: Body) -> None:
+        """Let the decks rest that a body carries."""
+        for name, deck in self.terrain.decks.items():
+            if deck.body == body.uid:
+                self.ground.carry(name, None)
+
+    def _bind(self, name: str, body: Body, carrier: Carrier) -> None:
+        try:
             link = link_of(body, carrier.link) if carrier.link else -1
-            centre = body.inertial if link < 0 else InertialFrame(*self.client.getLinkState(body.uid, link)[2:4])
-            back = conjugate(centre.orientation)
-            arm = rotate(back, tuple(np.subtract(carrier.position, centre.position).tolist()))
-            self.ground.carry(name, body.uid, link, arm, product(back, carrier.orientation))
+        except InputError as error:
+            self.say(f"nothing carries deck {name!r} any more: {error}")
+            del self.carried[name]
+            self.ground.carry(name, None)
+            return
+        centre = body.inertial if link < 0 else InertialFrame(*self.client.getLinkState(body.uid, link)[2:4])
+        back = conjugate(centre.orientation)
+        arm = rotate(back, tuple(np.subtract(carrier.position, centre.position).tolist()))
+        self.ground.carry(name, body.uid, link, arm, product(back, carrier.orientation))
 
     def joints(self, name: str) -> list[JointReading]:
         """Return the current readings of a robot's joints."""

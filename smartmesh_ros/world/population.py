@@ -248,6 +248,7 @@ class Population(Driving):
         self.ground.detach(body.uid)
         with undone(lambda: self._put_on_ground(body, belts)):
             self.client.removeBody(body.uid)
+        self._release_decks(body)
         self._efforts = {key: effort for key, effort in self._efforts.items() if key[0] != body.name}
         self._stiff.pop(body.name, None)
         self._set_ends({key: end for key, end in self._ends.items() if key[0] != body.name})

@@ -15,6 +15,7 @@ from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain import state_file
+from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.bodies import Body, Surface
 from smartmesh_ros.world.driving import links_of
 from smartmesh_ros.world.falling import Falls
@@ -22,7 +23,7 @@ from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.population import Population
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.settings import WorldConfig
-from smartmesh_ros.world.snapshot import BodySnapshot, FirstTerrain, Snapshot, WorldState
+from smartmesh_ros.world.snapshot import BodySnapshot, Snapshot, WorldState
 
 Source = bytes | str | os.PathLike[str]
 
@@ -34,7 +35,7 @@ class SavedWorld(Population):
     falls: Falls
     seed: int
     _rescues: int
-    _first: FirstTerrain | None
+    _first: Terrain | None
     _start: Callable[[], None]
     close: Callable[[], None]
 
@@ -115,6 +116,7 @@ class SavedWorld(Population):
                 self._recall(state)
             if drawn:
                 self.ground.show(drawn)
+            self._bind_anew()
         if before["client"].isConnected():
             before["client"].disconnect()
 
@@ -166,9 +168,10 @@ class SavedWorld(Population):
             raise pb.error(f"{len(failed)} bodies are not back, but the others are; reset again: {'; '.join(failed)}")
 
     def _note_first_terrain(self) -> None:
-        """Keep the terrain of the first step on it, for episodes."""
+        """Keep the terrain of the first step on it, for episodes, as if this were at time zero."""
         if self._first is None and not self.terrain.empty:
-            self._first = FirstTerrain(copy.deepcopy(self.terrain), self.time)
+            self._first = copy.deepcopy(self.terrain)
+            self._first.shift_time(-self.time)
 
     def _begin_episode(self, seed: int) -> None:
         """Let terrain, commands and chance be as at the start."""
@@ -183,10 +186,8 @@ class SavedWorld(Population):
         self._note_first_terrain()
         if self._first is None:
             return
-        terrain = copy.deepcopy(self._first.terrain)
-        terrain.shift_time(-self._first.time)
         tile = self.ground.tile_of_soil
-        self.terrain.become(terrain)
+        self.terrain.become(copy.deepcopy(self._first))
         if (soil := self.ground.soil) is not None and self.terrain.tiles.get(tile) is soil.map:
             soil.become(self.terrain, {**soil.state(), "memory": None}, tile)
         self.ground.set_soil(soil)

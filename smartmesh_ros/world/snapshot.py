@@ -8,8 +8,8 @@ that it returns, and `World.restore` builds another in the same way: the two wor
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field, fields
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
+from typing import Any
 
 from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig
 from smartmesh_ros.ground.followers import Belt
@@ -58,13 +58,6 @@ class Snapshot:
         return hashlib.sha256(state_file.to_bytes("Snapshot", self)).hexdigest()
 
 
-class FirstTerrain(NamedTuple):
-    """A copy of the terrain at a world's first step on it, and the ``time`` [s]."""
-
-    terrain: Terrain
-    time: float
-
-
 @dataclass(frozen=True, kw_only=True)
 class WorldState:
     """All that a world goes on from, to be used once: its bodies, its ``terrain`` and ``soil`` (``tile``: which one
@@ -79,33 +72,25 @@ class WorldState:
     carried: dict[str, Carrier]
     config: WorldConfig
     seed: int
-    first: FirstTerrain | None
+    first: Terrain | None
     memory: dict[str, Any] | None
     falls: float
     extra: dict[str, Any]
 
     def to_bytes(self) -> bytes:
         """Return the state as a file."""
-        tree = {each.name: getattr(self, each.name) for each in fields(self)}
-        first = None if self.first is None else {"terrain": self.first.terrain.state(), "time": self.first.time}
-        return state_file.to_bytes(KIND, {**tree, "terrain": self.terrain.state(), "first": first})
+        return state_file.to_bytes(KIND, self)
 
-    @classmethod
-    def from_bytes(cls, data: bytes) -> WorldState:
+    @staticmethod
+    def from_bytes(data: bytes) -> WorldState:
         """Return the state of a file; raises `InputError` if it is none, was damaged, or is of another version."""
-
-        def make(tree: dict[str, Any]) -> WorldState:
-            first = tree["first"]
-            if first is not None:
-                first = FirstTerrain(Terrain.from_state(first["terrain"]), float(first["time"]))
-            return cls(**{**tree, "terrain": Terrain.from_state(tree["terrain"]), "first": first})
-
-        return state_file.from_bytes(data, KIND, _TYPES, make)
+        state: WorldState = state_file.from_bytes(data, KIND, _TYPES)
+        return state
 
 
 KIND = "World"
 _MADE: tuple[type, ...] = (
     *(Belt, BodySnapshot, BodyState, Carrier, FallConfig, GuestConfig, JointCommand, PhysicsConfig),
-    *(SleepConfig, Snapshot, WorldConfig, Hull, *SHAPES.values()),
+    *(SleepConfig, Snapshot, WorldConfig, WorldState, Hull, *SHAPES.values()),
 )
 _TYPES = {**STATE_TYPES, **{made.__name__: made for made in _MADE}}

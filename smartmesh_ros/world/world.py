@@ -26,7 +26,6 @@ from smartmesh_ros.world.guests import Guests
 from smartmesh_ros.world.link_frames import frame_pose
 from smartmesh_ros.world.saved_world import SavedWorld
 from smartmesh_ros.world.settings import WorldConfig
-from smartmesh_ros.world.snapshot import FirstTerrain
 
 __all__ = ["World", "WorldConfig"]
 
@@ -65,7 +64,7 @@ class World(SavedWorld):
         self.carried: dict[str, Carrier] = {}
         self.lost: dict[str, str] = {}  # why bodies were removed, by name; readers may clear it
         self.seed = 0
-        self._first: FirstTerrain | None = None
+        self._first: Terrain | None = None
         self._start()
 
     def _start(self) -> None:

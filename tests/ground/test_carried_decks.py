@@ -1,6 +1,7 @@
 """Decks and robots: bodies that carry a deck take the reaction, and a rover drives from one onto ground at rest."""
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -137,3 +138,72 @@ def test_a_lift_carries_a_box_up_also_once_it_is_restored_and_rests_when_the_lif
         world.step(240)
         assert world.state("box").position[2] == pytest.approx(cage[0][2] + 0.2, abs=5e-3)
         assert world.state("box").linear[2] == pytest.approx(0.0, abs=1e-3)
+
+
+RAFT = Box(2.0, 2.0, 0.2)
+CARRIERS: dict[str, Callable[[World], object]] = {
+    "spawned": lambda world: world.spawn("raft", RAFT, 5.0),
+    "robot": lambda world: world.spawn_robot("raft", robot(link("base", box((2.0, 2.0, 0.2)), 5.0))),
+    "tracked": lambda world: world.track("raft", RAFT, BodyState()),
+    "guest": lambda world: world.add_guest("raft", "peer", RAFT, 5.0),
+}
+ENDS: dict[str, Callable[[World], object]] = {
+    "it is removed": lambda world: world.remove_guest("raft"),  # as by `remove`, also where no guest is restored
+    "it lets go": lambda world: world.carry("deck", None),
+}
+
+
+def falling_raft(carrier: str) -> World:
+    """A world whose raft falls, turns and carries a deck, and whose ball falls as fast above it."""
+    terrain = Terrain(level(11, 1.0))
+    terrain.put("deck", Deck(level(21, 0.1), thickness=0.2))
+    world = World(terrain)
+    CARRIERS[carrier](world)
+    raft = world.bodies["raft"].uid
+    world.client.resetBasePositionAndOrientation(raft, (0.0, 0.0, 9.0), (0.0, 0.0, 0.0, 1.0))
+    world.client.resetBaseVelocity(raft, (0.3, 0.0, 1.0), (0.1, 0.2, 0.3))
+    world.carry("deck", Carrier("raft", position=(0.2, 0.0, 0.3)))
+    world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 9.9), linear=(0.3, 0.0, 1.0)))
+    world.step(24)
+    return world
+
+
+def rest(world: World) -> list[list[float]]:
+    """Return where the deck and the ball are after each step of half a second, at the end of which the deck rests."""
+    found = []
+    for _ in range(120):
+        world.step()
+        frame = world.terrain.deck("deck").frame(world.time)
+        found.append([*np.concatenate([part.ravel() for part in frame]), *world.state("ball").position])
+    assert not frame.velocity.any()
+    assert not frame.spin.any()
+    return found
+
+
+@pytest.mark.parametrize(
+    "change", [lambda world: world.ground.show(), lambda world: world.spawn("far", RAFT, 1.0)], ids=["shown", "spawned"]
+)
+def test_what_else_comes_leaves_the_acceleration_of_a_carrier(change: Callable[[World], object]) -> None:
+    with falling_raft("spawned") as world, falling_raft("spawned") as other:
+        change(other)
+        for each in (world, other):
+            each.step()
+        frames = [each.terrain.deck("deck").frame(each.time + 0.5 * DT) for each in (world, other)]
+        assert all(map(np.array_equal, *frames))
+
+
+@pytest.mark.parametrize("saved", ["before", "after"])
+@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize("carrier", CARRIERS)
+def test_a_deck_rests_when_its_carrier_goes_between_the_steps_around_a_saved_state(
+    carrier: str, end: str, saved: str
+) -> None:
+    """To the bit as in the run that was not saved."""
+    with falling_raft(carrier) as world, World() as other:
+        if saved == "after":
+            ENDS[end](world)
+        other.restore(world.state_bytes())
+        if saved == "before":
+            ENDS[end](world)
+            ENDS[end](other)
+        assert rest(other) == rest(world)

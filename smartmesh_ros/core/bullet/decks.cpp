@@ -1,6 +1,7 @@
 // Decks in a step: those that bodies carry move with them, bodies find the decks near them, and carriers take the
 // reaction.
 #include <algorithm>
+#include <utility>
 
 #include <BulletCollision/NarrowPhaseCollision/btManifoldPoint.h>
 
@@ -18,10 +19,13 @@ void BulletWorld::find_carriers() {
       });
   if (same) return;
   carried_layout_ = terrain->layout();
-  carried_.clear();
+  const std::vector<Carried> before = std::exchange(carried_, {});
   for (const Deck* deck : decks) {
-    carried_.push_back({deck->body, deck->link});
-    if (deck->body >= 0) carried_.back().object = find(deck->body, deck->link);
+    Carried now{deck->body, deck->link};
+    if (deck->body >= 0) now.object = find(deck->body, deck->link);
+    for (const Carried& it : before)
+      if (it.body == now.body && it.link == now.link && it.object == now.object) now = it;
+    carried_.push_back(now);
   }
 }
 

@@ -107,8 +107,8 @@ void BulletWorld::forget() {
   wake_all();
   renew_broadphase(*world_);
   revision_ = -1;
-  vacated_.clear(), beside_.clear();
-  others_listed_ = false;
+  vacated_.clear(), beside_.clear(), carried_.clear();
+  others_listed_ = false, carried_layout_ = -1;
   for (Slot& slot : slots_) {
     slot.pull = slot.ground_angular = {};
     slot.rest.still = 0.0, slot.rest.anchor = Rest{}.anchor;

@@ -39,11 +39,14 @@ void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   rules_ = {};
   vacated_.clear();
   slot_of_ground_.clear();
-  told_.clear();
+  told_.clear(), carried_.clear();
   ++sleep_changes_, objects_known_ = -1;
   if (world == nullptr) return;
   algorithms_.enter(*world);
   world->getSolverInfo().m_solverMode |= SOLVER_ENABLE_FRICTION_DIRECTION_CACHING;  // read the directions of our points
+  // Contacts are solved in the order of their bodies. Bullet's own order depends on where it allocated memory, and on
+  // what is drawn.
+  world->getDispatchInfo().m_deterministicOverlappingPairs = true;
 }
 
 void require_rigid(const btCollisionObject& object) {

@@ -62,7 +62,7 @@ void add_decks(nb::module_& m) {
           [](DeckOfTiles& d, int body, int link, Numbers place) {
             const FrameSample sample = sample_of(0.0, place, {});
             const StepLock lock;
-            if (d.deck.body >= 0) d.deck.motion.stop(d.deck.motion.time());
+            if (body < 0 && d.deck.body >= 0) d.deck.motion.stop(d.deck.motion.time());
             d.deck.body = body, d.deck.link = link, d.deck.place = sample;
           },
           "body"_a, "link"_a, "place"_a.noconvert())

@@ -111,20 +111,20 @@ def checked_value(spec: Spec, value: Any) -> Any:
     return items if many else items[0]
 
 
-def number_value(spec: Spec, value: Any) -> Any:
-    """Return the number, or the list of numbers, that a text for such a parameter says; other values as they are.
+def number_value(spec: Spec, text: str) -> Any:
+    """Return the number, or the list of numbers, that a text for such a parameter says; any other text as it is.
 
     `ros2 param load` sends 1.0e-09 of a file as the text 1e-09, which is no number of YAML 1.1.
     """
-    if _kind(spec) is not float or not isinstance(value, str):
-        return value
+    if _kind(spec) is not float:
+        return text
     try:
-        numbers = [float(word) for word in value.strip("[] ").split(",")]
+        numbers = [float(word) for word in text.strip("[] ").split(",")]
     except ValueError:
-        return value
+        return text
     if isinstance(spec.default, list):
         return numbers
-    return numbers[0] if len(numbers) == 1 else value
+    return numbers[0] if len(numbers) == 1 else text
 
 
 def _kind(spec: Spec) -> type:
