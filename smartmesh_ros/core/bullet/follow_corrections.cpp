@@ -70,9 +70,10 @@ void BulletWorld::raise_contacts() {
 }
 
 // Returns the slot of a ground proxy; null of other objects.
-const Slot* BulletWorld::slot_of(const btCollisionObject& ground) const {
-  const auto found = slot_of_ground_.find(ground.getCollisionShape());
-  return found == slot_of_ground_.end() ? nullptr : &slots_[found->second];
+Slot* BulletWorld::slot_of(const btCollisionObject& ground) {
+  const btCollisionShape& shape = *ground.getCollisionShape();
+  if (shape.getShapeType() != GROUND_SHAPE_TYPE) return nullptr;
+  return &slots_[static_cast<const GroundShape&>(shape).slot];
 }
 
 }  // namespace smartmesh

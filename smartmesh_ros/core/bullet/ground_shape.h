@@ -18,10 +18,12 @@ constexpr int GROUND_SHAPE_TYPE = FAST_CONCAVE_MESH_PROXYTYPE;
 // serve whatever else asks Bullet, such as shapes of unknown kinds, and rays where the ground is not drawn.
 class GroundShape final : public btConcaveShape {
  public:
-  explicit GroundShape(BulletWorld* world) : world_(world) {
+  GroundShape(BulletWorld* world, int of_slot) : slot(of_slot), world_(world) {
     m_shapeType = GROUND_SHAPE_TYPE;
     setMargin(0.0);
   }
+
+  const int slot;  // of the body
 
   // Bounds of the ground in reach, in the proxy's frame.
   btVector3 low{0.0, 0.0, 0.0}, high{0.0, 0.0, 0.0};

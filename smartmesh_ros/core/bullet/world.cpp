@@ -38,7 +38,6 @@ void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   beside_.clear();
   rules_ = {};
   vacated_.clear();
-  slot_of_ground_.clear();
   told_.clear(), carried_.clear();
   ++sleep_changes_, objects_known_ = -1;
   if (world == nullptr) return;
@@ -106,12 +105,9 @@ bool BulletWorld::attach(int index, int body, int link, int proxy, const BodySha
   ++sleep_changes_, objects_known_ = -1;
   if (ground == nullptr) return true;
   of_body(proxy).roles.push_back({index, true});
-  slot.shape = std::make_unique<GroundShape>(this);
-  slot_of_ground_[slot.shape.get()] = index;
+  slot.shape = std::make_unique<GroundShape>(this, index);
   slot.shape_before = ground->getCollisionShape();
   ground->setCollisionShape(slot.shape.get());
-  ground->setCollisionFlags((ground->getCollisionFlags() & ~btCollisionObject::CF_STATIC_OBJECT) |
-                            btCollisionObject::CF_KINEMATIC_OBJECT);
   return true;
 }
 
@@ -129,7 +125,6 @@ void BulletWorld::detach(int index) {
     roles.erase(std::remove_if(roles.begin(), roles.end(), [&](const Role& role) { return role.slot == index; }),
                 roles.end());
   }
-  if (slot.shape != nullptr) slot_of_ground_.erase(slot.shape.get());
   slot = Slot{};
   ++sleep_changes_, objects_known_ = -1;
 }

@@ -3,7 +3,6 @@
 
 #include <exception>
 #include <optional>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -215,7 +214,7 @@ class BulletWorld {
   void note_driven();
   void follow_corrections(OfBody& body, double least);
   void raise_contacts();
-  const Slot* slot_of(const btCollisionObject& ground) const;
+  Slot* slot_of(const btCollisionObject& ground);
   Slot* moving_slot(const OfBody& body);
   void find_joined();
   void find_supported();
@@ -241,7 +240,6 @@ class BulletWorld {
   std::exception_ptr fault_;
   std::vector<Slot> slots_;
   std::vector<OfBody> bodies_;  // by PyBullet's numbers
-  std::unordered_map<const btCollisionShape*, int> slot_of_ground_;
   std::vector<Contact> contacts_, on_decks_;
   std::vector<OldContact> before_;
   std::vector<ContactRow> rows_;

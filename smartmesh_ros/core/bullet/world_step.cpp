@@ -141,7 +141,7 @@ void BulletWorld::place(Slot& slot) {
   const NearbyGround& near = slot.near = terrain->near(swept, time, duration);
   if (slot.kind.is_own) {
     const bool has_decks = !terrain->decks().empty();  // which are ground above bodies that are far below
-    if (has_decks || near.highest > Solid(slot.body_shape->outline, body_pose(pose)).centre.z)
+    if (has_decks || near.highest > (pose * to_bullet(slot.body_shape->outline.offset)).z())
       maybe_below_.push_back(static_cast<int>(&slot - slots_.data()));
   }
   double moved = (norm(near.velocity) + near.spread) * duration;
@@ -160,6 +160,10 @@ void BulletWorld::place(Slot& slot) {
   ground.setInterpolationWorldTransform(frame);
   ground.setLinearVelocity(to_bullet(near.velocity));
   ground.setAngularVelocity(to_bullet(slot.ground_angular));
+  // Bullet's solver has a copy of each kinematic body, and one for all that are static.
+  const bool rests = ground.getLinearVelocity().isZero() && ground.getAngularVelocity().isZero();
+  constexpr int STATIC = btCollisionObject::CF_STATIC_OBJECT, KINEMATIC = btCollisionObject::CF_KINEMATIC_OBJECT;
+  ground.setCollisionFlags((ground.getCollisionFlags() & ~(STATIC | KINEMATIC)) | (rests ? STATIC : KINEMATIC));
   if (moved > 0.0) stir(slot);
 }
 
@@ -175,16 +179,12 @@ const Convex* BulletWorld::convex_of_part(Slot& slot, const btCollisionShape& sh
 
 void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground,
                         btPersistentManifold& manifold, double step) {
-  const auto found = slot_of_ground_.find(ground.getCollisionShape());
-  if (found == slot_of_ground_.end()) {
+  Slot* const known = slot_of(*ground.getCollisionObject());
+  if (known == nullptr || known->object != body.getCollisionObject()) {
     manifold.setNumContacts(0);
     return;
   }
-  Slot& slot = slots_[found->second];
-  if (slot.object != body.getCollisionObject()) {
-    manifold.setNumContacts(0);
-    return;
-  }
+  Slot& slot = *known;
   const Convex* shape = convex_of_part(slot, *body.getCollisionShape());
   if (shape == nullptr) return;
   const Pose pose = pose_of(*shape, body.getWorldTransform());

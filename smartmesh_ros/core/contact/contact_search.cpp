@@ -61,12 +61,9 @@ class ShapeReach final : public Reach {
 };
 
 Bounds bounds_of(const Convex& shape, const Pose& pose) {
-  Bounds bounds;
-  for (int k = 0; k < 8; ++k)
-    bounds.add(pose.to_world({k & 1 ? shape.bounds.high.x : shape.bounds.low.x,
-                              k & 2 ? shape.bounds.high.y : shape.bounds.low.y,
-                              k & 4 ? shape.bounds.high.z : shape.bounds.low.z}));
-  return bounds;
+  if (shape.core.vertices.size() == 1) return Bounds{pose.at, pose.at}.grown(shape.rounding);
+  const auto [low, high] = pose.rotation * shape.bounds;
+  return {low + pose.at, high + pose.at};
 }
 
 // Returns true if an edge faces the ground: edges touch by normals that lie between those of the faces of both.
@@ -78,17 +75,17 @@ bool faces_ground(const Convex& shape, const Pose& pose, const PolyEdge& edge, c
   return up <= (slack - patch.steepest) * edge.half_cosine;
 }
 
-// Appends the contacts of a shape at `pose` whose distance is below its motion in the step and the margin.
-void find_contacts(const Convex& shape, const Pose& pose, const Patch& patch, const Approach& approach,
+// Appends the contacts of a shape at `pose` whose distance is below its motion in the step and the margin; `grown`: the
+// most that this is.
+void find_contacts(const Convex& shape, const Pose& pose, const Patch& patch, const Approach& approach, double grown,
                    std::vector<Contact>& contacts) {
-  if (patch.facets.empty()) return;
   if (shape.kind == ShapeKind::Cylinder) {
     touch_cylinder(shape, pose, patch, approach, contacts);
     return;
   }
   const Polytope& core = shape.core;
   // Most features of a hull of many vertices lie above all ground in reach.
-  const double limit = patch.highest + shape.rounding + approach.contact_distance(pose.at, shape.bounding_radius);
+  const double limit = patch.highest + shape.rounding + grown;
   std::vector<char> low(core.vertices.size());
   for (std::size_t k = 0; k < core.vertices.size(); ++k) {
     low[k] = dot(pose.rotation.row[2], core.vertices[k]) + pose.at.z <= limit;
@@ -117,9 +114,10 @@ void ContactSearch::run(const Convex& shape, const Pose& pose, Tiles& tiles, dou
   tiles.gather(bounds, time, approach.ahead, reach, maps_);
   tiles.gather_meshes(bounds, time, approach.ahead, reach, meshes_);
   for (Patch* patch : {&maps_, &meshes_}) {
+    if (patch->facets.empty()) continue;
     patch->finish();
     const std::size_t first = contacts.size();
-    find_contacts(shape, pose, *patch, approach, contacts);
+    find_contacts(shape, pose, *patch, approach, grown, contacts);
     for (std::size_t k = first; k < contacts.size(); ++k) contacts[k].ground = patch->motion_at(contacts[k].point);
   }
 }

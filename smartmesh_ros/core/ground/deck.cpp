@@ -17,11 +17,7 @@ constexpr double NEAR = 0.01;
 }  // namespace
 
 Bounds Deck::local_bounds(const Pose& pose, const Bounds& bounds) {
-  Bounds found;
-  for (int k = 0; k < 8; ++k)
-    found.add(pose.to_local({k & 1 ? bounds.high.x : bounds.low.x, k & 2 ? bounds.high.y : bounds.low.y,
-                             k & 4 ? bounds.high.z : bounds.low.z}));
-  return found;
+  return transpose(pose.rotation) * Bounds{bounds.low - pose.at, bounds.high - pose.at};
 }
 
 bool Deck::is_above(const Vec3& p, double time) const {

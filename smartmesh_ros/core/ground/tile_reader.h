@@ -19,11 +19,13 @@ constexpr double INSTANT = 1e-9;
 // Height of a point above all ground [m].
 constexpr double ABOVE_ALL = 1e300;
 
-// A height map where it is at an instant. `bounds`: of its samples; they hold for x and y.
+// A height map where it is at an instant. `bounds`: of its samples; they hold for x and y. `cells`: under what was last
+// looked for.
 struct MapAtInstant {
   HeightGrid* grid;
   GridPose pose;
   Bounds bounds;
+  CellRange cells{};
 };
 
 // One of the height maps at the instant.

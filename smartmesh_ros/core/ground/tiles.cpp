@@ -189,10 +189,10 @@ Material Tiles::material(double x, double y, double time) {
 void Tiles::find_under(const Bounds& bounds, double time) {
   place_tiles(time);
   under_.clear();
-  for (const MapAtInstant& map : placed_) {
+  for (MapAtInstant& map : placed_) {
     const bool apart = map.bounds.low.x > bounds.high.x || map.bounds.high.x < bounds.low.x ||
                        map.bounds.low.y > bounds.high.y || map.bounds.high.y < bounds.low.y;
-    if (!apart && !cells_under(*map.grid, map.pose, bounds).empty()) under_.push_back(&map);
+    if (!apart && !(map.cells = cells_under(*map.grid, map.pose, bounds)).empty()) under_.push_back(&map);
   }
 }
 
@@ -207,10 +207,10 @@ void Tiles::gather(const Bounds& bounds, double time, double ahead, const Reach&
     sample_across(finest, bounds, time, ahead, reach, patch);
     return;
   }
-  const auto& [grid, pose, _] = *under_[0];
-  const CellRange cells = cells_under(*grid, pose, bounds);
+  const MapAtInstant& map = *under_[0];
+  const CellRange cells = cells_under(*map.grid, map.pose, bounds);
   if (cells.empty()) return;
-  read_window(*grid, pose, cells, time, ahead, window_);
+  read_window(*map.grid, map.pose, cells, time, ahead, window_);
   if (window_.highest() >= bounds.low.z) add_cells(window_, cells.top - 1, cells.left - 1, reach, patch);
 }
 
@@ -257,11 +257,13 @@ NearbyGround Tiles::near(const Bounds& bounds, double time, double ahead) {
   const Bounds grown = with_gaps(bounds).grown(comes);
   find_under(grown, time);
   for (const MapAtInstant* map : under_) {
-    read_window(*map->grid, map->pose, cells_under(*map->grid, map->pose, grown), time, ahead, window_);
-    found.highest = std::max(found.highest, window_.highest());
-    for (int r = 0; r < window_.rows; ++r)
+    read_window(*map->grid, map->pose, map->cells, time, ahead, window_);
+    const double highest = window_.highest();
+    found.highest = std::max(found.highest, highest);
+    if (!window_.moves() && highest > NearbyGround{}.highest) speeds.add({});
+    for (int r = 0; window_.moves() && r < window_.rows; ++r)
       for (int c = 0; c < window_.columns; ++c)
-        if (!std::isnan(window_.at(r, c))) speeds.add(window_.moves() ? window_.velocity(r, c) : Vec3{});
+        if (!std::isnan(window_.at(r, c))) speeds.add(window_.velocity(r, c));
   }
   if (!meshes_.empty()) found.highest = 1e300;  // not worth a search of its own
   if (ahead > 0.0)

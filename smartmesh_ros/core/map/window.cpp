@@ -15,14 +15,11 @@ int floor_within(double value, int low, int high) {
 }  // namespace
 
 GridExtent extent_of(const GridPose& pose, double resolution, const Bounds& bounds) {
-  GridExtent extent{{1e300, 1e300}, {-1e300, -1e300}};
-  for (int corner = 0; corner < 4; ++corner) {
-    const GridPoint p =
-        to_grid(pose, resolution, corner & 1 ? bounds.high.x : bounds.low.x, corner & 2 ? bounds.high.y : bounds.low.y);
-    extent.low = {std::min(extent.low.row, p.row), std::min(extent.low.column, p.column)};
-    extent.high = {std::max(extent.high.row, p.row), std::max(extent.high.column, p.column)};
-  }
-  return extent;
+  const Vec3 &low = bounds.low, &high = bounds.high;
+  const auto [least, most] = Mat3{{{-pose.sin, pose.cos}, {pose.cos, pose.sin}}} *
+                             Bounds{{(low.x - pose.x) / resolution, (low.y - pose.y) / resolution},
+                                    {(high.x - pose.x) / resolution, (high.y - pose.y) / resolution}};
+  return {{least.x, least.y}, {most.x, most.y}};
 }
 
 CellRange cells_under(const HeightGrid& grid, const GridPose& pose, const Bounds& bounds) {

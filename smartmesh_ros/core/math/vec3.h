@@ -87,4 +87,14 @@ struct Bounds {
   }
 };
 
+// Returns the bounds of a box that is mapped by a matrix.
+inline Bounds operator*(const Mat3& m, const Bounds& box) {
+  const Mat3 columns = transpose(m);
+  Bounds x, y, z;
+  x.add(columns.row[0] * box.low.x), x.add(columns.row[0] * box.high.x);
+  y.add(columns.row[1] * box.low.y), y.add(columns.row[1] * box.high.y);
+  z.add(columns.row[2] * box.low.z), z.add(columns.row[2] * box.high.z);
+  return {x.low + y.low + z.low, x.high + y.high + z.high};
+}
+
 }  // namespace smartmesh
