@@ -44,7 +44,6 @@ COSTS = {
     "soil/test_plates_and_carts.py": 15,
     "core/test_contacts_coal.py": 13,
     "world/test_bullet_faults.py": 12,
-    "node/test_batches.py": 11,
     "core/test_mesh_ground.py": 11,
     "studies/test_matrix_rows.py": 11,
     "node/test_processes.py": 10,
