@@ -19,7 +19,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.tools.testing import pose_message
 from tests.examples import examples
-from tests.node.shared import Fed, fed, stamped, transform_message, wait_until
+from tests.node.shared import Fed, fed, own_time, stamped, transform_message, wait_until
 
 INPUTS = {
     "bodies.poses": ["arm=/arm/tip_pose", "/second/pose"],
@@ -113,16 +113,18 @@ def test_frames_of_tf_are_bodies(domain: int) -> None:
 
 @pytest.mark.parametrize("looped", [True, False])
 def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(
-    domain: int, capfd: pytest.CaptureFixture[str], looped: bool
+    domain: int, capfd: pytest.CaptureFixture[str], looped: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A recording of three seconds in a loop without a clock, and transforms typed by hand."""
+    now = own_time(monkeypatch)
     frames = {"bodies.frames": ["rover=base_link"], "decks": ["{deck: raft, frame: base_link}"]}
-    with fed({**frames, "frame_id": "map", "bodies.timeout": 60.0}) as node:
+    with fed({**frames, "frame_id": "map", "bodies.timeout": 60.0, "physics.rate": 60.0}) as node:
         for number in range(75):
             message, tenths = transform(node, "map", "base_link", 0.05 * (number % 30), 0.0), number % 30
             at = Time(sec=1_000_000 + tenths // 10, nanosec=tenths % 10 * 100_000_000)
             message.transforms[0].header.stamp = at if looped else Time()
-            node.give("/tf", message, steps=1)
+            node.give("/tf", message, steps=0)
+            node.play(now, 0.1, math.inf, lambda: None)
             assert node.world.bodies.keys() == {"rover"}
         words = "s older, as if the clock of its source was set back" if looped else "on /tf have no stamp"
         assert words in capfd.readouterr().err
@@ -132,7 +134,8 @@ def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(
         said = node.node._outputs._diagnostics._ends()[2]
         assert said.get("without stamp on /tf", 0) == 75 * (not looped)
         assert not node.set("bodies.timeout", 0.2)
-        wait_until(lambda: node.node.tick() or not node.world.bodies)
+        node.play(now, 0.3, math.inf, lambda: None)
+        assert not node.world.bodies
 
 
 FACE = 0.85  # of the box, along x [m]

@@ -20,8 +20,21 @@ from tests.node import shared
 WIDTH, HEIGHT = 860, 560
 CAMERA, LOOK_AT = np.array([0.0, -5.0, 7.0]), np.array([0.0, 0.0, 0.0])
 FIELD_OF_VIEW = math.radians(75.0)
+# Four frames a second: drawn on the processor, as many as there can be take a core.
+FEWER_FRAMES = """
+window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 250);
+window.cancelAnimationFrame = clearTimeout;
+"""
 # Where boxes stand: on flat ground, and on waves. Far from both there is only ground.
 FLAT, WAVES, BARE = (-2.0, 0.0), (1.5, 0.0), (-1.0, 2.5)
+
+
+def open_page(browser: Any, url: str) -> Any:
+    """A page of the browser at an address."""
+    opened = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+    opened.add_init_script(FEWER_FRAMES)
+    opened.goto(url)
+    return opened
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +42,8 @@ def page(shown: tuple[Probe, Process], browser: Any) -> Iterator[Any]:
     """The page, looking down on the two places from a known camera."""
     _, view = shown
     [url] = re.findall(r"shown at (\S+)", view.output)
-    opened = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
     place, target = (",".join(f"{value:g}" for value in vector) for vector in (CAMERA, LOOK_AT))
-    opened.goto(f"{url}/?initialCameraPosition={place}&initialCameraLookAt={target}")
+    opened = open_page(browser, f"{url}/?initialCameraPosition={place}&initialCameraLookAt={target}")
     opened.set_default_timeout(1000 * TIMEOUT)
     opened.get_by_text("running", exact=False).first.wait_for()
     yield opened
@@ -91,7 +103,7 @@ def wait(probe: Probe, page: Any, condition: Any) -> Any:
     """Until a condition holds, while the page and the probe go on; its value."""
 
     def holds() -> Any:
-        page.wait_for_timeout(100)
+        page.wait_for_timeout(250)
         return condition()
 
     return probe.wait_for(holds)
@@ -175,8 +187,7 @@ def test_a_page_opens_with_the_bodies_in_sight(shown: tuple[Probe, Process], bro
     for corner in ((5.0, 5.0), (-5.0, 5.0)):
         spawn(probe, "corner", corner)
         position(probe, "corner")
-        opened = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
-        opened.goto(url)
+        opened = open_page(browser, url)
         hue = 360.0 * colorsys.rgb_to_hsv(*(value / 255.0 for value in BODY_COLOURS[BodyDescription.BOX]))[0]
 
         def seen(opened: Any = opened, hue: float = hue) -> bool:
