@@ -26,7 +26,7 @@ renders:  ## the pictures that need no browser: rising ground, a lidar, and how 
 docs:  ## the pages as a site with search and an API reference: site/index.html
 	@$(RUN) docs -- mkdocs build --strict --quiet
 
-test:  ## lint, types, colcon build, and every test (after the build 7 minutes on two cores)
+test:  ## lint, types, colcon build, and every test (after the build 5 minutes on two cores)
 	@$(RUN) dev view studies interop -- scripts/check
 
 docs-check:  ## the tables of docs/ whose figures are older than the code
