@@ -60,9 +60,9 @@ void Seams::remove_hidden(const ContactSearch& beside, const Vec3& inside, std::
   contacts.erase(std::remove_if(contacts.begin(), contacts.end(), hidden), contacts.end());
 }
 
-// A contact on a facet goes against that facet if its normal leads along or into it. It then belongs to a rim, unless
-// the facets that it is on stand out of the other piece there: one that has its normal, or two with an edge between
-// them.
+// A contact is against a facet of another piece if it lies on that facet and its normal is outside the facet's cone. It
+// is real only if its own piece stands out of the facet there: by a facet with that normal, or by two facets with an
+// edge between them. Else it belongs to a rim that is hidden.
 bool Seams::is_hidden_by(const PieceFacet& facet, const Vec3& inside, double deepest, const Contact& contact) const {
   const Vec3 &p = contact.point, &n = contact.normal, &origin = facet.corner[0];
   const Vec3 out = dot(facet.normal, inside - origin) < 0.0 ? -facet.normal : facet.normal;

@@ -1,5 +1,5 @@
 // Seams between pieces of ground: the height maps, each mesh, and those of each deck. A piece has edges and walls at
-// its rim. Where another piece goes on flush with it, they are no part of the surface of both, and a shape slides past.
+// its rim. Where another piece continues it, they lie inside the common surface, and a shape slides past them.
 #pragma once
 
 #include <vector>
