@@ -140,8 +140,9 @@ class World(SavedWorld):
         for watcher in self.watchers:
             watcher.before_step()
         self._drive_all()
-        self.ground.step(self.time, self.dt)
-        self.time += self.dt
+        dt = self.dt
+        self.ground.step(self.time, dt)
+        self.time += dt
         for watcher in self.watchers:
             watcher.after_step()
         self.guests.note_contacts()

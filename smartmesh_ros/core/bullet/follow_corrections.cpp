@@ -76,4 +76,9 @@ Slot* BulletWorld::slot_of(const btCollisionObject& ground) {
   return &slots_[static_cast<const GroundShape&>(shape).slot];
 }
 
+bool BulletWorld::is_proxy_of(const btCollisionObject& ground, const btCollisionObject& body) {
+  const Slot* slot = slot_of(ground);
+  return slot != nullptr && slot->object == &body;
+}
+
 }  // namespace smartmesh

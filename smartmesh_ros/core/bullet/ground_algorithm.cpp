@@ -27,12 +27,17 @@ class GroundAlgorithm final : public btCollisionAlgorithm {
 
   void processCollision(const btCollisionObjectWrapper* a, const btCollisionObjectWrapper* b,
                         const btDispatcherInfo& info, btManifoldResult* result) override {
+    const btCollisionObjectWrapper &body = swapped_ ? *b : *a, &ground = swapped_ ? *a : *b;
+    if (!world_->is_proxy_of(*ground.getCollisionObject(), *body.getCollisionObject())) {
+      if (manifold_ != nullptr) manifold_->setNumContacts(0);
+      return;
+    }
     if (manifold_ == nullptr)
       manifold_ = m_dispatcher->getNewManifold(a->getCollisionObject(), b->getCollisionObject());
     result->setPersistentManifold(manifold_);
     bool found = false;
     world_->guarded([&] {
-      world_->touch(swapped_ ? *b : *a, swapped_ ? *a : *b, *manifold_, info.m_timeStep);
+      world_->touch(body, ground, *manifold_, info.m_timeStep);
       found = true;
     });
     if (!found) manifold_->setNumContacts(0);

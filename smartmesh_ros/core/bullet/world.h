@@ -134,6 +134,8 @@ class BulletWorld {
   bool has_fault() const { return fault_ != nullptr; }
   std::exception_ptr take_fault() { return std::exchange(fault_, nullptr); }
 
+  // Returns true if an object is the proxy of a body.
+  bool is_proxy_of(const btCollisionObject& ground, const btCollisionObject& body);
   // Finds the contacts of a body's shape with the ground of its proxy.
   void touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground,
              btPersistentManifold& manifold, double duration);
@@ -178,6 +180,7 @@ class BulletWorld {
   void read_velocity(Slot& slot) const;
   void place_proxies();
   void place(Slot& slot);
+  void bound(btRigidBody& ground, const Bounds* reach);
   GroundPoint ground_above_middle(int slot, GroundReader& reader) const;
   void move_with_corrections();
   void lift_bodies();

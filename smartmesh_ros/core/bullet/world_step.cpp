@@ -18,8 +18,11 @@ namespace smartmesh {
 
 namespace {
 
-// Distance below a body at which its proxy waits while the ground is far [m]. Above the margin of Bullet's broadphase.
-constexpr double APART = 1.0;
+// Where proxies wait while the ground is far from their bodies [m]: far from everything.
+constexpr double FAR_AWAY = -1e6;
+// Bounds of a proxy are larger than the reach of its body by this share of their diagonal, so that Bullet needs to
+// renew them, and the pairs in them, once in several steps. Larger bounds have more pairs without contacts.
+constexpr double SLACK = 0.1;
 
 // Returns the mass of a rigid body, or of a robot with all its links [kg].
 double mass_of(const btCollisionObject& object) {
@@ -119,6 +122,20 @@ OnSoil BulletWorld::on_soil(const Slot& slot, double step) const {
   return found;
 }
 
+// Puts bounds around the reach of a proxy's body, if those of the step before do not serve; null = it reaches nothing.
+// Bullet itself renews the bounds of awake objects only.
+void BulletWorld::bound(btRigidBody& ground, const Bounds* reach) {
+  btBroadphaseProxy& bounds = *ground.getBroadphaseHandle();
+  Bounds wanted{{0.0, 0.0, FAR_AWAY}, {0.0, 0.0, FAR_AWAY}};
+  if (reach != nullptr) {
+    const Bounds now{from_bullet(bounds.m_aabbMin), from_bullet(bounds.m_aabbMax)};
+    const double slack = SLACK * norm(reach->high - reach->low);
+    if (now.contains(*reach) && reach->grown(2.0 * slack).contains(now)) return;
+    wanted = reach->grown(slack);
+  }
+  world_->getBroadphase()->setAabb(&bounds, to_bullet(wanted.low), to_bullet(wanted.high), world_->getDispatcher());
+}
+
 void BulletWorld::place(Slot& slot) {
   btRigidBody& ground = *slot.ground;
   ground.setLinearVelocity(btVector3(0, 0, 0));
@@ -147,11 +164,11 @@ void BulletWorld::place(Slot& slot) {
   double moved = (norm(near.velocity) + near.spread) * duration;
   const double by_decks = terrain->decks().empty() ? -1.0 : find_decks(slot, swept);
   moved = std::max(moved, by_decks);
-  low = to_bullet(swept.grown(moved).low), high = to_bullet(swept.grown(moved).high);
-  if (near.highest < low.z() && by_decks < 0.0) high = low -= btVector3(0, 0, APART);  // so that they are no pair
-  // Bullet itself renews the bounds of awake objects only.
-  world_->getBroadphase()->setAabb(ground.getBroadphaseHandle(), low, high, world_->getDispatcher());
-  if (low == high) return;
+  const Bounds reach = swept.grown(moved);
+  const bool is_far = near.highest < reach.low.z && by_decks < 0.0;
+  bound(ground, is_far ? nullptr : &reach);
+  if (is_far) return;
+  low = to_bullet(reach.low), high = to_bullet(reach.high);
   const btTransform frame(btQuaternion::getIdentity(), pose.getOrigin());
   slot.shape->low = low - frame.getOrigin();
   slot.shape->high = high - frame.getOrigin();
@@ -179,12 +196,7 @@ const Convex* BulletWorld::convex_of_part(Slot& slot, const btCollisionShape& sh
 
 void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground,
                         btPersistentManifold& manifold, double step) {
-  Slot* const known = slot_of(*ground.getCollisionObject());
-  if (known == nullptr || known->object != body.getCollisionObject()) {
-    manifold.setNumContacts(0);
-    return;
-  }
-  Slot& slot = *known;
+  Slot& slot = *slot_of(*ground.getCollisionObject());
   const Convex* shape = convex_of_part(slot, *body.getCollisionShape());
   if (shape == nullptr) return;
   const Pose pose = pose_of(*shape, body.getWorldTransform());

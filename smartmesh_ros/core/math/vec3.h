@@ -80,6 +80,10 @@ struct Bounds {
             {std::min(high.x, other.high.x), std::min(high.y, other.high.y), std::min(high.z, other.high.z)}};
   }
   Bounds grown(double by) const { return {low - Vec3{by, by, by}, high + Vec3{by, by, by}}; }
+  bool contains(const Bounds& other) const {
+    return (low.x <= other.low.x) & (other.high.x <= high.x) & (low.y <= other.low.y) & (other.high.y <= high.y) &
+           (low.z <= other.low.z) & (other.high.z <= high.z);
+  }
   // All comparisons are made, because which one fails first is anybody's guess, also the processor's.
   bool meets(const Bounds& other) const {
     return (low.x <= other.high.x) & (other.low.x <= high.x) & (low.y <= other.high.y) & (other.low.y <= high.y) &
