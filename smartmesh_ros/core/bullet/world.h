@@ -180,7 +180,6 @@ class BulletWorld {
   void read_velocity(Slot& slot) const;
   void place_proxies();
   void place(Slot& slot);
-  void bound(btRigidBody& ground, const Bounds* reach);
   GroundPoint ground_above_middle(int slot, GroundReader& reader) const;
   void move_with_corrections();
   void lift_bodies();

@@ -33,6 +33,20 @@ double mass_of(const btCollisionObject& object) {
   return mass;
 }
 
+// Puts bounds around the reach of a proxy's body, if those of the step before do not serve; null = it reaches nothing.
+// Bullet itself renews the bounds of awake objects only.
+void bound(btDiscreteDynamicsWorld& world, btRigidBody& ground, const Bounds* reach) {
+  btBroadphaseProxy& bounds = *ground.getBroadphaseHandle();
+  Bounds wanted{{0.0, 0.0, FAR_AWAY}, {0.0, 0.0, FAR_AWAY}};
+  if (reach != nullptr) {
+    const Bounds now{from_bullet(bounds.m_aabbMin), from_bullet(bounds.m_aabbMax)};
+    const double slack = SLACK * norm(reach->high - reach->low);
+    if (now.contains(*reach) && reach->grown(2.0 * slack).contains(now)) return;
+    wanted = reach->grown(slack);
+  }
+  world.getBroadphase()->setAabb(&bounds, to_bullet(wanted.low), to_bullet(wanted.high), world.getDispatcher());
+}
+
 // Returns the pose of a shape that is turned in Bullet's frame of it.
 Pose pose_of(const Convex& shape, const btTransform& at) {
   Pose pose = from_bullet(at);
@@ -122,20 +136,6 @@ OnSoil BulletWorld::on_soil(const Slot& slot, double step) const {
   return found;
 }
 
-// Puts bounds around the reach of a proxy's body, if those of the step before do not serve; null = it reaches nothing.
-// Bullet itself renews the bounds of awake objects only.
-void BulletWorld::bound(btRigidBody& ground, const Bounds* reach) {
-  btBroadphaseProxy& bounds = *ground.getBroadphaseHandle();
-  Bounds wanted{{0.0, 0.0, FAR_AWAY}, {0.0, 0.0, FAR_AWAY}};
-  if (reach != nullptr) {
-    const Bounds now{from_bullet(bounds.m_aabbMin), from_bullet(bounds.m_aabbMax)};
-    const double slack = SLACK * norm(reach->high - reach->low);
-    if (now.contains(*reach) && reach->grown(2.0 * slack).contains(now)) return;
-    wanted = reach->grown(slack);
-  }
-  world_->getBroadphase()->setAabb(&bounds, to_bullet(wanted.low), to_bullet(wanted.high), world_->getDispatcher());
-}
-
 void BulletWorld::place(Slot& slot) {
   btRigidBody& ground = *slot.ground;
   ground.setLinearVelocity(btVector3(0, 0, 0));
@@ -166,7 +166,7 @@ void BulletWorld::place(Slot& slot) {
   moved = std::max(moved, by_decks);
   const Bounds reach = swept.grown(moved);
   const bool is_far = near.highest < reach.low.z && by_decks < 0.0;
-  bound(ground, is_far ? nullptr : &reach);
+  bound(*world_, ground, is_far ? nullptr : &reach);
   if (is_far) return;
   low = to_bullet(reach.low), high = to_bullet(reach.high);
   const btTransform frame(btQuaternion::getIdentity(), pose.getOrigin());
