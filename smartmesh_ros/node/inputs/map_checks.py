@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck
 
@@ -38,10 +39,9 @@ class MapChecks:
             self._empty.pop(name, None)
         self._update_warning()
 
-    def note_holes(self, tile: str, heightmap: HeightMap) -> None:
-        """Notes whether a tile has any ground."""
-        heights = heightmap.heights
-        if np.isnan(heights[::SPARSE, ::SPARSE]).all() and np.isnan(heights).all():
+    def note_holes(self, tile: str, heightmap: HeightMap, changed: FloatArray | None = None) -> None:
+        """Notes whether a tile has any ground. ``changed``: the heights that are new (rows, columns), None = all."""
+        if (changed is None or _is_hole(changed)) and _is_hole(heightmap.heights):
             self._empty[tile] = heightmap.size
         elif self._empty.pop(tile, None) is None:
             return
@@ -76,3 +76,8 @@ class MapChecks:
             self._logger.warning(self.warning)
         if self.warning or before:
             self._warned = now
+
+
+def _is_hole(heights: FloatArray) -> bool:
+    """Return True if all heights (rows, columns) are NaN."""
+    return bool(np.isnan(heights[::SPARSE, ::SPARSE]).all() and np.isnan(heights).all())

@@ -74,7 +74,10 @@ class TerrainInputs:
         """Accepts any stamps from now on, after a reset."""
         self._clocks.clear()
         self._checks.forget()
-        self._session.map_warning = self._rivals.warning
+        for name, tile in self._terrain.tiles.items():
+            if isinstance(tile, HeightMap):
+                self._checks.note_holes(name, tile)
+        self._session.map_warning = self._rivals.warning or self._checks.warning
 
     def _on_map(self, data: bytes) -> None:
         new = map_from(data)
@@ -123,6 +126,7 @@ class TerrainInputs:
             tile.update_region(
                 new.row, new.column, new.heights, time=time, velocities=new.velocities, material=new.material
             )
+            self._checks.note_holes(target.name, tile, new.heights)
 
     def _listen_to_occupancy_updates(self, qos: QoSProfile) -> None:
         kind = find_message("map_msgs", "OccupancyGridUpdate")

@@ -104,14 +104,14 @@ class Diagnostics:
             return DiagnosticStatus.WARN, "no map yet", values
         age = session.clock.steady() - session.last_map_time
         values["age [s]"] = f"{age:.3f}"
-        if age > STALE:
-            text = f"the last map is {age:.1f} s old"
-            # A single map may be static terrain; after several maps, more are expected.
-            if not sources and session.maps > 1:
-                return DiagnosticStatus.WARN, f"{text}, and nobody publishes maps any more", values
-            return DiagnosticStatus.OK, text, values
+        text = f"the last map is {age:.1f} s old"
+        # A single map may be static terrain; after several maps, more are expected.
+        if age > STALE and not sources and session.maps > 1:
+            return DiagnosticStatus.WARN, f"{text}, and nobody publishes maps any more", values
         if session.map_warning:
             return DiagnosticStatus.WARN, session.map_warning, values
+        if age > STALE:
+            return DiagnosticStatus.OK, text, values
         return DiagnosticStatus.OK, "maps arrive", values
 
     def _bodies(self) -> tuple[bytes, str, dict[str, Any]]:
