@@ -11,13 +11,15 @@ from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from simulation_interfaces.action import SimulateSteps
 from simulation_interfaces.msg import Result
-from smartmesh_msgs.srv import RestoreState, SaveState, StartEpisode, StepPhysics
+from smartmesh_msgs.srv import RemoveBody, RestoreState, SaveState, StartEpisode, StepPhysics
+from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from smartmesh_ros import BodyState
-from smartmesh_ros.tools.testing import Probe
+from smartmesh_ros.tools.testing import Probe, heightmap_message
+from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import body_names, changed, fed, seconds, show_level_ground, spawn
-from tests.urdfs import ROVER
+from tests.urdfs import ROVER, link, robot
 
 RATE = 240.0
 SHARED = {
@@ -182,3 +184,30 @@ def test_tracked_bodies_of_a_state_leave_when_nobody_tracks_them() -> None:
         while "hand" in node.world.bodies:
             node.run(1)
         assert np.isfinite(node.world.time)
+
+
+def test_a_fresh_node_goes_on_with_the_bodies_of_the_state_and_no_others() -> None:
+    """The state knows which bodies of the parameters were removed, and which robot is the description's."""
+    spawned = [f"{{id: {name}, shape: sphere, size: [0.2], mass: 1.0, xy: [{x}, 2.0]}}" for name, x in zip(("a", "b", "c"), (1, 2, 9), strict=True)]
+    parameters = {"bodies.spawn": spawned, "robot.start": "{id: rover, xy: [4.0, 4.0]}"}
+    small, large = (("heightmap", 0.0, heightmap_message(np.zeros((60, n)))) for n in (60, 120))
+    described = [("robot_description", 0.0, String(data=robot(link(name)))) for name in ("base", "chassis")]
+    with replayed([small, described[0]], parameters) as saver, replayed([described[0]], parameters) as fresh:
+        saver.run(1.0)
+        assert [*saver.world.bodies] == ["a", "b", "rover"]
+        assert saver.call("remove_body", RemoveBody.Request(id="b")).success
+        state = saver.call("save_state", SaveState.Request()).state
+        for run, again in ((saver, True), (fresh, False)):
+            if not again:
+                assert run.call("restore_state", RestoreState.Request(state=state)).success
+            run.give("heightmap", small[2])
+            run.give(*described[0][::2])
+            run.run(run.time + 1.0)
+            assert [*run.world.bodies] == ["a", "rover"]
+            run.give(*large[::2])
+            run.run(run.time + 1.0)
+            assert [*run.world.bodies] == ["a", "rover", "c"], "it waited for ground"
+            run.give(*described[1][::2])
+            run.run(run.time + 1.0)
+            assert run.world.bodies["rover"].urdf == described[1][2].data
+            assert not run.refused

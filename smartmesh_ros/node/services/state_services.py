@@ -25,7 +25,7 @@ MOST_NAMED = 5
 
 class StateServices:
     """Serves ``~/save_state``, ``~/restore_state`` and ``~/start_episode``. ``node``: the collider, whose methods
-    ``start_episode`` and ``take_restored`` they call."""
+    ``start_episode`` and ``take_restored`` they call, and whose ``initial`` bodies and ``robot`` go on with a state."""
 
     def __init__(self, session: Session, node: Any) -> None:
         self._session, self._node = session, node
@@ -37,8 +37,10 @@ class StateServices:
         file = _file_of(request.file) if request.file else None
         if file is not None and file.exists() and not state_file.is_state(state_file.read(file)):
             raise InputError("state", f"{file} is there, and is no saved state; choose another name")
-        data = self._session.world.save(file, extra={"frame_id": self._session.frame_id})
-        self._node.take_restored()
+        initial, robot = self._node.initial, self._node.robot
+        extra = {"frame_id": self._session.frame_id, "waiting": initial.waiting, "described": robot.described}
+        data = self._session.world.save(file, extra=extra)
+        self._take(**extra)
         if file is None:
             response.state = array("B", data)
 
@@ -50,9 +52,17 @@ class StateServices:
         state = WorldState.from_bytes(data)
         _require_same_settings(state, session.settings)
         session.require_room([body.name for body in state.snapshot.bodies])
+        with state_file.foreign_refused():
+            waiting = [str(name) for name in state.extra.get("waiting", [])]
         session.world.restore(state)
-        session.frame_id = str(state.extra.get("frame_id", ""))
+        self._take(str(state.extra.get("frame_id", "")), waiting, bool(state.extra.get("described")))
+
+    def _take(self, frame_id: str, waiting: list[str], described: bool) -> None:  # noqa: FBT001  # as they are saved
+        """Go on from a restored world, and from what was saved with it."""
+        self._session.frame_id = frame_id
         self._node.take_restored()
+        self._node.initial.take_restored(waiting)
+        self._node.robot.take_restored(described=described)
 
 
 def _file_of(name: str) -> Path:
