@@ -246,8 +246,10 @@ class Session:
             raise InputError("duplicate_id", f"{name!r} is simulated; a tracked body needs another name")
 
     def note_clock(self, source: str, placed: Placed) -> None:
-        """Log a line if the stamps of a source, of which this is the first, are not on this node's clock."""
-        if not placed.fresh or placed.own or placed.stamp is None:
+        """Log a line if the stamps of a source, of which this is the first, are not on this node's clock, once that
+        runs: maps may come before the first message of ``/clock``."""
+        waits = self.clock.simulated and self.clock.stamp_now() == 0.0
+        if waits or not placed.fresh or placed.own or placed.stamp is None:
             return
         age = self.clock_now() - placed.stamp
         where = f"{age:.3f} s old" if age > 0.0 else f"{-age:.3f} s ahead of this node's clock"
@@ -255,7 +257,8 @@ class Session:
         if age > 0.0:
             self.node.get_logger().info(words)
         else:
-            self.node.get_logger().warning(f"{words}; set use_sim_time, or synchronise the clocks")
+            cure = "synchronise the clocks" if self.clock.simulated else "set use_sim_time, or synchronise the clocks"
+            self.node.get_logger().warning(f"{words}; {cure}")
 
     def start_of(self, name: str, state: BodyState, *, on_ground: bool = False) -> str:
         """Return how a body that was added starts otherwise than asked, and log it; empty if it does not."""

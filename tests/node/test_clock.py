@@ -60,6 +60,22 @@ def test_with_use_sim_time_the_physics_follows_the_clock(domain: int) -> None:
         assert node.node.pacer.misses == 0
 
 
+def test_a_map_that_comes_before_the_first_message_of_the_clock_is_of_no_other_clock(
+    domain: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with fed({"use_sim_time": True}) as node:
+        message = heightmap_message(np.zeros((10, 10)))
+        for first, words in ((100.0, False), (200.0, True)):  # the second one is ahead of a clock that runs
+            message.header.stamp = stamp_of(first)
+            node.give("heightmap", message, steps=0)
+            set_clock(node, first)
+            message.header.stamp = stamp_of(first + 0.01)
+            node.give("heightmap", message, steps=0)
+            said = capfd.readouterr().err
+            assert ("s ahead of this node's clock" in said) == words and "set use_sim_time" not in said
+        assert not node.node.refusals.counts
+
+
 @pytest.mark.parametrize(("interval", "rate"), [(0.001, 50.0), (0.1, 48.0)])
 def test_each_state_has_its_own_stamp_and_rates_count_simulated_time(
     probe: Probe, monkeypatch: pytest.MonkeyPatch, interval: float, rate: float
