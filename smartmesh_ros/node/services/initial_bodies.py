@@ -138,8 +138,9 @@ class InitialBodies:
     async def _stand(self, entry: Entry) -> None:
         """Spawn the body of an entry, a robot on the ground in turns, unless there is another scene by then."""
         try:
-            action = await in_turns(self._adding(entry), self._session.lock)
-            with self._session.lock:
+            session = self._session
+            action = await in_turns(self._adding(entry), session.lock, session.standing)
+            with session.lock:
                 if self._entries.get(entry.name) is entry and not self._spawn(entry, action):
                     self._waiting.append(entry.name)
         except REFUSED as error:
