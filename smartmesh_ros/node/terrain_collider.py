@@ -93,7 +93,7 @@ class Collider:
                 self._bodies.refresh()
                 self._decks.refresh()
                 self._peers.refresh()
-                session.tracking.expire(session.clock.pace())
+                self._bodies.expire()
             with session.enduring("physics"):
                 if session.paused:
                     session.world.update()

@@ -173,7 +173,7 @@ def test_the_action_steps_with_feedback_and_can_be_cancelled(paused: Probe, step
         assert not told
 
 
-def test_tracked_bodies_of_a_state_leave_when_nobody_tracks_them() -> None:
+def test_tracked_bodies_of_a_state_leave_when_nobody_tracks_them(capfd: pytest.CaptureFixture[str]) -> None:
     with fed({"bodies.timeout": 0.2}) as node:
         node.world.track("hand", 0.3, BodyState((0.0, 0.0, 1.0)))
         state = node.world.state_bytes()
@@ -183,6 +183,7 @@ def test_tracked_bodies_of_a_state_leave_when_nobody_tracks_them() -> None:
         assert "hand" in node.node.session.tracking.names
         while "hand" in node.world.bodies:
             node.run(1)
+        assert "bodies.timeout = 0.2 s: removed 'hand'" in capfd.readouterr().err
         assert np.isfinite(node.world.time)
 
 
