@@ -183,6 +183,8 @@ class SavedWorld(Population):
             for link in self._belts(body):
                 self.drive_surface(body.name, link, 0.0)
         self._set_ends({})
+        for watcher in self.watchers:
+            watcher.start_over()
         self._note_first_terrain()
         if self._first is None:
             return

@@ -39,6 +39,9 @@ class StepWatcher(Protocol):
     def after_step(self) -> None:
         """Do what is to be done right after it, at the world's new time."""
 
+    def start_over(self) -> None:
+        """Forget commands and what was measured: an episode begins at the world's time."""
+
 
 class World(SavedWorld):
     """Bodies on a terrain, stepped at a fixed rate. Close it, or use it as a context manager.
