@@ -4,6 +4,7 @@ what these do becomes odometry."""
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -119,6 +120,17 @@ class Base:
         halfway = yaw + 0.5 * angular * world.dt
         x, y = x + linear * math.cos(halfway) * world.dt, y + linear * math.sin(halfway) * world.dt
         self._pose = x, y, yaw + angular * world.dt
+
+    @property
+    def saved(self) -> list[float]:
+        """The command and the odometry, from which `take` goes on."""
+        return [*self._target, *self._now, self._lasts, self._end, *self._pose, *self._velocity]
+
+    def take(self, saved: Sequence[float]) -> None:
+        """Go on at the world's time from what was ``saved`` of a base."""
+        v, turn, v_now, turn_now, lasts, end, x, y, yaw, linear, angular = saved
+        self._target, self._now, self._lasts, self._end, self._fresh = (v, turn), (v_now, turn_now), lasts, end, True
+        self._time, self._pose, self._velocity = self._world.time, (x, y, yaw), (linear, angular)
 
     def start_over(self) -> None:
         """Forget all commands, and start the odometry anew."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import Twist, Vector3
 from rclpy.action import ActionClient
 from simulation_interfaces.action import SimulateSteps
 from simulation_interfaces.msg import Result
@@ -19,7 +20,7 @@ from smartmesh_ros import BodyState
 from smartmesh_ros.tools.testing import Probe, heightmap_message
 from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import body_names, changed, fed, seconds, show_level_ground, spawn
-from tests.urdfs import ROVER, link, robot
+from tests.urdfs import HUSKY, ROVER, link, robot
 
 RATE = 240.0
 SHARED = {
@@ -212,3 +213,30 @@ def test_a_fresh_node_goes_on_with_the_bodies_of_the_state_and_no_others() -> No
             run.run(run.time + 1.0)
             assert run.world.bodies["rover"].urdf == described[1][2].data
             assert not run.refused
+
+
+def test_a_fresh_node_drives_on_as_the_one_that_saved_and_one_that_drove_as_the_state_says() -> None:
+    wheels = "[front_left_wheel, front_right_wheel, rear_left_wheel, rear_right_wheel]"
+    parameters = {
+        "bodies.spawn": [f"{{id: husky, urdf: {HUSKY}, xy: [3.0, 3.0]}}"],
+        "bases": [f"{{body: husky, wheels: {wheels}, linear_acceleration: 1.0}}"],
+    }
+    ground = ("heightmap", 0.0, heightmap_message(np.zeros((60, 60))))
+    with replayed([ground], parameters) as saver, replayed([ground], parameters) as fresh:
+        saver.run(1.0)
+        fresh.run(1.2)
+        rest = saver.call("save_state", SaveState.Request()).state
+        saver.give("cmd_vel/husky", Twist(linear=Vector3(x=0.5)))
+        saver.run(1.2)  # it is still becoming faster
+        driven = saver.call("save_state", SaveState.Request()).state
+        assert fresh.call("restore_state", RestoreState.Request(state=driven)).success
+        found = []
+        for run in (saver, fresh):
+            run.run(run.time + 2.0)
+            found.append((run.world.time, run.world.base_state("husky"), run.collider.session.bases["husky"].odometry))
+        assert found[0] == found[1] and found[0][2].x > 0.05
+        saver.give("cmd_vel/husky", Twist(linear=Vector3(x=0.5)))
+        saver.run(saver.time + 0.2)
+        assert saver.call("restore_state", RestoreState.Request(state=rest)).success
+        saver.run(saver.time + 1.0)
+        assert abs(saver.collider.session.bases["husky"].odometry.x) < 1e-3
