@@ -61,7 +61,7 @@ class StateServices:
         session.world.restore(state)
         self._take(**extra)
 
-    def _take(self, frame_id: str, waiting: list[str], described: bool, bases: dict[str, list[float]]) -> None:  # noqa: FBT001
+    def _take(self, frame_id: str, waiting: list[str], described: bool, bases: dict[str, list[float]]) -> None:
         """Go on from a restored world, and from what was saved with it."""
         self._session.frame_id = frame_id
         for name, base in self._session.bases.items():
