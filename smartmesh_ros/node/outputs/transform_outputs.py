@@ -102,7 +102,7 @@ class TransformOutputs:
         if new := sorted(left_out - self._left_out):
             self._left_out |= left_out
             self._session.node.get_logger().info(
-                f"{PARAMETER} leaves out frames that others publish, or that are above the terrain's: {', '.join(new)}"
+                f"{PARAMETER} leaves out frames that others have, or that are above the terrain's: {', '.join(new)}"
             )
         return frames
 
