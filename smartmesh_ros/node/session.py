@@ -22,7 +22,7 @@ from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME, MOST_BODIES, Settings
 from smartmesh_ros.node.refusals import Refusals, shortened
 from smartmesh_ros.node.services.files import FileWork
-from smartmesh_ros.node.services.turns import Turns, Work
+from smartmesh_ros.node.services.turns import Line, Turns, Work
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer, stamp_of
 from smartmesh_ros.node.timing.stamps import Placed
 from smartmesh_ros.node.transport import Clock, Transport
@@ -67,8 +67,9 @@ class Session:
     not. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the node's inputs and outputs. ``jumps``:
     number of jumps of tracked bodies, by topic. ``unstamped``: number of transforms without stamp, by topic.
     ``stamp_ages``: steady age of the stamps of each input on arrival [s], None = without stamps. ``names``: names of
-    the peer nodes. ``turns``: answers under way. ``files``: reads files and prepares robots. ``bases``: robots that
-    drive, by name. ``lost``: why bodies were removed, by name, until a reset.
+    the peer nodes. ``turns``: answers under way. ``standing``: robots that are put onto the ground, one by one.
+    ``files``: reads files and prepares robots. ``bases``: robots that drive, by name. ``lost``: why bodies were
+    removed, by name, until a reset.
     """
 
     def __init__(self, node: Transport, settings: Settings, clock: Clock) -> None:
@@ -96,7 +97,7 @@ class Session:
         self.overtaken: Counter[str] = Counter()
         self.maps = 0
         self.map_warning = ""
-        self.turns = Turns()
+        self.turns, self.standing = Turns(), Line()
         self.files = FileWork()
         self.lost: dict[str, str] = {}
 
@@ -246,8 +247,10 @@ class Session:
             raise InputError("duplicate_id", f"{name!r} is simulated; a tracked body needs another name")
 
     def note_clock(self, source: str, placed: Placed) -> None:
-        """Log a line if the stamps of a source, of which this is the first, are not on this node's clock."""
-        if not placed.fresh or placed.own or placed.stamp is None:
+        """Log a line if the stamps of a source, of which this is the first, are not on this node's clock, once that
+        runs: maps may come before the first message of ``/clock``."""
+        waits = self.clock.simulated and self.clock.stamp_now() == 0.0
+        if waits or not placed.fresh or placed.own or placed.stamp is None:
             return
         age = self.clock_now() - placed.stamp
         where = f"{age:.3f} s old" if age > 0.0 else f"{-age:.3f} s ahead of this node's clock"
@@ -255,7 +258,8 @@ class Session:
         if age > 0.0:
             self.node.get_logger().info(words)
         else:
-            self.node.get_logger().warning(f"{words}; set use_sim_time, or synchronise the clocks")
+            cure = "synchronise the clocks" if self.clock.simulated else "set use_sim_time, or synchronise the clocks"
+            self.node.get_logger().warning(f"{words}; {cure}")
 
     def start_of(self, name: str, state: BodyState, *, on_ground: bool = False) -> str:
         """Return how a body that was added starts otherwise than asked, and log it; empty if it does not."""

@@ -59,7 +59,7 @@ class Collider:
         self.session = session = Session(node, settings, clock)
         self.pacer, self.refusals = session.pacer, session.refusals
         self.initial = InitialBodies(session)
-        self._robot = RobotDescription(session, self.initial)
+        self.robot = RobotDescription(session, self.initial)
         self._peers = PeerBodies(session)
         transforms = TransformInput(session)
         self._outputs = Publishing(session, self._peers, transforms)
@@ -93,7 +93,7 @@ class Collider:
                 self._bodies.refresh()
                 self._decks.refresh()
                 self._peers.refresh()
-                session.tracking.expire(session.clock.pace())
+                self._bodies.expire()
             with session.enduring("physics"):
                 if session.paused:
                     session.world.update()

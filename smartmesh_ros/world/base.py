@@ -4,6 +4,7 @@ what these do becomes odometry."""
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -73,6 +74,7 @@ class Base:
         """
         if not (math.isfinite(linear) and math.isfinite(angular)):
             raise InputError("non_finite", f"a base cannot drive at {linear} m/s and {angular} rad/s: not finite")
+        self._note_time()
         geometry = self._find()
         if geometry is None:
             raise self._error or InputError("unknown_body", f"there is no robot {self.name!r}")
@@ -87,6 +89,7 @@ class Base:
 
     def before_step(self) -> None:
         """Command wheels or tracks and steering joints for a step."""
+        self._note_time()
         geometry, world = self._find(), self._world
         if geometry is None:
             return
@@ -109,8 +112,6 @@ class Base:
     def after_step(self) -> None:
         """Add the way of a step to the odometry."""
         world, geometry = self._world, self._geometry
-        if world.time < self._time:  # the world's time was reset
-            self._start()
         self._time = world.time
         if geometry is None or world.bodies.get(self.name) is not self._body:
             return
@@ -119,6 +120,22 @@ class Base:
         halfway = yaw + 0.5 * angular * world.dt
         x, y = x + linear * math.cos(halfway) * world.dt, y + linear * math.sin(halfway) * world.dt
         self._pose = x, y, yaw + angular * world.dt
+
+    @property
+    def saved(self) -> list[float]:
+        """The command and the odometry, from which `take` goes on."""
+        return [*self._target, *self._now, self._lasts, self._end, *self._pose, *self._velocity]
+
+    def take(self, saved: Sequence[float]) -> None:
+        """Go on at the world's time from what was ``saved`` of a base."""
+        v, turn, v_now, turn_now, lasts, end, x, y, yaw, linear, angular = saved
+        self._target, self._now, self._lasts, self._end, self._fresh = (v, turn), (v_now, turn_now), lasts, end, True
+        self._time, self._pose, self._velocity = self._world.time, (x, y, yaw), (linear, angular)
+
+    def start_over(self) -> None:
+        """Forget all commands, and start the odometry anew."""
+        self._stand()
+        self._start()
 
     @property
     def odometry(self) -> BaseOdometry:
@@ -177,6 +194,12 @@ class Base:
         """Forget all commands."""
         self._target, self._now = (0.0, 0.0), (0.0, 0.0)
         self._lasts, self._end, self._fresh = math.inf, math.inf, True
+
+    def _note_time(self) -> None:
+        """If the world's time was reset, let the last command end as much earlier, and start the odometry anew."""
+        if self._world.time < self._time:
+            self._end += self._world.time - self._time
+            self._start()
 
     def _start(self) -> None:
         """Start the odometry anew."""

@@ -115,6 +115,11 @@ class Imu:
         self._readings.clear()
         return found
 
+    def start_over(self) -> None:
+        """Begin as a new sensor, without readings."""
+        self._readings.clear()
+        self._restart()
+
     def before_step(self) -> None:
         """Note the state before a step."""
         self._before = self._state()

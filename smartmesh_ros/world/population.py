@@ -94,8 +94,10 @@ class Population(Driving):
         self, name: str, robot: PreparedRobot, state: BodyState, *, align: bool = False
     ) -> Parts[Stance]:
         """Find how a robot would stand on the ground, in parts of a few milliseconds between which this world may step;
-        `Stance.on` then returns the state for `spawn_robot`. Raises `InputError` as of `spawn`."""
+        `Stance.on` then returns the state for `spawn_robot`. From the second part on it holds 30 MB. Raises
+        `InputError` as of `spawn`."""
         require_possible(name, state)
+        yield
         client: Any = BulletClient(pb.DIRECT)
         try:
             body = BodyFactory(client, self._factory.config).robot(name, robot, state)

@@ -6,7 +6,7 @@ import copy
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Protocol
 
 import pybullet as pb
 
@@ -28,12 +28,26 @@ from smartmesh_ros.world.snapshot import BodySnapshot, Snapshot, WorldState
 Source = bytes | str | os.PathLike[str]
 
 
+class StepWatcher(Protocol):
+    """What takes part in the steps of a world, such as a sensor."""
+
+    def before_step(self) -> None:
+        """Do what is to be done right before the physics of a step."""
+
+    def after_step(self) -> None:
+        """Do what is to be done right after it, at the world's new time."""
+
+    def start_over(self) -> None:
+        """Forget commands and what was measured: an episode begins at the world's time."""
+
+
 class SavedWorld(Population):
     """The state of a world; see `World`."""
 
     config: WorldConfig
     falls: Falls
     seed: int
+    watchers: list[StepWatcher]
     _rescues: int
     _first: Terrain | None
     _start: Callable[[], None]
@@ -183,6 +197,8 @@ class SavedWorld(Population):
             for link in self._belts(body):
                 self.drive_surface(body.name, link, 0.0)
         self._set_ends({})
+        for watcher in self.watchers:
+            watcher.start_over()
         self._note_first_terrain()
         if self._first is None:
             return

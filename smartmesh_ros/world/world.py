@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 import pybullet as pb
@@ -24,20 +24,10 @@ from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.falling import Falls
 from smartmesh_ros.world.guests import Guests
 from smartmesh_ros.world.link_frames import frame_pose
-from smartmesh_ros.world.saved_world import SavedWorld
+from smartmesh_ros.world.saved_world import SavedWorld, StepWatcher
 from smartmesh_ros.world.settings import WorldConfig
 
 __all__ = ["World", "WorldConfig"]
-
-
-class StepWatcher(Protocol):
-    """What takes part in the steps of a world, such as a sensor."""
-
-    def before_step(self) -> None:
-        """Do what is to be done right before the physics of a step."""
-
-    def after_step(self) -> None:
-        """Do what is to be done right after it, at the world's new time."""
 
 
 class World(SavedWorld):

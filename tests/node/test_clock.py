@@ -16,6 +16,7 @@ from tf2_msgs.msg import TFMessage
 from smartmesh_ros import BodyState, Sphere
 from smartmesh_ros.node.outputs import transform_outputs
 from smartmesh_ros.tools.testing import COLLIDER, Probe, Process, heightmap_message
+from smartmesh_ros.tools.testing.replaying import replayed
 from smartmesh_ros.world.joints import JointCommand
 from tests.node.shared import Fed, changed, fed, own_time, seconds, spawn
 from tests.urdfs import joint, link, robot
@@ -58,6 +59,22 @@ def test_with_use_sim_time_the_physics_follows_the_clock(domain: int) -> None:
                 set_clock(node, first + 0.02 * k)
                 assert node.world.time - before == pytest.approx(0.02 * k, abs=3 * STEP)
         assert node.node.pacer.misses == 0
+
+
+def test_a_map_that_comes_before_the_first_message_of_the_clock_is_of_no_other_clock(
+    domain: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with fed({"use_sim_time": True}) as node:
+        message = heightmap_message(np.zeros((10, 10)))
+        for first, words in ((100.0, False), (200.0, True)):  # the second one is ahead of a clock that runs
+            message.header.stamp = stamp_of(first)
+            node.give("heightmap", message, steps=0)
+            set_clock(node, first)
+            message.header.stamp = stamp_of(first + 0.01)
+            node.give("heightmap", message, steps=0)
+            said = capfd.readouterr().err
+            assert ("s ahead of this node's clock" in said) == words and "set use_sim_time" not in said
+        assert not node.node.refusals.counts
 
 
 @pytest.mark.parametrize(("interval", "rate"), [(0.001, 50.0), (0.1, 48.0)])
@@ -125,10 +142,22 @@ def test_what_waits_for_a_clock_says_so_and_publishes_to_new_subscribers_and_aft
         def runs() -> bool:
             clock.publish(Clock(clock=Time(sec=next(time) // 20)))
             probe.spin(0.05)
-            return "clock" not in probe.newest_diagnostics()["physics"]["message"]
+            return "waits" not in probe.newest_diagnostics()["physics"]["message"]
 
         probe.wait_for(runs)
         probe.wait_for(lambda: probe.diagnostics("physics")["message"] == "waits for /clock, which stands still")
+
+
+@pytest.mark.parametrize(("speed", "words"), [(0.4, "as fast as /clock"), (None, "slower than /clock (0.")])
+def test_the_diagnostics_compare_the_physics_with_the_clock_that_it_follows(speed: float | None, words: str) -> None:
+    """A simulator that is slower than real time is no fault of the node. None: jumps of more than a step may follow."""
+    times = [100.0 + (speed * k / 50 if speed else 2.5 * (k // 25)) for k in range(300)]
+    clock = [("/clock", k / 50, Clock(clock=stamp_of(time))) for k, time in enumerate(times)]
+    ground = ("heightmap", 0.0, heightmap_message(np.zeros((10, 10))))
+    with replayed([ground, *clock], {"use_sim_time": True}, keep=["/diagnostics"]) as run:
+        run.run()
+        found = [of.message for it in run.received("/diagnostics")[3:] for of in it.status if "physics" in of.name]
+        assert len(found) > 1 and all(words in message for message in found)
 
 
 @pytest.mark.parametrize("straggles", [False, True])

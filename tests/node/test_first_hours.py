@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from smartmesh_msgs.msg import BodySpecification
+from smartmesh_msgs.msg import BodySpecification, HeightmapUpdate
 from smartmesh_msgs.srv import SpawnBodies, SpawnBody
 from std_srvs.srv import SetBool, Trigger
 
-from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import Probe, Process, floats, heightmap_message, pose_message
+from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import BALL, body_names, changed, one_round, position_of, show_level_ground, show_map, stamped
 from tests.urdfs import link, robot
 
@@ -81,6 +82,25 @@ def test_a_map_of_holes_alone_is_told(shared: Probe, log: Log) -> None:
     shared.publish_map(np.zeros((30, 30)))
     shared.wait_for(lambda: shared.diagnostics("terrain")["message"] == "maps arrive")
     shared.wait_for(lambda: len(log.lines(words)) == 1)
+
+
+def test_a_map_of_holes_is_told_until_a_region_brings_ground_and_again_when_one_takes_it() -> None:
+    region = HeightmapUpdate(x=5, y=5, width=3, height=3)
+    told = "the map has no ground: all its 900 heights are NaN"
+    with replayed([("heightmap", 0.0, heightmap_message(np.full((30, 30), np.nan)))], keep=["/diagnostics"]) as run:
+
+        def says() -> str:
+            run.run(run.time + 4.0)
+            return next(of.message for of in run.received("/diagnostics")[-1].status if of.name.endswith("terrain"))
+
+        assert told in says(), "the map may have been published once"
+        assert run.call("reset", Trigger.Request()).success
+        assert told in says()
+        for height, words in [(0.0, "the last map is"), (np.nan, told)]:
+            region.heights = floats(np.full(9, height, np.float32))
+            run.give("heightmap_update", region)
+            assert words in says()
+        assert not run.refused
 
 
 @pytest.mark.parametrize(

@@ -19,9 +19,10 @@ from smartmesh_msgs.srv import RemoveBody, SpawnBody
 from smartmesh_ros import BodyState, Sphere
 from smartmesh_ros.node import session
 from smartmesh_ros.node.inputs import cdr_reader, terrain_inputs
+from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.testing import assert_cannot_start, floats, heightmap_message, layer_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import BALL, Fed, fed, refusal_at_start, stamped
+from tests.node.shared import BALL, Fed, fed, own_time, refusal_at_start, stamped
 from tests.urdfs import link, robot
 
 GOOD = np.random.default_rng(1).normal(size=(40, 30)) * 0.2
@@ -147,6 +148,29 @@ BAD_SPAWNS: list[tuple[str, dict[str, Any]]] = [
     ("is not in bodies.urdf_folders", {"urdf": "/no/such/file.urdf"}),
     ("does not load", {"urdf": "<robot>"}),
 ]
+
+
+@pytest.mark.parametrize("changes", ["motion", "correction"])
+def test_moving_ground_goes_on_though_a_map_of_another_clock_is_refused(
+    domain: int, monkeypatch: pytest.MonkeyPatch, changes: str
+) -> None:
+    now = own_time(monkeypatch)
+    with fed({"terrain.changes": changes, "terrain.settle": 5.0}) as node:
+        for k in range(5):
+            good = changed(heightmap_message(GOOD + 0.1 * k), header__frame_id="map", header__stamp=stamp_of(now[0]))
+            node.play(now, 0.1, 1.0, lambda good=good: node.give("heightmap", good, steps=0))
+        heights, before = node.heights(1.0, 1.0), node.world.ground_at([[1.0, 1.0]])
+        ahead = Time(sec=10_000)
+        refused = bad_map(heights=floats(np.full(1200, np.inf, np.float32)), header__stamp=ahead)(node)
+        outside = bad_update(y=2**32 - 1, header__stamp=ahead)(node)
+        for topic, reason, message in [("heightmap", "non_finite", refused), ("heightmap_update", "region", outside)]:
+            for _ in range(3):
+                node.give(topic, message, steps=0)
+            assert node.node.refusals.counts[f"{topic}: {reason}"] == 3
+        ground = node.world.ground_at([[1.0, 1.0]])
+        assert node.heights(1.0, 1.0) == pytest.approx(heights, abs=1e-9)
+        assert ground.z == pytest.approx(before.z, abs=1e-9) and ground.ages == pytest.approx(before.ages, abs=1e-9)
+        assert ground.velocities == pytest.approx(before.velocities, abs=1e-9)
 
 
 def test_bad_spawns_are_answered_with_what_is_wrong() -> None:

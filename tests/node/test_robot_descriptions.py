@@ -4,10 +4,12 @@
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pybullet_data
 import pytest
+from pybullet_utils.bullet_client import BulletClient
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodyDescription, BodySpecification, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
@@ -16,7 +18,8 @@ from std_msgs.msg import String
 from smartmesh_ros import BodyState
 from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import BALL, LATCHED, body_names, refusals, show_level_ground, spawn
+from smartmesh_ros.world import population
+from tests.node.shared import BALL, LATCHED, body_names, fed, refusals, show_level_ground, spawn
 from tests.urdfs import ROVER, joint, link, robot
 
 SHARED = {"bodies.urdf_folders": [tempfile.gettempdir()]}
@@ -125,6 +128,26 @@ def test_the_physics_steps_while_a_robot_is_prepared_and_put_onto_the_ground(sha
     shared.wait_for(answer.done)
     assert answer.result().success, answer.result().message
     assert len(states) - before > 5
+
+
+def test_robots_of_a_burst_are_measured_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of them takes a PyBullet of its own meanwhile, of 30 MB: hundreds at once would end the process."""
+    made: list[BulletClient] = []
+
+    def client(*options: Any) -> BulletClient:
+        assert not any(other.isConnected() for other in made)
+        made.append(BulletClient(*options))
+        return made[-1]
+
+    names = [f"robot_{k}" for k in range(4)]
+    entries = [f"{{id: {name}, urdf: {ROVER}, xy: [{2 * k + 1}, 2.0]}}" for k, name in enumerate(names)]
+    with fed({"bodies.spawn": entries}) as node:
+        monkeypatch.setattr(population, "BulletClient", client)
+        node.give("heightmap", heightmap_message(np.zeros((100, 100))))
+        while node.node.turn():
+            pass
+        assert [*node.world.bodies] == names and len(made) == len(names)
+        assert not node.node.refusals.counts
 
 
 def test_every_body_is_described_while_it_is_there() -> None:

@@ -8,16 +8,19 @@ from typing import Any
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import Twist, Vector3
 from rclpy.action import ActionClient
 from simulation_interfaces.action import SimulateSteps
 from simulation_interfaces.msg import Result
-from smartmesh_msgs.srv import RestoreState, SaveState, StartEpisode, StepPhysics
+from smartmesh_msgs.srv import RemoveBody, RestoreState, SaveState, StartEpisode, StepPhysics
+from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from smartmesh_ros import BodyState
-from smartmesh_ros.tools.testing import Probe
+from smartmesh_ros.tools.testing import Probe, heightmap_message
+from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import body_names, changed, fed, seconds, show_level_ground, spawn
-from tests.urdfs import ROVER
+from tests.urdfs import HUSKY, ROVER, link, robot
 
 RATE = 240.0
 SHARED = {
@@ -171,7 +174,7 @@ def test_the_action_steps_with_feedback_and_can_be_cancelled(paused: Probe, step
         assert not told
 
 
-def test_tracked_bodies_of_a_state_leave_when_nobody_tracks_them() -> None:
+def test_tracked_bodies_of_a_state_leave_when_nobody_tracks_them(capfd: pytest.CaptureFixture[str]) -> None:
     with fed({"bodies.timeout": 0.2}) as node:
         node.world.track("hand", 0.3, BodyState((0.0, 0.0, 1.0)))
         state = node.world.state_bytes()
@@ -181,4 +184,60 @@ def test_tracked_bodies_of_a_state_leave_when_nobody_tracks_them() -> None:
         assert "hand" in node.node.session.tracking.names
         while "hand" in node.world.bodies:
             node.run(1)
+        assert "bodies.timeout = 0.2 s: removed 'hand'" in capfd.readouterr().err
         assert np.isfinite(node.world.time)
+
+
+def test_a_fresh_node_goes_on_with_the_bodies_of_the_state_and_no_others() -> None:
+    """The state knows which bodies of the parameters were removed, and which robot is the description's."""
+    places = {"a": 1.0, "b": 2.0, "c": 9.0}
+    spawned = [f"{{id: {name}, shape: sphere, size: [0.2], mass: 1.0, xy: [{x}, 2.0]}}" for name, x in places.items()]
+    parameters = {"bodies.spawn": spawned, "robot.start": "{id: rover, xy: [4.0, 4.0]}"}
+    small, large = (("heightmap", 0.0, heightmap_message(np.zeros((60, n)))) for n in (60, 120))
+    described = [("robot_description", 0.0, String(data=robot(link(name)))) for name in ("base", "chassis")]
+    with replayed([small, described[0]], parameters) as saver, replayed([described[0]], parameters) as fresh:
+        saver.run(1.0)
+        assert [*saver.world.bodies] == ["a", "b", "rover"]
+        assert saver.call("remove_body", RemoveBody.Request(id="b")).success
+        state = saver.call("save_state", SaveState.Request()).state
+        for run, again in ((saver, True), (fresh, False)):
+            if not again:
+                assert run.call("restore_state", RestoreState.Request(state=state)).success
+            run.give("heightmap", small[2])
+            run.give(*described[0][::2])
+            run.run(run.time + 1.0)
+            assert [*run.world.bodies] == ["a", "rover"]
+            run.give(*large[::2])
+            run.run(run.time + 1.0)
+            assert [*run.world.bodies] == ["a", "rover", "c"], "it waited for ground"
+            run.give(*described[1][::2])
+            run.run(run.time + 1.0)
+            assert run.world.bodies["rover"].urdf == described[1][2].data
+            assert not run.refused
+
+
+def test_a_fresh_node_drives_on_as_the_one_that_saved_and_one_that_drove_as_the_state_says() -> None:
+    wheels = "[front_left_wheel, front_right_wheel, rear_left_wheel, rear_right_wheel]"
+    parameters = {
+        "bodies.spawn": [f"{{id: husky, urdf: {HUSKY}, xy: [3.0, 3.0]}}"],
+        "bases": [f"{{body: husky, wheels: {wheels}, linear_acceleration: 1.0}}"],
+    }
+    ground = ("heightmap", 0.0, heightmap_message(np.zeros((60, 60))))
+    with replayed([ground], parameters) as saver, replayed([ground], parameters) as fresh:
+        saver.run(1.0)
+        fresh.run(1.2)
+        rest = saver.call("save_state", SaveState.Request()).state
+        saver.give("cmd_vel/husky", Twist(linear=Vector3(x=0.5)))
+        saver.run(1.2)  # it is still becoming faster
+        driven = saver.call("save_state", SaveState.Request()).state
+        assert fresh.call("restore_state", RestoreState.Request(state=driven)).success
+        found = []
+        for run in (saver, fresh):
+            run.run(run.time + 2.0)
+            found.append((run.world.time, run.world.base_state("husky"), run.collider.session.bases["husky"].odometry))
+        assert found[0] == found[1] and found[0][2].x > 0.05
+        saver.give("cmd_vel/husky", Twist(linear=Vector3(x=0.5)))
+        saver.run(saver.time + 0.2)
+        assert saver.call("restore_state", RestoreState.Request(state=rest)).success
+        saver.run(saver.time + 1.0)
+        assert abs(saver.collider.session.bases["husky"].odometry.x) < 1e-3

@@ -16,7 +16,8 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker
 
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from smartmesh_ros.tools.testing import Probe, assert_on_map, mesh_message, point_message
+from smartmesh_ros.tools.testing import Probe, assert_on_map, heightmap_message, mesh_message, point_message
+from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import (
     Fed,
     box,
@@ -139,6 +140,25 @@ def test_outputs_keep_their_rates_after_many_calls_for_single_steps(shared: Prob
     before, start = len(timings), len(diagnostics)
     shared.wait_for(lambda: len(diagnostics) > start + 10)  # two seconds
     assert len(timings) > before
+
+
+@pytest.mark.parametrize("topic", ["body_states", "/tf", "/clock"])
+def test_a_rate_that_is_raised_holds_at_once_and_calls_for_single_steps_put_off_nothing(topic: str) -> None:
+    parameter = {"/tf": "tf", "/clock": "clock"}.get(topic, topic)
+    maps = [("heightmap", 0.0, heightmap_message(np.zeros((60, 60))))]
+    spawned = {"bodies.spawn": ["{id: ball, shape: sphere, size: [0.2], mass: 1.0, xy: [2.0, 2.0]}"]}
+    with replayed(maps, {**spawned, f"publish.{parameter}": 0.01}, keep=[topic]) as run:
+        run.run(2.0)
+        run.set(**{f"publish__{parameter}": 20.0})
+        for again in (False, True):
+            if again:
+                assert run.call("pause", SetBool.Request(data=True)).success
+                for _ in range(50):
+                    assert run.call("step", StepPhysics.Request(steps=1)).success
+                assert run.call("pause", SetBool.Request(data=False)).success
+            before = len(run.received(topic))
+            run.run(run.time + 1.0)
+            assert len(run.received(topic)) - before == pytest.approx(20, abs=2)
 
 
 def test_parameters_change_at_run_time_as_a_whole_or_not_at_all(domain: int) -> None:

@@ -40,6 +40,19 @@ def buffer_of(*messages: TFMessage) -> FrameBuffer:
     return buffer
 
 
+def test_a_link_that_is_named_like_a_body_has_the_prefix_of_its_robot() -> None:
+    ground = ("heightmap", 0.0, heightmap_message(np.zeros((60, 60))))
+    with replayed([ground], SHARED, keep=["/tf"]) as run:
+        run.world.spawn("base", Sphere(0.2), 1.0, BodyState((2.0, 1.0, 0.5)))
+        run.world.spawn_robot("robot", robot(ARM), BodyState((0.7, 2.0, 0.1)))
+        run.run(2.0)
+        frames = run.received("/tf")[-1].transforms
+        assert {frame.child_frame_id: frame.header.frame_id for frame in frames} == {
+            "base": "map", "robot/base": "map", "robot/arm": "robot/base", "robot/slider": "robot/arm",
+            "robot": "robot/base",
+        }  # fmt: skip
+
+
 def test_bodies_and_links_have_frames_where_they_are() -> None:
     ground = ("heightmap", 0.0, heightmap_message(np.zeros((60, 60))))
     with replayed([ground], SHARED, keep=["/tf", "joint_states", "odometry"]) as run:

@@ -211,6 +211,30 @@ def test_it_holds_its_wheels_comes_back_with_its_robot_and_starts_anew_with_the_
         assert not world.watchers
 
 
+def test_episodes_begin_without_commands_and_a_reset_leaves_them_their_time() -> None:
+    with standing("cart", linear_acceleration=0.5) as (world, base):
+        said: list[str] = []
+        world.say = said.append
+        states = []
+        for _ in range(3):
+            world.reset(seed=0)
+            world.step(240)
+            states.append((world.state("robot"), base.odometry))
+            base.drive(1.0, 0.0, lasts=2.0)
+            world.step(60)  # it is still becoming faster
+        assert states[0] == states[1] == states[2]
+        assert not said
+        world.reset()
+        world.step(240)
+        base.drive(0.5, 0.0, lasts=2.0)
+        world.step(240)
+        assert world.base_state("robot").linear[0] == pytest.approx(0.5, abs=0.03)
+        said.clear()
+        world.reset()
+        world.step(360)
+        assert said == ["no command came for the base 'robot' in time: it stops"]
+
+
 def test_a_saved_world_drives_on_and_one_without_the_base_stops_in_time() -> None:
     with standing("cart") as (world, base), World(world.terrain, world.config) as other:
         base.drive(0.5, 0.2, lasts=1.0)

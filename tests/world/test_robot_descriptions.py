@@ -94,6 +94,18 @@ def test_a_refused_robot_leaves_the_world_as_it_was(world: World, kind: str) -> 
     assert world.state("bad").position[2] == pytest.approx(0.1, abs=1e-3)
 
 
+def test_a_description_in_one_line_is_read_as_one_in_many(world: World) -> None:
+    """PyBullet breaks long lines wherever its buffer ends, also within a number."""
+    masses = [1.0 + k / 7.0 for k in range(150)]
+    links = [link(f"l{k}", mass=mass) for k, mass in enumerate(masses)]
+    world.spawn_robot("robot", robot(*links, *(joint(f"j{k}", "fixed", "l0", f"l{k}") for k in range(1, 150))))
+    uid = world.bodies["robot"].uid
+    found = {
+        world.client.getJointInfo(uid, k)[12].decode(): world.client.getDynamicsInfo(uid, k)[0] for k in range(149)
+    }
+    assert found == pytest.approx({f"l{k}": mass for k, mass in enumerate(masses) if k})
+
+
 def test_a_loader_that_crashes_or_hangs_refuses_the_robot(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     for code in ("import os; os.kill(os.getpid(), 11)", "import time; time.sleep(1000)"):
         monkeypatch.setattr("smartmesh_ros.world.robots.workshop._START", code)

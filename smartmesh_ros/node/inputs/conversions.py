@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import takewhile
 from typing import Any, NamedTuple
 
 from shape_msgs.msg import SolidPrimitive
@@ -106,9 +107,9 @@ def require_distinct(names: list[str]) -> None:
 class RobotNames:
     """Puts ``<robot>/`` before the names of a robot's joints and links, or nothing.
 
-    A robot whose names no other robot without prefix has keeps the names of its URDF, which robot_state_publisher and
-    controllers expect. Its names stay while it is there, whatever robots come and go. ``always``: every robot has a
-    prefix.
+    A robot whose names no other robot without prefix has, and no body that was there before, keeps the names of its
+    URDF, which robot_state_publisher and controllers expect. Its names stay while it is there, whatever robots come and
+    go. ``always``: every robot has a prefix.
     """
 
     def __init__(self, world: World, *, always: bool) -> None:
@@ -124,9 +125,11 @@ class RobotNames:
             new = [body for body in robots if body not in kept]
             taken = {name for body in kept if not self._prefixes[body.name] for name in self._names(body)}
             chosen = {body.name: self._prefixes[body.name] for body in kept}
+            bodies = [body.name for body in self._world.bodies.values() if body.simulated]
             for body in new:
                 names = self._names(body)
-                chosen[body.name] = f"{body.name}/" if self._always or names & taken else ""
+                others = taken.union(takewhile(body.name.__ne__, bodies))
+                chosen[body.name] = f"{body.name}/" if self._always or names & others else ""
                 taken |= names if not chosen[body.name] else set()
             self._robots, self._prefixes = robots, {body.name: chosen[body.name] for body in robots}
         return self._prefixes

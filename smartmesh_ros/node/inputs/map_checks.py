@@ -7,6 +7,7 @@ from time import monotonic
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck
@@ -15,6 +16,8 @@ from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck
 LOG_PAUSE = 600.0
 # Of so many rows and columns, one is looked at first for ground [samples].
 SPARSE = 16
+# Heights (rows, columns) of a map or a part of it [m].
+Heights = NDArray[np.floating[Any]]
 ADVICE = "but are treated as moving ground: set terrain.changes: correction, or terrain.noise if the ground does move"
 
 
@@ -38,10 +41,9 @@ class MapChecks:
             self._empty.pop(name, None)
         self._update_warning()
 
-    def note_holes(self, tile: str, heightmap: HeightMap) -> None:
-        """Notes whether a tile has any ground."""
-        heights = heightmap.heights
-        if np.isnan(heights[::SPARSE, ::SPARSE]).all() and np.isnan(heights).all():
+    def note_holes(self, tile: str, heightmap: HeightMap, changed: Heights | None = None) -> None:
+        """Notes whether a tile has any ground. ``changed``: the heights that are new (rows, columns), None = all."""
+        if (changed is None or _is_hole(changed)) and _is_hole(heightmap.heights):
             self._empty[tile] = heightmap.size
         elif self._empty.pop(tile, None) is None:
             return
@@ -76,3 +78,8 @@ class MapChecks:
             self._logger.warning(self.warning)
         if self.warning or before:
             self._warned = now
+
+
+def _is_hole(heights: Heights) -> bool:
+    """Return True if all heights (rows, columns) are NaN."""
+    return bool(np.isnan(heights[::SPARSE, ::SPARSE]).all() and np.isnan(heights).all())

@@ -11,6 +11,7 @@ from rclpy.qos import QoSProfile
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TerrainMesh, TerrainMeshUpdate
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.io import files
 from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_region
@@ -73,7 +74,10 @@ class TerrainInputs:
         """Accepts any stamps from now on, after a reset."""
         self._clocks.clear()
         self._checks.forget()
-        self._session.map_warning = self._rivals.warning
+        for name, tile in self._terrain.tiles.items():
+            if isinstance(tile, HeightMap):
+                self._checks.note_holes(name, tile)
+        self._session.map_warning = self._rivals.warning or self._checks.warning
 
     def _on_map(self, data: bytes) -> None:
         new = map_from(data)
@@ -122,6 +126,7 @@ class TerrainInputs:
             tile.update_region(
                 new.row, new.column, new.heights, time=time, velocities=new.velocities, material=new.material
             )
+            self._checks.note_holes(target.name, tile, new.heights)
 
     def _listen_to_occupancy_updates(self, qos: QoSProfile) -> None:
         kind = find_message("map_msgs", "OccupancyGridUpdate")
@@ -205,10 +210,15 @@ class TerrainInputs:
             # Else the motion of the source during a stall of the loop would count as fast motion of the ground, and so
             # would a jump of its clock.
             lost = longest if placed.fresh else placed.lost
-            if (known := target.tiles.tiles.get(target.tile)) is not None and lost:
+            known = target.tiles.tiles.get(target.tile)
+            if known is None or not lost:
+                yield placed
+            else:
                 # What is blended in must not move into the future; it has no velocity.
-                known.shift_time(-max(lost, 0.0) if known.motion.corrects else -lost)
-            yield placed
+                by = -max(lost, 0.0) if known.motion.corrects else -lost
+                known.shift_time(by)
+                with undone(partial(known.shift_time, -by)):
+                    yield placed
             session.note_clock(f"terrain, tile {tile!r}" if tile else "terrain", placed)
             clock.accept(placed)
             self._clocks[tile] = clock

@@ -6,6 +6,7 @@ from typing import Any
 
 from rosgraph_msgs.msg import Clock
 
+from smartmesh_ros.node.outputs.rhythm import Rhythm
 from smartmesh_ros.node.session import Session
 
 TOPIC = "/clock"
@@ -23,7 +24,7 @@ class ClockPublishing:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._publisher: Any = None
-        self._due = 0.0
+        self._rhythm = Rhythm()
         self.rivals: list[str] = []
 
     def publish(self, now: float) -> None:
@@ -32,9 +33,8 @@ class ClockPublishing:
         if not rate:
             self._close()
             return
-        if now < self._due:
+        if not self._rhythm.is_due(now, rate):
             return
-        self._due = max(self._due + 1.0 / rate, now)
         if self._publisher is None:
             self._publisher = node.create_publisher(Clock, TOPIC, 10)
         if node.count_publishers(self._publisher.topic_name) > 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -20,6 +21,8 @@ MOST_LOST = 16
 MOST_AGES = 32
 # Period of the diagnostics, and of the check for appearing and disappearing publishers [s].
 DIAGNOSTICS_PERIOD, CONNECTIONS_PERIOD = 1.0, 0.1
+# A smaller share of the clock's time that is simulated is too slow.
+SLOW = 0.95
 # Shortest time over which a real-time factor is measured [s].
 MIN_WINDOW = 0.5
 
@@ -28,18 +31,18 @@ class Window:
     """Measures time, real-time factor and missed deadlines between readings.
 
     The factor is 1 at first and after a restart of the loop. It is updated at most every `MIN_WINDOW`, because a few
-    steps give no reliable factor.
+    steps give no reliable factor. ``now``: the time in place of real time [s], None = that.
     """
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        self._read, self._misses = session.clock.steady(), 0
+    def __init__(self, session: Session, now: Callable[[], float] | None = None) -> None:
+        self._session, self._now = session, now or session.clock.steady
+        self._read, self._misses = self._now(), 0
         self._start, self._time, self._factor = self._read, session.world.time, 1.0
         self._restarts = session.pacer.restarts
 
     def read(self) -> tuple[float, float, int]:
         """Return time since the last reading [s], real-time factor, and deadlines missed since the last reading."""
-        now, world, pacer = self._session.clock.steady(), self._session.world, self._session.pacer
+        now, world, pacer = self._now(), self._session.world, self._session.pacer
         length, misses = max(now - self._read, 1e-9), pacer.misses - self._misses
         if self._restarts != pacer.restarts:
             self._restarts, self._start, self._time, self._factor = pacer.restarts, now, world.time, 1.0
@@ -61,7 +64,7 @@ class Diagnostics:
         self._world = session.world
         self._publisher = session.node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         self._clock_watch, self._namesakes = ClockWatch(session), Namesakes(session.node)
-        self._window = Window(session)
+        self._window, self._clock_window = Window(session), Window(session, session.clock.pace)
         self._due, self._connections_due = 0.0, 0.0
         self._connections: dict[str, int] = {}
         self._refused_before = 0
@@ -104,14 +107,14 @@ class Diagnostics:
             return DiagnosticStatus.WARN, "no map yet", values
         age = session.clock.steady() - session.last_map_time
         values["age [s]"] = f"{age:.3f}"
-        if age > STALE:
-            text = f"the last map is {age:.1f} s old"
-            # A single map may be static terrain; after several maps, more are expected.
-            if not sources and session.maps > 1:
-                return DiagnosticStatus.WARN, f"{text}, and nobody publishes maps any more", values
-            return DiagnosticStatus.OK, text, values
+        text = f"the last map is {age:.1f} s old"
+        # A single map may be static terrain; after several maps, more are expected.
+        if age > STALE and not sources and session.maps > 1:
+            return DiagnosticStatus.WARN, f"{text}, and nobody publishes maps any more", values
         if session.map_warning:
             return DiagnosticStatus.WARN, session.map_warning, values
+        if age > STALE:
+            return DiagnosticStatus.OK, text, values
         return DiagnosticStatus.OK, "maps arrive", values
 
     def _bodies(self) -> tuple[bytes, str, dict[str, Any]]:
@@ -144,7 +147,8 @@ class Diagnostics:
 
     def _physics(self) -> tuple[bytes, str, dict[str, Any]]:
         session = self._session
-        (_, factor, _), clock_wait = self._window.read(), self._clock_watch.check()
+        (_, factor, _), (_, pace, _) = self._window.read(), self._clock_window.read()
+        clock_wait = self._clock_watch.check()
         values = {
             "real-time factor": f"{factor:.3f}",
             "deadline misses": session.pacer.misses,
@@ -154,9 +158,10 @@ class Diagnostics:
             return DiagnosticStatus.OK, "paused", values
         if clock_wait:
             return DiagnosticStatus.WARN, clock_wait, values
-        if factor < 0.95:
-            return DiagnosticStatus.WARN, f"slower than real time ({factor:.2f})", values
-        return DiagnosticStatus.OK, "in real time", values
+        follows = session.clock.simulated
+        if pace < SLOW:
+            return DiagnosticStatus.WARN, f"slower than {'/clock' if follows else 'real time'} ({pace:.2f})", values
+        return DiagnosticStatus.OK, "as fast as /clock" if follows else "in real time", values
 
     def _inputs(self) -> tuple[bytes, str, dict[str, Any]]:
         counts = self._session.refusals.counts

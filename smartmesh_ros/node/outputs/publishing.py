@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
 from typing import Any
@@ -38,6 +38,7 @@ from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
 from smartmesh_ros.node.outputs.grid_maps import grid_map_message
 from smartmesh_ros.node.outputs.latched import LatchedOutput
 from smartmesh_ros.node.outputs.motion_outputs import ImuOutput, OdometryOutput, deck_state, frame_of
+from smartmesh_ros.node.outputs.rhythm import Rhythm
 from smartmesh_ros.node.outputs.scan_outputs import ROUNDING, GroundMapOutput, ScanOutput
 from smartmesh_ros.node.outputs.scene_outputs import SceneMarkers, robot_model, shown_robot
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
@@ -75,7 +76,7 @@ class _Output:
     publisher: Any
     make: Callable[[], Any]  # the message, or a list of messages
     audience: Audience
-    due: float = 0.0  # when the next message is [s]
+    rhythm: Rhythm = field(default_factory=Rhythm)
     served: int = 0  # number of subscribers of the last message
 
 
@@ -135,7 +136,7 @@ class Publishing:
         self._diagnostics = Diagnostics(session, peers, self._clock, [end.publisher for end in ends])
         self._time = RateTime(session)
         for place, (name, output) in enumerate(self._outputs.items()):  # staggered, so that no step publishes all
-            output.due = place / (len(self._outputs) * max(settings.publish.of(name), 1.0))
+            output.rhythm = Rhythm(place / (len(self._outputs) * max(settings.publish.of(name), 1.0)))
         self._handled = 0  # messages and calls at the last time
         self._timing_window = Window(session)
 
@@ -179,10 +180,8 @@ class Publishing:
         rates = self._session.settings.publish
         for name in names:
             output, rate = self._outputs[name], rates.of(name)
-            due = now or time >= output.due or (idle and _has_joined(output))
-            if rate > 0.0 and due:
-                # Keeps the phase, unless a message was missed or came before it was due.
-                output.due = max(min(output.due, time) + 1.0 / rate, time)
+            at_once = now or (idle and _has_joined(output))
+            if rate > 0.0 and output.rhythm.is_due(time, rate, now=at_once):
                 with self._session.enduring(name):
                     self._send(output)
 

@@ -15,6 +15,7 @@ from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, stamp_fields
 from smartmesh_ros.node.outputs.motion_outputs import odometry_pose
+from smartmesh_ros.node.outputs.rhythm import Rhythm
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.link_frames import LinkFrames
@@ -50,7 +51,7 @@ class TransformOutputs:
         self._kind: Any = None
         self._robots: dict[str, tuple[Body, LinkFrames]] = {}
         self._left_out: set[str] = set()
-        self._due, self._listened, self._stamp = 0.0, 0.0, (0, 0)
+        self._rhythm, self._listened, self._stamp = Rhythm(), 0.0, (0, 0)
         self._odom_frames = {entry.body: entry.odom_frame for entry in session.settings.bases if entry.publish_tf}
         require_transforms(session.settings.publish.tf)
 
@@ -63,9 +64,8 @@ class TransformOutputs:
             return
         if self._publisher is None:
             self._open(now)
-        if now < self._listened or not (at_once or time >= self._due) or not session.frame_id:
+        if now < self._listened or not session.frame_id or not self._rhythm.is_due(time, rate, now=at_once):
             return
-        self._due = max(self._due + 1.0 / rate, time)
         header = Header(stamp=session.stamp_now(), frame_id=session.frame_id)
         stamp = header.stamp.sec, header.stamp.nanosec
         if stamp == self._stamp:  # the clock stands still; listeners warn of a frame that comes twice at one time
@@ -102,7 +102,7 @@ class TransformOutputs:
         if new := sorted(left_out - self._left_out):
             self._left_out |= left_out
             self._session.node.get_logger().info(
-                f"{PARAMETER} leaves out frames that others publish, or that are above the terrain's: {', '.join(new)}"
+                f"{PARAMETER} leaves out frames that others have, or that are above the terrain's: {', '.join(new)}"
             )
         return frames
 

@@ -91,6 +91,19 @@ class InitialBodies:
         self.refused.clear()
 
     @property
+    def waiting(self) -> list[str]:
+        """Names of the bodies that wait for terrain, or are being put onto it."""
+        return [*self._waiting, *sorted(self._standing)]
+
+    def take_restored(self, waiting: Collection[str]) -> None:
+        """Go on after the world was replaced by one for which some bodies were ``waiting``. Others that are not in it
+        were removed there."""
+        self._entries = {name: replace(entry) for name, entry in self._entries.items()}  # `_stand` gives up the others
+        self._standing.clear()
+        self._waiting = [name for name in self._entries if name in waiting and name not in self._session.world.bodies]
+        self.on_terrain()
+
+    @property
     def placing(self) -> bool:
         """True while robots are being put onto the ground."""
         return bool(self._standing)
@@ -125,8 +138,9 @@ class InitialBodies:
     async def _stand(self, entry: Entry) -> None:
         """Spawn the body of an entry, a robot on the ground in turns, unless there is another scene by then."""
         try:
-            action = await in_turns(self._adding(entry), self._session.lock)
-            with self._session.lock:
+            session = self._session
+            action = await in_turns(self._adding(entry), session.lock, session.standing)
+            with session.lock:
                 if self._entries.get(entry.name) is entry and not self._spawn(entry, action):
                     self._waiting.append(entry.name)
         except REFUSED as error:
@@ -170,6 +184,16 @@ class RobotDescription:
             self._take(prepare_robot(with_package_paths(session.settings.robot.description)))
         session.listen(String, "robot_description", self._on_description, LATCHED)
 
+    @property
+    def described(self) -> bool:
+        """True if a description was taken."""
+        return bool(self._urdf)
+
+    def take_restored(self, *, described: bool) -> None:
+        """Go on after the world was replaced: its robot is that of a description if one was ``described`` there."""
+        known = self._session.world.bodies.get(self._entry.name)
+        self._urdf = known.urdf or "" if described and known is not None else ""
+
     def _on_description(self, message: Any) -> None:
         robot_name(message.data)  # refuses all but URDF text, such as the path of a file
         self._received += 1
@@ -189,9 +213,11 @@ class RobotDescription:
 
     def _take(self, robot: PreparedRobot) -> None:
         world = self._session.world
-        if robot.given == self._urdf and self._bodies.has(self._entry.name):
-            return
         entry = replace(self._entry, urdf=robot.given, robot=robot)
+        if robot.given == self._urdf and self._bodies.has(entry.name):
+            if entry.name not in self._bodies.names:  # the robot of a restored state
+                self._bodies.replace(entry)
+            return
         known = world.bodies.get(entry.name)
         if self._urdf and known is not None and known.is_robot:
             world.replace_robot(entry.name, robot)

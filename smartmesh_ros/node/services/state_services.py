@@ -8,6 +8,7 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from smartmesh_msgs.srv import RestoreState, SaveState, StartEpisode
 
 from smartmesh_ros.errors import InputError
@@ -21,11 +22,13 @@ from smartmesh_ros.world.snapshot import WorldState
 SUFFIX = ".npz"
 # Differences of settings that a refusal names.
 MOST_NAMED = 5
+# Length of `Base.saved`.
+NUMBERS = 11
 
 
 class StateServices:
     """Serves ``~/save_state``, ``~/restore_state`` and ``~/start_episode``. ``node``: the collider, whose methods
-    ``start_episode`` and ``take_restored`` they call."""
+    ``start_episode`` and ``take_restored`` they call, and whose ``initial`` bodies and ``robot`` go on with a state."""
 
     def __init__(self, session: Session, node: Any) -> None:
         self._session, self._node = session, node
@@ -37,8 +40,11 @@ class StateServices:
         file = _file_of(request.file) if request.file else None
         if file is not None and file.exists() and not state_file.is_state(state_file.read(file)):
             raise InputError("state", f"{file} is there, and is no saved state; choose another name")
-        data = self._session.world.save(file, extra={"frame_id": self._session.frame_id})
-        self._node.take_restored()
+        initial, robot = self._node.initial, self._node.robot
+        extra = {"frame_id": self._session.frame_id, "waiting": initial.waiting, "described": robot.described}
+        extra["bases"] = {name: base.saved for name, base in self._session.bases.items()}
+        data = self._session.world.save(file, extra=extra)
+        self._take(**extra)
         if file is None:
             response.state = array("B", data)
 
@@ -50,9 +56,30 @@ class StateServices:
         state = WorldState.from_bytes(data)
         _require_same_settings(state, session.settings)
         session.require_room([body.name for body in state.snapshot.bodies])
+        with state_file.foreign_refused():
+            extra = _checked(**state.extra)
         session.world.restore(state)
-        session.frame_id = str(state.extra.get("frame_id", ""))
+        self._take(**extra)
+
+    def _take(self, frame_id: str, waiting: list[str], described: bool, bases: dict[str, list[float]]) -> None:
+        """Go on from a restored world, and from what was saved with it."""
+        self._session.frame_id = frame_id
+        for name, base in self._session.bases.items():
+            if name in bases:
+                base.take(bases[name])
+            else:
+                base.start_over()
         self._node.take_restored()
+        self._node.initial.take_restored(waiting)
+        self._node.robot.take_restored(described=described)
+
+
+def _checked(frame_id: str = "", waiting: Any = (), described: Any = False, bases: Any = ()) -> dict[str, Any]:
+    """Return what was saved with a state, of the types that it must have. Raises errors of Python."""
+    numbers = {str(name): np.array(saved, np.float64).reshape(NUMBERS).tolist() for name, saved in dict(bases).items()}
+    return {
+        "frame_id": str(frame_id), "waiting": [*map(str, waiting)], "described": bool(described), "bases": numbers,
+    }  # fmt: skip
 
 
 def _file_of(name: str) -> Path:

@@ -112,6 +112,7 @@ def _rewritten(urdf: str, robot: Description) -> PreparedRobot:
             mesh = _mesh(element, robot.folder)
             meshes.append(mesh)
             element.attrib = {"filename": mesh.name}
+    ElementTree.indent(made)  # PyBullet breaks lines longer than its buffer, even within a number
     return PreparedRobot(
         given=urdf, text=ElementTree.tostring(made, encoding="unicode"), meshes=tuple(meshes),
         collisions={name: len(robot.collisions(name)) for name in robot.links}, mimics=mimics,
