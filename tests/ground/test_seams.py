@@ -56,13 +56,15 @@ def a_block(form: Form, low: float, high: float) -> TriangleMesh:
     return TriangleMesh(*mesh_parts.box((low, -2.0, -0.5), (high, 2.0, 0.0)))
 
 
-def ride(terrain: Terrain, body: tuple[Shape, float, tuple[float, ...]], form: Form, friction: float) -> FloatArray:
-    """Positions of a body that starts at 1.5 m/s, 1.2 m before the seam (steps, 3)."""
+def ride(
+    terrain: Terrain, body: tuple[Shape, float, tuple[float, ...]], form: Form, friction: float, speed: float = 1.5
+) -> FloatArray:
+    """Positions of a body that starts at this speed [m/s], 1.2 m before the seam (steps, 3)."""
     shape, up, orientation = body
     start = (-1.2, 0.03, float(form(np.array(-1.2), np.array(0.03))) + up)
     found = []
     with world_of(terrain, friction=friction) as world:
-        world.spawn("body", shape, 1.0, BodyState(start, orientation, (1.5, 0.0, 0.0)))
+        world.spawn("body", shape, 1.0, BodyState(start, orientation, (speed, 0.0, 0.0)))
         for _ in range(300):
             world.step()
             found.append(world.state("body").position)
@@ -78,6 +80,17 @@ def test_bodies_pass_a_seam_as_if_the_ground_were_one(form: Form, friction: floa
         for here, there in [(a_deck, a_map), (a_map, a_deck), (a_mesh, a_map), (a_mesh, a_mesh), (a_mesh, a_deck)]:
             two = ride(terrain_of(here=here(form, -4.0, 0.0), there=there(form, 0.0, 4.0)), body, form, friction)
             assert np.abs(two - one).max() < 2e-3, (body[0], here, there)
+
+
+@pytest.mark.parametrize("form", [lambda x, y: 0.09 * np.abs(x), lambda x, y: 0.16 * x], ids=["fold", "slope"])
+@pytest.mark.parametrize(("here", "there"), [(a_map, a_deck), (a_deck, a_map), (a_mesh, a_map), (a_deck, a_mesh)])
+def test_no_rim_stops_what_comes_fast_along_a_slope(form: Form, here: Piece, there: Piece) -> None:
+    """In the step before it passes the seam, the rim lies ahead of it, above or below the surface by its way."""
+    for body in BODIES:
+        for speed in (3.0, 3.5, 4.0):
+            one = ride(Terrain(a_map(form, -4.0, 4.0)), body, form, 0.0, speed)
+            two = ride(terrain_of(here=here(form, -4.0, 0.0), there=there(form, 0.0, 4.0)), body, form, 0.0, speed)
+            assert np.abs(two - one)[:150].max() < 0.02, (body[0], speed)
 
 
 @pytest.mark.parametrize(
