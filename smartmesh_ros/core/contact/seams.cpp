@@ -66,10 +66,12 @@ void Seams::remove_hidden(const ContactSearch& beside, const Vec3& inside, std::
 bool Seams::is_hidden_by(const PieceFacet& facet, const Vec3& inside, double deepest, const Contact& contact) const {
   const Vec3 &p = contact.point, &n = contact.normal, &origin = facet.corner[0];
   const Vec3 out = dot(facet.normal, inside - origin) < 0.0 ? -facet.normal : facet.normal;
-  // The point of a shape that comes along the facet is this much higher above it than the contact that lies ahead.
+  // A point of a shape that comes along the facet is this much higher above it than the contact that lies ahead. The
+  // rim that it comes to is as far beside the contact.
   const double ahead = std::max(0.0, contact.distance), higher = ahead * dot(out, n);
   const double lift = std::clamp(-dot(out, p - origin), std::min(0.0, higher), std::max(deepest, higher));
   const Vec3 lifted = p + out * lift;
+  const double beside = lift < 0.0 ? -lift / norm(cross(out, n)) : lift;
   if (!is_within(lifted, facet.corner, facet.normal, FLUSH)) return false;
   const bool is_against = std::any_of(std::begin(facet.corner), std::end(facet.corner),
                                       [&](const Vec3& corner) { return !is_below(n, lifted, corner, CONE_TOLERANCE); });
@@ -78,7 +80,7 @@ bool Seams::is_hidden_by(const PieceFacet& facet, const Vec3& inside, double dee
   for (const PieceFacet& own : facets_) {
     if (own.piece == facet.piece) continue;
     const bool is_touched = are_parallel(own.normal, n);
-    if (!is_within(p, own.corner, own.normal, is_touched && ahead > 0.0 ? FLUSH + std::abs(lift) : ON)) continue;
+    if (!is_within(p, own.corner, own.normal, is_touched && ahead > 0.0 ? FLUSH + beside : ON)) continue;
     on = &own;
     if (std::none_of(std::begin(own.corner), std::end(own.corner),
                      [&](const Vec3& corner) { return dot(out, corner - origin) > FLUSH; }))
