@@ -10,6 +10,8 @@ from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh
+from smartmesh_ros.world.joints import JointCommand
+from tests import legged
 from tests.core import mesh_parts
 from tests.grounds import terrain_of, world_of
 
@@ -131,3 +133,20 @@ def test_a_wall_on_the_floor_stops_what_comes_to_its_foot(floor: Piece, low: flo
         way = ride(terrain_of(floor=floor(FORMS["level"], -4.0, 4.0), wall=wall), body, FORMS["level"], 0.0)
         assert way[:, 0].max() + front == pytest.approx(0.0, abs=1e-3), body
         assert np.abs(way[:, 2] - body[1]).max() < 1e-3
+
+
+@pytest.mark.parametrize(("here", "there"), [(a_map, a_mesh), (a_mesh, a_deck), (a_deck, a_map)])
+def test_a_humanoid_whose_feet_are_on_a_seam_stands_still(here: Piece, there: Piece) -> None:
+    """The corners of its feet bear it. If crossings of their edges with the rims were chosen in turn, it would rock."""
+    form, model = FORMS["level"], legged.robot("g1")
+    terrain = terrain_of(here=here(form, -4.0, 0.0), there=there(form, 0.0, 4.0))
+    with world_of(terrain, friction=0.8, sleep=False) as world:
+        world.spawn_robot("g1", model.urdf, BodyState((0.0, 0.01, model.height + 3e-3)))
+        robot = world.bodies["g1"]
+        for name, position in model.stance.items():
+            world.client.resetJointState(robot.uid, robot.joints[name], position)
+            world.command("g1", name, JointCommand(position=position))
+        world.step(720)
+        for _ in range(240):
+            world.step()
+            assert np.linalg.norm(world.state("g1").linear) < 1e-3
