@@ -10,6 +10,8 @@ from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh
+from smartmesh_ros.world.joints import JointCommand
+from tests import legged
 from tests.core import mesh_parts
 from tests.grounds import terrain_of, world_of
 
@@ -56,13 +58,15 @@ def a_block(form: Form, low: float, high: float) -> TriangleMesh:
     return TriangleMesh(*mesh_parts.box((low, -2.0, -0.5), (high, 2.0, 0.0)))
 
 
-def ride(terrain: Terrain, body: tuple[Shape, float, tuple[float, ...]], form: Form, friction: float) -> FloatArray:
-    """Positions of a body that starts at 1.5 m/s, 1.2 m before the seam (steps, 3)."""
+def ride(
+    terrain: Terrain, body: tuple[Shape, float, tuple[float, ...]], form: Form, friction: float, speed: float = 1.5
+) -> FloatArray:
+    """Positions of a body that starts at this speed [m/s], 1.2 m before the seam (steps, 3)."""
     shape, up, orientation = body
     start = (-1.2, 0.03, float(form(np.array(-1.2), np.array(0.03))) + up)
     found = []
     with world_of(terrain, friction=friction) as world:
-        world.spawn("body", shape, 1.0, BodyState(start, orientation, (1.5, 0.0, 0.0)))
+        world.spawn("body", shape, 1.0, BodyState(start, orientation, (speed, 0.0, 0.0)))
         for _ in range(300):
             world.step()
             found.append(world.state("body").position)
@@ -78,6 +82,22 @@ def test_bodies_pass_a_seam_as_if_the_ground_were_one(form: Form, friction: floa
         for here, there in [(a_deck, a_map), (a_map, a_deck), (a_mesh, a_map), (a_mesh, a_mesh), (a_mesh, a_deck)]:
             two = ride(terrain_of(here=here(form, -4.0, 0.0), there=there(form, 0.0, 4.0)), body, form, friction)
             assert np.abs(two - one).max() < 2e-3, (body[0], here, there)
+
+
+@pytest.mark.parametrize(
+    "form",
+    [lambda x, y: 0.09 * np.abs(x), lambda x, y: 0.16 * x, lambda x, y: -0.4 * np.maximum(x, 0.0)],
+    ids=["fold", "slope", "edge"],
+)
+@pytest.mark.parametrize(("here", "there"), [(a_map, a_deck), (a_deck, a_map), (a_mesh, a_map), (a_deck, a_mesh)])
+def test_no_rim_stops_what_comes_fast_to_it(form: Form, here: Piece, there: Piece) -> None:
+    """In the step before it passes the seam, the rim lies ahead of it: beside its way on a slope, and of a sheet that
+    falls away behind an edge, the underside."""
+    for body in BODIES:
+        for speed in (2.8, 3.0, 3.5, 4.0):
+            one = ride(Terrain(a_map(form, -4.0, 4.0)), body, form, 0.0, speed)
+            two = ride(terrain_of(here=here(form, -4.0, 0.0), there=there(form, 0.0, 4.0)), body, form, 0.0, speed)
+            assert np.abs(two - one)[:150].max() < 0.02, (body[0], speed)
 
 
 @pytest.mark.parametrize(
@@ -113,3 +133,20 @@ def test_a_wall_on_the_floor_stops_what_comes_to_its_foot(floor: Piece, low: flo
         way = ride(terrain_of(floor=floor(FORMS["level"], -4.0, 4.0), wall=wall), body, FORMS["level"], 0.0)
         assert way[:, 0].max() + front == pytest.approx(0.0, abs=1e-3), body
         assert np.abs(way[:, 2] - body[1]).max() < 1e-3
+
+
+@pytest.mark.parametrize(("here", "there"), [(a_map, a_mesh), (a_mesh, a_deck), (a_deck, a_map)])
+def test_a_humanoid_whose_feet_are_on_a_seam_stands_still(here: Piece, there: Piece) -> None:
+    """The corners of its feet bear it. If crossings of their edges with the rims were chosen in turn, it would rock."""
+    form, model = FORMS["level"], legged.robot("g1")
+    terrain = terrain_of(here=here(form, -4.0, 0.0), there=there(form, 0.0, 4.0))
+    with world_of(terrain, friction=0.8, sleep=False) as world:
+        world.spawn_robot("g1", model.urdf, BodyState((0.0, 0.01, model.height + 3e-3)))
+        robot = world.bodies["g1"]
+        for name, position in model.stance.items():
+            world.client.resetJointState(robot.uid, robot.joints[name], position)
+            world.command("g1", name, JointCommand(position=position))
+        world.step(720)
+        for _ in range(240):
+            world.step()
+            assert np.linalg.norm(world.state("g1").linear) < 1e-3

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "contact/cones.h"
+#include "contact/contact_pairs.h"
 #include "math/triangle.h"
 
 namespace smartmesh {
@@ -54,10 +55,27 @@ void Seams::remove_hidden(const ContactSearch& beside, const Vec3& inside, std::
   double deepest = 0.0;  // of a point of the shape below any piece [m]
   for (const Contact& contact : contacts) deepest = std::max(deepest, -contact.distance);
   const auto hidden = [&](const Contact& contact) {
-    return std::any_of(facets_.begin(), facets_.end(),
-                       [&](const PieceFacet& facet) { return is_hidden_by(facet, inside, deepest, contact); });
+    return is_inside_plane(contact) || std::any_of(facets_.begin(), facets_.end(), [&](const PieceFacet& facet) {
+             return is_hidden_by(facet, inside, deepest, contact);
+           });
   };
   contacts.erase(std::remove_if(contacts.begin(), contacts.end(), hidden), contacts.end());
+}
+
+// Corners of a shape touch a plane. What its edges and faces touch there is between them, and would take their places
+// among the few contacts that are chosen.
+bool Seams::is_inside_plane(const Contact& contact) const {
+  const int kind = contact.body_feature >> 24;
+  if (kind != static_cast<int>(BodyFeature::Edge) && kind != static_cast<int>(BodyFeature::Face)) return false;
+  const Vec3& n = contact.normal;
+  const Vec3 along = unit(cross(n, std::abs(n.x) < 0.5 ? Vec3{1.0, 0.0, 0.0} : Vec3{0.0, 1.0, 0.0}));
+  const Vec3 across = cross(n, along);
+  const Vec3 ways[] = {along, across, -along, -across};
+  return std::all_of(std::begin(ways), std::end(ways), [&](const Vec3& way) {
+    const Vec3 beside = contact.point + way * (2.0 * FLUSH);
+    return std::any_of(facets_.begin(), facets_.end(),
+                       [&](const PieceFacet& facet) { return is_within(beside, facet.corner, facet.normal, ON); });
+  });
 }
 
 // A contact is against a facet of another piece if it lies on that facet and its normal is outside the facet's cone. It
@@ -66,20 +84,26 @@ void Seams::remove_hidden(const ContactSearch& beside, const Vec3& inside, std::
 bool Seams::is_hidden_by(const PieceFacet& facet, const Vec3& inside, double deepest, const Contact& contact) const {
   const Vec3 &p = contact.point, &n = contact.normal, &origin = facet.corner[0];
   const Vec3 out = dot(facet.normal, inside - origin) < 0.0 ? -facet.normal : facet.normal;
-  const Vec3 lifted = p + out * std::clamp(-dot(out, p - origin), 0.0, deepest);
+  // A point of a shape that comes along the facet is this much higher above it than the contact that lies ahead. The
+  // rim that it comes to is as far beside the contact.
+  const double ahead = std::max(0.0, contact.distance), higher = ahead * dot(out, n);
+  const double lift = std::clamp(-dot(out, p - origin), std::min(0.0, higher), std::max(deepest, higher));
+  const Vec3 lifted = p + out * lift;
+  const double beside = lift < 0.0 ? -lift / norm(cross(out, n)) : lift;
   if (!is_within(lifted, facet.corner, facet.normal, FLUSH)) return false;
   const bool is_against = std::any_of(std::begin(facet.corner), std::end(facet.corner),
                                       [&](const Vec3& corner) { return !is_below(n, lifted, corner, CONE_TOLERANCE); });
   if (!is_against) return false;
   const PieceFacet *on = nullptr, *standing = nullptr;
   for (const PieceFacet& own : facets_) {
-    if (own.piece == facet.piece || !is_within(p, own.corner, own.normal, ON)) continue;
+    if (own.piece == facet.piece) continue;
+    const bool is_touched = are_parallel(own.normal, n);
+    if (!is_within(p, own.corner, own.normal, is_touched && ahead > 0.0 ? FLUSH + beside : ON)) continue;
     on = &own;
     if (std::none_of(std::begin(own.corner), std::end(own.corner),
                      [&](const Vec3& corner) { return dot(out, corner - origin) > FLUSH; }))
       continue;
-    if (are_parallel(own.normal, n) || (standing != nullptr && !are_parallel(own.normal, standing->normal)))
-      return false;
+    if (is_touched || (standing != nullptr && !are_parallel(own.normal, standing->normal))) return false;
     standing = &own;
   }
   return on != nullptr;

@@ -13,8 +13,8 @@ class Seams {
   void clear() { facets_.clear(); }
   // Adds the ground of a deck that a search has found; `frame`: of the deck in that of the contacts.
   void add(const ContactSearch& search, const Pose& frame);
-  // Removes the contacts with rims that another piece hides. `beside`: the last search of other ground than decks.
-  // `inside`: a point inside the shape [m].
+  // Removes the contacts with rims that another piece hides, or continues in one plane. `beside`: the last search of
+  // other ground than decks. `inside`: a point inside the shape [m].
   void remove_hidden(const ContactSearch& beside, const Vec3& inside, std::vector<Contact>& contacts);
 
  private:
@@ -27,6 +27,9 @@ class Seams {
   void add(const Patch& patch, const Pose& frame);
   // `deepest` [m]: depth of a point of the shape below any piece.
   bool is_hidden_by(const PieceFacet& facet, const Vec3& inside, double deepest, const Contact& contact) const;
+
+  // Returns true if a contact is with a rim, and all ground around it is in one plane.
+  bool is_inside_plane(const Contact& contact) const;
 
   std::vector<PieceFacet> facets_;  // piece by piece, numbered from 1
 };
