@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
-from dataclasses import asdict
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
-from smartmesh_ros.tools.evaluation.scene import read_scenes
-from studies.body_contest import run_scene
+import numpy as np
+
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.tools.evaluation.clearance import clearances
+from smartmesh_ros.tools.evaluation.scene import Scene, read_scenes
 from studies.chart import README_SCENE, draw_readme
-from studies.configurations import checkouts, configurations
+from studies.configurations import Configuration, configurations
+from studies.contest import FINE_RATE, HORIZON, Contest, Result, Runner, run
+from studies.engines.engine import Engine, EngineBody, Setup, build
 from studies.matrix.picture import draw_box, draw_matrix, matrix_table
 from studies.matrix.row import METHODS
 from studies.matrix.run import run_matrix
@@ -27,8 +35,6 @@ CHARTS = Charts(
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the scenes and the stability matrix; writes JSON, pictures and tables."""
     options = _parser().parse_args(arguments)
-    if options.before and not options.out:
-        options.out = Path("out/before_after")
     out, machine = CHARTS.begin(options)
     say = Progress()
     blocks = {"machine": machine}
@@ -54,10 +60,10 @@ def _matrix(options: argparse.Namespace, out: Path, say: Any) -> None:
 def _charts(options: argparse.Namespace, out: Path, machine: str, say: Any) -> dict[str, str]:
     """Run the scenes; return their blocks."""
     scenes = CHARTS.chosen(options, read_scenes())
-    chosen = checkouts(options.before) if options.before else configurations(quick=options.quick)
+    chosen = configurations(quick=options.quick)
     captions = {f"{scene.title} ({scene.bodies.count} bodies)": scene for scene in scenes}
     results, blocks = CHARTS.run(out, captions, chosen, lambda scene: run_scene(scene, chosen, say), machine)
-    if README_SCENE in results and not options.before:
+    if README_SCENE in results:
         draw_readme(CHARTS.images(out) / "readme.png", results[README_SCENE])
     print("\n" + blocks["summary"])
     return blocks
@@ -66,7 +72,83 @@ def _charts(options: argparse.Namespace, out: Path, machine: str, say: Any) -> d
 def _parser() -> argparse.ArgumentParser:
     parser = CHARTS.parser(__doc__, [scene.name for scene in read_scenes()])
     parser.add_argument("--methods", nargs="+", default=[], choices=list(METHODS), help="these columns of the matrix")
-    parser.add_argument("--before", type=Path, help="another checkout, whose defaults run beside this one's alone")
     parser.add_argument("--charts-only", action="store_true", help="no stability matrix")
     parser.add_argument("--matrix-only", action="store_true", help="the stability matrix alone")
     return parser
+
+
+PIECES = 12  # of a run
+
+
+def setup_of(scene: Scene, heights: Any, rate: float, starts: Sequence[BodyState]) -> Setup:
+    """Return the bodies of a scene at ``starts``, on ground of ``heights`` (R, C) [m] that does not slide, for steps at
+    a ``rate`` [Hz]."""
+    shape: Any = scene.bodies.make_shape()
+    bodies = [EngineBody(shape=shape, state=state, friction=scene.bodies.friction) for state in starts]
+    return Setup(heights=heights, resolution=scene.grid[1], bodies=bodies, dt=1.0 / rate)
+
+
+class BodyContest(Contest):
+    """A scene of the accuracy study."""
+
+    scene: Scene
+    patience: ClassVar[float] = 2.5
+
+    def __init__(self, scene: Scene, pieces: int = PIECES) -> None:
+        self.pieces = pieces
+        super().__init__(scene, scene.make_ground(), scene.bodies.count)
+        self._shape, self._truth = scene.bodies.make_shape(), scene.make_ground()
+
+    def enter(self, configuration: Configuration) -> Engine:
+        setup = setup_of(self.scene, self.maps(0), configuration.rate, self.scene.starts())
+        engine: Engine = configuration.build(replace(setup, slide=self.scene.slide))
+        return engine
+
+    def measure(self, instant: float, runners: Sequence[Runner]) -> None:
+        surface = self.scene.surface(self._truth.heights(instant), instant)
+        for runner in runners:
+            sample = runner.samples[instant]
+            positions, orientations = (frames[:, 0] for frames in sample.links)
+            ground = surface.below(positions)
+            sample.below = positions[:, 2] < ground
+            if instant > self.scene.settle:
+                sample.clearance = clearances(surface, self._shape, positions, orientations)
+                sample.clearance[np.isnan(ground)] = np.nan
+
+    def reference(self) -> FloatArray | None:
+        return reference_positions(self.scene)
+
+
+def run_scene(
+    scene: Scene, chosen: Sequence[Configuration], say: Callable[[str], None], pieces: int = PIECES
+) -> dict[str, Result]:
+    """Run a scene in every configuration that suits it."""
+    suited = [configuration for configuration in chosen if scene.slide != (0.0, 0.0) or not configuration.for_sliding]
+    return run(BodyContest(scene, pieces), suited, say)
+
+
+def reference_positions(scene: Scene) -> FloatArray | None:
+    """Return the positions (N, 3) [m] of the bodies after `HORIZON`; None if the scene has no reference.
+
+    The collider is a filtered trimesh of the whole map on rigid ground. On moving ground, where a whole collider cannot
+    carry the velocity, it is ours with an eighth of the step and a map at every step. Sliding rigid ground is
+    simulated in the frame of the ground, where the ground is at rest and the bodies have the opposite velocity.
+    """
+    if scene.reference == "none":
+        return None
+    ground = scene.make_ground()
+    against = (-scene.slide[0], -scene.slide[1], 0.0)
+    starts = [replace(state, linear=tuple(np.add(state.linear, against).tolist())) for state in scene.starts()]
+    setup = setup_of(scene, ground.heights(0.0), FINE_RATE, starts)
+    if scene.reference == "whole":
+        found = build("bullet_trimesh", setup, edge_filter=True)
+    else:
+        # A map arrives at every step, so short intervals must not merge maps.
+        motion = MotionConfig(min_interval=0.0)
+        found = build("smartmesh", setup, motion=motion)
+    with found as engine:
+        for step in range(math.floor(HORIZON * FINE_RATE + 0.5)):
+            if scene.moves and scene.reference == "finest":
+                engine.set_ground(engine.ready(ground.heights(step / FINE_RATE)))
+            engine.step()
+        return np.asarray(engine.positions() + (*((HORIZON * slide) for slide in scene.slide), 0.0))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Literal
 
 from smartmesh_ros.ground.config import PhysicsConfig
@@ -117,14 +116,6 @@ def rivals() -> list[Configuration]:
 def configurations(*, quick: bool) -> list[Configuration]:
     """All points of the chart of bodies, or those of the quick run."""
     return _chosen([*OURS, *_presets("smartmesh"), *REPORT, *rivals()], quick=quick)
-
-
-def checkouts(before: Path) -> list[Configuration]:
-    """Our defaults by the code of this checkout and of another: each in a process of its own, as equals."""
-    return [
-        Configuration(name="defaults", family="ours", engine="checkout"),
-        Configuration(name="before", family="ours, less", engine="checkout", options={"folder": before}),
-    ]
 
 
 def robot_configurations(*, quick: bool) -> list[Configuration]:

@@ -17,7 +17,6 @@ from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import BoolArray, held_up, penetration
 from studies.configurations import Configuration
-from studies.engines.checkout import Checkout
 from studies.engines.engine import Links
 
 # Step rate of references [Hz], and instant of the comparison with them [s]. A later comparison is meaningless, because
@@ -148,9 +147,7 @@ class Runner:
             middle = process_time()
             engine.step()
             end = process_time()
-            # Another checkout runs in a process of its own, which measures itself.
-            taken = engine.taken() if isinstance(engine, Checkout) else (middle - start, end - middle)
-            self._used += np.array(taken)
+            self._used += (middle - start, end - middle)
             self._steps += 1
         held = held_up(before[:, :3], engine.velocities()[:, :3], 1.0 / rate)
         self.samples[until] = Sample(engine.links(), held)

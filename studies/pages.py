@@ -1,4 +1,4 @@
-"""Blocks of the pages that studies write, each marked with a digest of the code it was measured with.
+"""Markdown that studies write: tables, and blocks of pages, each marked with a digest of the code it was measured with.
 
 A block stands between ``<!-- generated: NAME of SUBJECT, code DIGEST -->`` and ``<!-- end -->``. The subject says which
 rooms the figures depend on. The digest covers the code of these rooms without comments and docstrings, so that better
@@ -10,8 +10,9 @@ from __future__ import annotations
 import argparse
 import ast
 import hashlib
+import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -112,3 +113,37 @@ def main(arguments: Sequence[str] | None = None) -> int:
     stale = stale_blocks(pages)
     print("\n".join([*stale, f"{len(stale)} of {total} generated blocks are older than the code they measure"]))
     return 1 if stale else 0
+
+
+# Above one: today is faster.
+RATIO = "report / today"
+
+
+def beside(reported: float, today: float) -> list[str]:
+    """The report's figure, today's, and how many times faster today's is."""
+    return [number(reported), number(today), times(reported / today)]
+
+
+def size(side: int) -> str:
+    """``side`` x ``side``."""
+    return f"{side}x{side}"
+
+
+def number(value: float) -> str:
+    """Three significant digits, without an exponent; - where there is none."""
+    if math.isnan(value):
+        return "-"
+    if value == 0.0:
+        return "0"
+    return f"{value:.{max(2 - math.floor(math.log10(abs(value))), 0)}f}"
+
+
+def times(ratio: float) -> str:
+    """A ratio, as 3.2x."""
+    return "-" if math.isnan(ratio) else f"{ratio:.2g}x" if ratio < 10 else f"{ratio:,.0f}x"
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table; the first column is text, the others are numbers."""
+    lines = ["| " + " | ".join(cells) + " |" for cells in (header, *rows)]
+    return "\n".join([lines[0], "|---|" + "---:|" * (len(header) - 1), *lines[1:]])

@@ -70,8 +70,7 @@ def main() -> None:
     """Measure, and write the table."""
     silence_pybullet()
     from studies.machine import short
-    from studies.markdown import number, table
-    from studies.pages import fill
+    from studies.pages import fill, number, table
 
     rows = []
     for case, (bodies, make) in CASES.items():

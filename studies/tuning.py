@@ -30,8 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from smartmesh_ros.tools.tune import cli
     from smartmesh_ros.tools.tune.grid import settings_to_try
     from studies.machine import short
-    from studies.markdown import table
-    from studies.pages import fill
+    from studies.pages import fill, table
 
     bag = [[options.bag, "--params-file", options.params_file, "--seconds", "2"]] if options.bag else []
     rows = []

@@ -14,6 +14,8 @@ import numpy as np
 WARM_UP = 2
 # A frame that would take longer than this is not measured [s].
 LONGEST_FRAME = 2.5
+# What goes on to the next frame.
+Before = Callable[[], object] | None
 
 
 @dataclass(frozen=True)
@@ -69,10 +71,6 @@ class Results:
         timing = self.timings.get(Case(what, method, side, bodies, rings))
         return timing.median if timing else math.nan
 
-    def ms(self, what: str, method: str, *, side: int = 0, rings: int = 0) -> float:
-        """Median of a case of one body [ms]."""
-        return self.us(what, method, side=side, rings=rings) / 1e3
-
     def as_json(self) -> dict[str, Any]:
         """Return a JSON object of all of it."""
         return {
@@ -89,11 +87,7 @@ class Bench:
         self.results = Results()
 
     def time(
-        self,
-        case: Case,
-        run: Callable[[], object],
-        prepare: Callable[[], object] | None = None,
-        seconds: float | None = None,
+        self, case: Case, run: Callable[[], object], prepare: Before = None, seconds: float | None = None
     ) -> Timing:
         """Measure ``run`` for at most about ``seconds`` [s]. ``prepare`` runs before each call and is not measured."""
         effort, start = self.effort, perf_counter()
@@ -113,7 +107,7 @@ class Bench:
         return math.isnan(known) or known * (case.side / smaller) ** 2 > LONGEST_FRAME * 1e6
 
     @staticmethod
-    def _lap(run: Callable[[], object], prepare: Callable[[], object] | None) -> float:
+    def _lap(run: Callable[[], object], prepare: Before) -> float:
         if prepare is not None:
             prepare()
         start = perf_counter()

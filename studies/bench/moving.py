@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from itertools import cycle
-from typing import Generic, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +23,6 @@ from studies.bench.measure import Bench, Case
 from studies.report.config import ReportConfig
 from studies.report.ground import ReportWorld
 
-T = TypeVar("T")
-S = TypeVar("S")
-
 RESOLUTION = 0.25
 RADIUS = 0.2
 FRAME = 1.0 / 60.0  # between two maps [s]
@@ -34,36 +32,26 @@ _APART = 1.5
 _SAMPLES = 1 << 23
 
 
-class Cycle(Generic[T]):
-    """Frames that are run through forth and back, so that successive ones always follow from one another."""
+class Waves:
+    """Heights (side, side) [m] under a wave, one every `FRAME`, or what ``convert`` makes of them, before anything is
+    timed. They are run through forth and back, so that successive ones always follow from one another."""
 
-    def __init__(self, frames: list[T]) -> None:
-        self._frames, self.now = frames, frames[0]
+    def __init__(self, side: int, convert: Callable[[FloatGrid], Any] = np.asarray) -> None:
+        self.side = side
+        scene = InwardWaves(GridGeometry(rows=side, columns=side, resolution=RESOLUTION))
+        count = min(max(_SAMPLES // side**2, 3), 16)
+        frames = [convert(scene.heights(index * FRAME)) for index in range(count)]
+        self.now = frames[0]
         self._endless = cycle([*frames, *frames[-2:0:-1]])
 
-    def next(self) -> T:
+    def next(self) -> Any:
         """Goes on to the next frame."""
         self.now = next(self._endless)
         return self.now
 
-    def converted(self, convert: Callable[[T], S]) -> Cycle[S]:
-        """The same frames in another form, all made now."""
-        return Cycle([convert(frame) for frame in self._frames])
 
-
-class Waves(Cycle[FloatGrid]):
-    """Heights (side, side) [m] under a wave, one every `FRAME`, made before anything is timed."""
-
-    def __init__(self, side: int) -> None:
-        self.side = side
-        scene = InwardWaves(GridGeometry(rows=side, columns=side, resolution=RESOLUTION))
-        count = min(max(_SAMPLES // side**2, 3), 16)
-        super().__init__([scene.heights(index * FRAME) for index in range(count)])
-
-
-def doubles(heights: FloatGrid) -> FloatArray:
-    """Heights in the precision of most engines."""
-    return heights.astype(np.float64)
+# Makes heights of the precision of most engines.
+doubles = partial(np.asarray, dtype=np.float64)
 
 
 def height_map(waves: Waves) -> HeightMap:

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
-from smartmesh_ros.terrain.trimesh import TriangleMesh
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import RESOLUTION, Waves, general_mesh
 from studies.bench.report import LARGER, RINGS, SEARCH
 from studies.report.collect import GridGraph, TriangleGraph, queue_bfs, topology_around, union_bfs
 from studies.report.search import (
     best_first_cells,
+    best_first_vertex,
     brute_force_cells,
     brute_force_vertex,
     nearest_vertices,
@@ -24,28 +24,6 @@ from studies.report.search import (
 
 # Sizes of Table 4, and of height maps, over which a search of a uniform grid is to cost the same.
 REPORT_SIDES, MAP_SIDES = tuple(SEARCH["brute_force"]), (50, 100, 200, *LARGER)
-
-
-def best_first_vertex(mesh: TriangleMesh, graph: TriangleGraph, position_w: FloatArray, start: int) -> int:
-    """Return the vertex of a general mesh horizontally nearest to a position (3,) [m], walking from ``start``.
-
-    The cost is proportional to the number of steps: one or two for a body that moves continuously, up to the width of
-    the mesh for one that teleports.
-    """
-    coordinates = mesh.coordinates
-    xs, ys = memoryview(coordinates[0]), memoryview(coordinates[1])
-    x, y = float(position_w[0]), float(position_w[1])
-    neighbours = graph.neighbours
-    best = start
-    least = (xs[start] - x) ** 2 + (ys[start] - y) ** 2
-    while True:
-        here = best
-        for vertex in neighbours(here):
-            distance = (xs[vertex] - x) ** 2 + (ys[vertex] - y) ** 2
-            if distance < least or (distance == least and vertex < best):
-                least, best = distance, vertex
-        if best == here:
-            return best
 
 
 def measure_general(bench: Bench, side: int) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from studies.bench.measure import Bench, Case
+from studies.bench.measure import Before, Bench, Case
 from studies.bench.moving import (
     FRAME,
     RADIUS,
@@ -105,7 +105,7 @@ def measure_general(bench: Bench) -> None:
     search."""
     waves = Waves(SIDE)
     mesh = general_mesh(waves)
-    frames = waves.converted(grid_vertices)
+    frames = Waves(SIDE, grid_vertices)
     times = count()
     bench.time(Case("ingest", "mesh", SIDE), lambda: mesh.move(frames.now, time=0.05 * next(times)), frames.next)
     base = ReportConfig(kind="trimesh", rings=1)
@@ -120,7 +120,7 @@ ENGINES = ("physx", "bullet_trimesh", "bullet_heightfield", "mujoco")
 # Sizes of the whole mesh, ascending [vertices on a side].
 WHOLE_SIDES = (*SIMPLE_PHYSX, *LARGER)
 # What a frame of an update runs, and what goes on to the next frame before it.
-Update = tuple[Callable[[], object], Callable[[], object] | None]
+Update = tuple[Callable[[], object], Before]
 
 
 def measure_whole(bench: Bench, name: str) -> None:
@@ -145,7 +145,7 @@ def measure_whole(bench: Bench, name: str) -> None:
 def _in_engine(name: str, waves: Waves, stack: ExitStack) -> Update:
     setup = Setup(heights=doubles(waves.now), resolution=RESOLUTION, bodies=(), dt=FRAME)
     engine = stack.enter_context(build(name, setup))
-    maps = waves.converted(engine.ready)
+    maps = Waves(waves.side, engine.ready)
     return lambda: engine.set_ground(maps.now), maps.next
 
 
@@ -187,7 +187,7 @@ def _refitted(waves: Waves) -> Update:
 def _field(waves: Waves) -> Update:
     import coal
 
-    frames, extent = waves.converted(doubles), (waves.side - 1) * RESOLUTION
+    frames, extent = Waves(waves.side, doubles), (waves.side - 1) * RESOLUTION
     field = coal.HeightFieldOBBRSS(extent, extent, frames.now, -10.0)
     return lambda: field.updateHeights(frames.now), frames.next
 

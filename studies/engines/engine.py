@@ -184,10 +184,9 @@ _ENTRIES = {
     "mujoco": ("studies.engines.mujoco_hfield", "MujocoHfield"),
     "physx": ("studies.engines.physx", "PhysxTrimesh"),
     "rapier": ("studies.engines.rapier", "RapierHeightfield"),
-    "checkout": ("studies.engines.checkout", "Checkout"),
-    "smartmesh robots": ("studies.robots.bullet_robots", "WorldRobots"),
-    "mujoco robots": ("studies.robots.mujoco_robots", "MujocoRobots"),
-    "physx robots": ("studies.robots.physx_robots", "PhysxRobots"),
+    "smartmesh robots": ("studies.engines.smartmesh", "WorldRobots"),
+    "mujoco robots": ("studies.engines.mujoco_hfield", "MujocoRobots"),
+    "physx robots": ("studies.engines.physx", "PhysxRobots"),
 }
 ENGINES = tuple(_ENTRIES)
 

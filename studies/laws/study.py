@@ -15,12 +15,11 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.grounds import Rigid, flat
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
-from studies.body_contest import setup_of
+from studies.accuracy import setup_of
 from studies.configurations import OURS, RATE, Configuration, rivals, robot_configurations
 from studies.engines.engine import Contacts, Engine
-from studies.markdown import number, table
 from studies.matrix.arena import square
-from studies.pages import ROOT, fill
+from studies.pages import ROOT, fill, number, table
 from studies.robots.engine import FRICTION, RobotEngine
 from studies.robots.engine import setup_of as setup_of_robots
 from studies.robots.robot import HUSKY

@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from studies.markdown import table
-from studies.pages import fill
+from studies.pages import fill, table
 
 # The start is left out: buffers grow to the largest map and message, and pools of colliders fill. Share of the time.
 WARM_UP = 0.2
@@ -60,18 +59,16 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
         s = slopes[name]
         rows.append([what, f"{s.median:.4g} {unit}", f"{s.per_hour:+.3g} {unit} ± {s.error:.2g}",
                      "flat" if s.flat else "**changes**"])  # fmt: skip
-    done, lost = data["done"], data["lost"]
+    done = data["done"]
     words = (
         f"{data['minutes']:g} minutes: {done['sources killed']} sources killed and started with a map of another size, "
         f"{done['spawned']} bodies spawned and {done['removed']} removed, settings changed {done['settings changed']} "
-        f"times. Bad messages and calls: {done['bad messages'] + done['bad calls']} sent, "
-        f"{sum(data['refused'].values())} refused by the "
-        f"node's count. Bodies lost: {len(lost)} of {done['spawned']}; below the ground at the end: "
+        f"times. Bad messages and calls: {done['bad messages'] + done['bad calls']} sent, {data['refused']} refused by "
+        f"the node's count. Bodies lost: {data['lost']} of {done['spawned']}; below the ground at the end: "
         f"{data['below_ground']}, at any sample at most {max(samples['below']):.0f}."
     )
     text = table(["figure", "median", "change per hour", ""], rows) + "\n\n" + words
     print(text)
-    print("\n".join(["refused:", *(f"  {key} {count}" for key, count in data["refused"].items()), "lost:", *lost]))
     if page is not None:
         fill(page, {"soak": text})
 

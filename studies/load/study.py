@@ -15,15 +15,15 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from studies.load import tables
 from studies.load.cases import Case, groups
 from studies.load.driver import run_case
-from studies.load.tables import PAGE, PICTURES, Summary
+from studies.load.tables import PAGE, PICTURES, summary_of
 from studies.machine import short
-from studies.markdown import table
-from studies.pages import digest_of, fill
+from studies.pages import digest_of, fill, table
 from studies.results_file import read_results, save_results
 
 SIDES = (256, 1024, 4096, 8192, 16384)
 # Samples on one side of a region, and how many are taken.
 REGION, COUNT, WARM_UP = 64, 1000, 20
+SHARES = (10, 50, 90, 99)  # percentiles of the times
 
 
 def measure_regions(*, quick: bool) -> list[dict[str, Any]]:
@@ -45,10 +45,10 @@ def measure_regions(*, quick: bool) -> list[dict[str, Any]]:
                 if turn >= WARM_UP:
                     times[side].append(1e6 * (perf_counter() - start))
         for side in sides:
-            low, median, high, highest = np.percentile(times[side], [10, 50, 90, 99])
-            found.append({"side": side, "way": way, "count": count, "p10_us": low, "p50_us": median, "p90_us": high,
-                          "p99_us": highest})  # fmt: skip
-            print(f"regions {way} on {side}^2: {median:.1f} us ({low:.1f} to {high:.1f})", flush=True)
+            found.append({"side": side, "way": way, "count": count})
+            for share in SHARES:
+                found[-1][f"p{share}_us"] = np.percentile(times[side], share)
+            print(f"regions {way} on {side}^2: {found[-1]['p50_us']:.1f} us", flush=True)
     return found
 
 
@@ -57,7 +57,7 @@ def regions_table(found: Sequence[dict[str, Any]]) -> str:
     head = ["map", "regions", "place", "median [us]", "10 to 90 % [us]", "99 % [us]"]
     rows = []
     for r in found:
-        low, median, high, highest = (f"{r[f'p{share}_us']:.1f}" for share in (10, 50, 90, 99))
+        low, median, high, highest = (f"{r[f'p{share}_us']:.1f}" for share in SHARES)
         rows.append([f"{r['side']}^2", str(r["count"]), r["way"], median, f"{low} to {high}", highest])
     return table(head, rows)
 
@@ -65,19 +65,16 @@ def regions_table(found: Sequence[dict[str, Any]]) -> str:
 def run(case: Case) -> dict[str, Any]:
     """Runs a case, and prints a line about it."""
     result = run_case(case)
-    s = Summary(result)
-    print(
-        f"{case.name:50s} update+step {s.update_and_step:6.2f} ms  missed {100 * s.missed:6.2f} %  "
-        f"real time {s.real_time_factor:.2f}  lost {s.lost}",
-        flush=True,
-    )
+    s = summary_of(result)
+    words = f"{100 * s.missed:.2f} % missed, real time {s.real_time_factor:.2f}, lost {s.lost}"
+    print(f"{case.name}: {words}", flush=True)
     return result
 
 
 def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     """Pictures, and the tables of the page."""
     found = data["groups"]
-    summaries = {name: [Summary(result) for result in found.get(name, [])] for name in groups(quick=True)}
+    summaries = {name: [summary_of(result) for result in found.get(name, [])] for name in groups(quick=True)}
     if summaries["grid"]:
         tables.draw(summaries["grid"], data["machine"], out)
     blocks = {

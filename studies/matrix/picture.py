@@ -14,9 +14,9 @@ from matplotlib.transforms import Bbox
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from studies.configurations import BARE
-from studies.markdown import table
 from studies.matrix.real_maps import STEP, Site
 from studies.matrix.row import Outcome
+from studies.pages import table
 from studies.report.config import ReportConfig
 
 COLOURS = {True: "#cfe8d5", False: "#f4c7c3", None: "#eeeeee"}  # by whether a cell passes

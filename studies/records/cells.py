@@ -15,7 +15,7 @@ from smartmesh_ros.tools.evaluation.clearance import rotate
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.engines.engine import Engine, EngineBody, Setup
 from studies.engines.smartmesh import SmartMesh
-from studies.markdown import number, table
+from studies.pages import number, table
 from studies.records.entrants import OURS, RATE, enter, entrants
 
 FRICTION = 0.2

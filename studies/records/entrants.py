@@ -12,7 +12,7 @@ from studies.engines.engine import Engine, GroundSetup, build, missing
 RATE = 240  # of physics [Hz]
 # Engine, options and colour by the name in tables. MuJoCo has its own default contacts, and the stiffest that it takes.
 # Bodies are awake all the time: those that sleep cost nothing anywhere.
-_ALL: Mapping[str, tuple[str, Mapping[str, Any], str]] = {
+ENTRANTS: Mapping[str, tuple[str, Mapping[str, Any], str]] = {
     "smartmesh_ros": ("smartmesh", {"physics": PhysicsConfig(sleep=False)}, COLOURS["ours"]),
     "PyBullet": ("bullet_heightfield", {}, COLOURS["whole map"]),
     "MuJoCo": ("mujoco", {"time_constant": 0.02}, "#8fbfe0"),
@@ -25,16 +25,11 @@ OURS = "smartmesh_ros"
 
 def entrants() -> list[str]:
     """Return the names of the engines that are installed."""
-    return [name for name, (engine, *_) in _ALL.items() if not missing(engine)]
-
-
-def colour_of(name: str) -> str:
-    """Return the colour of an engine in pictures."""
-    return _ALL[name][2]
+    return [name for name, (engine, *_) in ENTRANTS.items() if not missing(engine)]
 
 
 def enter(name: str, setup: GroundSetup) -> Engine:
     """Return a scene in an engine. The plane of our bodies is PyBullet's."""
-    engine, options, _ = _ALL["PyBullet" if setup.plane and name == OURS else name]
+    engine, options, _ = ENTRANTS["PyBullet" if setup.plane and name == OURS else name]
     found: Engine = build(engine, setup, **options)
     return found

@@ -10,7 +10,7 @@ import numpy as np
 from smartmesh_ros import BodyState, Sphere
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.engines.engine import EngineBody, Setup
-from studies.markdown import number, table
+from studies.pages import number, table
 from studies.records.entrants import RATE, enter, entrants
 
 HEAVE, FREQUENCY = 0.2, math.pi  # amplitude [m] and angular frequency [rad/s] of the deck: up to 0.63 m/s

@@ -40,20 +40,15 @@ class GridGraph:
 
 class TriangleGraph:
     """The graph of ``triangles`` (T, 3) among ``count`` vertices, as two compact arrays: vertices that share a triangle
-    are neighbours (Figures 4 and 9).
-
-    The neighbours of vertex v are ``targets[offsets[v] : offsets[v + 1]]``.
-    """
+    are neighbours (Figures 4 and 9)."""
 
     def __init__(self, triangles: NDArray[np.integer], count: int) -> None:
         self.triangles = np.asarray(triangles, np.int64)
         edges = np.concatenate([self.triangles[:, [0, 1]], self.triangles[:, [1, 2]], self.triangles[:, [2, 0]]])
         keys = np.unique(np.concatenate([edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0]]))
-        self.targets: IntArray = keys % count
-        self.offsets: IntArray = np.searchsorted(keys // count, np.arange(count + 1))
         # Reading one number from a memoryview is several times faster than from an array.
-        self._targets = memoryview(self.targets)  # type: ignore[arg-type]  # NumPy arrays are buffers
-        self._offsets = memoryview(self.offsets)  # type: ignore[arg-type]
+        self._targets = memoryview(keys % count)  # type: ignore[arg-type]  # NumPy arrays are buffers
+        self._offsets = memoryview(np.searchsorted(keys // count, np.arange(count + 1)))  # type: ignore[arg-type]
         corners = np.argsort(self.triangles.ravel(), kind="stable")
         self._incident = corners // 3  # triangles, sorted by vertex
         self._incident_at = np.searchsorted(self.triangles.ravel()[corners], np.arange(count + 1))
@@ -61,14 +56,6 @@ class TriangleGraph:
     def neighbours(self, vertex: int) -> list[int]:
         """Return the vertices that share a triangle with ``vertex``."""
         return self._targets[self._offsets[vertex] : self._offsets[vertex + 1]].tolist()
-
-    def padded(self) -> IntArray:
-        """Return the neighbours as one row per vertex (V, largest number of neighbours), padded with the vertex."""
-        counts = np.diff(self.offsets)
-        table = np.repeat(np.arange(len(counts))[:, None], int(counts.max(initial=0)), axis=1)
-        column = np.arange(len(self.targets)) - np.repeat(self.offsets[:-1], counts)
-        table[np.repeat(np.arange(len(counts)), counts), column] = self.targets
-        return table
 
     def triangles_within(self, vertices: IntArray) -> IntArray:
         """Return the triangles (n,), ascending, whose corners are all among ``vertices`` (k,)."""

@@ -4,16 +4,17 @@ size require."""
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.slot_tables import with_rows
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from studies.report.batch import PatchBatch
 from studies.report.config import ReportConfig
 from studies.report.search import nearest_vertices
 
@@ -157,3 +158,24 @@ def _in_facet(
     b = np.where(below, samples[n, row + 1, column], samples[n, row, column + 1])
     along, down = np.where(below, e - b, b - a), np.where(below, b - a, e - b)
     return a + along * u + down * v, along, down
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PatchBatch:
+    """Patches of n bodies with the same triangles.
+
+    ``slots``: of the bodies (n,). ``triangles``: corners (T, 3) as indices into the K vertices of a patch.
+    ``vertices_w`` (n, K, 3) [m]: z is NaN at holes. ``centres_w`` (n, 3) [m]: the nearest vertex. ``shape``: rows and
+    columns of the vertices; (0, 0) on a general mesh. ``feet_w`` (n, 3) [m]: the ground under the bodies' middles, on a
+    general mesh the nearest vertices. ``linear_w`` [m/s], ``angular_w`` [rad/s]: mean velocity and angular velocity of
+    the ground there until the next refresh (n, 3).
+    """
+
+    slots: IntArray
+    triangles: NDArray[np.int32]
+    vertices_w: FloatArray
+    centres_w: FloatArray
+    shape: tuple[int, int]
+    feet_w: FloatArray
+    linear_w: FloatArray
+    angular_w: FloatArray

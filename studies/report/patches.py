@@ -8,9 +8,8 @@ from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh
-from studies.report.batch import PatchBatch
 from studies.report.config import ReportConfig, is_whole
-from studies.report.map_patches import MapPatches
+from studies.report.map_patches import MapPatches, PatchBatch
 from studies.report.mesh_patches import MeshPatches
 
 # Largest speed that sizes patches [m/s], because a teleported body has no real speed.

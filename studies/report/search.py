@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
+from studies.report.collect import TriangleGraph
 
 # The eight neighbours of a grid vertex, in ascending order of their index, and the vertex itself first.
 _ROW_STEPS = np.array([0, -1, -1, -1, 0, 0, 1, 1, 1])
@@ -55,21 +56,26 @@ def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray) -> Cells:
     return Cells(cells[0], cells[1])
 
 
-def best_first_vertices(mesh: TriangleMesh, table: IntArray, positions_w: FloatArray, starts: IntArray) -> IntArray:
-    """Return the nearest vertices (N,) for positions (N, 3) [m] and starts (N,); ``table``: from `padded`."""
-    x, y = mesh.coordinates[:2]
-    found = starts.copy()
-    walking = np.arange(len(found))
-    while walking.size:
-        here = found[walking]
-        options = np.concatenate([here[:, None], table[here]], axis=1)
-        options.sort(axis=1)  # so that argmin returns the lowest index among equal distances
-        place = positions_w[walking]
-        distance = (x[options] - place[:, :1]) ** 2 + (y[options] - place[:, 1:2]) ** 2
-        best = options[np.arange(len(options)), distance.argmin(axis=1)]
-        found[walking] = best
-        walking = walking[best != here]
-    return found
+def best_first_vertex(mesh: TriangleMesh, graph: TriangleGraph, position_w: FloatArray, start: int) -> int:
+    """Return the vertex of a general mesh horizontally nearest to a position (3,) [m], walking from ``start``.
+
+    The cost is proportional to the number of steps: one or two for a body that moves continuously, up to the width of
+    the mesh for one that teleports.
+    """
+    coordinates = mesh.coordinates
+    xs, ys = memoryview(coordinates[0]), memoryview(coordinates[1])
+    x, y = float(position_w[0]), float(position_w[1])
+    neighbours = graph.neighbours
+    best = start
+    least = (xs[start] - x) ** 2 + (ys[start] - y) ** 2
+    while True:
+        here = best
+        for vertex in neighbours(here):
+            distance = (xs[vertex] - x) ** 2 + (ys[vertex] - y) ** 2
+            if distance < least or (distance == least and vertex < best):
+                least, best = distance, vertex
+        if best == here:
+            return best
 
 
 def best_first_cells(geometry: GridGeometry, grid_rc: FloatArray, starts: Cells) -> Cells:

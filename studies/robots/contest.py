@@ -15,8 +15,8 @@ from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.configurations import Configuration
 from studies.contest import FINE_RATE, HORIZON, Contest, Runner
+from studies.engines.smartmesh import WorldRobots
 from studies.report.config import ReportConfig
-from studies.robots.bullet_robots import WorldRobots
 from studies.robots.engine import RobotEngine, RobotSetup, setup_of
 from studies.robots.geometry import GroundPrisms, Part, read_links
 from studies.robots.scene import STARTS, RobotScene

@@ -71,8 +71,12 @@ def xyzw(wxyz: FloatArray) -> FloatArray:
     return np.asarray(wxyz)[..., [1, 2, 3, 0]]
 
 
-# Mass of links whose description gives none [kg]. Loaders differ: PyBullet takes 1 kg, others nothing.
+# Mass of links whose description gives none [kg], balls of 0.1 m. Loaders differ: PyBullet takes 1 kg, others nothing.
 MASSLESS = 0.01
+_INERTIAL = (
+    f'<inertial><mass value="{MASSLESS:g}"/><inertia ixx="4e-05" iyy="4e-05" izz="4e-05" ixy="0" ixz="0" iyz="0"/>'
+    "</inertial>"
+)
 # What a file of husky has kept of its macros: the value of an environment variable, or what stands behind its name.
 _OPTIONAL = re.compile(r"\$\(optenv \w+ ([^)]*)\)")
 
@@ -91,7 +95,7 @@ def prepared(urdf: str) -> str:
             for part in link.findall(tag):
                 link.remove(part)
         if link.find("inertial") is None:
-            link.append(_inertial(MASSLESS))
+            link.append(ET.fromstring(_INERTIAL))
     for part in root.iter():
         for name, value in part.attrib.items():
             part.set(name, _OPTIONAL.sub(r"\1", value))
@@ -99,9 +103,3 @@ def prepared(urdf: str) -> str:
     for mesh in root.iter("mesh"):
         mesh.set("filename", str((folder / mesh.attrib["filename"]).resolve()))
     return ET.tostring(root, encoding="unicode")
-
-
-def _inertial(mass: float) -> ET.Element:
-    """Return the inertia of a ball of 0.1 m."""
-    moments = " ".join(f'{axis}="{0.4 * mass * 0.1**2:g}"' for axis in ("ixx", "iyy", "izz"))
-    return ET.fromstring(f'<inertial><mass value="{mass:g}"/><inertia {moments} ixy="0" ixz="0" iyz="0"/></inertial>')

@@ -15,8 +15,8 @@ from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.world import World, WorldConfig
 from studies.configurations import robot_configurations
 from studies.contest import run
-from studies.markdown import table
 from studies.matrix.arena import square
+from studies.pages import table
 from studies.progress import Progress
 from studies.results_file import save_results
 from studies.robots.contest import RobotContest

@@ -14,8 +14,7 @@ from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from smartmesh_ros.world.world import World
-from studies.markdown import table
-from studies.pages import ROOT, fill
+from studies.pages import ROOT, fill, table
 from studies.soil.arcs import free_slip, undamped, wheel_forces
 from studies.soil.trials import K10, SMOOTH, Wheel, plate_sinkage
 from studies.soil.vehicles import WARTHOG, Cart, drive, roll, set_down

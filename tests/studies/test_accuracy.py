@@ -7,7 +7,7 @@ import pytest
 
 from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
 from studies import accuracy
-from studies.body_contest import run_scene
+from studies.accuracy import run_scene
 from studies.configurations import configurations
 from studies.contest import Result
 from studies.front import beyond_all, cheapest_as_accurate, only_by, pareto_front

@@ -11,7 +11,7 @@ import pytest
 
 from studies.bench import cli
 from studies.bench.measure import QUICK, Bench, Case, Effort, Results
-from studies.markdown import number, times
+from studies.pages import number, times
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from smartmesh_ros import GridGeometry, InputError
 from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.grounds import GROUNDS, make_ground
 from smartmesh_ros.tools.evaluation.scene import read_scene, read_scenes
-from studies.body_contest import reference_positions
+from studies.accuracy import reference_positions
 
 SCENES = read_scenes()
 

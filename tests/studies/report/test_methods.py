@@ -10,12 +10,11 @@ from matplotlib.tri import Triangulation
 
 from smartmesh_ros import GridGeometry
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from studies.bench.searching import best_first_vertex
 from studies.report.collect import TriangleGraph
 from studies.report.search import (
     Cells,
     best_first_cells,
-    best_first_vertices,
+    best_first_vertex,
     brute_force_cells,
     brute_force_vertex,
     nearest_vertices,
@@ -68,9 +67,8 @@ def test_best_first_equals_brute_force(make: Callable[[np.random.Generator], Tri
     positions = around(rng, mesh.vertices)
     expected = horizontal_brute_force(mesh, positions)
     starts = rng.integers(mesh.size, size=len(positions))
-    np.testing.assert_array_equal(best_first_vertices(mesh, graph.padded(), positions, starts), expected)
-    singly = [best_first_vertex(mesh, graph, p, int(s)) for p, s in zip(positions, starts, strict=True)]
-    np.testing.assert_array_equal(singly, expected)
+    found = [best_first_vertex(mesh, graph, p, int(s)) for p, s in zip(positions, starts, strict=True)]
+    np.testing.assert_array_equal(found, expected)
 
 
 @settings(max_examples=40, deadline=None)
