@@ -6,7 +6,6 @@ import argparse
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -23,8 +22,7 @@ from studies.engines.engine import Engine, EngineBody, Setup, build
 from studies.matrix.picture import draw_box, draw_matrix, matrix_table
 from studies.matrix.row import METHODS
 from studies.matrix.run import run_matrix
-from studies.progress import Progress
-from studies.results_file import save_results
+from studies.running import Progress, save_results
 from studies.tables import Charts, write_blocks
 
 CHARTS = Charts(
@@ -34,50 +32,37 @@ CHARTS = Charts(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the scenes and the stability matrix; writes JSON, pictures and tables."""
-    options = _parser().parse_args(arguments)
-    out, machine = CHARTS.begin(options)
-    say = Progress()
+    options = parser().parse_args(arguments)
+    (out, machine), say = CHARTS.begin(options), Progress()
     blocks = {"machine": machine}
     if not options.charts_only:  # before the charts, whose replaced meshes PyBullet keeps in memory
-        _matrix(options, out, say)
+        outcomes = run_matrix(say, quick=options.quick, methods=options.methods)
+        draw_matrix(CHARTS.images(out) / "stability.png", outcomes)
+        real_maps = out / "images" / "real_maps"
+        real_maps.mkdir(exist_ok=True)
+        draw_box(real_maps / "box.png")
+        save_results(CHARTS.data(out), {"stability": [asdict(outcome) for outcome in outcomes]})
+        write_blocks(out / "stability.md", {"stability": matrix_table(outcomes)})
     if not options.matrix_only:
-        blocks |= _charts(options, out, machine, say)
+        chosen = configurations(quick=options.quick)
+        scenes = CHARTS.chosen(options, read_scenes())
+        captions = {f"{scene.title} ({scene.bodies.count} bodies)": scene for scene in scenes}
+        results, found = CHARTS.run(out, captions, chosen, lambda scene: run_scene(scene, chosen, say), machine)
+        if README_SCENE in results:
+            draw_readme(CHARTS.images(out) / "readme.png", results[README_SCENE])
+        print("\n" + found["summary"])
+        blocks |= found
     CHARTS.write(out, blocks)
     return 0
 
 
-def _matrix(options: argparse.Namespace, out: Path, say: Any) -> None:
-    """Run the matrix, and write its page."""
-    outcomes = run_matrix(say, quick=options.quick, methods=options.methods)
-    draw_matrix(CHARTS.images(out) / "stability.png", outcomes)
-    real_maps = out / "images" / "real_maps"
-    real_maps.mkdir(exist_ok=True)
-    draw_box(real_maps / "box.png")
-    save_results(CHARTS.data(out), {"stability": [asdict(outcome) for outcome in outcomes]})
-    write_blocks(out / "stability.md", {"stability": matrix_table(outcomes)})
-
-
-def _charts(options: argparse.Namespace, out: Path, machine: str, say: Any) -> dict[str, str]:
-    """Run the scenes; return their blocks."""
-    scenes = CHARTS.chosen(options, read_scenes())
-    chosen = configurations(quick=options.quick)
-    captions = {f"{scene.title} ({scene.bodies.count} bodies)": scene for scene in scenes}
-    results, blocks = CHARTS.run(out, captions, chosen, lambda scene: run_scene(scene, chosen, say), machine)
-    if README_SCENE in results:
-        draw_readme(CHARTS.images(out) / "readme.png", results[README_SCENE])
-    print("\n" + blocks["summary"])
-    return blocks
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = CHARTS.parser(__doc__, [scene.name for scene in read_scenes()])
-    parser.add_argument("--methods", nargs="+", default=[], choices=list(METHODS), help="these columns of the matrix")
-    parser.add_argument("--charts-only", action="store_true", help="no stability matrix")
-    parser.add_argument("--matrix-only", action="store_true", help="the stability matrix alone")
-    return parser
-
-
-PIECES = 12  # of a run
+def parser() -> argparse.ArgumentParser:
+    """Return the options."""
+    found = CHARTS.parser(__doc__, [scene.name for scene in read_scenes()])
+    found.add_argument("--methods", nargs="+", default=[], choices=list(METHODS), help="these columns of the matrix")
+    found.add_argument("--charts-only", action="store_true", help="no stability matrix")
+    found.add_argument("--matrix-only", action="store_true", help="the stability matrix alone")
+    return found
 
 
 def setup_of(scene: Scene, heights: Any, rate: float, starts: Sequence[BodyState]) -> Setup:
@@ -92,10 +77,10 @@ class BodyContest(Contest):
     """A scene of the accuracy study."""
 
     scene: Scene
+    pieces = 12
     patience: ClassVar[float] = 2.5
 
-    def __init__(self, scene: Scene, pieces: int = PIECES) -> None:
-        self.pieces = pieces
+    def __init__(self, scene: Scene) -> None:
         super().__init__(scene, scene.make_ground(), scene.bodies.count)
         self._shape, self._truth = scene.bodies.make_shape(), scene.make_ground()
 
@@ -116,39 +101,29 @@ class BodyContest(Contest):
                 sample.clearance[np.isnan(ground)] = np.nan
 
     def reference(self) -> FloatArray | None:
-        return reference_positions(self.scene)
+        """The collider is a filtered trimesh of the whole map on rigid ground. On moving ground, where a whole collider
+        cannot carry the velocity, it is ours with an eighth of the step and a map at every step. Sliding rigid ground
+        is simulated in the frame of the ground, where the ground is at rest and the bodies have the opposite
+        velocity."""
+        scene, ground = self.scene, self.scene.make_ground()
+        if scene.reference == "none":
+            return None
+        against = (-scene.slide[0], -scene.slide[1], 0.0)
+        starts = [replace(state, linear=tuple(np.add(state.linear, against).tolist())) for state in scene.starts()]
+        setup = setup_of(scene, ground.heights(0.0), FINE_RATE, starts)
+        if scene.reference == "whole":
+            found = build("bullet_trimesh", setup, edge_filter=True)
+        else:  # a map arrives at every step, so short intervals must not merge maps
+            found = build("smartmesh", setup, motion=MotionConfig(min_interval=0.0))
+        with found as engine:
+            for step in range(math.floor(HORIZON * FINE_RATE + 0.5)):
+                if scene.moves and scene.reference == "finest":
+                    engine.set_ground(engine.ready(ground.heights(step / FINE_RATE)))
+                engine.step()
+            return np.asarray(engine.positions() - HORIZON * np.array(against))
 
 
-def run_scene(
-    scene: Scene, chosen: Sequence[Configuration], say: Callable[[str], None], pieces: int = PIECES
-) -> dict[str, Result]:
+def run_scene(scene: Scene, chosen: Sequence[Configuration], say: Callable[[str], None]) -> dict[str, Result]:
     """Run a scene in every configuration that suits it."""
     suited = [configuration for configuration in chosen if scene.slide != (0.0, 0.0) or not configuration.for_sliding]
-    return run(BodyContest(scene, pieces), suited, say)
-
-
-def reference_positions(scene: Scene) -> FloatArray | None:
-    """Return the positions (N, 3) [m] of the bodies after `HORIZON`; None if the scene has no reference.
-
-    The collider is a filtered trimesh of the whole map on rigid ground. On moving ground, where a whole collider cannot
-    carry the velocity, it is ours with an eighth of the step and a map at every step. Sliding rigid ground is
-    simulated in the frame of the ground, where the ground is at rest and the bodies have the opposite velocity.
-    """
-    if scene.reference == "none":
-        return None
-    ground = scene.make_ground()
-    against = (-scene.slide[0], -scene.slide[1], 0.0)
-    starts = [replace(state, linear=tuple(np.add(state.linear, against).tolist())) for state in scene.starts()]
-    setup = setup_of(scene, ground.heights(0.0), FINE_RATE, starts)
-    if scene.reference == "whole":
-        found = build("bullet_trimesh", setup, edge_filter=True)
-    else:
-        # A map arrives at every step, so short intervals must not merge maps.
-        motion = MotionConfig(min_interval=0.0)
-        found = build("smartmesh", setup, motion=motion)
-    with found as engine:
-        for step in range(math.floor(HORIZON * FINE_RATE + 0.5)):
-            if scene.moves and scene.reference == "finest":
-                engine.set_ground(engine.ready(ground.heights(step / FINE_RATE)))
-            engine.step()
-        return np.asarray(engine.positions() + (*((HORIZON * slide) for slide in scene.slide), 0.0))
+    return run(BodyContest(scene), suited, say)

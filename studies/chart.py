@@ -17,18 +17,17 @@ from studies.configurations import Family
 from studies.contest import Result
 from studies.front import MEASURES, Measure, distance_of, measures_of, pareto_front
 
-COLOURS: dict[Family, str] = {
-    "ours": "#0b6e4f",
-    "ours, less": "#7bc8a4",
-    "report": "#c1666b",
-    "whole map": "#8d6a9f",
-    "MuJoCo": "#1f77b4",
-    "PhysX": "#e08e0b",
-    "Rapier": "#6b6b6b",
+_LOOKS: dict[Family, tuple[str, str]] = {
+    "ours": ("#0b6e4f", "o"),
+    "ours, less": ("#7bc8a4", "o"),
+    "report": ("#c1666b", "s"),
+    "whole map": ("#8d6a9f", "D"),
+    "MuJoCo": ("#1f77b4", "^"),
+    "PhysX": ("#e08e0b", "v"),
+    "Rapier": ("#6b6b6b", "P"),
 }
-MARKERS: dict[Family, str] = {
-    "ours": "o", "ours, less": "o", "report": "s", "whole map": "D", "MuJoCo": "^", "PhysX": "v", "Rapier": "P",
-}  # fmt: skip
+COLOURS, MARKERS = ({family: look[part] for family, look in _LOOKS.items()} for part in (0, 1))
+PLAIN = FuncFormatter(lambda value, _: f"{value:g}")  # numbers without powers of ten
 WORDS: dict[Measure, str] = {
     "distance": "from the ground while held up, 99 % [mm]",
     "deviation": "from the reference after 1 s, median [mm]",
@@ -128,7 +127,7 @@ def _plot(
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_major_formatter(PLAIN)
         axis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}" if f"{value:.0e}"[0] in "25" else ""))
         axis.set_tick_params(which="minor", labelsize=8)
     error_of = MEASURES[measure]
@@ -212,7 +211,7 @@ def draw_readme(path: Path, results: Mapping[str, Result]) -> None:
     axes.text(0.99, 0.02, f"hollow: half of the bodies end more than {FAR:g} m from where they belong", ha="right",
               transform=axes.transAxes, fontsize=10, color="0.35")  # fmt: skip
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_major_formatter(PLAIN)
         axis.set_tick_params(labelsize=11)
     axes.grid(visible=True, alpha=0.3)
     figure.savefig(path)

@@ -62,20 +62,15 @@ REPORT = (
 )
 
 
-def read_presets() -> dict[str, dict[str, Any]]:
-    """Return the parameter files that come with the package by name, as options; none if they are not installed."""
-    if preset_folder() is None:
-        return {}
-    worlds = {name: settings_of(preset_values(name)).world for name in PRESETS}
-    return {name: {"physics": world.physics} for name, world in worlds.items()}
-
-
 def _presets(engine: str) -> list[Configuration]:
+    """Return the parameter files that come with the package; none if they are not installed."""
+    names = () if preset_folder() is None else PRESETS
+    found = {name: settings_of(preset_values(name)).world.physics for name in names}
     return [
         Configuration(
-            name=f"preset {name}", family="ours", engine=engine, options=options, rate=options["physics"].rate
+            name=f"preset {name}", family="ours", engine=engine, options={"physics": physics}, rate=physics.rate
         )
-        for name, options in read_presets().items()
+        for name, physics in found.items()
     ]
 
 

@@ -31,8 +31,8 @@ class Result:
 
     ``cost`` [us]: processor time of update and step, per body and simulated second, median; ``spread``: its quartiles
     [us]; ``update``: the ground's share of it [us], NaN = not told apart. Then `Penetration`'s figures [m]; deviation
-    from the reference after one second, median and largest over the bodies [m], NaN = none; how long it ran [s];
-    ``note``: why it did not run, or not long.
+    from the reference after one second, median and largest over the bodies [m], NaN = none; ``note``: why it
+    did not run, or not long.
     """
 
     cost: float = math.nan
@@ -46,7 +46,6 @@ class Result:
     bodies: int = 0
     deviation: float = math.nan
     most_deviation: float = math.nan
-    ran: float = 0.0
     note: str = ""
 
 
@@ -195,4 +194,4 @@ def _result(contest: Contest, runner: Runner, reference: FloatArray | None) -> R
     if reference is not None and HORIZON in runner.samples:
         apart = np.linalg.norm(runner.samples[HORIZON].links.centres - reference, axis=1)
         more |= {"deviation": float(np.median(apart)), "most_deviation": float(apart.max())}
-    return Result(cost=middle, spread=(low, high), **asdict(found), **more, ran=runner.time, note=runner.note)
+    return Result(cost=middle, spread=(low, high), **asdict(found), **more, note=runner.note)

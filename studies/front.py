@@ -10,6 +10,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Literal
 
+import numpy as np
+
 from studies.contest import Result
 
 # Distances and deviations below this count as none [m]. Bodies at rest in PyBullet overlap by half of it.
@@ -50,12 +52,12 @@ def pareto_front(results: Mapping[str, Result], measures: tuple[Measure, ...] | 
         for name, result in results.items()
         if result.cost > 0.0 and math.isfinite(distance_of(result))
     }
-    front = [name for name, point in points.items() if not any(_beats(other, point) for other in points.values())]
+    front = [
+        name
+        for name, point in points.items()
+        if not any(other != point and all(np.less_equal(other, point)) for other in points.values())
+    ]
     return sorted(front, key=lambda name: points[name])
-
-
-def _beats(other: tuple[float, ...], point: tuple[float, ...]) -> bool:
-    return other != point and all(theirs <= mine for theirs, mine in zip(other, point, strict=True))
 
 
 def only_by(results: Mapping[str, Result]) -> dict[str, str]:

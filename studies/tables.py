@@ -13,9 +13,8 @@ from studies.chart import draw_all, draw_scene
 from studies.configurations import Configuration, Family
 from studies.contest import Result
 from studies.front import beyond_all, cheapest_as_accurate, deviation_of, distance_of, measures_of, only_by
-from studies.machine import describe, measured_on
 from studies.pages import blocks_of, fill, table
-from studies.results_file import save_results
+from studies.running import describe, measured_on, save_results
 
 OURS = ("ours", "ours, less")
 

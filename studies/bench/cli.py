@@ -12,10 +12,8 @@ from typing import Any
 from studies.bench import searching, smart_mesh
 from studies.bench.measure import FULL, QUICK, Bench, Effort, Results
 from studies.bench.tables import all_tables
-from studies.machine import describe, measured_on
 from studies.pages import ROOT, fill
-from studies.progress import Progress
-from studies.results_file import save_results
+from studies.running import Progress, describe, measured_on, save_results
 
 RESULTS, TABLES, PAGE = "bench.json", "tables.md", ROOT / "docs" / "benchmarks.md"
 

@@ -16,9 +16,8 @@ from studies.load import tables
 from studies.load.cases import Case, groups
 from studies.load.driver import run_case
 from studies.load.tables import PAGE, PICTURES, summary_of
-from studies.machine import short
 from studies.pages import digest_of, fill, table
-from studies.results_file import read_results, save_results
+from studies.running import read_results, save_results, short
 
 SIDES = (256, 1024, 4096, 8192, 16384)
 # Samples on one side of a region, and how many are taken.

@@ -40,9 +40,9 @@ Heights = Callable[[FloatArray, FloatArray], Any]
 class Arena:
     """Bodies on one height map that follows a ground function. Use it as a context manager.
 
-    ``ground``: name and settings as in `make_ground`; or, of ground at rest, heights (R, C) [m] or a function
-    height(x, y) [m] of positions (1, C) and (R, 1) [m]. ``map_rate`` [Hz]: rate of maps; 0 = one map. ``motion``: how
-    maps are processed.
+    ``ground``: a scene, or name and settings as in `make_ground`; or, of ground at rest, heights (R, C) [m] or a
+    function height(x, y) [m] of positions (1, C) and (R, 1) [m]. ``map_rate`` [Hz]: rate of maps; 0 = one map.
+    ``motion``: how maps are processed.
     """
 
     def __init__(
@@ -57,8 +57,10 @@ class Arena:
         motion: MotionConfig | None = None,
     ) -> None:
         self.geometry = square(size, resolution)
-        if callable(ground):
-            self.ground: Scene = Rigid(self.geometry, lambda x, y: ground(np.float64(x), np.float64(y)))
+        if isinstance(ground, Scene):
+            self.ground, self.geometry = ground, ground.geometry
+        elif callable(ground):
+            self.ground = Rigid(self.geometry, lambda x, y: ground(np.float64(x), np.float64(y)))
         else:
             named = isinstance(ground, dict)
             self.ground = make_ground(self.geometry, **ground) if named else Rigid(self.geometry, ground)
@@ -116,6 +118,13 @@ class Arena:
         """Return the largest figure after any step of a time [s]."""
         return max(figure() for _ in self.run(seconds))
 
+    def drift(self, settle: float, seconds: float) -> float:
+        """Return how far [mm] the last body moves in a time [s], after another in which it comes to rest."""
+        self.settle(settle)
+        before = self.positions()[-1]
+        self.settle(seconds)
+        return 1e3 * math.dist(before, self.positions()[-1])
+
     def _poses(self) -> tuple[FloatArray, FloatArray]:
         """Return centres (N, 3) [m] and orientations (N, 4) of the bodies."""
         states = [self.world.client.getBasePositionAndOrientation(self.world.bodies[name].uid) for name in self.shapes]
@@ -141,6 +150,21 @@ class Arena:
         """Return the numbers of the bodies whose centre is below the ground."""
         positions = self.positions()
         return set(np.flatnonzero(positions[:, 2] < self.surface().below(positions)).tolist())
+
+
+Place = tuple[float, float, float]
+ANY = math.nan  # in a place: anywhere along that axis
+
+
+def off(
+    shape: Shape, start: Place, place: Place, method: Method, seconds: float = 1.0, state: Any = None, **more: Any
+) -> float:
+    """Distance [mm] of a body from the ``place`` where it should be so many seconds after its ``start`` [m], with
+    further parts of its ``state``, in an arena with ``more`` settings."""
+    with Arena(method, **more) as arena:
+        arena.spawn("body", shape, start, **(state or {}))
+        arena.settle(seconds)
+        return 1e3 * float(np.sqrt(np.nansum(np.square(arena.positions()[0] - place))))
 
 
 def deepest(arena: Arena, seconds: float, settle: float, every: int = 4, share: float = 99.0) -> float:

@@ -111,17 +111,16 @@ def bad_input(method: Method) -> float:
 
 def leaks(method: Method) -> float:
     """Memory that stays for every collider changed [bytes], over 4,000 changes once all colliders are made."""
+
+    def resident() -> float:
+        return float(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
     with Arena(method, {"kind": "waves"}, size=21, map_rate=240.0) as arena:
         arena.scatter(16, Sphere(0.2), 1.5, 0.3)
         arena.settle(300 / 240.0)
-        before = _resident()
+        before = resident()
         arena.settle(250 / 240.0)
-        return (_resident() - before) / 4000.0
-
-
-def _resident() -> float:
-    """Memory of this process [bytes]."""
-    return float(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+        return (resident() - before) / 4000.0
 
 
 def replays(method: Method) -> float:
@@ -161,10 +160,7 @@ def rests(method: Method) -> float:
     """How far [mm] a box at rest on a bump drifts in 5 s."""
     with Arena(method, {"kind": "noise", "deviation": 0.01}) as arena:
         arena.spawn("box", Box(0.6, 0.5, 0.3), (0.013, 0.017, 0.2))
-        arena.settle(2.0)
-        before = arena.positions()[0]
-        arena.settle(5.0)
-        return 1e3 * math.dist(before, arena.positions()[0])
+        return arena.drift(2.0, 5.0)
 
 
 _WHOLE = ("whole trimesh", "whole heightfield")

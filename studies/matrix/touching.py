@@ -16,42 +16,18 @@ from smartmesh_ros.ground.shapes import Box, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
-from studies.matrix.arena import Arena, Heights, deepest
+from studies.matrix.arena import Arena, Heights, deepest, off
 from studies.matrix.row import Method, Row
 from studies.matrix.still_ground import sinks
 
 SLOPE = 0.3  # [-], less than the friction of 0.5
 
 
-def _pit(x: FloatArray, y: FloatArray) -> Any:
-    """Four planes that meet in the sample at the origin, each a cell's."""
-    return SLOPE * (np.abs(x) + np.abs(y))
-
-
-def rests_on(
-    form: Heights, shape: Shape, rest: tuple[float, float, float], start: float,
-    method: Method, size: int = 21, resolution: float = 0.25,
-) -> float:  # fmt: skip
-    """Distance [mm] of a body on ground of a ``form`` from its place at ``rest`` (3,) [m], a second after it was put
-    down there at a height of ``start`` [m]."""
-    with Arena(method, form, size=size, resolution=resolution) as arena:
-        return 1e3 * math.dist(arena.rest_of(shape, (*rest[:2], start)), rest)
-
-
 def on_corner(shape: Shape, height: float, drop: float) -> Callable[[Method], float]:
-    """Return `rests_on` for the corner of four cells, all of which a body touches at rest at a ``height`` [m]."""
-    return partial(rests_on, _pit, shape, (0.0, 0.0, height), height + drop)
-
-
-def rolls_along_seam(method: Method) -> float:
-    """Error [mm] of where a ball gets that rolls for 2 s at 0.2 m/s along a seam, which is the bottom of a groove."""
-    secant = math.hypot(1.0, SLOPE)
-    with Arena(method, lambda x, y: SLOPE * np.abs(y), size=21) as arena:
-        # It rolls on two circles, nearer to its axis than its own radius.
-        spin = 0.2 / (0.2 / secant)
-        arena.spawn("ball", Sphere(0.2), (0.0, 0.0, 0.2 * secant), linear=(0.2, 0.0, 0.0), angular=(0.0, spin, 0.0))
-        arena.settle(2.0)
-        return 1e3 * math.dist(arena.positions()[0], (0.4, 0.0, 0.2 * secant))
+    """Return `off` for the corner of four cells, each a plane, all of which a body touches at rest at a ``height``
+    [m]."""
+    start, rest = (0.0, 0.0, height + drop), (0.0, 0.0, height)
+    return partial(off, shape, start, rest, ground=lambda x, y: SLOPE * (np.abs(x) + np.abs(y)), size=21)
 
 
 def rolls_over_corners(method: Method) -> float:
@@ -69,9 +45,9 @@ _CELLS = "cells of 1 and 0.1 m"
 
 def box_in_valley(method: Method) -> float:
     """Error [mm] of the rest height of a box across a valley, which stands on two of its edges; the worst of cells."""
-    height = SLOPE * 0.2 + 0.1
-    box = partial(rests_on, lambda x, y: SLOPE * np.abs(x), Box(0.4, 0.3, 0.2), (0.0, 0.013, height), height + 0.005)
-    return max(box(method, resolution=resolution) for resolution in _CREASE_CELLS)
+    rest = (0.0, 0.013, SLOPE * 0.2 + 0.1)
+    box = partial(off, Box(0.4, 0.3, 0.2), (*rest[:2], rest[2] + 0.005), rest, size=21)
+    return max(box(method, ground=lambda x, y: SLOPE * np.abs(x), resolution=cell) for cell in _CREASE_CELLS)
 
 
 def box_on_ridge(method: Method) -> float:
@@ -147,7 +123,13 @@ def trench_opens(method: Method) -> float:
 
 _BALL = on_corner(Sphere(0.2), 0.2 * math.sqrt(1.0 + 2.0 * SLOPE**2), 0.01)
 _BOX = on_corner(Box(0.12, 0.1, 0.08), SLOPE * (0.06 + 0.05) + 0.04, 0.005)
-_ON_LIPS = partial(rests_on, _trench, _HELD, _LIPS, 0.15, size=61, resolution=0.05)
+# It rolls along a seam, the bottom of a groove, on two circles, nearer to its axis than its own radius.
+_SECANT = math.hypot(1.0, SLOPE)
+_SEAM = partial(
+    off, Sphere(0.2), (0.0, 0.0, 0.2 * _SECANT), (0.4, 0.0, 0.2 * _SECANT), seconds=2.0,
+    state={"linear": (0.2, 0.0, 0.0), "angular": (0.0, _SECANT, 0.0)}, ground=lambda x, y: SLOPE * np.abs(y), size=21,
+)  # fmt: skip
+_ON_LIPS = partial(off, _HELD, (*_LIPS[:2], 0.15), _LIPS, ground=_trench, size=61, resolution=0.05)
 _THIN_BOX = partial(sinks, Box(2.0, 0.1, 0.05), {"kind": "noise", "deviation": 0.01}, 81, 0.05, 0.1, 0.8)
 
 
@@ -216,7 +198,7 @@ _AT_6 = "main mesh; a step at 6 m/s"
 ROWS = (
     Row("ball on the corner of four cells", _BALL, 1.0, "mm", "geometry: r sqrt(1 + 2 s^2)", quick=True),
     Row("small box on the corner of four cells", _BOX, 0.5, "mm", "geometry: stands on its corners"),
-    Row("rolling along a seam", rolls_along_seam, 5.0, "mm", "theory: v t, r sec(slope); PyBullet gains 2 % of speed"),
+    Row("rolling along a seam", _SEAM, 5.0, "mm", "theory: v t, r sec(slope); PyBullet gains 2 % of speed"),
     Row("rolling over corners of cells", rolls_over_corners, 1.0, "mm", "main mesh"),
     Row(f"box across a valley, {_CELLS}", box_in_valley, 1.0, "mm", "geometry: stands on its edges", quick=True),
     Row(f"box across a ridge, {_CELLS}", box_on_ridge, 4.0, "mm", "main mesh, a step at 1 m/s; the slope's tilt"),

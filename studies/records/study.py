@@ -10,16 +10,15 @@ from typing import Any
 import numpy as np
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+from matplotlib.ticker import FixedLocator, NullLocator
 
-from studies.machine import describe, measured_on
+from studies.chart import PLAIN
 from studies.pages import ROOT, fill
-from studies.progress import Progress
 from studies.records.cells import cells_table
 from studies.records.entrants import ENTRANTS, OURS
 from studies.records.tax import engine_table, world_table
 from studies.records.touchdown import touchdown_table
-from studies.results_file import save_results
+from studies.running import Progress, describe, measured_on, save_results
 
 PAGE, RESULTS, PICTURE = (ROOT / "docs" / name for name in ("records.md", "records.json", "images/records.png"))
 # How often each cost is measured, in turns: in `World`, and in the engines.
@@ -89,5 +88,5 @@ def draw(path: Path, tax: Mapping[str, Any], touchdown: Mapping[str, Any], cells
 def ticks(axis: Axis, values: Sequence[float]) -> None:
     """Name these values alone on a logarithmic axis."""
     axis.set_major_locator(FixedLocator(values))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_major_formatter(PLAIN)
     axis.set_minor_locator(NullLocator())

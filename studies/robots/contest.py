@@ -44,7 +44,12 @@ class RobotContest(Contest):
             engine: RobotEngine = configuration.build(setup)
         except (ValueError, RuntimeError) as error:
             raise InputError("robot", f"does not load: {error}") from error
-        parts = _parts_of(engine, setup)
+        if isinstance(engine, WorldRobots):
+            body = next(iter(engine.world.bodies.values()))
+            read = read_links(engine.world.client, body.uid, list(body.links))
+            parts: Mapping[str, list[Part]] = dict(zip(body.links.values(), read, strict=True))
+        else:
+            parts = shapes_of(setup.text, prisms=engine.has_prisms)
         self._parts[configuration.name] = [parts[name] for name in engine.names]
         return engine
 
@@ -81,15 +86,6 @@ class RobotContest(Contest):
         """Return the robots for an engine that steps at ``rate`` [Hz]."""
         scene = self.scene
         return setup_of(scene.robot, scene.ground, scene.starts, rate, scene.speed)
-
-
-def _parts_of(engine: RobotEngine, setup: RobotSetup) -> Mapping[str, list[Part]]:
-    """Return the shapes of links by name, as the engine has them."""
-    if isinstance(engine, WorldRobots):
-        body = next(iter(engine.world.bodies.values()))
-        parts = read_links(engine.world.client, body.uid, list(body.links))
-        return dict(zip(body.links.values(), parts, strict=True))
-    return shapes_of(setup.text, prisms=engine.has_prisms)
 
 
 def shapes_of(text: str, *, prisms: bool) -> Mapping[str, list[Part]]:

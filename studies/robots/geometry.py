@@ -35,9 +35,12 @@ class Part:
         self.geometry, self.pose, self.points = geometry, pose, placed(corners, pose)
 
 
-def hull(points: FloatArray, pose: FloatArray) -> Part:
-    """Return the convex hull of points (K, 3) [m]."""
-    return Part(_hull_of(points), pose)
+def hull_of(points: FloatArray) -> Any:
+    """Return the convex hull of points (K, 3) [m] as a geometry of `coal`."""
+    found = coal.StdVec_Vec3s()
+    for point in np.asarray(points, np.float64):
+        found.append(point)
+    return coal.ConvexBase.convexHull(found, False, "Qt")
 
 
 def placed(points: FloatArray, pose: FloatArray) -> FloatArray:
@@ -47,28 +50,26 @@ def placed(points: FloatArray, pose: FloatArray) -> FloatArray:
 
 def read_links(client: Any, uid: int, links: Sequence[int]) -> list[list[Part]]:
     """Return the shapes that PyBullet collides links of a body with, in the links' frames."""
-    return [_read_link(client, uid, link) for link in links]
-
-
-def _read_link(client: Any, uid: int, link: int) -> list[Part]:
-    inertial = pose_of(*client.getDynamicsInfo(uid, link)[3:5])
-    found = []
-    for index, shape in enumerate(client.getCollisionShapeData(uid, link)):
-        kind, size, pose = shape[2], shape[3], inertial @ pose_of(shape[5], shape[6])
-        if kind == pb.GEOM_SPHERE:
-            found.append(Part(coal.Sphere(size[0]), pose))
-        elif kind == pb.GEOM_BOX:
-            found.append(Part(coal.Box(*size), pose))
-        elif kind == pb.GEOM_CYLINDER:
-            found.append(Part(coal.Cylinder(size[1], size[0]), pose))
-        elif kind == pb.GEOM_CAPSULE:
-            found.append(Part(coal.Capsule(size[1], size[0]), pose))
-        elif (file := Path(shape[4].decode())).suffix == ".obj" and len(parts := obj_parts(file)) > 1:
-            # PyBullet gives the vertices of one object only.
-            found += [hull(points * size, pose) for points in parts]
-        else:  # the vertices of a mesh are given in the frame of the link's inertia
-            points = np.array(client.getMeshData(uid, link, collisionShapeIndex=index)[1])
-            found.append(hull(points, inertial))
+    found: list[list[Part]] = []
+    for link in links:
+        inertial, parts = pose_of(*client.getDynamicsInfo(uid, link)[3:5]), list[Part]()
+        found.append(parts)
+        for index, shape in enumerate(client.getCollisionShapeData(uid, link)):
+            kind, size, pose = shape[2], shape[3], inertial @ pose_of(shape[5], shape[6])
+            if kind == pb.GEOM_SPHERE:
+                parts.append(Part(coal.Sphere(size[0]), pose))
+            elif kind == pb.GEOM_BOX:
+                parts.append(Part(coal.Box(*size), pose))
+            elif kind == pb.GEOM_CYLINDER:
+                parts.append(Part(coal.Cylinder(size[1], size[0]), pose))
+            elif kind == pb.GEOM_CAPSULE:
+                parts.append(Part(coal.Capsule(size[1], size[0]), pose))
+            elif (file := Path(shape[4].decode())).suffix == ".obj" and len(objects := obj_parts(file)) > 1:
+                # PyBullet gives the vertices of one object only.
+                parts += [Part(hull_of(points * size), pose) for points in objects]
+            else:  # the vertices of a mesh are given in the frame of the link's inertia
+                points = np.array(client.getMeshData(uid, link, collisionShapeIndex=index)[1])
+                parts.append(Part(hull_of(points), inertial))
     return found
 
 
@@ -146,12 +147,5 @@ class GroundPrisms:
             x, y, _ = geometry.origin
             top = [(x + c * geometry.resolution, y + r * geometry.resolution, self._heights[r, c]) for r, c in cells]
             bottom = [(px, py, min(height for *_, height in top) - THICK) for px, py, _ in top]
-            self._prisms[key] = _hull_of(np.array([*top, *bottom]))
+            self._prisms[key] = hull_of(np.array([*top, *bottom]))
         return self._prisms[key]
-
-
-def _hull_of(points: FloatArray) -> Any:
-    found = coal.StdVec_Vec3s()
-    for point in np.asarray(points, np.float64):
-        found.append(point)
-    return coal.ConvexBase.convexHull(found, False, "Qt")

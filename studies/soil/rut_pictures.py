@@ -14,7 +14,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.scenes import eight, tracks
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.world.world import World
-from studies.progress import Progress
+from studies.running import Progress
 from studies.tiny_renderer import Camera, Stage
 
 OUT = Path("out")

@@ -66,7 +66,7 @@ def small_scene() -> Scene:
 @pytest.fixture(scope="module")
 def results() -> dict[str, Result]:
     """The small scene in every engine."""
-    return run_scene(small_scene(), configurations(quick=True), lambda _: None, pieces=3)
+    return run_scene(small_scene(), configurations(quick=True), lambda _: None)
 
 
 def test_a_scene_runs_in_every_engine_and_bodies_stay_on_level_ground(results: dict[str, Result]) -> None:
@@ -94,5 +94,5 @@ def test_the_study_writes_what_it_says(
 
 @pytest.mark.parametrize("part", ["--quick", "--matrix-only", "--charts-only", "--methods defaults", "--scenes flat"])
 def test_a_part_of_a_run_changes_no_document(part: str) -> None:
-    assert accuracy.CHARTS.folder(accuracy._parser().parse_args(part.split())) == Path("out/studies")
-    assert accuracy.CHARTS.folder(accuracy._parser().parse_args([])) == Path("docs")
+    assert accuracy.CHARTS.folder(accuracy.parser().parse_args(part.split())) == Path("out/studies")
+    assert accuracy.CHARTS.folder(accuracy.parser().parse_args([])) == Path("docs")

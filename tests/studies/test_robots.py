@@ -19,7 +19,7 @@ from studies.matrix.arena import square
 from studies.robots import study
 from studies.robots.contest import shapes_of
 from studies.robots.engine import MASSLESS, SERVO, RobotEngine, RobotSetup, prepared
-from studies.robots.geometry import GroundPrisms, Part, hull, placed, pose_of, read_links
+from studies.robots.geometry import GroundPrisms, Part, hull_of, placed, pose_of, read_links
 from studies.robots.robot import HUSKY, LAIKAGO, RACECAR, ROVER, Robot, laikago_joints
 from studies.robots.scene import RobotScene, scenes
 from studies.robots.study import Stranger, run_stranger
@@ -39,7 +39,7 @@ def wheel() -> Part:
 
 def gon() -> Part:
     """A wheel as PyBullet takes a cylinder: a prism of 32 sides, of which a corner points down."""
-    return hull(placed(prism(RADIUS, WIDTH), LYING), np.eye(4))
+    return Part(hull_of(placed(prism(RADIUS, WIDTH), LYING)), np.eye(4))
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_every_engine_holds_a_braked_rover_up(engine: str) -> None:
 
 def test_a_stranger_with_braked_joints_stays_on_rough_ground() -> None:
     found = run_stranger("r2d2", moving=False, braked=True)
-    assert found.passed
+    assert found.rescues == 0
     assert found.drift < 2e-3
 
 
