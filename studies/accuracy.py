@@ -10,18 +10,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros import BodyState, MotionConfig
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.scene import Scene, read_scenes
 from studies.chart import README_SCENE, draw_readme
 from studies.configurations import Configuration, configurations
 from studies.contest import FINE_RATE, HORIZON, Contest, Result, Runner, run
 from studies.engines.engine import Engine, EngineBody, Setup, build
-from studies.matrix.picture import draw_box, draw_matrix, matrix_table
-from studies.matrix.row import METHODS
-from studies.matrix.run import run_matrix
+from studies.matrix.arena import METHODS
+from studies.matrix.run import draw_box, draw_matrix, matrix_table, run_matrix
 from studies.running import Progress, save_results
 from studies.tables import Charts, write_blocks
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros import PhysicsConfig
 from smartmesh_ros.tools.replay.parameters import PRESETS, preset_folder, preset_values, settings_of
 from studies.engines.engine import GroundSetup, build, missing
 from studies.report.config import ReportConfig

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros import InputError
 from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import BoolArray, held_up, penetration

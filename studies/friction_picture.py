@@ -9,11 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from smartmesh_ros import BodyState, Box, HeightMap, World
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros import BodyState, Box, HeightMap, PhysicsConfig, World, WorldConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
-from smartmesh_ros.world.world import WorldConfig
 
 OUT = Path("docs/images/friction.png")
 SPACING, LENGTH, WIDTH = 0.1, 101, 41  # of the map; samples along x and along y

@@ -17,7 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros import InputError
 
 ROOT = Path(__file__).parents[1]
 _CORE = ("core", "terrain", "ground", "world", "../studies/report")

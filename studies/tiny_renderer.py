@@ -10,8 +10,8 @@ import pybullet as pb
 from numpy.typing import NDArray
 from pybullet_utils.bullet_client import BulletClient
 
+from smartmesh_ros import HeightMap
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import grid_triangles
 
 NEAR, FAR = 0.2, 60.0  # planes of the camera [m]

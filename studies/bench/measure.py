@@ -41,13 +41,12 @@ class Timing(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """``frames``: number of frames for each case. If they take longer than ``seconds`` (``report_seconds`` for the
-    report's own figures), fewer are measured, but at least ``least``."""
+    """``frames``: number of frames for each case. If they take longer than ``seconds``, fewer are measured, at least
+    ``least``."""
 
     frames: int = 100
     least: int = 5
-    seconds: float = 5.0
-    report_seconds: float = 25.0
+    seconds: float = 10.0
     quick: bool = False
 
     def of(self, values: Sequence[int]) -> Sequence[int]:
@@ -56,7 +55,7 @@ class Effort:
 
 
 FULL = Effort()
-QUICK = Effort(frames=8, least=2, seconds=0.1, report_seconds=0.1, quick=True)
+QUICK = Effort(frames=8, least=2, seconds=0.1, quick=True)
 
 
 class Results:
@@ -86,16 +85,14 @@ class Bench:
         self.effort = effort
         self.results = Results()
 
-    def time(
-        self, case: Case, run: Callable[[], object], prepare: Before = None, seconds: float | None = None
-    ) -> Timing:
-        """Measure ``run`` for at most about ``seconds`` [s]. ``prepare`` runs before each call and is not measured."""
+    def time(self, case: Case, run: Callable[[], object], prepare: Before = None) -> Timing:
+        """Measure ``run``. ``prepare`` runs before each call and is not measured."""
         effort, start = self.effort, perf_counter()
         for _ in range(WARM_UP):
             if perf_counter() - start < 1.0:
                 self._lap(run, prepare)
-        limit, laps, start = effort.seconds if seconds is None else seconds, list[float](), perf_counter()
-        while len(laps) < effort.frames and (len(laps) < effort.least or perf_counter() - start < limit):
+        laps, start = list[float](), perf_counter()
+        while len(laps) < effort.frames and (len(laps) < effort.least or perf_counter() - start < effort.seconds):
             laps.append(self._lap(run, prepare))
         low, median, high = np.percentile(np.array(laps) * 1e6, (10, 50, 90)).tolist()
         timing = self.results.timings[case] = Timing(median, low, high, len(laps))

@@ -10,15 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.shapes import Sphere
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros import BodyState, GridGeometry, HeightMap, PhysicsConfig, Sphere, WorldConfig
 from smartmesh_ros.scenes.moving import FloatGrid, InwardWaves
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from smartmesh_ros.world.world import WorldConfig
 from studies.bench.measure import Bench, Case
 from studies.report.config import ReportConfig
 from studies.report.ground import ReportWorld

@@ -8,18 +8,23 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
+from smartmesh_ros import GridGeometry
+from smartmesh_ros.terrain.grid import FloatArray
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import RESOLUTION, Waves, general_mesh
 from studies.bench.report import LARGER, RINGS, SEARCH
-from studies.report.collect import GridGraph, TriangleGraph, queue_bfs, topology_around, union_bfs
 from studies.report.search import (
+    GridGraph,
+    TriangleGraph,
     best_first_cells,
     best_first_vertex,
     brute_force_cells,
     brute_force_vertex,
     nearest_vertices,
+    queue_bfs,
     ray_cast,
+    topology_around,
+    union_bfs,
 )
 
 # Sizes of Table 4, and of height maps, over which a search of a uniform grid is to cost the same.
@@ -92,19 +97,14 @@ class _Walk:
 COLLECT_SIDE = 200
 
 
-def patch_template(rings: int, columns: int) -> IntArray:
-    """Return the offsets (K,) of a patch's samples from its nearest vertex, in a row-major map of ``columns`` columns:
-    the cache of the report's Chapter 3 (its Figure 10), which is one for every vertex of a map."""
-    offsets = np.arange(-rings, rings + 1)
-    return np.asarray((offsets[:, None] * columns + offsets).ravel())
-
-
 def measure_collecting(bench: Bench) -> None:
     """Measure the report's methods on the grid's graph."""
     graph = GridGraph(COLLECT_SIDE, COLLECT_SIDE)
     vertex = COLLECT_SIDE * COLLECT_SIDE // 2 + COLLECT_SIDE // 2
     for rings in RINGS:
-        template = patch_template(rings, COLLECT_SIDE)
+        # Offsets of a patch's samples from its nearest vertex: the cache of the report's Figure 10, for all vertices.
+        offsets = np.arange(-rings, rings + 1)
+        template = (offsets[:, None] * COLLECT_SIDE + offsets).ravel()
         methods = {
             "queue_bfs": partial(queue_bfs, graph, vertex, rings),
             "union_bfs": partial(union_bfs, graph, vertex, rings),

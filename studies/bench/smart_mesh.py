@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros import InputError
 from smartmesh_ros.terrain.trimesh import grid_triangles
 from studies.bench.measure import Before, Bench, Case
 from studies.bench.moving import (
@@ -75,29 +75,22 @@ def _measure_physx(bench: Bench, waves: Waves) -> None:
         bench.time(Case("smart", "physx", waves.side), update, player.next_frame)
 
 
-def measure_local_colliders(bench: Bench) -> None:
-    """Colliders of several sizes: of varying shape (triangles found anew), of constant shape, and heightfields."""
-    waves = Waves(SIDE)
-    for rings in bench.effort.of(RINGS):
-        varying = replace(REPORT, rings=rings, collect="union_bfs")
-        constant = replace(REPORT, rings=rings)
-        plain = replace(UNIFORM, rings=rings)
-        for method, config in (("varying", varying), ("constant", constant), ("heightfield", plain)):
-            mesh = general_mesh(waves) if method == "varying" else height_map(waves)
-            Player(waves, mesh, config).time(bench, Case("local", method, SIDE, rings=rings))
-
-
 # A crowd, on a larger map [vertices on a side].
 BATCH, BATCH_SIDE = 100, 1024
 
 
-def measure_batches(bench: Bench) -> None:
-    """Measure updates of a batch of heightfield patches by their size."""
-    waves = Waves(BATCH_SIDE)
+def measure_local_colliders(bench: Bench) -> None:
+    """Colliders of several sizes: of varying shape (triangles found anew), of constant shape, and heightfields, these
+    also in updates of a batch."""
+    waves, wide = Waves(SIDE), Waves(BATCH_SIDE)
     for rings in bench.effort.of(RINGS):
-        Player(waves, height_map(waves), replace(UNIFORM, rings=rings), BATCH).time(
-            bench, Case("update", "heightfield", BATCH_SIDE, BATCH, rings)
-        )
+        constant, plain = replace(REPORT, rings=rings), replace(UNIFORM, rings=rings)
+        varying = replace(constant, collect="union_bfs")
+        for method, config in (("varying", varying), ("constant", constant), ("heightfield", plain)):
+            mesh = general_mesh(waves) if method == "varying" else height_map(waves)
+            Player(waves, mesh, config).time(bench, Case("local", method, SIDE, rings=rings))
+        case = Case("update", "heightfield", BATCH_SIDE, BATCH, rings)
+        Player(wide, height_map(wide), plain, BATCH).time(bench, case)
 
 
 def measure_general(bench: Bench) -> None:
@@ -131,11 +124,10 @@ def measure_whole(bench: Bench, name: str) -> None:
         case = Case("simple", name, side)
         if before and bench.hopeless(case, before):
             return
-        in_report = name in ("physx", "bullet_trimesh") and side in SIMPLE_PHYSX
         try:
             with ExitStack() as stack:
                 run, prepare = COAL[name](Waves(side)) if name in COAL else _in_engine(name, Waves(side), stack)
-                bench.time(case, run, prepare, bench.effort.report_seconds if in_report else None)
+                bench.time(case, run, prepare)
         except (ImportError, InputError) as error:  # not installed, or larger than the engine takes
             bench.results.left_out[f"{name} {side}x{side}" if before else name] = str(error)
             return

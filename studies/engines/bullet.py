@@ -9,7 +9,7 @@ import numpy as np
 import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros import InputError
 from smartmesh_ros.ground.shown_ground import make_shape, quarter_turn, replace_heights
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles

@@ -15,9 +15,8 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import Box, Sphere
-from smartmesh_ros.ground.state import BodyState, Vector
+from smartmesh_ros import BodyState, Box, InputError, Sphere
+from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 

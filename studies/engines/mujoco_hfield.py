@@ -10,12 +10,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import Sphere
+from smartmesh_ros import InputError, Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.robots.description import read_description
 from studies.engines.engine import Contacts, Engine, EngineBody, GroundSetup, Links, Setup, Simulation
-from studies.robots.engine import FRICTION, SERVO, RobotEngine, RobotSetup, xyzw
+from studies.robots.robot import FRICTION, SERVO, RobotEngine, RobotSetup, xyzw
 
 # Bits of bodies and of the ground, so that robots may touch the ground alone.
 BODY, GROUND = 1, 2

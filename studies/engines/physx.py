@@ -11,11 +11,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from smartmesh_ros.ground.shapes import Sphere
+from smartmesh_ros import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
 from studies.engines.engine import Contacts, Engine, EngineBody, GroundSetup, Links, Setup, Simulation
-from studies.robots.engine import FRICTION, SERVO, RobotEngine, RobotSetup, xyzw
+from studies.robots.robot import FRICTION, SERVO, RobotEngine, RobotSetup, xyzw
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # about pictures, which are not wanted here

@@ -9,19 +9,15 @@ from typing import Any
 import numpy as np
 import pybullet as pb
 
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros import BodyState, HeightMap, MotionConfig, PhysicsConfig, WorldConfig
 from smartmesh_ros.ground.limits import FARTHEST_BODY
-from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.settings import FallConfig
-from smartmesh_ros.world.world import WorldConfig
 from studies.engines.bullet import BulletEngine, bullet_contacts
 from studies.engines.engine import Contacts, GroundSetup, Links, Setup, Simulation
 from studies.report.config import ReportConfig
 from studies.report.ground import world_on
-from studies.robots.engine import FRICTION, SERVO, RobotEngine, RobotSetup
+from studies.robots.robot import FRICTION, SERVO, RobotEngine, RobotSetup
 
 # What falls off the ground is measured to the end, as in the other engines.
 NEVER_LOST = FallConfig(depth=FARTHEST_BODY)

@@ -17,6 +17,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+import numpy as np
 import rclpy
 from matplotlib.figure import Figure
 from rclpy.task import Future
@@ -45,57 +46,43 @@ def balls(count: int, first: int) -> Iterator[tuple[str, float, float, float]]:
 
 
 def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float, meet: bool = True) -> dict[str, Any]:
-    """Add bodies until the slowest node of a fleet falls behind real time; return the real-time factors at each number
-    and the network traffic of a node [bytes/s]. ``meet``: True = bodies of different nodes collide."""
+    """Add bodies until the slowest node of a fleet falls behind real time; return what was measured at each number.
+    ``meet``: True = bodies of different nodes collide."""
     # What is measured is how late nodes are: none is taken for dead for it.
     front = {"spread": "tiles", "tile_size": APART * SIDE, "timeout": 20.0}
     alone = {} if meet else {"bodies.peers": [NOBODY]}
     plan = FleetPlan(count=nodes, source=WAVES, front=front, parameters={"bodies.timeout": 20.0, **alone})
-    runs = []
+    runs: list[dict[str, float]] = []
     with site(plan) as (watcher, machines):
-        count = 0
-        while count < most:
-            added = start if count == 0 else more
+        count, added = 0, start
+        while count < most and (not runs or runs[-1]["real_time"] >= REAL_TIME - 0.05):
             watcher.spawn_balls(balls(added, count), 0.2)
-            count += added
+            count, added = count + added, more
             watcher.spin(2.0)
-            run = measure(watcher, machines, seconds)
-            runs.append({"bodies": count, **run})
-            which = "" if meet else " by themselves"
-            print(
-                f"{nodes} nodes{which}, {count:5d} bodies: real-time factor {run['real_time']:.3f}, "
-                f"{run['busy']:.2f} s of processor time a simulated second, "
-                f"{run['sent'] / 1e6:.2f} MB/s sent by a node, load {os.getloadavg()[0]:.1f}",
-                flush=True,
-            )
-            if run["real_time"] < REAL_TIME - 0.05:
-                break
-    return {"nodes": nodes, "meet": meet, "runs": runs, "carried": carried(runs), "load": os.getloadavg()[0]}
+            runs.append({"bodies": count, **measure(watcher, machines, seconds)})
+            figures = ", ".join(f"{name} {figure:.3g}" for name, figure in runs[-1].items())
+            print(f"{nodes} nodes{'' if meet else ' by themselves'}: {figures}", flush=True)
+    return {"nodes": nodes, "meet": meet, "runs": runs, "carried": carried(runs)}
 
 
 def measure(watcher: Watcher, machines: list[Machine], seconds: float) -> dict[str, float]:
     """Run a fleet; return the slowest node's real-time factor, the maximum processor time of a node for a simulated
-    second [s], which hardly depends on other load, and the bytes a second that a node sent and received.
-    """
+    second [s], which hardly depends on other load, and the bytes a second that a node sent."""
     for timings in watcher.timings.values():
         timings.clear()
-    before, start = [machine.traffic() for machine in machines], monotonic()
-    used = [machine.usage.cpu() for machine in machines]
+    before, start = [(machine.usage.cpu(), machine.sent()) for machine in machines], monotonic()
     watcher.spin(seconds)
-    span = monotonic() - start
-    taken = [(machine.usage.cpu() - was) / span for machine, was in zip(machines, used, strict=True)]
-    factors = []
+    span, factors = monotonic() - start, []
+    spent = np.array([(machine.usage.cpu(), machine.sent()) for machine in machines]) - before
     for timings in watcher.timings.values():
         window = sum(timing.window_s for timing in timings)
         simulated = sum(timing.real_time_factor * timing.window_s for timing in timings)
         factors.append(simulated / window if window else 0.0)
-    pairs = [(machine.traffic(), was) for machine, was in zip(machines, before, strict=True)]
-    sent, received = (sum(now[way] - was[way] for now, was in pairs) / span / len(machines) for way in (0, 1))
-    busy = max(cpu / max(factor, 1e-9) for cpu, factor in zip(taken, factors, strict=True))
-    return {"real_time": min(factors), "busy": busy, "sent": sent, "received": received}
+    busy, sent = spent[:, 0] / np.maximum(factors, 1e-9) / span, spent[:, 1].mean() / span
+    return {"real_time": min(factors), "busy": float(busy.max()), "sent": float(sent)}
 
 
-def carried(runs: list[dict[str, Any]]) -> float:
+def carried(runs: list[dict[str, float]]) -> float:
     """Return the number of bodies at which the real-time factor crosses the bound, interpolated between the last number
     within the bound and the first one beyond; the last number if all are within."""
     late = next((index for index, run in enumerate(runs) if run["real_time"] < REAL_TIME), len(runs))
@@ -104,18 +91,6 @@ def carried(runs: list[dict[str, Any]]) -> float:
     last, first = runs[late - 1 : late + 1]
     share = (last["real_time"] - REAL_TIME) / (last["real_time"] - first["real_time"])
     return float(last["bodies"] + share * (first["bodies"] - last["bodies"]))
-
-
-def capacity_table(capacities: list[dict[str, Any]]) -> str:
-    """Return the table of the page."""
-    one = capacities[0]["carried"]
-    rows = []
-    for found in capacities:
-        busy = {run["bodies"]: f"{run['busy']:.2f} s" for run in found["runs"]}
-        name = f"{found['nodes']}" + ("" if found["meet"] else " whose bodies do not meet")
-        share = [f"{found['carried']:.0f}", f"{found['carried'] / one:.2f}"]
-        rows.append([name, *share, *(busy.get(count, "-") for count in COLUMNS)])
-    return table(["nodes", "bodies in real time", "of one node", *map(str, COLUMNS)], rows)
 
 
 def draw_capacity(path: Path, capacities: list[dict[str, Any]], machine: str) -> None:
@@ -128,7 +103,7 @@ def draw_capacity(path: Path, capacities: list[dict[str, Any]], machine: str) ->
         label = f"{which}{'' if capacity['meet'] else ' by themselves'}: {capacity['carried']:.0f} bodies"
         style = "o-" if capacity["meet"] else "o:"
         axes.plot([r["bodies"] for r in runs], [r["real_time"] for r in runs], style, label=label)
-    axes.axhline(0.98, color="black", linestyle="--", linewidth=1)
+    axes.axhline(REAL_TIME, color="black", linestyle="--", linewidth=1)
     axes.set_xlabel("bodies of the fleet")
     axes.set_ylabel("real-time factor of the slowest node")
     axes.grid(alpha=0.3)
@@ -149,7 +124,14 @@ def main() -> None:
     if options.quick:
         return
     draw_capacity(PICTURE, found, short())
-    fill(PAGE, {"capacity": f"Measured on {short()}.\n\n{capacity_table(found)}"})
+    rows = []
+    for one in found:
+        busy = {run["bodies"]: f"{run['busy']:.2f} s" for run in one["runs"]}
+        name = f"{one['nodes']}" + ("" if one["meet"] else " whose bodies do not meet")
+        share = [f"{one['carried']:.0f}", f"{one['carried'] / found[0]['carried']:.2f}"]
+        rows.append([name, *share, *(busy.get(count, "-") for count in COLUMNS)])
+    text = table(["nodes", "bodies in real time", "of one node", *map(str, COLUMNS)], rows)
+    fill(PAGE, {"capacity": f"Measured on {short()}.\n\n{text}"})
     print(f"wrote {PAGE} and {PICTURE}")
 
 
@@ -196,12 +178,11 @@ class Machine:
             self._process = subprocess.Popen(inside, stdout=file, stderr=subprocess.STDOUT)
         self.usage = Usage(self._process.pid)
 
-    def traffic(self) -> tuple[int, int]:
-        """Bytes that the command has sent and received so far."""
+    def sent(self) -> int:
+        """Bytes that the command has sent so far."""
         command = ["ip", "-json", "-statistics", "link", "show", "dev", self._cable]
         [link] = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
-        ours = link["stats64"]  # of the end at the bridge, which receives what is sent
-        return int(ours["rx"]["bytes"]), int(ours["tx"]["bytes"])
+        return int(link["stats64"]["rx"]["bytes"])  # of the end at the bridge, which receives what is sent
 
     def close(self) -> None:
         """Ends it."""

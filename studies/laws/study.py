@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros import PhysicsConfig
 from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.grounds import Rigid, flat
@@ -21,9 +21,8 @@ from studies.configurations import OURS, RATE, Configuration, rivals, robot_conf
 from studies.engines.engine import Contacts, Engine, Simulation
 from studies.matrix.arena import square
 from studies.pages import ROOT, fill, number, table
-from studies.robots.engine import FRICTION, RobotEngine
-from studies.robots.engine import setup_of as setup_of_robots
-from studies.robots.robot import HUSKY
+from studies.robots.robot import FRICTION, HUSKY, RobotEngine
+from studies.robots.robot import setup_of as setup_of_robots
 from studies.robots.scene import RobotScene
 
 # Contacts count that carry more than this share of the weight. They slip above this speed [m/s]: maps leave open by up

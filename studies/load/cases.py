@@ -60,11 +60,6 @@ class Case:
         edge = (self.window - 1) * RESOLUTION
         return edge - 0.75, 0.5 * edge
 
-    @property
-    def marker_rate(self) -> float:
-        """Rate of the markers [Hz]: each step's, where there are few enough to listen to."""
-        return self.physics_rate if self.bodies <= 100 else 60.0
-
     def parameters(self) -> dict[str, object]:
         """Parameters of the node."""
         moving = self.bodies - self.resting
@@ -77,47 +72,36 @@ class Case:
             for i, (x, y) in enumerate(places)
         ]
         return {
-            "physics.rate": float(self.physics_rate),
-            "publish.patches": float(self.marker_rate),
+            "physics.rate": self.physics_rate,
+            # Those of each step, where there are few enough to listen to.
+            "publish.patches": self.physics_rate if self.bodies <= 100 else 60.0,
             "terrain.max_velocity": MAX_VELOCITY,
             "bodies.spawn": spawn,
         }
 
 
 def groups(*, quick: bool) -> dict[str, list[Case]]:
-    """Return all cases by the table that they are in."""
-    return {"grid": _grid(quick), "memory": _memory(quick), "rest": _rest(quick)}
-
-
-def _grid(quick: bool) -> list[Case]:
-    """Return the cases of the grid bodies x maps x rates: each axis is varied with the others at their middle values,
-    and the corners of the targets are added."""
+    """Return all cases by the table that they are in: the grid bodies x maps x rates, in which each axis is varied with
+    the others at their middle values, and the corners of the targets are added; how memory grows with the map; and nine
+    of ten bodies at rest."""
     middle = Case(side=1024, bodies=100, mode="regions", map_rate=60.0, physics_rate=240.0)
     many = replace(middle, bodies=1000, physics_rate=60.0)
+    rest = replace(middle, bodies=1000, resting=900, markers=False)
     if quick:
-        quick_cases = [middle, replace(middle, mode="full", map_rate=30.0), many]
-        return [replace(case, seconds=4.0) for case in quick_cases]
-    cases = [replace(middle, bodies=bodies) for bodies in (1, 10, 100, 1000)]
-    cases += [replace(middle, bodies=bodies, physics_rate=60.0) for bodies in (1, 10, 100, 1000)]
+        grid = [middle, replace(middle, mode="full", map_rate=30.0), many]
+        return {"grid": [replace(case, seconds=4.0) for case in grid], "memory": [], "rest": [rest]}
+    grid = [
+        replace(middle, bodies=bodies, physics_rate=rate) for rate in (240.0, 60.0) for bodies in (1, 10, 100, 1000)
+    ]
     for side in (256, 1024, 4096):
         rates = (10.0, 30.0, 60.0) if side < 4096 else (5.0,)
-        cases += [replace(middle, side=side, mode="full", map_rate=rate) for rate in rates]
-        cases += [replace(middle, side=side, map_rate=rate) for rate in (10.0, 30.0, 60.0)]
-    cases += [replace(many, side=side) for side in (256, 4096)]
-    cases += [replace(many, mode="full", map_rate=rate) for rate in (10.0, 30.0)]
-    return list({case.name: case for case in cases}.values())
-
-
-def _rest(quick: bool) -> list[Case]:
-    """Nine of ten bodies at rest."""
-    base = Case(side=1024, bodies=1000, resting=900, mode="regions", map_rate=60.0, physics_rate=240.0, markers=False)
-    return [base] if quick else [base, replace(base, bodies=5000, resting=4500, physics_rate=60.0, seconds=10.0)]
-
-
-def _memory(quick: bool) -> list[Case]:
-    """How memory grows with the map."""
-    base = Case(side=4096, bodies=10, mode="full", map_rate=1.0, physics_rate=60.0, markers=False)
-    if quick:
-        return []
-    full = [replace(base, side=256), base, replace(base, side=8192, map_rate=0.3, seconds=10.0)]
-    return [*full, *(replace(base, side=side, mode="regions", map_rate=30.0) for side in (256, 4096, 8192, 16384))]
+        grid += [replace(middle, side=side, mode="full", map_rate=rate) for rate in rates]
+        grid += [replace(middle, side=side, map_rate=rate) for rate in (10.0, 30.0, 60.0)]
+    grid += [replace(many, side=side) for side in (256, 4096)]
+    grid += [replace(many, mode="full", map_rate=rate) for rate in (10.0, 30.0)]
+    few = replace(middle, bodies=10, physics_rate=60.0, markers=False)
+    memory = [replace(few, side=side, mode="full", map_rate=1.0) for side in (256, 4096)]
+    memory.append(replace(few, side=8192, mode="full", map_rate=0.3, seconds=10.0))
+    memory += [replace(few, side=side, map_rate=30.0) for side in (256, 4096, 8192, 16384)]
+    more = replace(rest, bodies=5000, resting=4500, physics_rate=60.0, seconds=10.0)
+    return {"grid": list({case.name: case for case in grid}.values()), "memory": memory, "rest": [rest, more]}

@@ -12,7 +12,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose
 from numpy.typing import NDArray
 from rclpy.qos import QoSProfile
-from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, Timing, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TrackedBody, TrackedBodyArray
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.node.outputs.cdr import floats
@@ -50,18 +50,13 @@ class TerrainMessages:
         result: NDArray[np.float32] = wave.astype(np.float32)
         return result
 
-    def whole(self, k: int, time: float, stamp: Time) -> Heightmap:
-        """A Heightmap."""
-        window, side = len(self._x), self._map.info.width
-        np.frombuffer(self._map.heights, "f4").reshape(side, side)[:window, :window] = self.heights(k, time)
-        self._map.header.stamp = stamp
-        return self._map
-
-    def region(self, k: int, time: float, stamp: Time) -> HeightmapUpdate:
-        """A HeightmapUpdate."""
-        np.frombuffer(self._region.heights, "f4")[:] = self.heights(k, time).ravel()
-        self._region.header.stamp = stamp
-        return self._region
+    def message(self, k: int, time: float, stamp: Time, *, whole: bool) -> Heightmap | HeightmapUpdate:
+        """The whole map, or the part that moves."""
+        message, window = self._map if whole else self._region, len(self._x)
+        side = message.info.width if whole else window
+        np.frombuffer(message.heights, "f4").reshape(side, side)[:window, :window] = self.heights(k, time)
+        message.header.stamp = stamp
+        return message
 
 
 # Time for the node to settle [s].
@@ -90,13 +85,9 @@ class Driver(Watcher):
         self._code = -1
         self._start = monotonic()
 
-    def connected(self) -> bool:
-        """Whether the node listens."""
-        return bool(self._maps.get_subscription_count()) and bool(self._bodies.get_subscription_count())
-
     def start(self) -> None:
         """Sends the first map until it is taken and every body stands on it."""
-        self.wait_for(self.connected, "node")
+        self.wait_for(lambda: self._maps.get_subscription_count() and self._bodies.get_subscription_count(), "node")
         due = 0.0
 
         def settled() -> bool:
@@ -126,27 +117,31 @@ class Driver(Watcher):
     def measure(self) -> dict[str, Any]:
         """Runs the case; what was sent, taken, seen and timed meanwhile."""
         self.run(SETTLE)
-        self._come_to_rest()
+        end = monotonic() + FALL_ASLEEP
+        while int(self.health.get("asleep", 0)) < self._case.resting and monotonic() < end:
+            self.run(1.0)
         self._quiet()
         before, sent = self.taken(), self.sent
         self.windows.clear()
         self.latencies.clear()
         self.run(self._case.seconds)
-        windows, latencies = [_window(timing) for timing in self.windows], list(self.latencies)
+        latencies = [1e3 * latency for latency in self.latencies]
+        windows = [
+            {
+                "seconds": timing.window_s, "real_time_factor": timing.real_time_factor,
+                "misses": timing.deadline_misses,
+                "stages": {s.stage: [s.count, s.p50_us, s.p99_us, s.max_us] for s in timing.stages},
+            }
+            for timing in self.windows
+        ]  # fmt: skip
         self._quiet()
         return {
             "sent": self.sent - sent,
             "taken": self.taken() - before,
-            "latencies_ms": [1e3 * latency for latency in latencies],
+            "latencies_ms": latencies,
             "windows": windows,
             "below_ground": int(self.health.get("below ground", 0)),
         }
-
-    def _come_to_rest(self) -> None:
-        """Runs the case until the bodies on ground at rest sleep, a minute at most."""
-        end = monotonic() + FALL_ASLEEP
-        while int(self.health.get("asleep", 0)) < self._case.resting and monotonic() < end:
-            self.run(1.0)
 
     def taken(self) -> int:
         """Maps and regions that the node has taken."""
@@ -156,11 +151,9 @@ class Driver(Watcher):
         """Sends the terrain as it is now."""
         now = monotonic()
         self._sent_at.append((self.sent, now))
-        stamp, time = self.get_clock().now().to_msg(), now - self._start
-        if whole:
-            self._maps.publish(self._messages.whole(self.sent, time, stamp))
-        else:
-            self._regions.publish(self._messages.region(self.sent, time, stamp))
+        stamp = self.get_clock().now().to_msg()
+        message = self._messages.message(self.sent, now - self._start, stamp, whole=whole)
+        (self._maps if whole else self._regions).publish(message)
         self.sent += 1
 
     def _quiet(self) -> None:
@@ -190,15 +183,6 @@ class Driver(Watcher):
             return
         self._code = code
         self.latencies += [now - sent for k, sent in self._sent_at if k % CODES == code]
-
-
-def _window(timing: Timing) -> dict[str, Any]:
-    return {
-        "seconds": timing.window_s,
-        "real_time_factor": timing.real_time_factor,
-        "misses": timing.deadline_misses,
-        "stages": {s.stage: [s.count, s.p50_us, s.p99_us, s.max_us] for s in timing.stages},
-    }
 
 
 def run_case(case: Case) -> dict[str, Any]:

@@ -1,26 +1,25 @@
-"""A world on moving ground with what the rows of the matrix measure."""
+"""Rows and columns of the stability matrix, and a world on moving ground with what the rows measure."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
 
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros import BodyState, GridGeometry, HeightMap, MotionConfig, PhysicsConfig, WorldConfig
 from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.scenes.moving import Scene
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.grounds import Rigid, make_ground
-from smartmesh_ros.world.world import WorldConfig
+from studies.configurations import BARE
 from studies.engines.smartmesh import NEVER_LOST
-from studies.matrix.row import Method
+from studies.report.config import ReportConfig
 from studies.report.ground import world_on
 from studies.robots import robot
 
@@ -185,3 +184,55 @@ def lost_in(arena: Arena, seconds: float) -> float:
         if step % 8 == 7:
             gone |= arena.lost()
     return float(len(gone))
+
+
+# The report's colliders; None = contacts from the map.
+Method = ReportConfig | None
+Figure = Callable[[Method], float]
+
+METHODS: dict[str, Method] = {
+    "defaults": None,
+    "heightfield": ReportConfig(kind="heightfield"),
+    "rebuilt trimesh": ReportConfig(kind="trimesh", **BARE),
+    "convex hull": ReportConfig(kind="hull", **BARE),
+    "whole trimesh": ReportConfig(kind="whole_trimesh", **BARE),
+    "whole heightfield": ReportConfig(kind="whole_heightfield", **BARE),
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One test: ``figure`` of a method must not exceed ``limit`` [``unit``].
+
+    ``source``: where the limit comes from. ``quick``: part of the quick run, and of the tests for the defaults.
+    ``skip``: methods it makes no sense for, or that take too long.
+    """
+
+    name: str
+    figure: Figure
+    limit: float
+    unit: str
+    source: str
+    quick: bool = False
+    skip: tuple[str, ...] = ()
+
+
+# A row for the defaults alone: the other methods are there for their colliders' sake.
+own_row = partial(Row, skip=tuple(name for name in METHODS if name != "defaults"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """A cell: ``figure`` [``unit``], None = not run; infinite = lost or not reached."""
+
+    row: str
+    method: str
+    figure: float | None
+    limit: float
+    unit: str
+    source: str
+
+    @property
+    def passed(self) -> bool | None:
+        """Return True if the figure is within the limit; None if there is no figure."""
+        return None if self.figure is None else bool(self.figure <= self.limit)

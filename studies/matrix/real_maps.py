@@ -7,14 +7,11 @@ from functools import partial
 
 import numpy as np
 
-from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros import BodyState, Box, Cylinder, JointCommand, MotionConfig, Sphere
+from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.tools.evaluation.clearance import rotate
-from smartmesh_ros.world.joints import JointCommand
-from studies.matrix.arena import HUSKY, Arena
-from studies.matrix.row import Method, own_row
+from studies.matrix.arena import HUSKY, Arena, Method, own_row
 from studies.robots.robot import LAIKAGO
 
 CELLS, RESOLUTION = 61, 0.1

@@ -10,10 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import Box, Sphere
-from studies.matrix.arena import Arena
-from studies.matrix.row import Method, Row
+from smartmesh_ros import Box, InputError, Sphere
+from studies.matrix.arena import Arena, Method, Row
 
 HILLS = {"kind": "sinusoid", "amplitude": 0.3, "wavelength": 4.0}
 

@@ -10,16 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
+from smartmesh_ros import Box, Cylinder, PhysicsConfig, Sphere
+from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.distance import Surface, nearest
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from smartmesh_ros.tools.evaluation.scene import lowest
 from studies.engines.bullet import bullet_contacts
 from studies.engines.engine import EngineBody, Setup, build
-from studies.matrix.arena import ANY, Arena, deepest, off
-from studies.matrix.row import Method, Row
+from studies.matrix.arena import ANY, Arena, Method, Row, deepest, off
 
 SPEED = 3.0
 _CUBE, _SPHERE, _DRUM = Box(0.4, 0.4, 0.4), Sphere(0.2), Cylinder(radius=0.2, height=0.4)

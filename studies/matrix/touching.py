@@ -11,13 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.shapes import Box, Shape, Sphere
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros import BodyState, Box, PhysicsConfig, Sphere
+from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
-from studies.matrix.arena import Arena, Heights, deepest, off
-from studies.matrix.row import Method, Row
+from studies.matrix.arena import Arena, Heights, Method, Row, deepest, off
 from studies.matrix.still_ground import sinks
 
 SLOPE = 0.3  # [-], less than the friction of 0.5

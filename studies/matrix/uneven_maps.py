@@ -9,12 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.ground.shapes import Box, Shape, Sphere
+from smartmesh_ros import Box, MotionConfig, Sphere
+from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import IntArray
-from smartmesh_ros.terrain.motion import MotionConfig
-from studies.matrix.arena import Arena
+from studies.matrix.arena import Arena, Method, own_row
 from studies.matrix.moving_ground import WAVES
-from studies.matrix.row import Method, own_row
 
 BODIES: dict[str, Shape] = {"balls": Sphere(0.2), "boxes": Box(0.4, 0.4, 0.3)}
 STEP = 1.0 / 240.0

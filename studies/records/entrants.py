@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros import PhysicsConfig
 from studies.chart import COLOURS
 from studies.engines.engine import Engine, GroundSetup, build, missing
 

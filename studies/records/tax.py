@@ -13,9 +13,7 @@ from typing import Any
 import numpy as np
 import pybullet as pb
 
-from smartmesh_ros import BodyState, Box, HeightMap, Sphere, World
-from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.world.world import WorldConfig
+from smartmesh_ros import BodyState, Box, HeightMap, PhysicsConfig, Sphere, World, WorldConfig
 from studies.engines.engine import EngineBody, Setup
 from studies.pages import number, table
 from studies.records.entrants import RATE, enter, entrants

@@ -1,5 +1,5 @@
-"""The report's colliders as the ground of a PyBullet world: what studies and benchmarks compare contacts from the map
-with."""
+"""The report's patches and colliders as the ground of a PyBullet world: what studies and benchmarks compare contacts
+from the map with."""
 
 from __future__ import annotations
 
@@ -7,11 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.terrain.terrain import MainMesh, Terrain
-from smartmesh_ros.world.settings import WorldConfig
-from smartmesh_ros.world.world import World
+from smartmesh_ros import Ground, InputError, Terrain, World, WorldConfig
+from smartmesh_ros.terrain.terrain import MainMesh
 from studies.report.config import ReportConfig
 from studies.report.patch_contacts import PatchContacts
 from studies.report.patches import ChosenPatches

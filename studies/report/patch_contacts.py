@@ -8,15 +8,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from smartmesh_ros import Terrain
 from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.map_contacts import MapContacts
 from smartmesh_ros.ground.shown_ground import quarter_turn
-from smartmesh_ros.terrain.terrain import Terrain
 from studies.report.config import ReportConfig, is_whole
 from studies.report.made import Field, MeshCollider, WholeMesh, make_field, make_mesh
-from studies.report.map_patches import PatchBatch
-from studies.report.patches import ChosenPatches
+from studies.report.patches import ChosenPatches, PatchBatch
 
 Collider = TypeVar("Collider", Field, MeshCollider)
 

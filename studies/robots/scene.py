@@ -9,8 +9,9 @@ from typing import Literal
 
 import numpy as np
 
+from smartmesh_ros import GridGeometry
 from smartmesh_ros.scenes.moving import FloatGrid, Scene, Wave
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.distance import Surface
 from studies.matrix.arena import square
 from studies.robots.robot import HUSKY, LAIKAGO, RACECAR, ROVER, Robot, trot_at

@@ -7,9 +7,7 @@ from collections.abc import Callable, Sequence
 from itertools import product
 from typing import NamedTuple
 
-from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros import BodyState, JointCommand, PhysicsConfig
 from studies.configurations import robot_configurations
 from studies.contest import run
 from studies.matrix.arena import Arena, square

@@ -14,8 +14,8 @@ from std_msgs.msg import Header
 from smartmesh_ros.node.parameters.specifications import NAMES
 from studies.load.cases import CODES, RESOLUTION, RISE, WAVE, Case, groups
 from studies.load.driver import TerrainMessages, run_case
-from studies.load.soak_report import slope_of
-from studies.load.tables import runs, summary_of
+from studies.load.soak import slope_of
+from studies.load.study import runs, summary_of
 
 SMALL = Case(side=128, bodies=3, mode="regions", map_rate=30.0, physics_rate=120.0, seconds=2.5)
 
@@ -30,7 +30,7 @@ def test_every_case_has_a_name_of_its_own_and_parameters_that_the_node_knows() -
 @given(st.integers(0, 100), st.floats(0.0, 100.0))
 def test_maps_and_regions_are_the_wave_with_a_code_that_comes_round(k: int, time: float) -> None:
     messages = TerrainMessages(SMALL)
-    whole, region = (make(k, time, Time(sec=int(time))) for make in (messages.whole, messages.region))
+    whole, region = (messages.message(k, time, Time(sec=int(time)), whole=one) for one in (True, False))
     side = SMALL.window
     part = np.reshape(whole.heights, (SMALL.side, SMALL.side))[:side, :side]
     np.testing.assert_array_equal(np.reshape(region.heights, (side, side)), part)

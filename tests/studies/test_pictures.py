@@ -9,7 +9,7 @@ import pytest
 from smartmesh_ros.terrain.grid import FloatArray
 from studies import friction_picture
 from studies.friction_picture import BODY, GRAVITY, GROUND
-from studies.matrix.picture import draw_box
+from studies.matrix.run import draw_box
 from studies.rising_picture import WAYS, grid, height, simulated
 
 README = (Path(__file__).parents[2] / "README.md").read_text()

@@ -17,10 +17,20 @@ from studies.configurations import robot_configurations
 from studies.engines.engine import missing
 from studies.matrix.arena import square
 from studies.robots import study
-from studies.robots.contest import shapes_of
-from studies.robots.engine import MASSLESS, SERVO, RobotEngine, RobotSetup, prepared
-from studies.robots.geometry import GroundPrisms, Part, hull_of, placed, pose_of, read_links
-from studies.robots.robot import HUSKY, LAIKAGO, RACECAR, ROVER, Robot, laikago_joints
+from studies.robots.contest import GroundPrisms, Part, hull_of, placed, pose_of, read_links, shapes_of
+from studies.robots.robot import (
+    HUSKY,
+    LAIKAGO,
+    MASSLESS,
+    RACECAR,
+    ROVER,
+    SERVO,
+    Robot,
+    RobotEngine,
+    RobotSetup,
+    laikago_joints,
+    prepared,
+)
 from studies.robots.scene import RobotScene, scenes
 from studies.robots.study import Stranger, run_stranger
 from tests.core.contact_cases import wheel as prism

@@ -11,9 +11,7 @@ from hypothesis import strategies as st
 from smartmesh_ros import HeightMap
 from smartmesh_ros.ground.state import BODY_COLUMNS
 from studies.report.config import ReportConfig
-from studies.report.map_patches import PatchBatch
-from studies.report.mesh_patches import mesh_twist
-from studies.report.patches import ChosenPatches
+from studies.report.patches import ChosenPatches, PatchBatch, mesh_twist
 
 SOLID = ReportConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
 

@@ -10,9 +10,9 @@ from matplotlib.tri import Triangulation
 
 from smartmesh_ros import GridGeometry
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from studies.report.collect import TriangleGraph
 from studies.report.search import (
     Cells,
+    TriangleGraph,
     best_first_cells,
     best_first_vertex,
     brute_force_cells,

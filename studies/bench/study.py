@@ -1,16 +1,63 @@
-"""All tables of a run: the report's tables, and further ones."""
+"""``make bench``: measures the report's tables again, and further ones, and fills docs/benchmarks.md."""
 
 from __future__ import annotations
 
+import argparse
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
-from studies.bench import report
-from studies.bench.measure import LONGEST_FRAME, Results
+from studies.bench import report, searching, smart_mesh
+from studies.bench.measure import FULL, LONGEST_FRAME, QUICK, Bench, Effort, Results
 from studies.bench.searching import MAP_SIDES
 from studies.bench.smart_mesh import BATCH, BATCH_SIDE, SIDE
-from studies.pages import RATIO, beside, number, size, table, times
+from studies.pages import RATIO, ROOT, beside, fill, number, size, table, times
+from studies.running import Progress, describe, measured_on, save_results
+
+RESULTS, TABLES, PAGE = "bench.json", "tables.md", ROOT / "docs" / "benchmarks.md"
+
+
+def jobs(effort: Effort) -> Iterator[tuple[str, Callable[[Bench], None]]]:
+    """Yield all parts in the order they run: what each says while it runs, and what it does with the bench."""
+    for name in (*smart_mesh.ENGINES, *smart_mesh.COAL):
+        yield f"whole mesh, {name}", partial(smart_mesh.measure_whole, name=name)
+    for side in effort.of(smart_mesh.SIDES):
+        yield f"patch on {side}x{side}", partial(smart_mesh.measure_main_meshes, side=side)
+    yield "local colliders", smart_mesh.measure_local_colliders
+    for side in effort.of(searching.REPORT_SIDES):
+        yield f"searches on {side}x{side}", partial(searching.measure_general, side=side)
+    for side in effort.of(searching.MAP_SIDES):
+        yield f"searches on a map of {side}x{side}", partial(searching.measure_maps, side=side)
+    yield "collecting", searching.measure_collecting
+    yield "general mesh", smart_mesh.measure_general
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure; write JSON and tables, and those of a whole run into the page; return the exit status."""
+    parser = argparse.ArgumentParser(prog="bench", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="few frames, less than a minute: whether it runs at all")
+    parser.add_argument("--out", type=Path, default=Path("out/bench"), help="folder of the results (%(default)s)")
+    given = parser.parse_args(arguments)
+    bench, say = Bench(QUICK if given.quick else FULL), Progress()
+    for label, run in jobs(bench.effort):
+        say(label)
+        run(bench)
+    machine, results = describe(), bench.results
+    frames = [timing.frames for timing in results.timings.values()]
+    text = (
+        f"{measured_on(machine)}, under a load of {machine['load']} (this bench alone: about 1). Medians of "
+        f"{max(frames)} frames; of as few as {min(frames)} where a frame takes long.\n\n{all_tables(results)}"
+    )
+    given.out.mkdir(parents=True, exist_ok=True)
+    save_results(given.out / RESULTS, {"machine": machine, "quick": given.quick} | results.as_json())
+    (given.out / TABLES).write_text(text)
+    if not given.quick:
+        fill(PAGE, {"tables": text})
+    print(f"\nwrote {given.out / TABLES} and {given.out / RESULTS}")
+    return 0
+
 
 SEARCHES = {
     "brute_force": "brute force",
