@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -58,10 +58,11 @@ FULL = Effort()
 QUICK = Effort(frames=8, least=2, seconds=0.1, quick=True)
 
 
-class Results:
-    """Timings by case, and reasons by what was left out."""
+class Bench:
+    """Runs cases. Stores their ``timings``, and reasons by what was ``left_out``."""
 
-    def __init__(self) -> None:
+    def __init__(self, effort: Effort = FULL) -> None:
+        self.effort = effort
         self.timings: dict[Case, Timing] = {}
         self.left_out: dict[str, str] = {}
 
@@ -69,21 +70,6 @@ class Results:
         """Median of a case [us]; NaN where it was not measured."""
         timing = self.timings.get(Case(what, method, side, bodies, rings))
         return timing.median if timing else math.nan
-
-    def as_json(self) -> dict[str, Any]:
-        """Return a JSON object of all of it."""
-        return {
-            "left_out": self.left_out,
-            "timings_us": [asdict(case) | timing._asdict() for case, timing in self.timings.items()],
-        }
-
-
-class Bench:
-    """Runs cases and stores their timings."""
-
-    def __init__(self, effort: Effort = FULL) -> None:
-        self.effort = effort
-        self.results = Results()
 
     def time(self, case: Case, run: Callable[[], object], prepare: Before = None) -> Timing:
         """Measure ``run``. ``prepare`` runs before each call and is not measured."""
@@ -95,12 +81,12 @@ class Bench:
         while len(laps) < effort.frames and (len(laps) < effort.least or perf_counter() - start < effort.seconds):
             laps.append(self._lap(run, prepare))
         low, median, high = np.percentile(np.array(laps) * 1e6, (10, 50, 90)).tolist()
-        timing = self.results.timings[case] = Timing(median, low, high, len(laps))
+        timing = self.timings[case] = Timing(median, low, high, len(laps))
         return timing
 
     def hopeless(self, case: Case, smaller: int) -> bool:
         """Return True if a frame of ``case`` would take too long, extrapolated from ``smaller`` x ``smaller``."""
-        known = self.results.us(case.what, case.method, side=smaller, bodies=case.bodies, rings=case.rings)
+        known = self.us(case.what, case.method, side=smaller, bodies=case.bodies, rings=case.rings)
         return math.isnan(known) or known * (case.side / smaller) ** 2 > LONGEST_FRAME * 1e6
 
     @staticmethod

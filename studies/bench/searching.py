@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
+from itertools import count, cycle
 from typing import Any
 
 import numpy as np
@@ -59,7 +60,9 @@ def _measure(
     """Measure searches of one body by its position (3,) [m], and by what was found before. The average player moves by
     less than a cell from frame to frame; the worst case teleports between two corners."""
     geometry = GridGeometry(rows=side, columns=side, resolution=RESOLUTION)
-    average, worst = _Walk(side, 0.4 * RESOLUTION), _Walk(side, None)
+    extent = (side - 1) * RESOLUTION
+    average = _Walk((0.3 * extent + frame * 0.4 * RESOLUTION) % extent for frame in count(1))
+    worst = _Walk(cycle((0.999 * extent, 0.001 * extent)))
     bench.time(Case(what, "brute_force", side), lambda: brute_force(average.position), average.advance)
     for walk, suffix in ((average, ""), (worst, "_worst")):
         found = [brute_force(walk.position)]
@@ -75,23 +78,16 @@ def _measure(
 
 
 class _Walk:
-    """A player over ``side`` x ``side`` samples that goes ``stride`` [m] a frame, None = teleports between corners."""
+    """A player who is at the ``places`` [m], along x and y, one after the other."""
 
-    def __init__(self, side: int, stride: float | None) -> None:
-        self._extent = (side - 1) * RESOLUTION
-        self._stride = stride
-        self._frame = 0
-        self.position = np.zeros(3)
+    def __init__(self, places: Iterable[float]) -> None:
+        self._places = iter(places)
         self.advance()
 
     def advance(self) -> None:
         """Goes on by a frame."""
-        self._frame += 1
-        if self._stride is None:
-            share = 0.999 if self._frame % 2 else 0.001
-            self.position[:2] = share * self._extent
-        else:
-            self.position[:2] = (0.3 * self._extent + self._frame * self._stride) % self._extent
+        place = next(self._places)
+        self.position = np.array([place, place, 0.0])
 
 
 COLLECT_SIDE = 200

@@ -129,7 +129,7 @@ def measure_whole(bench: Bench, name: str) -> None:
                 run, prepare = COAL[name](Waves(side)) if name in COAL else _in_engine(name, Waves(side), stack)
                 bench.time(case, run, prepare)
         except (ImportError, InputError) as error:  # not installed, or larger than the engine takes
-            bench.results.left_out[f"{name} {side}x{side}" if before else name] = str(error)
+            bench.left_out[f"{name} {side}x{side}" if before else name] = str(error)
             return
         before = side
 

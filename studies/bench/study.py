@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 from studies.bench import report, searching, smart_mesh
-from studies.bench.measure import FULL, LONGEST_FRAME, QUICK, Bench, Effort, Results
+from studies.bench.measure import FULL, LONGEST_FRAME, QUICK, Bench, Effort
 from studies.bench.searching import MAP_SIDES
 from studies.bench.smart_mesh import BATCH, BATCH_SIDE, SIDE
 from studies.pages import RATIO, ROOT, beside, fill, number, size, table, times
@@ -44,14 +45,15 @@ def main(arguments: list[str] | None = None) -> int:
     for label, run in jobs(bench.effort):
         say(label)
         run(bench)
-    machine, results = describe(), bench.results
-    frames = [timing.frames for timing in results.timings.values()]
+    machine, frames = describe(), [timing.frames for timing in bench.timings.values()]
     text = (
         f"{measured_on(machine)}, under a load of {machine['load']} (this bench alone: about 1). Medians of "
-        f"{max(frames)} frames; of as few as {min(frames)} where a frame takes long.\n\n{all_tables(results)}"
+        f"{max(frames)} frames; of as few as {min(frames)} where a frame takes long.\n\n{all_tables(bench)}"
     )
     given.out.mkdir(parents=True, exist_ok=True)
-    save_results(given.out / RESULTS, {"machine": machine, "quick": given.quick} | results.as_json())
+    timings = [asdict(case) | timing._asdict() for case, timing in bench.timings.items()]
+    data = {"machine": machine, "quick": given.quick, "left_out": bench.left_out, "timings_us": timings}
+    save_results(given.out / RESULTS, data)
     (given.out / TABLES).write_text(text)
     if not given.quick:
         fill(PAGE, {"tables": text})
@@ -83,29 +85,29 @@ class Column(NamedTuple):
         """Return its headings."""
         return [self.title] if self.reported is None else [f"{self.title}, report", self.today, RATIO]
 
-    def cells(self, results: Results, side: int, rings: int = 0) -> list[str]:
+    def cells(self, bench: Bench, side: int, rings: int = 0) -> list[str]:
         """Return its cells for a main mesh of ``side`` x ``side``, and colliders of ``rings``, 0 = of one size."""
         if self.what == "update":  # of a batch, for one of its bodies
-            return [number(update_per_body(results, rings) / 1e3)]
-        today = results.us(self.what, self.method, side=side, rings=rings) / 1e3
+            return [number(update_per_body(bench, rings) / 1e3)]
+        today = bench.us(self.what, self.method, side=side, rings=rings) / 1e3
         return [number(today)] if self.reported is None else beside(self.reported.get(rings or side, math.nan), today)
 
 
-def update_per_body(results: Results, rings: int) -> float:
+def update_per_body(bench: Bench, rings: int) -> float:
     """Update of a heightfield patch in a batch, all in, per body [us]."""
-    return results.us("update", "heightfield", side=BATCH_SIDE, bodies=BATCH, rings=rings) / BATCH
+    return bench.us("update", "heightfield", side=BATCH_SIDE, bodies=BATCH, rings=rings) / BATCH
 
 
-def by_side(results: Results, first: str, sides: Iterable[int], *columns: Column) -> str:
+def by_side(bench: Bench, first: str, sides: Iterable[int], *columns: Column) -> str:
     """Return a table with a row for each size of the main mesh."""
-    rows = [[size(side), *(cell for one in columns for cell in one.cells(results, side))] for side in sides]
+    rows = [[size(side), *(cell for one in columns for cell in one.cells(bench, side))] for side in sides]
     return table([first, *(title for one in columns for title in one.head())], rows)
 
 
-def by_rings(results: Results, *columns: Column) -> str:
+def by_rings(bench: Bench, *columns: Column) -> str:
     """Return a table with a row for each size of the local collider."""
     rows = [
-        [size(2 * rings + 1), *(cell for one in columns for cell in one.cells(results, SIDE, rings))]
+        [size(2 * rings + 1), *(cell for one in columns for cell in one.cells(bench, SIDE, rings))]
         for rings in report.RINGS
     ]
     return table(["collider", *(title for one in columns for title in one.head())], rows)
@@ -155,44 +157,44 @@ GENERAL = (
 )
 
 
-def table_4(results: Results) -> str:
+def table_4(bench: Bench) -> str:
     """The searches at the report's sizes."""
     rows = [
-        [name, size(side), *Column(name, "search", method, report.SEARCH[method]).cells(results, side)]
+        [name, size(side), *Column(name, "search", method, report.SEARCH[method]).cells(bench, side)]
         for method, name in SEARCHES.items()
         for side in report.SEARCH[method]
     ]
     return table(["search", "main mesh", "report", "today", RATIO], rows)
 
 
-def table_6(results: Results) -> str:
+def table_6(bench: Bench) -> str:
     """The final comparison."""
     rows = []
     for side in (*report.FINAL_SIMPLE, *report.LARGER):
-        trimesh, uniform = (results.us(*case, side=side) for case in (TABLE_1[1][1:3], TABLE_6[2][1:3]))
-        ratios = [times(trimesh / uniform), times(trimesh / update_per_body(results, 1))]
-        rows.append([size(side), *(cell for one in TABLE_6 for cell in one.cells(results, side)), *ratios])
+        trimesh, uniform = (bench.us(*case, side=side) for case in (TABLE_1[1][1:3], TABLE_6[2][1:3]))
+        ratios = [times(trimesh / uniform), times(trimesh / update_per_body(bench, 1))]
+        rows.append([size(side), *(cell for one in TABLE_6 for cell in one.cells(bench, side)), *ratios])
     ratios = ["PyBullet trimesh / uniform", "PyBullet trimesh / uniform, one of 100"]
     return table(["main mesh", *(title for one in TABLE_6 for title in one.head()), *ratios], rows)
 
 
-def all_tables(results: Results) -> str:
+def all_tables(bench: Bench) -> str:
     """Every table, under its heading."""
     note = f"\n- = the engine does not take so large a map, or a frame would take longer than {LONGEST_FRAME:g} s."
-    general = [[one.title, *one.cells(results, SIDE)] for one in GENERAL]
+    general = [[one.title, *one.cells(bench, SIDE)] for one in GENERAL]
     sides = (25, 50, 100, 200, *report.LARGER)
     parts = {
-        "Table 1: collider of the whole main mesh [ms]": by_side(results, "main mesh", report.SIMPLE_PHYSX, *TABLE_1),
+        "Table 1: collider of the whole main mesh [ms]": by_side(bench, "main mesh", report.SIMPLE_PHYSX, *TABLE_1),
         "Beyond Table 1: other ways to keep a collider of the whole map, and larger maps [ms]":
-            by_side(results, "main mesh", WHOLE, *SIMPLE) + note,
-        "Table 2: one local collider of 3x3 by main mesh [ms]": by_side(results, "main mesh", sides, *TABLE_2),
-        "Table 3: one local collider by its size, main mesh 200x200 [ms]": by_rings(results, *TABLE_3),
-        "Table 4: nearest-vertex search, one body [ms]": table_4(results),
+            by_side(bench, "main mesh", WHOLE, *SIMPLE) + note,
+        "Table 2: one local collider of 3x3 by main mesh [ms]": by_side(bench, "main mesh", sides, *TABLE_2),
+        "Table 3: one local collider by its size, main mesh 200x200 [ms]": by_rings(bench, *TABLE_3),
+        "Table 4: nearest-vertex search, one body [ms]": table_4(bench),
         "Beyond Table 4: one body on a height map, through the code that serves batches [ms]":
-            by_side(results, "height map", MAP_SIDES, *MAPS),
-        "Table 5: collecting the vertices of one local collider [ms]": by_rings(results, *TABLE_5),
-        "Table 6: everything for one body [ms]": table_6(results),
+            by_side(bench, "height map", MAP_SIDES, *MAPS),
+        "Table 5: collecting the vertices of one local collider [ms]": by_rings(bench, *TABLE_5),
+        "Table 6: everything for one body [ms]": table_6(bench),
         "General mesh of 40,000 vertices, all moving, one body [ms]": table(["", "report", "today", RATIO], general),
-        "Left out": "\n".join(f"- {what}: {why}" for what, why in results.left_out.items()),
+        "Left out": "\n".join(f"- {what}: {why}" for what, why in bench.left_out.items()),
     }  # fmt: skip
     return "\n".join(f"### {heading}\n\n{body}\n" for heading, body in parts.items() if body)

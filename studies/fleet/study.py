@@ -97,15 +97,12 @@ def draw_capacity(path: Path, capacities: list[dict[str, Any]], machine: str) ->
     """Real-time factors against the number of bodies."""
     figure = Figure(figsize=(7.0, 4.2), dpi=90, layout="constrained")
     axes = figure.subplots()
-    for capacity in capacities:
-        runs = capacity["runs"]
-        which = f"{capacity['nodes']} node{'s' if capacity['nodes'] > 1 else ''}"
-        label = f"{which}{'' if capacity['meet'] else ' by themselves'}: {capacity['carried']:.0f} bodies"
-        style = "o-" if capacity["meet"] else "o:"
-        axes.plot([r["bodies"] for r in runs], [r["real_time"] for r in runs], style, label=label)
+    for one in capacities:
+        which = f"{one['nodes']} node{'s' if one['nodes'] > 1 else ''}{'' if one['meet'] else ' by themselves'}"
+        points = np.array([(run["bodies"], run["real_time"]) for run in one["runs"]])
+        axes.plot(*points.T, "o-" if one["meet"] else "o:", label=f"{which}: {one['carried']:.0f} bodies")
     axes.axhline(REAL_TIME, color="black", linestyle="--", linewidth=1)
-    axes.set_xlabel("bodies of the fleet")
-    axes.set_ylabel("real-time factor of the slowest node")
+    axes.set(xlabel="bodies of the fleet", ylabel="real-time factor of the slowest node")
     axes.grid(alpha=0.3)
     axes.legend()
     axes.set_title(machine, fontsize=9)

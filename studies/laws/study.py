@@ -23,7 +23,7 @@ from studies.matrix.arena import square
 from studies.pages import ROOT, fill, number, table
 from studies.robots.robot import FRICTION, HUSKY, RobotEngine
 from studies.robots.robot import setup_of as setup_of_robots
-from studies.robots.scene import RobotScene
+from studies.robots.scene import robot_scene
 
 # Contacts count that carry more than this share of the weight. They slip above this speed [m/s]: maps leave open by up
 # to 6 cm/s how ground that tilts under a body moves along x and y.
@@ -179,7 +179,7 @@ def husky_entered(configuration: Configuration, ground: MovingGround, start: Flo
 
 def end_of_husky(configuration: Configuration, shift: FloatArray) -> FloatArray:
     """Return where a husky is (3,) [m] that drove over rough ground for a second."""
-    scene = RobotScene(robot=HUSKY, motion="maps", resolution=0.1)
+    scene = robot_scene(HUSKY, "maps", 0.1)
     with husky_entered(configuration, scene.ground, scene.starts[0] + shift, HUSKY.speed) as engine:
         for _ in range(round(configuration.rate)):
             engine.step()

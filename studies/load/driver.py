@@ -140,7 +140,6 @@ class Driver(Watcher):
             "taken": self.taken() - before,
             "latencies_ms": latencies,
             "windows": windows,
-            "below_ground": int(self.health.get("below ground", 0)),
         }
 
     def taken(self) -> int:

@@ -162,10 +162,14 @@ def run(minutes: float) -> dict[str, Any]:
             source.callback(Process("terrain_source", source_parameters(rng)).close)
             node.done["sources killed"] += 1
 
+        def tell() -> None:
+            last = {name: f"{values[-1]:.4g}" for name, values in node.samples.items()}
+            print(f"{len(node.alive)} bodies, {node.refused()} refused, {last}", flush=True)
+
         actions: tuple[tuple[float, Callable[[], None]], ...] = (
             (SOURCE_EVERY, restart_source), (SPAWN_EVERY, node.spawn), (SETTING_EVERY, node.change_setting),
             (BAD_EVERY, node.send_bad), (SAMPLE_EVERY, lambda: node.sample(usage, monotonic() - start)),
-            (TELL_EVERY, lambda: _tell(node, minutes)),
+            (TELL_EVERY, tell),
         )  # fmt: skip
         due = [start if every < SOURCE_EVERY else start + every for every, _ in actions]
         while (now := monotonic()) < start + 60.0 * minutes and collider.process.poll() is None:
@@ -182,16 +186,6 @@ def run(minutes: float) -> dict[str, Any]:
             "refused": node.refused(), "lost": len(set(node.alive) - node.seen) + node.missing,
             "below_ground": int(node.health.get("below ground", 0)),
         }  # fmt: skip
-
-
-def _tell(node: Soak, minutes: float) -> None:
-    """Prints how it stands."""
-    last = {name: values[-1] for name, values in node.samples.items()}
-    print(
-        f"{last['time'] / 60.0:4.0f} of {minutes:g} min  {len(node.alive)} bodies  {last['memory']:.0f} MiB  "
-        f"real time {last['factor']:.2f}  latency {last['latency']:.1f} ms  {node.refused()} refused",
-        flush=True,
-    )
 
 
 def main(args: list[str] | None = None) -> None:
@@ -229,12 +223,6 @@ class Slope(NamedTuple):
     error: float
     median: float
 
-    @property
-    def flat(self) -> bool:
-        """Return True if the slope is within two standard errors of zero, or below a hundredth of the median an
-        hour."""
-        return abs(self.per_hour) <= max(2.0 * self.error, 0.01 * abs(self.median))
-
 
 def slope_of(times: NDArray[np.float64], values: NDArray[np.float64]) -> Slope:
     """The line through the means of blocks, by least squares; ``times`` in seconds."""
@@ -243,6 +231,11 @@ def slope_of(times: NDArray[np.float64], values: NDArray[np.float64]) -> Slope:
     t, v = (np.array([block.mean() for block in np.array_split(each, BLOCKS)]) for each in (times / 3600.0, values))
     (per_hour, _), covariance = np.polyfit(t, v, 1, cov=True)
     return Slope(float(per_hour), float(np.sqrt(covariance[0, 0])), float(np.median(values)))
+
+
+def is_flat(slope: Slope) -> bool:
+    """Return True if a slope is within two standard errors of zero, or below a hundredth of the median an hour."""
+    return abs(slope.per_hour) <= max(2.0 * slope.error, 0.01 * abs(slope.median))
 
 
 def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
@@ -255,7 +248,7 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     for name, (what, unit) in FIGURES.items():
         s = slopes[name]
         rows.append([what, f"{s.median:.4g} {unit}", f"{s.per_hour:+.3g} {unit} ± {s.error:.2g}",
-                     "flat" if s.flat else "**changes**"])  # fmt: skip
+                     "flat" if is_flat(s) else "**changes**"])  # fmt: skip
     done = data["done"]
     words = (
         f"{data['minutes']:g} minutes: {done['sources killed']} sources killed and started with a map of another size, "

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -52,38 +51,21 @@ def measure_regions(*, quick: bool) -> list[dict[str, Any]]:
     return found
 
 
-def regions_table(found: Sequence[dict[str, Any]]) -> str:
-    """The same as a Markdown table."""
-    head = ["map", "regions", "place", "median [us]", "10 to 90 % [us]", "99 % [us]"]
-    rows = []
-    for r in found:
-        low, median, high, highest = (f"{r[f'p{share}_us']:.1f}" for share in SHARES)
-        rows.append([f"{r['side']}^2", str(r["count"]), r["way"], median, f"{low} to {high}", highest])
-    return table(head, rows)
-
-
-def run(case: Case) -> dict[str, Any]:
-    """Runs a case, and prints a line about it."""
-    result = run_case(case)
-    s = summary_of(result)
-    words = f"{100 * s.missed:.2f} % missed, real time {s.real_time_factor:.2f}, lost {s.lost}"
-    print(f"{case.name}: {words}", flush=True)
-    return result
-
-
 def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     """Pictures, and the tables of the page."""
     found = data["groups"]
     summaries = {name: [summary_of(result) for result in found.get(name, [])] for name in groups(quick=True)}
     if summaries["grid"]:
         draw(summaries["grid"], data["machine"], out)
+    regions = []
+    for r in data.get("regions", []):
+        low, median, high, highest = (f"{r[f'p{share}_us']:.1f}" for share in SHARES)
+        regions.append([f"{r['side']}^2", str(r["count"]), r["way"], median, f"{low} to {high}", highest])
+    head = ["map", "regions", "place", "median [us]", "10 to 90 % [us]", "99 % [us]"]
     blocks = {
-        "grid": runs(summaries["grid"]),
-        "memory": memory(summaries["memory"]),
-        "rest": runs(summaries["rest"]),
-        "machine": f"Machine: {data['machine']}.",
-        "regions": regions_table(data.get("regions", [])),
-    }
+        "grid": runs(summaries["grid"]), "memory": memory(summaries["memory"]), "rest": runs(summaries["rest"]),
+        "machine": f"Machine: {data['machine']}.", "regions": table(head, regions),
+    }  # fmt: skip
     if page is not None:
         code = data["code"]
         fill(page, blocks, {name: code.get(name, code.get("grid", "unknown")) for name in blocks})
@@ -108,7 +90,10 @@ def main(args: list[str] | None = None) -> None:
                 continue
             data["code"][group], data["groups"][group] = digest_of("node"), []
             for case in members:
-                data["groups"][group].append(run(case))
+                data["groups"][group].append(result := run_case(case))
+                s = summary_of(result)
+                words = f"{100 * s.missed:.2f} % missed, real time {s.real_time_factor:.2f}, lost {s.lost}"
+                print(f"{case.name}: {words}", flush=True)
                 save_results(file, data)
         if options.only in (None, "regions"):
             data["code"]["regions"], data["regions"] = digest_of("node"), measure_regions(quick=options.quick)
@@ -231,9 +216,8 @@ def _bodies(figure: Figure, summaries: list[Summary]) -> None:
         axis.axhline(1e3 / rate, color="black", linestyle="--", linewidth=1, label="time there is")
         axis.plot(range(len(runs)), [s.cpu_per_step for s in runs], "kx", label="processor time a step, all in")
         axis.set_xticks(range(len(runs)), [str(s.case.bodies) for s in runs])
-        axis.set_xlabel("bodies")
-        axis.set_ylabel("time a step [ms]")
-        axis.set_title(f"{rate:g} Hz physics, regions of a 1024$^2$ map at 60 Hz")
+        title = f"{rate:g} Hz physics, regions of a 1024$^2$ map at 60 Hz"
+        axis.set(xlabel="bodies", ylabel="time a step [ms]", title=title)
     axes[0].legend(fontsize=8)
 
 
@@ -254,8 +238,7 @@ def _latency(figure: Figure, summaries: list[Summary]) -> None:
     ticks = [2, 5, 10, 20, 50, 100]
     axis.set_xticks(ticks, [str(tick) for tick in ticks])
     axis.minorticks_off()
-    axis.set_xlabel("from the map that is sent to the marker that shows it [ms]")
-    axis.set_ylabel("share of the maps")
-    axis.set_title("Latency through the node, 1024$^2$ map")
+    axis.set(xlabel="from the map that is sent to the marker that shows it [ms]", ylabel="share of the maps",
+             title="Latency through the node, 1024$^2$ map")  # fmt: skip
     figure.legend(loc="outside right upper", fontsize=7, frameon=False)
     axis.grid(alpha=0.3)

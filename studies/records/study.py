@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
@@ -70,23 +69,16 @@ def draw(path: Path, tax: Mapping[str, Any], touchdown: Mapping[str, Any], cells
         right.plot([float(cell.removesuffix(" cm")) for cell in sizes], forces, "o-", color=colour, linewidth=width)
     left.set_xticks(range(len(TAXED)), TAXED)
     left.set_yscale("log")
-    ticks(left.yaxis, (1, 2, 3, 5))
     left.axhline(1.0, color="0.3", linewidth=0.8)
     left.set_title("Terrain tax: a step on a field over one on a plane", fontsize=10)
     middle.axhline(float(BOUNCE), color="0.3", linewidth=0.8, linestyle="--")
     middle.set_xlabel("phase of the heaving deck at touchdown [deg]")
     middle.set_title(f"Touchdown: rebound of a ball, e = {BOUNCE}", fontsize=10)
-    right.set_xscale("log")
-    right.set_yscale("log")
-    ticks(right.xaxis, (2.5, 5, 10, 20))
-    right.set_xlabel("size of the cells [cm]")
+    right.set(xscale="log", yscale="log", xlabel="size of the cells [cm]")
+    for axis, values in ((left.yaxis, (1, 2, 3, 5)), (right.xaxis, (2.5, 5, 10, 20))):  # which alone are named
+        axis.set_major_locator(FixedLocator(values))
+        axis.set_major_formatter(PLAIN)
+        axis.set_minor_locator(NullLocator())
     right.set_title("Force off on one slope, rms [% of the weight]", fontsize=10)
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=len(names), frameon=False)
     figure.savefig(path)
-
-
-def ticks(axis: Axis, values: Sequence[float]) -> None:
-    """Name these values alone on a logarithmic axis."""
-    axis.set_major_locator(FixedLocator(values))
-    axis.set_major_formatter(PLAIN)
-    axis.set_minor_locator(NullLocator())

@@ -212,7 +212,7 @@ class RobotContest(Contest):
         """On ground at rest the collider is a triangle mesh of the whole map, without a filter of inner edges. On
         moving ground, where a whole collider has no velocity, it is ours, with an eighth of the step."""
         scene, setup = self.scene, self._setup(FINE_RATE)
-        report = ReportConfig(kind="whole_trimesh") if scene.motion == "rest" else None
+        report = ReportConfig(kind="whole_trimesh") if not scene.map_rate else None
         with WorldRobots(setup, report=report, physics=PhysicsConfig(sleep=False)) as engine:
             for step in range(math.floor(HORIZON / setup.dt + 0.5)):
                 time = step * setup.dt

@@ -42,79 +42,47 @@ class Robot:
     reach: float = 0.4
 
 
-LEGS = ("FR", "FL", "RR", "RL")
-
-
-def laikago_joints(leg: str) -> tuple[str, str, str]:
-    """Return the names of a leg's joints: abduction, hip, knee."""
-    return (
-        f"{leg}_hip_motor_2_chassis_joint",
-        f"{leg}_upper_leg_2_hip_motor_joint",
-        f"{leg}_lower_leg_2_upper_leg_joint",
-    )
-
-
+# Phase of each leg of laikago as a share of the period [-]: the legs of a diagonal swing together.
+PHASES = {"FR": 0.0, "FL": 0.5, "RR": 0.5, "RL": 0.0}
 # Bend of the knees with which laikago's feet stand below its hips [rad].
 LAIKAGO_KNEE = -0.5
-
-ROVER = Robot(
-    name="rover",
-    urdf=str(Path(__file__).with_name("rover.urdf")),
-    height=0.12,
-    wheels=("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel"),
-    speed=5.0,
-)
-HUSKY = Robot(
-    name="husky",
-    urdf=str(DATA / "husky" / "husky.urdf"),
-    height=0.0,
-    wheels=("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel"),
-    speed=5.0,
-    reach=0.5,
-)
-LAIKAGO = Robot(
-    name="laikago",
-    urdf=str(DATA / "laikago" / "laikago_toes_zup.urdf"),
-    height=0.497,
-    stance={
-        joint: angle for leg in LEGS for joint, angle in zip(laikago_joints(leg), (0.0, 0.0, LAIKAGO_KNEE), strict=True)
-    },
-)
-RACECAR = Robot(
-    name="racecar",
-    urdf=str(DATA / "racecar" / "racecar.urdf"),
-    height=0.0,
-    stance={"left_steering_hinge_joint": 0.0, "right_steering_hinge_joint": 0.0},
-    # The axles point to the right: positive speeds drive backwards.
-    wheels=("left_rear_wheel_joint", "right_rear_wheel_joint", "left_front_wheel_joint", "right_front_wheel_joint"),
-    speed=-10.0,
-    torque=2.0,
-    reach=0.3,
-)
-
-
-# Phase of each leg as a share of the period [-]: the legs of a diagonal swing together.
-PHASES = {"FR": 0.0, "RL": 0.0, "FL": 0.5, "RR": 0.5}
-
-
 # A trot of laikago: period of a step of each leg [s], swing of the hips forwards and backwards [rad], lift of the knees
 # while their leg swings forwards [rad], and rate of the table's rows [Hz].
 PERIOD, SWING, LIFT, TROT_RATE = 0.4, 0.12, 0.35, 60.0
 
 
+def laikago_leg(leg: str, hip: float, knee: float) -> Mapping[str, float]:
+    """Return the positions [rad] of a leg's joints."""
+    names = ("hip_motor_2_chassis", "upper_leg_2_hip_motor", "lower_leg_2_upper_leg")
+    return {f"{leg}_{name}_joint": position for name, position in zip(names, (0.0, hip, knee), strict=True)}
+
+
 def trot_at(time: float) -> Mapping[str, float]:
     """Return the joint positions [rad] of the row of a trot's table at a ``time`` [s]. A leg swings forwards in the
     first half of the period, its knee bent, and pushes the ground backwards in the second."""
-    rows = round(PERIOD * TROT_RATE)
+    rows, found = round(PERIOD * TROT_RATE), dict[str, float]()
     share = int(time * TROT_RATE + 1e-6) % rows / rows
-    found = {}
-    for leg in LEGS:
-        angle = 2.0 * math.pi * (share + PHASES[leg])
-        abduction, hip, knee = laikago_joints(leg)
-        found[abduction] = 0.0
-        found[hip] = SWING * math.cos(angle)
-        found[knee] = LAIKAGO_KNEE - LIFT * max(math.sin(angle), 0.0)
+    for leg, phase in PHASES.items():
+        angle = 2.0 * math.pi * (share + phase)
+        found |= laikago_leg(leg, SWING * math.cos(angle), LAIKAGO_KNEE - LIFT * max(math.sin(angle), 0.0))
     return found
+
+
+WHEELS = ("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel")
+_STANCE = {joint: position for leg in PHASES for joint, position in laikago_leg(leg, 0.0, LAIKAGO_KNEE).items()}
+_ROVER = str(Path(__file__).with_name("rover.urdf"))
+_HUSKY, _LAIKAGO, _RACECAR = (
+    str(DATA / file) for file in ("husky/husky.urdf", "laikago/laikago_toes_zup.urdf", "racecar/racecar.urdf")
+)
+ROVER = Robot(name="rover", urdf=_ROVER, height=0.12, wheels=WHEELS, speed=5.0)
+HUSKY = Robot(name="husky", urdf=_HUSKY, height=0.0, wheels=WHEELS, speed=5.0, reach=0.5)
+LAIKAGO = Robot(name="laikago", urdf=_LAIKAGO, height=0.497, stance=_STANCE)
+RACECAR = Robot(
+    name="racecar", urdf=_RACECAR, height=0.0, torque=2.0, reach=0.3,
+    stance={"left_steering_hinge_joint": 0.0, "right_steering_hinge_joint": 0.0},
+    # The axles point to the right: positive speeds drive backwards.
+    speed=-10.0, wheels=tuple(f"{side}_{end}_wheel_joint" for end in ("rear", "front") for side in ("left", "right")),
+)  # fmt: skip
 
 
 # Time constant [s] of the servos that hold joints: the error shrinks by a tenth in a step of 1 / 240 s, which is

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -59,59 +58,23 @@ MOTIONS: dict[Motion, tuple[float, str]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class RobotScene:
-    """Three robots on rough hills. ``resolution`` [m]: of the map. ``trot``: they walk, else they stand, or drive where
-    the ground moves. ``quick``: part of the quick run. ``duration``, and ``settle`` that is not measured [s].
-    ``samples``: measurements in a second [Hz], no multiple of the rate of the maps, so that they see maps of every
-    age."""
+    """Three robots on rough hills, whose root links start at ``starts`` (N, 3) [m]. ``map_rate`` [Hz]: 0 = one map.
+    ``speed`` [rad/s]: of the wheels. ``trot``: they walk, else they stand, or drive where the ground moves. ``quick``:
+    part of the quick run. ``duration``, and ``settle`` that is not measured [s]. ``samples``: measurements in a second
+    [Hz], no multiple of the rate of the maps, so that they see maps of every age."""
 
+    name: str
+    title: str
     robot: Robot
-    motion: Motion
-    resolution: float
+    ground: RoughHills
+    starts: FloatArray
+    map_rate: float
+    speed: float
     trot: bool = False
     quick: bool = False
     duration: float = 2.0
     settle: float = 1.0
     samples: float = 30.0
-
-    @property
-    def name(self) -> str:
-        """Unique name, also of its picture."""
-        return f"{self._doing.replace(' ', '_')}_{self.motion}_{100.0 * self.resolution:.0f}cm"
-
-    @property
-    def title(self) -> str:
-        """Name in charts."""
-        return f"{self._doing}, {MOTIONS[self.motion][1]}, {100.0 * self.resolution:.0f} cm grid"
-
-    @property
-    def _doing(self) -> str:
-        return f"trotting {self.robot.name}" if self.trot else self.robot.name
-
-    @property
-    def map_rate(self) -> float:
-        """Rate of the maps [Hz], 0 = one map."""
-        return MOTIONS[self.motion][0]
-
-    @property
-    def speed(self) -> float:
-        """Speed of the wheels [rad/s]."""
-        return 0.0 if self.motion == "rest" else self.robot.speed
-
-    @cached_property
-    def ground(self) -> RoughHills:
-        """The ground."""
-        geometry = square(round(SIDE / self.resolution) + 1, self.resolution)
-        return RoughHills(geometry, STILL if self.motion == "rest" else HEAVING, hills=HILLS)
-
-    @cached_property
-    def starts(self) -> FloatArray:
-        """Where the frames of the robots' root links start (N, 3) [m]."""
-        heights = np.asarray(self.ground.heights(0.0), np.float64)
-        found = []
-        for x, y in STARTS:
-            near = np.hypot(self.ground.x - x, self.ground.y - y) <= max(self.robot.reach, self.resolution)
-            found.append((x, y, heights[near].max() + self.robot.height + GAP))
-        return np.array(found)
 
     def surface(self, time: float) -> Surface:
         """Return the main mesh at ``time`` [s]."""
@@ -122,16 +85,29 @@ class RobotScene:
         return trot_at(time) if self.trot else self.robot.stance
 
 
+def robot_scene(robot: Robot, motion: Motion, resolution: float, *, trot: bool = False) -> RobotScene:
+    """Return a scene on a map of a ``resolution`` [m]."""
+    map_rate, words = MOTIONS[motion]
+    doing, cells = f"trotting {robot.name}" if trot else robot.name, f"{100.0 * resolution:.0f}"
+    geometry = square(round(SIDE / resolution) + 1, resolution)
+    ground = RoughHills(geometry, HEAVING if map_rate else STILL, hills=HILLS)
+    heights, starts = ground.heights(0.0).astype(np.float64), []
+    for x, y in STARTS:
+        near = np.hypot(ground.x - x, ground.y - y) <= max(robot.reach, resolution)
+        starts.append((x, y, heights[near].max() + robot.height + GAP))
+    return RobotScene(
+        name=f"{doing.replace(' ', '_')}_{motion}_{cells}cm", title=f"{doing}, {words}, {cells} cm grid", robot=robot,
+        ground=ground, starts=np.array(starts), map_rate=map_rate, speed=robot.speed if map_rate else 0.0, trot=trot,
+        quick=(robot, motion, resolution) in ((HUSKY, "rest", 0.1), (LAIKAGO, "maps", 0.1)),
+    )  # fmt: skip
+
+
 def scenes() -> list[RobotScene]:
     """Return all scenes."""
     grids: dict[Motion, tuple[float, ...]] = {"rest": (0.04, 0.1, 0.25), "wave": (0.1,), "maps": (0.04, 0.1, 0.25)}
-    quick_ones = {("husky", "rest", 0.1, False), ("laikago", "maps", 0.1, False), ("laikago", "maps", 0.1, True)}
     return [
-        RobotScene(
-            robot=robot, motion=motion, resolution=resolution, trot=trot,
-            quick=(robot.name, motion, resolution, trot) in quick_ones,
-        )
+        robot_scene(robot, motion, resolution, trot=trot)
         for robot, trot in ((ROVER, False), (HUSKY, False), (RACECAR, False), (LAIKAGO, False), (LAIKAGO, True))
         for motion, spacings in grids.items()
         for resolution in spacings
-    ]  # fmt: skip
+    ]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from studies.bench import study
-from studies.bench.measure import QUICK, Bench, Case, Effort, Results
+from studies.bench.measure import QUICK, Bench, Case, Effort
 from studies.pages import number, times
 
 
@@ -51,6 +51,5 @@ def test_each_run_is_prepared_and_enough_frames_are_measured() -> None:
 
 
 def test_what_was_not_measured_is_no_figure() -> None:
-    results = Results()
-    assert math.isnan(results.us("simple", "physx", side=3))
+    assert math.isnan(Bench().us("simple", "physx", side=3))
     assert number(math.nan) == times(math.nan) == "-"

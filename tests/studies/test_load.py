@@ -14,7 +14,7 @@ from std_msgs.msg import Header
 from smartmesh_ros.node.parameters.specifications import NAMES
 from studies.load.cases import CODES, RESOLUTION, RISE, WAVE, Case, groups
 from studies.load.driver import TerrainMessages, run_case
-from studies.load.soak import slope_of
+from studies.load.soak import is_flat, slope_of
 from studies.load.study import runs, summary_of
 
 SMALL = Case(side=128, bodies=3, mode="regions", map_rate=30.0, physics_rate=120.0, seconds=2.5)
@@ -66,4 +66,4 @@ def test_the_slope_of_a_line_is_its_own_and_what_stays_is_flat(per_hour: float, 
     assert slope.error == pytest.approx(0.0, abs=1e-6)
     assert slope_of(times, np.full(600, start)) == (0.0, 0.0, start)
     noise = 0.01 * np.random.default_rng(1).standard_normal(600)
-    assert not slope_of(times, 1.0 + noise + 10.0 * times / 3600.0).flat
+    assert not is_flat(slope_of(times, 1.0 + noise + 10.0 * times / 3600.0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +29,9 @@ from studies.robots.robot import (
     Robot,
     RobotEngine,
     RobotSetup,
-    laikago_joints,
     prepared,
 )
-from studies.robots.scene import RobotScene, scenes
+from studies.robots.scene import robot_scene, scenes
 from studies.robots.study import Stranger, run_stranger
 from tests.core.contact_cases import wheel as prism
 
@@ -168,7 +168,7 @@ def test_what_needs_rescues_or_leaves_the_map_is_marked() -> None:
 
 
 def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    small = RobotScene(robot=ROVER, motion="maps", resolution=0.25, quick=True, duration=0.5, settle=0.25)
+    small = replace(robot_scene(ROVER, "maps", 0.25), quick=True, duration=0.5, settle=0.25)
     monkeypatch.setattr(study, "scenes", lambda: [small])
     monkeypatch.setattr(study, "run_strangers", lambda *_, **__: [])
     assert study.main(["--quick", "--out", str(tmp_path)]) == 0
@@ -181,7 +181,7 @@ def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.Monke
 @pytest.mark.parametrize("engine", ["defaults", "MuJoCo tuned, 240 Hz", "PhysX, 240 Hz"])
 def test_servos_of_all_engines_approach_their_position_alike(engine: str) -> None:
     """In the air the error of a joint shrinks with the time constant of the servo."""
-    knee = laikago_joints("FR")[2]
+    knee = "FR_lower_leg_2_upper_leg_joint"
 
     def toe(robots: RobotEngine) -> float:
         """Distance of a toe from its upper leg [m], which depends on the knee alone."""
