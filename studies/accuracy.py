@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from typing import Any, ClassVar
@@ -113,12 +112,8 @@ class BodyContest(Contest):
             found = build("bullet_trimesh", setup, edge_filter=True)
         else:  # a map arrives at every step, so short intervals must not merge maps
             found = build("smartmesh", setup, motion=MotionConfig(min_interval=0.0))
-        with found as engine:
-            for step in range(math.floor(HORIZON * FINE_RATE + 0.5)):
-                if scene.moves and scene.reference == "finest":
-                    engine.set_ground(engine.ready(ground.heights(step / FINE_RATE)))
-                engine.step()
-            return np.asarray(engine.positions() - HORIZON * np.array(against))
+        maps = range(round(FINE_RATE)) if scene.moves and scene.reference == "finest" else range(0)
+        return np.asarray(self.places_in(found, ground, maps) - HORIZON * np.array(against))
 
 
 def run_scene(scene: Scene, chosen: Sequence[Configuration], say: Callable[[str], None]) -> dict[str, Result]:

@@ -130,37 +130,31 @@ def _plot(
         axis.set_major_formatter(PLAIN)
         axis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}" if f"{value:.0e}"[0] in "25" else ""))
         axis.set_tick_params(which="minor", labelsize=8)
-    error_of = MEASURES[measure]
-    finite = [error_of(result) for result in results.values() if math.isfinite(error_of(result))]
-    top = 1e3 * 3.0 * max([*finite, 1e-2])
-    on_front = set(pareto_front(results))
+    error_of, on_front = MEASURES[measure], set(pareto_front(results))
+    run = {name: one for name, one in results.items() if one.cost > 0.0}
+    spots = {name: (one.cost / 1e3, 1e3 * error_of(one)) for name, one in run.items() if math.isfinite(error_of(one))}
+    top = 3.0 * max([10.0, *(error for _, error in spots.values())])
+    lost = {name: (one.cost / 1e3, top) for name, one in run.items() if one.lost}
     for family in COLOURS:
-        mine = {name: one for name, one in results.items() if families[name] == family and one.cost > 0.0}
-        kept = {name: one for name, one in mine.items() if math.isfinite(error_of(one))}
-        lost = [one for one in mine.values() if one.lost]
+        kept, gone = ([name for name in those if families[name] == family] for those in (spots, lost))
         axes.scatter(
-            [one.cost / 1e3 for one in kept.values()], [1e3 * error_of(one) for one in kept.values()],
+            [spots[name][0] for name in kept], [spots[name][1] for name in kept],
             c=COLOURS[family], marker=MARKERS[family], s=46 if labels else 22, zorder=3,
             edgecolors=["black" if name in on_front else "white" for name in kept],
             linewidths=[1.3 if name in on_front else 0.5 for name in kept],
         )  # fmt: skip
-        axes.scatter([one.cost / 1e3 for one in lost], [top] * len(lost), c=COLOURS[family], marker="x", zorder=3)
-    front = [results[name] for name in pareto_front(results, (measure,))]
+        axes.scatter([lost[name][0] for name in gone], [top] * len(gone), c=COLOURS[family], marker="x", zorder=3)
+    front = [spots[name] for name in pareto_front(results, (measure,))]
     axes.step(
-        [one.cost / 1e3 for one in front], [1e3 * error_of(one) for one in front], where="post", color="0.35",
-        linewidth=1.0, linestyle="--", zorder=2,
+        [cost for cost, _ in front], [error for _, error in front], where="post", color="0.35", linewidth=1.0,
+        linestyle="--", zorder=2,
     )  # fmt: skip
     axes.grid(visible=True, which="major", alpha=0.3)
     if labels:
         axes.margins(x=0.14, y=0.1)
         axes.autoscale_view()
-        spots = {
-            name: (one.cost / 1e3, top if one.lost else 1e3 * error_of(one))
-            for name, one in results.items()
-            if one.cost > 0.0 and (one.lost or math.isfinite(error_of(one)))
-        }
-        texts = {name: f"{name} ({results[name].lost} lost)" if results[name].lost else name for name in spots}
-        _label(axes, spots, texts, families)
+        texts = {name: f"{name} ({one.lost} lost)" if one.lost else name for name, one in run.items()}
+        _label(axes, spots | lost, texts, families)
 
 
 def _label(
@@ -170,8 +164,8 @@ def _label(
     right = axes.bbox.x1
     spots = {name: axes.transData.transform(place) for name, place in places.items()}
     taken: list[Bbox] = []
-    for name, text in texts.items():
-        x, y = spots[name]
+    for name, (x, y) in spots.items():
+        text = texts[name]
         width = 4.6 * len(text)
         offsets = [(6.0, 10.0 * shift + 6.0) for shift in (0, -1, 1, -2, 2, -3, 3, -4, 4)]
         offsets += [(-width - 6.0, offset) for _, offset in offsets]

@@ -95,6 +95,18 @@ class Contest(ABC):
     def reference(self) -> FloatArray | None:
         """Return the true places (N, 3) [m] after `HORIZON`; None = there is no reference."""
 
+    def places_in(self, engine: Any, ground: MovingGround, maps: range) -> FloatArray:
+        """Return the places (N, 3) [m] after `HORIZON` in an engine at `FINE_RATE` that gets maps of a ground before
+        these steps, and end it."""
+        with engine:
+            for step in range(math.floor(HORIZON * FINE_RATE + 0.5)):
+                time = step / FINE_RATE
+                self.act(engine, time)
+                if step in maps:
+                    engine.set_ground(engine.ready(ground.heights(time)))
+                engine.step()
+            return np.asarray(engine.links().centres)
+
 
 class Runner:
     """One configuration in a contest: steps and times it, and keeps samples by their instants [s]."""

@@ -115,20 +115,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 1 if stale else 0
 
 
-# Above one: today is faster.
-RATIO = "report / today"
-
-
-def beside(reported: float, today: float) -> list[str]:
-    """The report's figure, today's, and how many times faster today's is."""
-    return [number(reported), number(today), times(reported / today)]
-
-
-def size(side: int) -> str:
-    """``side`` x ``side``."""
-    return f"{side}x{side}"
-
-
 def number(value: float) -> str:
     """Three significant digits, without an exponent; - where there is none."""
     if math.isnan(value):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import resource
-from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -92,12 +92,8 @@ def bad_input(method: Method) -> float:
         arena.spawn("ball", Sphere(0.2), (0.013, 0.017, 0.2))
         arena.settle(1.0)
         before = arena.positions()[0]
-        attempts: tuple[Callable[[], None], ...] = (
-            lambda: arena.tell(np.zeros((60, 61))),
-            lambda: arena.tell(np.full((61, 61), np.inf)),
-            lambda: arena.heightmap.update_region(55, 0, np.ones((9, 9)), time=arena.world.time),
-        )
-        for take in attempts:
+        beyond = partial(arena.heightmap.update_region, 55, 0, np.ones((9, 9)), time=arena.world.time)
+        for take in (partial(arena.tell, np.zeros((60, 61))), partial(arena.tell, np.full((61, 61), np.inf)), beyond):
             try:
                 take()
             except InputError:

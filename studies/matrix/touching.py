@@ -4,7 +4,8 @@ on faster than their patches follow."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -141,12 +142,14 @@ def _step(start: float, height: float) -> Heights:
     return lambda x, y: np.where(x > start, height, 0.0)
 
 
-def _hit_sideways(arena: Arena, shape: Shape, height: float) -> None:
-    """Has a body lie still, and hits it right after an update of its patch."""
-    arena.spawn("body", shape, (0.013, 0.017, height))
-    arena.settle(1.0 + 1.0 / RATE)
-    client, uid = arena.world.client, arena.world.bodies["body"].uid
-    client.resetBaseVelocity(uid, (_HIT, 0.0, 0.0), (0.0, 0.0, 0.0))
+@contextmanager
+def _blow(method: Method, shape: Shape, height: float, form: Any = 0.0) -> Iterator[Arena]:
+    """Yield an arena whose body lay still and is hit, right after an update of its patch."""
+    with Arena(method, form, size=61, physics=_SMOOTH) as arena:
+        arena.spawn("body", shape, (0.013, 0.017, height))
+        arena.settle(1.0 + 1.0 / RATE)
+        arena.world.client.resetBaseVelocity(arena.world.bodies["body"].uid, (_HIT, 0.0, 0.0), (0.0, 0.0, 0.0))
+        yield arena
 
 
 def _seldom(method: Method) -> Method:
@@ -156,8 +159,7 @@ def _seldom(method: Method) -> Method:
 
 def hit_on_flat_ground(method: Method) -> float:
     """Error [mm] of where a box without friction is at any time within half a second of a blow to 6 m/s."""
-    with Arena(_seldom(method), size=61, physics=_SMOOTH) as arena:
-        _hit_sideways(arena, Box(0.4, 0.4, 0.2), 0.1)
+    with _blow(_seldom(method), Box(0.4, 0.4, 0.2), 0.1) as arena:
         start, worst = arena.positions()[0], 0.0
         for step, _ in enumerate(arena.run(0.5)):
             worst = max(worst, math.dist(arena.positions()[0], start + ((step + 1) * _HIT / RATE, 0.0, 0.0)))
@@ -166,8 +168,7 @@ def hit_on_flat_ground(method: Method) -> float:
 
 def hit_over_an_edge(method: Method) -> float:
     """Error [mm] of the height of a ball that a blow to 6 m/s drives over an edge, beyond which it falls freely."""
-    with Arena(_seldom(method), _step(0.6, -1.0), size=61, physics=_SMOOTH) as arena:  # level up to a sample at 0.5 m
-        _hit_sideways(arena, Sphere(0.2), 0.2)
+    with _blow(_seldom(method), Sphere(0.2), 0.2, _step(0.6, -1.0)) as arena:  # level up to a sample at 0.5 m
         worst, fall = 0.0, 0.0
         for _ in arena.run(0.35):
             x, _, z = arena.positions()[0].tolist()
@@ -178,8 +179,7 @@ def hit_over_an_edge(method: Method) -> float:
 
 def hit_against_a_step(method: Method) -> float:
     """Deepest penetration [mm] of a ball of 0.2 m that a blow to 6 m/s drives against a step of twice its radius."""
-    with Arena(method, _step(0.6, 0.4), size=61, physics=_SMOOTH) as arena:
-        _hit_sideways(arena, Sphere(0.2), 0.2)
+    with _blow(method, Sphere(0.2), 0.2, _step(0.6, 0.4)) as arena:
         return deepest(arena, 0.35, 0.0, every=1, share=100.0)
 
 

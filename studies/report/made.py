@@ -29,11 +29,9 @@ STEEPEST = 2.0
 
 @dataclass(eq=False)
 class Field:
-    """A field of ``rows`` x ``columns`` samples, ``spacing`` [m] apart: its PyBullet ``shape``, ``uid`` of its body,
-    and the ``heights`` above its base (rows, columns) [m]."""
+    """A field of samples that are ``spacing`` [m] apart: its PyBullet ``shape``, ``uid`` of its body, and the
+    ``heights`` above its base (rows, columns) [m]."""
 
-    rows: int
-    columns: int
     spacing: float
     shape: int
     uid: int
@@ -41,7 +39,7 @@ class Field:
 
     def fits(self, rows: int, columns: int, spacing: float) -> bool:
         """Return True if the field has these sizes, which PyBullet cannot change."""
-        return (self.rows, self.columns) == (rows, columns) and abs(self.spacing - spacing) <= 1e-9 * spacing
+        return self.heights.shape == (rows, columns) and abs(self.spacing - spacing) <= 1e-9 * spacing
 
     def replace(self, client: Any, heights: FloatArray) -> None:
         """Replace the heights above the base (rows, columns) [m], unless they are the same already."""
@@ -62,7 +60,7 @@ def make_field(client: Any, rows: int, columns: int, spacing: float, bound: floa
     # Without a visual shape PyBullet creates one of the whole field, which takes a few MiB.
     visual = client.createVisualShape(pb.GEOM_BOX, halfExtents=[1e-3] * 3)
     uid = client.createMultiBody(0.0, shape, visual)
-    return Field(rows, columns, spacing, shape, uid, np.full((rows, columns), np.inf))
+    return Field(spacing, shape, uid, np.full((rows, columns), np.inf))
 
 
 # Depth below the nearest vertex of the hull's extra point (Figure 18), and of the prisms' lower faces [m].
@@ -76,20 +74,14 @@ SAME_PLACE = 1e-6
 class MeshCollider:
     """A collider of ``triangles`` (T, 3) among ``vertices`` (K, 3) relative to its base [m], with its body ``uid``."""
 
-    kind: MeshKind
     uid: int
     vertices: FloatArray
     triangles: NDArray[np.int32]
 
-    def fits(self, kind: MeshKind, vertices: FloatArray, triangles: NDArray[np.int32]) -> bool:
+    def fits(self, vertices: FloatArray, triangles: NDArray[np.int32]) -> bool:
         """Return True if this is a collider of such a surface."""
-        return (
-            self.kind == kind
-            and self.triangles.shape == triangles.shape
-            and self.vertices.shape == vertices.shape
-            and bool((np.abs(self.vertices - vertices) <= SAME_PLACE).all())
-            and bool((self.triangles == triangles).all())
-        )
+        same = self.vertices.shape == vertices.shape and np.array_equal(self.triangles, triangles)
+        return same and bool((np.abs(self.vertices - vertices) <= SAME_PLACE).all())
 
 
 def make_mesh(client: Any, kind: MeshKind, vertices: FloatArray, triangles: NDArray[np.int32]) -> MeshCollider:
@@ -106,7 +98,7 @@ def make_mesh(client: Any, kind: MeshKind, vertices: FloatArray, triangles: NDAr
                 flags=pb.GEOM_FORCE_CONCAVE_TRIMESH,
             )  # fmt: skip
         uid = client.createMultiBody(0.0, shape)
-    return MeshCollider(kind, int(uid), vertices, triangles)
+    return MeshCollider(int(uid), vertices, triangles)
 
 
 def _make_prisms(client: Any, corners: FloatArray) -> int:

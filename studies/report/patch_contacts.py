@@ -100,7 +100,7 @@ class PatchContacts(MapContacts):
                 self._release(follower)
                 return
             surface = np.nan_to_num(vertices, nan=float(base[2])) - base
-            if not (isinstance(held, MeshCollider) and held.fits(kind, surface, triangles)):
+            if not (isinstance(held, MeshCollider) and held.fits(surface, triangles)):
                 held = self._hold(follower, make_mesh(client, kind, surface, triangles))
         uid = follower.collider = held.uid
         client.resetBasePositionAndOrientation(uid, base.tolist(), turn)

@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,38 +31,6 @@ from studies.report.search import (
 # Rings of the largest patch, beyond which bodies get a coarser stride: of a field (65 x 65 samples, which PyBullet
 # replaces in about two milliseconds), and of the report's largest collider (9 x 9).
 MOST_RINGS, MOST_GRID_RINGS = 32, 4
-UNKNOWN_EXTENT = (0.0, 0.0, 0.0, -1.0)
-
-
-class Extent(NamedTuple):
-    """Size of N patches, arrays of shape (N,): rings around the centre and stride from ring to ring [samples]; and
-    ``least`` to ``most`` [m], the range of reaches for which a patch keeps this size."""
-
-    rings: IntArray
-    stride: IntArray
-    least: FloatArray
-    most: FloatArray
-
-
-def extent_for(reach: FloatArray, resolution: float, smallest_side: int, fixed_rings: int, most_rings: int) -> Extent:
-    """Return the size of patches for bodies that can touch ground within ``reach`` [m] of their centre until the next
-    refresh.
-
-    ``resolution`` [m] and ``smallest_side`` [samples] are the map's. ``fixed_rings`` > 0 sets the rings (the report's
-    collider-size) with stride 1. A body that needs more than ``most_rings`` gets a coarser stride. A patch is never
-    larger than the map.
-    """
-    room = (smallest_side - 1) // 2
-    if fixed_rings:
-        rings = np.full(reach.shape, min(fixed_rings, room))
-        return Extent(rings, np.ones_like(rings), np.zeros_like(reach), np.full_like(reach, np.inf))
-    # Half a cell more, because the patch is centred on the nearest vertex instead of the body.
-    cells = np.clip(np.ceil(reach / resolution + 0.5 - 1e-9).astype(np.int64), 1, room)
-    stride = -(-cells // most_rings)
-    rings = np.maximum(np.minimum(-(-cells // stride), room // stride), 1)
-    covered = rings * stride
-    most = np.where(covered + stride > room, np.inf, (covered - 0.5) * resolution)
-    return Extent(rings, stride, (covered - stride - 1.0) * resolution, most)
 
 
 class MapPatches:
@@ -71,11 +38,13 @@ class MapPatches:
 
     def __init__(self, heightmap: HeightMap, config: ReportConfig) -> None:
         self._map, self._config = heightmap, config
-        self._extents = np.zeros((0, 4))  # by slot, as in `Extent`
+        # By slot: rings around the centre, stride from ring to ring [samples], and the least and most reach for which a
+        # patch keeps this size [m].
+        self._extents = np.zeros((0, 4))
 
     def grow(self, slots: int) -> None:
         """Make room for ``slots`` slots."""
-        self._extents = with_rows(self._extents, slots, UNKNOWN_EXTENT)
+        self._extents = with_rows(self._extents, slots, (0.0, 0.0, 0.0, -1.0))
 
     def around(
         self, slots: IntArray, states: FloatArray, reach: FloatArray, time: float, duration: float
@@ -95,14 +64,23 @@ class MapPatches:
 
     def _set_extents(self, slots: IntArray, reach: FloatArray) -> None:
         """Grow patches at once, but shrink them only well below their size, so that no patch alternates between two
-        sizes."""
+        sizes. A body that needs more than the most rings gets a coarser stride. A patch is never larger than the map,
+        nor of more rings than the settings say, if they do."""
         _, _, least, most = self._extents[slots].T
         outgrown = (reach > most) | (reach < least)
         geometry, config = self._map.geometry, self._config
-        side = min(geometry.rows, geometry.columns)
-        most_rings = MOST_RINGS if config.kind == "heightfield" else MOST_GRID_RINGS
-        extent = extent_for(reach[outgrown], geometry.resolution, side, config.rings, most_rings)
-        self._extents[slots[outgrown]] = np.stack(extent, axis=1)
+        room = (min(geometry.rows, geometry.columns) - 1) // 2
+        extent = np.tile(np.array([min(config.rings, room), 1.0, 0.0, np.inf]), (int(outgrown.sum()), 1))
+        if not config.rings:
+            most_rings = MOST_RINGS if config.kind == "heightfield" else MOST_GRID_RINGS
+            # Half a cell more, because the patch is centred on the nearest vertex instead of the body.
+            cells = np.ceil(reach[outgrown] / geometry.resolution + 0.5 - 1e-9).astype(np.int64).clip(1, room)
+            stride = -(-cells // most_rings)
+            rings = np.maximum(np.minimum(-(-cells // stride), room // stride), 1)
+            covered = rings * stride
+            most = np.where(covered + stride > room, np.inf, (covered - 0.5) * geometry.resolution)
+            extent = np.stack([rings, stride, (covered - stride - 1.0) * geometry.resolution, most], axis=1)
+        self._extents[slots[outgrown]] = extent
 
     def _batch(
         self, rings: int, slots: IntArray, nearest: IntArray, states: FloatArray, time: float, duration: float

@@ -5,7 +5,6 @@ The ground is a prism below each triangle of the main mesh; a link is the shapes
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import NamedTemporaryFile
@@ -21,7 +20,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.clearance import rotate
 from smartmesh_ros.world.robots.meshes import obj_parts
 from studies.configurations import Configuration
-from studies.contest import FINE_RATE, HORIZON, Contest, Runner
+from studies.contest import FINE_RATE, Contest, Runner
 from studies.engines.smartmesh import WorldRobots
 from studies.report.config import ReportConfig
 from studies.robots.robot import RobotEngine, RobotSetup, setup_of
@@ -213,14 +212,9 @@ class RobotContest(Contest):
         moving ground, where a whole collider has no velocity, it is ours, with an eighth of the step."""
         scene, setup = self.scene, self._setup(FINE_RATE)
         report = ReportConfig(kind="whole_trimesh") if not scene.map_rate else None
-        with WorldRobots(setup, report=report, physics=PhysicsConfig(sleep=False)) as engine:
-            for step in range(math.floor(HORIZON / setup.dt + 0.5)):
-                time = step * setup.dt
-                self.act(engine, time)
-                if scene.map_rate and step and step % round(1.0 / (setup.dt * MAPS)) == 0:
-                    engine.set_ground(scene.ground.heights(time))
-                engine.step()
-            return engine.links().centres
+        every = round(FINE_RATE / MAPS)
+        maps = range(every, round(FINE_RATE), every) if scene.map_rate else range(0)
+        return self.places_in(WorldRobots(setup, report=report, physics=PhysicsConfig(sleep=False)), scene.ground, maps)
 
     def _setup(self, rate: float) -> RobotSetup:
         """Return the robots for an engine that steps at ``rate`` [Hz]."""
