@@ -84,11 +84,6 @@ class Bench:
         timing = self.timings[case] = Timing(median, low, high, len(laps))
         return timing
 
-    def hopeless(self, case: Case, smaller: int) -> bool:
-        """Return True if a frame of ``case`` would take too long, extrapolated from ``smaller`` x ``smaller``."""
-        known = self.us(case.what, case.method, side=smaller, bodies=case.bodies, rings=case.rings)
-        return math.isnan(known) or known * (case.side / smaller) ** 2 > LONGEST_FRAME * 1e6
-
     @staticmethod
     def _lap(run: Callable[[], object], prepare: Before) -> float:
         if prepare is not None:

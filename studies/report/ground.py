@@ -33,8 +33,8 @@ class ReportGround(Ground):
         super().__init__(client, terrain)
 
     def _new_contacts(self) -> Any:
-        self._mesh = self._main_mesh()
-        self.chosen = ChosenPatches(self._mesh, self.config, self.followers)
+        self._main_mesh()
+        self.chosen = ChosenPatches(self.config, self.followers)
         return PatchContacts(self._client, self.followers, self.terrain, self.config, self.chosen)
 
     def _begin(self, time: float, dt: float) -> None:
@@ -46,14 +46,12 @@ class ReportGround(Ground):
 
     def refresh(self, time: float, dt: float) -> None:
         """Move bodies with corrections of maps, put bodies below the ground back onto it, and replace the colliders."""
-        if (mesh := self._main_mesh()) is not self._mesh:
-            self._mesh = mesh
-            self.chosen.take(mesh)
+        mesh = self._main_mesh()
         self._left = 0  # until the end: a refresh that failed is made again before the next step
         self.contacts.begin(time, dt)
         self.contacts.core.update()
         steps = max(round(1.0 / (self.config.rate * dt)), 1) if self.config.rate else 1
-        self.chosen.refresh(time, dt * steps, self.contacts.states_of(np.arange(self.followers.capacity)))
+        self.chosen.refresh(mesh, time, dt * steps, self.contacts.states_of(np.arange(self.followers.capacity)))
         self.contacts.refresh()
         self._left, self._revision = steps, self.terrain.revision
 

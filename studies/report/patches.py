@@ -4,6 +4,7 @@ settings or the body's size require; on a general mesh: triangles around the nea
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -42,10 +43,6 @@ class MapPatches:
         # patch keeps this size [m].
         self._extents = np.zeros((0, 4))
 
-    def grow(self, slots: int) -> None:
-        """Make room for ``slots`` slots."""
-        self._extents = with_rows(self._extents, slots, (0.0, 0.0, 0.0, -1.0))
-
     def around(
         self, slots: IntArray, states: FloatArray, reach: FloatArray, time: float, duration: float
     ) -> Iterator[PatchBatch]:
@@ -66,6 +63,7 @@ class MapPatches:
         """Grow patches at once, but shrink them only well below their size, so that no patch alternates between two
         sizes. A body that needs more than the most rings gets a coarser stride. A patch is never larger than the map,
         nor of more rings than the settings say, if they do."""
+        self._extents = with_rows(self._extents, int(slots.max()) + 1, (0.0, 0.0, 0.0, -1.0))
         _, _, least, most = self._extents[slots].T
         outgrown = (reach > most) | (reach < least)
         geometry, config = self._map.geometry, self._config
@@ -184,11 +182,7 @@ class MeshPatches:
         self._topology = cached_topology(self._graph) if cached else partial(topology_around, self._graph)
         first, second = mesh.vertices[mesh.triangles[:, 0]], mesh.vertices[mesh.triangles[:, 1]]
         self._edge = float(np.linalg.norm(first - second, axis=1).mean())
-        self._nearest = np.zeros(0, np.int64)  # vertices by slot, at which best-first search starts
-
-    def grow(self, slots: int) -> None:
-        """Make room for ``slots`` slots."""
-        self._nearest = with_rows(self._nearest, slots, 0)
+        self._nearest: defaultdict[int, int] = defaultdict(int)  # vertices by slot, at which best-first search starts
 
     def around(
         self, slots: IntArray, states: FloatArray, reach: FloatArray, time: float, duration: float
@@ -197,7 +191,7 @@ class MeshPatches:
         mesh, config = self._mesh, self._config
         for slot, position_w, distance in zip(slots.tolist(), states[:, :3], reach.tolist(), strict=True):
             if config.search == "best_first":
-                vertex = best_first_vertex(mesh, self._graph, position_w, int(self._nearest[slot]))
+                vertex = best_first_vertex(mesh, self._graph, position_w, self._nearest[slot])
             else:
                 vertex = brute_force_vertex(mesh.coordinates, position_w)
             self._nearest[slot] = vertex
@@ -239,29 +233,24 @@ FASTEST = 50.0
 class ChosenPatches:
     """The patches of the followers on a main mesh, as of the last refresh: ``batches``."""
 
-    def __init__(self, mesh: MainMesh, config: ReportConfig, followers: Followers) -> None:
+    def __init__(self, config: ReportConfig, followers: Followers) -> None:
         self.batches: list[PatchBatch] = []
         self._config, self._followers = config, followers
-        self.take(mesh)
+        self._mesh: MainMesh | None = None
 
-    def take(self, mesh: MainMesh) -> None:
-        """Choose patches on another main mesh from now on."""
-        self._mesh = mesh
-        self._patches: MapPatches | MeshPatches
-        if isinstance(mesh, HeightMap):
-            self._patches = MapPatches(mesh, self._config)
-        else:
-            self._patches = MeshPatches(mesh, self._config)
-
-    def refresh(self, time: float, duration: float, states: FloatArray) -> None:
-        """Choose the patches of the bodies, with ``states`` (S, 13) by slot, at ``time`` [s] for a ``duration`` [s];
-        none if bodies stand on one collider of the whole mesh. Those are left out that are nowhere, or so far beside
-        the mesh that they do not touch it."""
-        self._patches.grow(len(states))
+    def refresh(self, mesh: MainMesh, time: float, duration: float, states: FloatArray) -> None:
+        """Choose the patches of the bodies, with ``states`` (S, 13) by slot, on a mesh at ``time`` [s] for a
+        ``duration`` [s]; none if bodies stand on one collider of the whole mesh. Those are left out that are nowhere,
+        or so far beside the mesh that they do not touch it."""
+        if mesh is not self._mesh:
+            self._mesh = mesh
+            self._patches: MapPatches | MeshPatches = (
+                MapPatches(mesh, self._config) if isinstance(mesh, HeightMap) else MeshPatches(mesh, self._config)
+            )
         self.batches = []
         radii, slots = self._followers.radii, np.flatnonzero(self._followers.table["alive"])
         slots = slots[np.isfinite(states[slots]).all(axis=1)]
-        slots = slots[self._mesh.beyond(states[slots]) <= radii[slots]]
+        slots = slots[mesh.beyond(states[slots]) <= radii[slots]]
         if slots.size and not is_whole(self._config.kind):
             speeds = np.minimum(np.linalg.norm(states[slots, 7:10], axis=1), FASTEST)
             reach = radii[slots] + speeds * duration

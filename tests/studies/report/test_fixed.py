@@ -23,8 +23,8 @@ def patches_of(
     followers: Any = SimpleNamespace(radii=np.array(radii), table={"alive": np.ones(len(radii), bool)})
     states = np.zeros((len(positions), BODY_COLUMNS))
     states[:, :3], states[:, 6] = positions, 1.0
-    chosen = ChosenPatches(ground, config, followers)
-    chosen.refresh(time, 1.0 / 240.0, states)
+    chosen = ChosenPatches(config, followers)
+    chosen.refresh(ground, time, 1.0 / 240.0, states)
     return chosen.batches
 
 
