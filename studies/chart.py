@@ -14,8 +14,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from matplotlib.transforms import Bbox
 
 from studies.configurations import Family
-from studies.contest import Result
-from studies.front import MEASURES, Measure, distance_of, measures_of, pareto_front
+from studies.contest import MEASURES, Measure, Result, distance_of, measures_of, pareto_front
 
 _LOOKS: dict[Family, tuple[str, str]] = {
     "ours": ("#0b6e4f", "o"),

@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 
 from studies.chart import draw_all, draw_scene
 from studies.configurations import Configuration, Family
-from studies.contest import Result
-from studies.front import beyond_all, cheapest_as_accurate, deviation_of, distance_of, measures_of, only_by
+from studies.contest import Result, beyond_all, cheapest_as_accurate, deviation_of, distance_of, measures_of, only_by
 from studies.pages import blocks_of, fill, table
 from studies.running import describe, measured_on, save_results
 

@@ -21,9 +21,8 @@ from studies.configurations import OURS, RATE, Configuration, rivals, robot_conf
 from studies.engines.engine import Contacts, Engine, Simulation
 from studies.matrix.arena import square
 from studies.pages import ROOT, fill, number, table
-from studies.robots.robot import FRICTION, HUSKY, RobotEngine
+from studies.robots.robot import FRICTION, HUSKY, RobotEngine, robot_scene
 from studies.robots.robot import setup_of as setup_of_robots
-from studies.robots.scene import robot_scene
 
 # Contacts count that carry more than this share of the weight. They slip above this speed [m/s]: maps leave open by up
 # to 6 cm/s how ground that tilts under a body moves along x and y.

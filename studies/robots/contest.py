@@ -23,8 +23,7 @@ from studies.configurations import Configuration
 from studies.contest import FINE_RATE, Contest, Runner
 from studies.engines.smartmesh import WorldRobots
 from studies.report.config import ReportConfig
-from studies.robots.robot import RobotEngine, RobotSetup, setup_of
-from studies.robots.scene import STARTS, RobotScene
+from studies.robots.robot import STARTS, RobotEngine, RobotScene, RobotSetup, setup_of
 
 # Depth of the prisms [m]: deeper than any link sinks.
 THICK = 1.0

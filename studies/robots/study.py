@@ -13,8 +13,7 @@ from studies.contest import run
 from studies.matrix.arena import Arena, square
 from studies.pages import table
 from studies.robots.contest import RobotContest
-from studies.robots.robot import DATA
-from studies.robots.scene import HEAVING, STILL, RoughHills, scenes
+from studies.robots.robot import DATA, HEAVING, STILL, RoughHills, scenes
 from studies.running import Progress, save_results
 from studies.tables import Charts
 

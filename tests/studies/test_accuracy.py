@@ -9,8 +9,7 @@ from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
 from studies import accuracy
 from studies.accuracy import run_scene
 from studies.configurations import configurations
-from studies.contest import Result
-from studies.front import beyond_all, cheapest_as_accurate, only_by, pareto_front
+from studies.contest import Result, beyond_all, cheapest_as_accurate, only_by, pareto_front
 from studies.matrix.run import ROWS, run_cell
 
 

@@ -30,8 +30,9 @@ from studies.robots.robot import (
     RobotEngine,
     RobotSetup,
     prepared,
+    robot_scene,
+    scenes,
 )
-from studies.robots.scene import robot_scene, scenes
 from studies.robots.study import Stranger, run_stranger
 from tests.core.contact_cases import wheel as prism
 
