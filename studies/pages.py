@@ -77,21 +77,16 @@ def digest(sources: Mapping[str, str]) -> str:
     """Digest of Python and C++ sources by file name, without their comments and docstrings."""
     total = hashlib.sha256()
     for name, source in sources.items():
-        code = _python_code(source) if name.endswith(".py") else _cpp_code(source)
+        if name.endswith(".py"):
+            tree = ast.parse(source)
+            for node in ast.walk(tree):
+                if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+                    node.body = node.body[ast.get_docstring(node, clean=False) is not None :]
+            code = ast.dump(tree)
+        else:
+            code = " ".join(re.sub(r"//[^\n]*|/\*.*?\*/", " ", source, flags=re.DOTALL).split())
         total.update(f"{name}\0{code}\0".encode())
     return total.hexdigest()[:12]
-
-
-def _python_code(source: str) -> str:
-    tree = ast.parse(source)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            node.body = node.body[ast.get_docstring(node, clean=False) is not None :]
-    return ast.dump(tree)
-
-
-def _cpp_code(source: str) -> str:
-    return " ".join(re.sub(r"//[^\n]*|/\*.*?\*/", " ", source, flags=re.DOTALL).split())
 
 
 def stale_blocks(folder: Path) -> list[str]:

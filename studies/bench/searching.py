@@ -40,7 +40,7 @@ def measure_general(bench: Bench, side: int) -> None:
     _measure(bench, "search", side, partial(brute_force_vertex, mesh.coordinates), walk)
     vertex = brute_force_vertex(mesh.coordinates, np.full(3, 0.3 * (side - 1) * RESOLUTION))
     patch = topology_around(graph, vertex, 1)
-    corners, above = mesh.vertices[patch.vertices][None], mesh.vertices[vertex][None] + (0.01, 0.02, 1.0)
+    corners, above = mesh.vertices[patch.vertices], mesh.vertices[vertex] + (0.01, 0.02, 1.0)
     bench.time(Case("search", "ray_cast", side), lambda: ray_cast(above, corners, patch.triangles))
 
 

@@ -51,6 +51,7 @@ class PhysxGround(Simulation):
         self._triangles = grid_triangles(*setup.heights.shape).astype(np.uint32)
         self._vertices = setup.vertices().astype(np.float32)
         self._ground: Any = None
+        self._bodies: list[Any] = []  # or robots
 
     def set_ground(self, ready: FloatArray) -> None:
         if self._ground is not None:
@@ -76,6 +77,7 @@ class PhysxGround(Simulation):
         self._steps += 1
 
     def close(self) -> None:
+        self._bodies.clear()
         self._ground = None
         self.scene = None
 
@@ -87,9 +89,8 @@ class PhysxTrimesh(PhysxGround, Engine):
     bounce_threshold: ClassVar[float] = 0.2
 
     def __init__(self, setup: Setup) -> None:
-        friction = float(np.mean([body.friction for body in setup.bodies])) if setup.bodies else 0.5
-        restitution = float(np.mean([body.restitution for body in setup.bodies])) if setup.bodies else 0.0
-        super().__init__(setup, friction, restitution)
+        both = [(body.friction, body.restitution) for body in setup.bodies] or [(0.5, 0.0)]
+        super().__init__(setup, *np.mean(both, axis=0).tolist())
         self._bodies = [self._add(body) for body in setup.bodies]
         self.set_ground(self.ready(setup.heights))
 
@@ -117,10 +118,6 @@ class PhysxTrimesh(PhysxGround, Engine):
                 force, normal = float(point.impulse @ point.normal) / dt, sign * point.normal
                 rows.append((own, *point.position, *normal, point.separation, *velocity, force, *[np.nan] * 3))
         return Contacts.of(rows)
-
-    def close(self) -> None:
-        self._bodies.clear()
-        super().close()
 
     def _add(self, body: EngineBody) -> Any:
         material = physx.PhysxMaterial(body.friction, body.friction, body.restitution)
@@ -158,11 +155,12 @@ class PhysxRobots(PhysxGround, RobotEngine):
 
     def __init__(self, setup: RobotSetup, *, sleeps: bool = False) -> None:
         super().__init__(setup, FRICTION, 0.0, 0.005 if sleeps else 0.0)
-        self._robots = [self._add(setup, start, sleeps=sleeps) for start in setup.starts]
-        self.names = tuple(link.name for link in self._robots[0].links if link.collision_shapes)
-        self._links = [[robot.find_link_by_name(name) for name in self.names] for robot in self._robots]
-        masses = np.array([link.mass for link in self._robots[0].links])
+        self._bodies = [self._add(setup, start, sleeps=sleeps) for start in setup.starts]
+        self.names = tuple(link.name for link in self._bodies[0].links if link.collision_shapes)
+        self._links = [[robot.find_link_by_name(name) for name in self.names] for robot in self._bodies]
+        masses = np.array([link.mass for link in self._bodies[0].links])
         self._shares = masses / masses.sum()
+        self.hold(setup.robot.stance)
         self.set_ground(self.ready(setup.heights))
 
     def _add(self, setup: RobotSetup, start: FloatArray, *, sleeps: bool) -> Any:
@@ -188,7 +186,6 @@ class PhysxRobots(PhysxGround, RobotEngine):
             if name in stance:
                 positions[index] = stance[name]
                 joint.set_drive_properties(GAIN / SERVO, GAIN, torque, "force")
-                joint.set_drive_target(stance[name])
             elif name in setup.robot.wheels:
                 joint.set_drive_properties(0.0, GAIN, torque, "force")
                 joint.set_drive_velocity_target(setup.speed)
@@ -199,7 +196,7 @@ class PhysxRobots(PhysxGround, RobotEngine):
         return robot
 
     def hold(self, positions: Mapping[str, float]) -> None:
-        for robot in self._robots:
+        for robot in self._bodies:
             for joint in robot.active_joints:
                 if joint.name in positions:
                     joint.set_drive_target(positions[joint.name])
@@ -210,9 +207,5 @@ class PhysxRobots(PhysxGround, RobotEngine):
         return Links(positions, xyzw(np.array([[pose.q for pose in row] for row in poses], np.float64)))
 
     def velocities(self) -> FloatArray:
-        linear = np.array([[link.linear_velocity for link in robot.links] for robot in self._robots], np.float64)
+        linear = np.array([[link.linear_velocity for link in robot.links] for robot in self._bodies], np.float64)
         return np.asarray(np.einsum("l,nlk->nk", self._shares, linear))
-
-    def close(self) -> None:
-        self._robots.clear()
-        super().close()

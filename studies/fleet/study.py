@@ -35,6 +35,7 @@ REAL_TIME, APART, SIDE = 0.98, 1.0, 24
 # The page with the table, its picture, and the numbers of bodies that the table has columns for.
 PAGE, PICTURE, COLUMNS = Path("docs/fleet.md"), Path("docs/images/fleet/capacity.png"), (200, 400, 800, 1200)
 NOBODY = "/nobody"  # a peer that is never heard
+Timings = dict[str, list[Timing]]  # by node
 
 
 def balls(count: int, first: int) -> Iterator[tuple[str, float, float, float]]:
@@ -53,30 +54,35 @@ def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float, me
     alone = {} if meet else {"bodies.peers": [NOBODY]}
     plan = FleetPlan(count=nodes, source=WAVES, front=front, parameters={"bodies.timeout": 20.0, **alone})
     runs: list[dict[str, float]] = []
-    with site(plan) as (watcher, machines):
+    with site(plan) as (watcher, timings, machines):
         count, added = 0, start
         while count < most and (not runs or runs[-1]["real_time"] >= REAL_TIME - 0.05):
             watcher.spawn_balls(balls(added, count), 0.2)
             count, added = count + added, more
-            watcher.spin(2.0)
-            runs.append({"bodies": count, **measure(watcher, machines, seconds)})
+            spin(watcher, 2.0)
+            runs.append({"bodies": count, **measure(watcher, timings, machines, seconds)})
             figures = ", ".join(f"{name} {figure:.3g}" for name, figure in runs[-1].items())
             print(f"{nodes} nodes{'' if meet else ' by themselves'}: {figures}", flush=True)
     return {"nodes": nodes, "meet": meet, "runs": runs, "carried": carried(runs)}
 
 
-def measure(watcher: Watcher, machines: list[Machine], seconds: float) -> dict[str, float]:
+def spin(watcher: FleetWatcher, seconds: float) -> None:
+    """Handles messages for so long."""
+    rclpy.spin_until_future_complete(watcher, Future(), timeout_sec=seconds)
+
+
+def measure(watcher: FleetWatcher, timings: Timings, machines: list[Machine], seconds: float) -> dict[str, float]:
     """Run a fleet; return the slowest node's real-time factor, the maximum processor time of a node for a simulated
     second [s], which hardly depends on other load, and the bytes a second that a node sent."""
-    for timings in watcher.timings.values():
-        timings.clear()
+    for heard in timings.values():
+        heard.clear()
     before, start = [(machine.usage.cpu(), machine.sent()) for machine in machines], monotonic()
-    watcher.spin(seconds)
+    spin(watcher, seconds)
     span, factors = monotonic() - start, []
     spent = np.array([(machine.usage.cpu(), machine.sent()) for machine in machines]) - before
-    for timings in watcher.timings.values():
-        window = sum(timing.window_s for timing in timings)
-        simulated = sum(timing.real_time_factor * timing.window_s for timing in timings)
+    for heard in timings.values():
+        window = sum(timing.window_s for timing in heard)
+        simulated = sum(timing.real_time_factor * timing.window_s for timing in heard)
         factors.append(simulated / window if window else 0.0)
     busy, sent = spent[:, 0] / np.maximum(factors, 1e-9) / span, spent[:, 1].mean() / span
     return {"real_time": min(factors), "busy": float(busy.max()), "sent": float(sent)}
@@ -193,35 +199,25 @@ def _ip(command: str) -> None:
     subprocess.run(["ip", *command.split()], check=True)
 
 
-class Watcher(FleetWatcher):
-    """Subscriptions to the nodes of a fleet. ``timings``: of each node since its list was cleared."""
-
-    def __init__(self, count: int) -> None:
-        super().__init__()
-        self.timings: dict[str, list[Timing]] = {node: [] for node in node_names(count)}
-        for node, timings in self.timings.items():
-            self.create_subscription(Timing, f"{node}/timing", timings.append, 10)
-
-    def spin(self, seconds: float) -> None:
-        """Handles messages for so long."""
-        rclpy.spin_until_future_complete(self, Future(), timeout_sec=seconds)
-
-
 @contextmanager
-def site(plan: FleetPlan) -> Iterator[tuple[Watcher, list[Machine]]]:
+def site(plan: FleetPlan) -> Iterator[tuple[FleetWatcher, Timings, list[Machine]]]:
     """Run a fleet whose processes are on a machine of their own each: the source of terrain, the front, and the
-    nodes. It begins when the front hears all nodes; yields what is heard of it, and the machines of its nodes."""
+    nodes. It begins when the front hears all nodes; yields what hears it, the timings of each node, and the machines of
+    the nodes."""
     with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
         rclpy.init()
         stack.callback(rclpy.try_shutdown)
-        watcher, machines, folder = Watcher(plan.count), list[Machine](), Path(name)
+        watcher, machines, folder = FleetWatcher(), list[Machine](), Path(name)
         stack.callback(watcher.destroy_node)
+        timings: Timings = {node: [] for node in node_names(plan.count)}
+        for node, heard in timings.items():
+            watcher.create_subscription(Timing, f"{node}/timing", heard.append, 10)
         try:
             for number, (process, command) in enumerate(plan.commands(folder).items()):
                 machines.append(Machine(number, command, folder / f"{process}.txt"))
                 stack.callback(machines[-1].close)
             watcher.wait_for(lambda: watcher.front.get("") == f"{plan.count} nodes", "fleet")
-            yield watcher, machines[-plan.count :]
+            yield watcher, timings, machines[-plan.count :]
         except BaseException:
             for log in sorted(folder.glob("*.txt")):
                 print(f"--- {log.name}\n{log.read_text(errors='replace')[-1500:]}", flush=True)

@@ -130,30 +130,27 @@ def brute_force_cells(geometry: GridGeometry, grid_rc: FloatArray) -> Cells:
     return Cells(found[0], found[1])
 
 
-def ray_cast(positions_w: FloatArray, vertices_w: FloatArray, triangles: NDArray[np.integer]) -> IntArray:
-    """Return the vertex (N,) of each patch, 0 .. K - 1, nearest to the hit of a ray down from its body; -1 = no hit.
+def ray_cast(position_w: FloatArray, vertices_w: FloatArray, triangles: NDArray[np.integer]) -> int:
+    """Return the vertex of a patch, 0 .. K - 1, nearest to the hit of a ray down from a body; -1 = no hit.
 
-    ``positions_w``: (N, 3) [m]. ``vertices_w``: (N, K, 3) [m]. ``triangles``: (T, 3) corners among the K vertices, the
-    same for all patches. Distances from the hit are horizontal; ties go to the lower vertex.
+    ``position_w``: (3,) [m]. ``vertices_w``: (K, 3) [m]. ``triangles``: (T, 3) corners among the K vertices. Distances
+    from the hit are horizontal; ties go to the lower vertex.
     """
-    corners = vertices_w[:, triangles]  # (N, T, 3, 3)
-    a, b, c = (corners[:, :, corner] for corner in range(3))
-    x, y = positions_w[:, None, 0], positions_w[:, None, 1]
-    area = (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (vertices_w[triangles[:, corner]].T for corner in range(3))
+    x, y, z = position_w
     with np.errstate(divide="ignore", invalid="ignore"):
-        v = ((x - a[..., 0]) * (c[..., 1] - a[..., 1]) - (y - a[..., 1]) * (c[..., 0] - a[..., 0])) / area
-        w = ((b[..., 0] - a[..., 0]) * (y - a[..., 1]) - (b[..., 1] - a[..., 1]) * (x - a[..., 0])) / area
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        v = ((x - ax) * (cy - ay) - (y - ay) * (cx - ax)) / area
+        w = ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / area
         u = 1.0 - v - w
-        height = u * a[..., 2] + v * b[..., 2] + w * c[..., 2]
-        hit = (u >= ON_EDGE) & (v >= ON_EDGE) & (w >= ON_EDGE) & (height <= positions_w[:, None, 2])
+        height = u * az + v * bz + w * cz
+        hit = (u >= ON_EDGE) & (v >= ON_EDGE) & (w >= ON_EDGE) & (height <= z)
+    if not hit.any():
+        return -1
     # If a patch overlaps itself, the ray hits the highest triangle first. Equally high triangles share the nearest
     # corner.
-    first = np.where(hit, height, -np.inf).argmax(axis=1)
-    row = np.arange(len(first))
-    options = np.sort(triangles[first].astype(np.int64), axis=1)
-    place = vertices_w[row[:, None], options, :2]
-    distance = ((place - positions_w[:, None, :2]) ** 2).sum(axis=2)
-    return np.where(hit[row, first], options[row, distance.argmin(axis=1)], -1)
+    options = np.sort(triangles[np.where(hit, height, -np.inf).argmax()])
+    return int(options[((vertices_w[options, :2] - position_w[:2]) ** 2).sum(axis=1).argmin()])
 
 
 class GridGraph:
