@@ -118,7 +118,7 @@ class Runner:
     def __init__(self, contest: Contest, configuration: Configuration) -> None:
         self.configuration, self.note = configuration, ""
         self.samples: dict[float, Sample] = {}
-        self.times: list[tuple[float, float]] = []  # of each piece, per simulated second: update, step [s]
+        self.times: list[tuple[float, ...]] = []  # of each piece, per simulated second: update, step [s]
         self._contest = contest
         self._steps, self._map = 0, 0
         self._used = np.zeros(2)
@@ -130,42 +130,35 @@ class Runner:
         return self._steps / self.configuration.rate
 
     def run_piece(self, instants: Sequence[float]) -> None:
-        """Advance over the instants of a piece, and note what a simulated second took."""
-        began, before = self.time, self._used.copy()
-        for instant in instants:
-            if not self.note:
-                self._advance(instant)
-        if began >= self._contest.timed_from and self.time > began:
-            update, step = ((self._used - before) / (self.time - began)).tolist()
-            self.times.append((update, step))
-
-    def _advance(self, until: float) -> None:
-        """Step to ``until`` [s] and take a sample; stop if that takes too much processor time."""
+        """Advance over the instants of a piece, take a sample at each, and note what a simulated second took; stop if
+        that takes too much processor time."""
         engine, contest, rate = self.engine, self._contest, self.configuration.rate
-        last = round(until * rate)
-        before = engine.velocities()
-        while self._steps < last:
-            if self._used.sum() > contest.patience:
-                self.note = f"stopped after {self.time:.2f} s: too slow"
-                return
-            number = math.floor(self.time * contest.scene.map_rate + 1e-6)
-            ready = None
-            if number != self._map:
-                ready = engine.ready(contest.maps(number))
-                self._map = number
-            contest.act(engine, self.time)
-            if self._steps == last - 1:
-                before = engine.velocities()
-            start = process_time()
-            if ready is not None:
-                engine.set_ground(ready)
-            middle = process_time()
-            engine.step()
-            end = process_time()
-            self._used += (middle - start, end - middle)
-            self._steps += 1
-        held = held_up(before[:, :3], engine.velocities()[:, :3], 1.0 / rate)
-        self.samples[until] = Sample(engine.links(), held)
+        began, used = self.time, self._used.copy()
+        for instant in instants:
+            before, last = engine.velocities(), round(instant * rate)
+            while self._steps < last and not self.note:
+                if self._used.sum() > contest.patience:
+                    self.note = f"stopped after {self.time:.2f} s: too slow"
+                    continue
+                ready, number = None, math.floor(self.time * contest.scene.map_rate + 1e-6)
+                if number != self._map:
+                    ready, self._map = engine.ready(contest.maps(number)), number
+                contest.act(engine, self.time)
+                if self._steps == last - 1:
+                    before = engine.velocities()
+                start = process_time()
+                if ready is not None:
+                    engine.set_ground(ready)
+                middle = process_time()
+                engine.step()
+                self._used += (middle - start, process_time() - middle)
+                self._steps += 1
+            if self.note:
+                break
+            held = held_up(before[:, :3], engine.velocities()[:, :3], 1.0 / rate)
+            self.samples[instant] = Sample(engine.links(), held)
+        if began >= contest.timed_from and self.time > began:
+            self.times.append(tuple(((self._used - used) / (self.time - began)).tolist()))
 
 
 def run(contest: Contest, chosen: Sequence[Configuration], say: Callable[[str], None]) -> dict[str, Result]:

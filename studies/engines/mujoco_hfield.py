@@ -175,8 +175,15 @@ class MujocoRobots(MujocoGround, RobotEngine):
         self._root = read_description(setup.text).root
         for prefix in self._prefixes:
             spec.attach(self._loaded(setup), prefix=prefix, frame=spec.worldbody.add_frame())
-            for joint in (*robot.stance, *robot.wheels):
-                _constrain(spec, f"{prefix}{joint}")
+            # Constraints hold joints at a position. Actuators as stiff would make robots tremble: MuJoCo solves
+            # contacts without the damping that its integrator adds for actuators.
+            for joint in (f"{prefix}{name}" for name in (*robot.stance, *robot.wheels)):
+                constraint = spec.add_equality(name=joint, type=mujoco.mjtEq.mjEQ_JOINT, name1=joint)
+                constraint.objtype = mujoco.mjtObj.mjOBJ_JOINT
+                constraint.data = np.zeros((len(constraint.data), 1))
+                # Overdamped: two time constants, which together are that of a servo. A tighter one would tremble
+                # against contacts.
+                constraint.solref = [0.25 * SERVO, math.sqrt(2.0)]
         self.compile()
         model, first = self.model, self._prefixes[0]
         with_shapes = [model.body(body).name for body in sorted(set(model.geom_bodyid.tolist()) - {0})]
@@ -228,13 +235,3 @@ class MujocoRobots(MujocoGround, RobotEngine):
 
     def contacts(self) -> Contacts:
         return self.contacts_of({body: robot for robot, bodies in enumerate(self._bodies.tolist()) for body in bodies})
-
-
-def _constrain(spec: mujoco.MjSpec, joint: str) -> None:
-    """Add a constraint that holds a joint at a position. An actuator as stiff would make robots tremble: MuJoCo solves
-    contacts without the damping that its integrator adds for actuators."""
-    constraint = spec.add_equality(name=joint, type=mujoco.mjtEq.mjEQ_JOINT, name1=joint)
-    constraint.objtype = mujoco.mjtObj.mjOBJ_JOINT
-    constraint.data = np.zeros((len(constraint.data), 1))
-    # Overdamped: two time constants, which together are that of a servo. A tighter one would tremble against contacts.
-    constraint.solref = [0.25 * SERVO, math.sqrt(2.0)]
