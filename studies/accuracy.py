@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any, ClassVar
 
@@ -19,7 +19,7 @@ from studies.contest import FINE_RATE, HORIZON, Contest, Result, Runner, run
 from studies.engines.engine import Engine, EngineBody, Setup, build
 from studies.matrix.arena import METHODS
 from studies.matrix.run import draw_box, draw_matrix, matrix_table, run_matrix
-from studies.running import Progress, save_results
+from studies.running import save_results
 from studies.tables import Charts, write_blocks
 
 CHARTS = Charts(
@@ -30,10 +30,10 @@ CHARTS = Charts(
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the scenes and the stability matrix; writes JSON, pictures and tables."""
     options = parser().parse_args(arguments)
-    (out, machine), say = CHARTS.begin(options), Progress()
+    out, machine = CHARTS.begin(options)
     blocks = {"machine": machine}
     if not options.charts_only:  # before the charts, whose replaced meshes PyBullet keeps in memory
-        outcomes = run_matrix(say, quick=options.quick, methods=options.methods)
+        outcomes = run_matrix(quick=options.quick, methods=options.methods)
         draw_matrix(CHARTS.images(out) / "stability.png", outcomes)
         real_maps = out / "images" / "real_maps"
         real_maps.mkdir(exist_ok=True)
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         chosen = configurations(quick=options.quick)
         scenes = CHARTS.chosen(options, read_scenes())
         captions = {f"{scene.title} ({scene.bodies.count} bodies)": scene for scene in scenes}
-        results, found = CHARTS.run(out, captions, chosen, lambda scene: run_scene(scene, chosen, say), machine)
+        results, found = CHARTS.run(out, captions, lambda scene: run_scene(scene, chosen), machine)
         if README_SCENE in results:
             draw_readme(CHARTS.images(out) / "readme.png", results[README_SCENE])
         print("\n" + found["summary"])
@@ -116,7 +116,7 @@ class BodyContest(Contest):
         return np.asarray(self.places_in(found, ground, maps) - HORIZON * np.array(against))
 
 
-def run_scene(scene: Scene, chosen: Sequence[Configuration], say: Callable[[str], None]) -> dict[str, Result]:
+def run_scene(scene: Scene, chosen: Sequence[Configuration]) -> dict[str, Result]:
     """Run a scene in every configuration that suits it."""
     suited = [configuration for configuration in chosen if scene.slide != (0.0, 0.0) or not configuration.for_sliding]
-    return run(BodyContest(scene), suited, say)
+    return run(BodyContest(scene), suited)

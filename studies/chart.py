@@ -53,9 +53,7 @@ README_LINES: tuple[tuple[Family, dict[str, str], str, tuple[float, float]], ...
 FAR = 1.0
 
 
-def draw_scene(
-    path: Path, title: str, results: Mapping[str, Result], families: Mapping[str, Family], unit: str = "body"
-) -> None:
+def draw_scene(path: Path, title: str, results: Mapping[str, Result], unit: str) -> None:
     """One scene: every configuration a point in both panels, ringed if it is on the front over cost and both; the front
     of each panel a line. ``unit``: what the cost is of."""
     figure = Figure(figsize=(17.0, 7.0), dpi=80)
@@ -63,21 +61,15 @@ def draw_scene(
         axes = figure.add_axes((0.05 + 0.44 * column, 0.09, 0.385, 0.82))
         axes.set_ylabel(WORDS[measure])
         axes.set_xlabel(f"cost: update and step, per {unit} and simulated second [ms]")
-        _plot(axes, measure, results, families, labels=True)
+        _plot(axes, measure, results, labels=True)
         if column == 0:
             axes.set_title(title, loc="left")
-            handles = _legend({families[name] for name in results})
+            handles = _legend(results.values())
             figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.89, 0.92), frameon=False, fontsize=9)
     figure.savefig(path)
 
 
-def draw_all(
-    path: Path,
-    titles: Mapping[str, str],
-    results: Mapping[str, Mapping[str, Result]],
-    families: Mapping[str, Family],
-    unit: str = "body",
-) -> None:
+def draw_all(path: Path, titles: Mapping[str, str], results: Mapping[str, Mapping[str, Result]], unit: str) -> None:
     """All scenes, by their names in ``titles``, as pairs of small charts on common axes."""
     rows = math.ceil(len(titles) / PAIRS)
     figure = Figure(figsize=(7.2 * PAIRS, 2.7 * rows + 0.8), layout="constrained")
@@ -89,7 +81,7 @@ def draw_all(
             shared = first.get(measure)
             axes = figure.add_subplot(grid[row, 2 * pair + column], sharex=first.get("distance"), sharey=shared)
             first.setdefault(measure, axes)
-            _plot(axes, measure, results[scene], families, labels=False)
+            _plot(axes, measure, results[scene], labels=False)
             axes.tick_params(which="both", labelsize=7)
             for axis in (axes.xaxis, axes.yaxis):
                 axis.set_minor_formatter(NullFormatter())
@@ -97,15 +89,16 @@ def draw_all(
                 axes.set_title(fill(title, max(40, round(0.6 * len(title)))), fontsize=8, loc="left")
             else:
                 axes.set_title("deviation", fontsize=7, loc="right", color="0.4")
-    handles = _legend({families[name] for found in results.values() for name in found})
+    handles = _legend([one for found in results.values() for one in found.values()])
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), frameon=False)
     words = f"left: {WORDS['distance']}; right: {WORDS['deviation']}; crosses on top: lost"
     figure.supxlabel(f"cost: update and step, per {unit} and simulated second [ms]\n{words}")
     figure.savefig(path, dpi=80)
 
 
-def _legend(families: Collection[Family]) -> list[Any]:
+def _legend(results: Collection[Result]) -> list[Any]:
     """Return the entries of a legend, without families that have no points."""
+    families = {one.family for one in results}
     handles: list[Any] = [
         Line2D([], [], linestyle="", marker=MARKERS[family], color=COLOURS[family], label=family)
         for family in COLOURS
@@ -117,9 +110,7 @@ def _legend(families: Collection[Family]) -> list[Any]:
     return [*handles, ring, Line2D([], [], linestyle="--", color="0.35", linewidth=1.0, label="front of the panel")]
 
 
-def _plot(
-    axes: Any, measure: Measure, results: Mapping[str, Result], families: Mapping[str, Family], *, labels: bool
-) -> None:
+def _plot(axes: Any, measure: Measure, results: Mapping[str, Result], *, labels: bool) -> None:
     if measure not in measures_of(results):
         axes.text(0.5, 0.5, "no reference", ha="center", va="center", transform=axes.transAxes, color="0.5", fontsize=8)
         return
@@ -135,7 +126,7 @@ def _plot(
     top = 3.0 * max([10.0, *(error for _, error in spots.values())])
     lost = {name: (one.cost / 1e3, top) for name, one in run.items() if one.lost}
     for family in COLOURS:
-        kept, gone = ([name for name in those if families[name] == family] for those in (spots, lost))
+        kept, gone = ([name for name in those if run[name].family == family] for those in (spots, lost))
         axes.scatter(
             [spots[name][0] for name in kept], [spots[name][1] for name in kept],
             c=COLOURS[family], marker=MARKERS[family], s=46 if labels else 22, zorder=3,
@@ -153,11 +144,11 @@ def _plot(
         axes.margins(x=0.14, y=0.1)
         axes.autoscale_view()
         texts = {name: f"{name} ({one.lost} lost)" if one.lost else name for name, one in run.items()}
-        _label(axes, spots | lost, texts, families)
+        _label(axes, spots | lost, texts, {name: COLOURS[one.family] for name, one in run.items()})
 
 
 def _label(
-    axes: Any, places: Mapping[str, tuple[float, float]], texts: Mapping[str, str], families: Mapping[str, Family]
+    axes: Any, places: Mapping[str, tuple[float, float]], texts: Mapping[str, str], colours: Mapping[str, str]
 ) -> None:
     """Writes the names beside the points, each where it covers no other and stays within the panel."""
     right = axes.bbox.x1
@@ -175,7 +166,7 @@ def _label(
         taken.append(boxes[chosen])
         axes.annotate(
             text, (x, y), xycoords="figure pixels", xytext=(x + dx, y + dy), textcoords="figure pixels", fontsize=7,
-            color=COLOURS[families[name]], va="center", annotation_clip=False,
+            color=colours[name], va="center", annotation_clip=False,
             arrowprops={"arrowstyle": "-", "color": "0.8", "linewidth": 0.5} if abs(dy) > 12.0 else None,
         )  # fmt: skip
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from time import process_time
 from typing import Any, ClassVar, Literal
@@ -20,8 +20,9 @@ from smartmesh_ros import InputError
 from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import BoolArray, held_up, penetration
-from studies.configurations import Configuration
+from studies.configurations import Configuration, Family
 from studies.engines.engine import Links
+from studies.running import say
 
 # Step rate of references [Hz], and instant of the comparison with them [s]. A later comparison is meaningless, because
 # repeated contacts make the motion chaotic.
@@ -36,7 +37,7 @@ class Result:
     ``cost`` [us]: processor time of update and step, per body and simulated second, median; ``spread``: its quartiles
     [us]; ``update``: the ground's share of it [us], NaN = not told apart. Then `Penetration`'s figures [m]; deviation
     from the reference after one second, median and largest over the bodies [m], NaN = none; ``note``: why it
-    did not run, or not long.
+    did not run, or not long; ``family`` of its configuration.
     """
 
     cost: float = math.nan
@@ -51,6 +52,7 @@ class Result:
     deviation: float = math.nan
     most_deviation: float = math.nan
     note: str = ""
+    family: Family = "ours"
 
 
 class Sample:
@@ -161,7 +163,7 @@ class Runner:
             self.times.append(tuple(((self._used - used) / (self.time - began)).tolist()))
 
 
-def run(contest: Contest, chosen: Sequence[Configuration], say: Callable[[str], None]) -> dict[str, Result]:
+def run(contest: Contest, chosen: Sequence[Configuration]) -> dict[str, Result]:
     """Run a scene in every configuration, taking turns piece by piece."""
     scene = contest.scene
     results: dict[str, Result] = {}
@@ -184,7 +186,7 @@ def run(contest: Contest, chosen: Sequence[Configuration], say: Callable[[str], 
     for runner in runners:
         results[runner.configuration.name] = _result(contest, runner, reference)
         runner.engine.close()
-    return {configuration.name: results[configuration.name] for configuration in chosen}
+    return {one.name: replace(results[one.name], family=one.family) for one in chosen}
 
 
 def _result(contest: Contest, runner: Runner, reference: FloatArray | None) -> Result:

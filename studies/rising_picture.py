@@ -14,7 +14,7 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import Ground, HeightMap
 from smartmesh_ros.terrain.grid import FloatArray
-from studies.running import Progress
+from studies.running import say
 from studies.tiny_renderer import Camera, Stage
 
 STEPS, MAPS = 240, 60  # rates of physics and of the maps [Hz]
@@ -127,7 +127,7 @@ def surfaces(time: float) -> tuple[tuple[FloatArray, Any], ...]:
 
 def main() -> None:
     """Run both simulations, and write the pictures."""
-    say, stage, font = Progress(), Stage(), ImageFont.load_default(size=19)
+    stage, font = Stage(), ImageFont.load_default(size=19)
     drawn = [
         stage.add(pb.GEOM_BOX, PLUM, halfExtents=[HALF] * 3) if box else stage.add(pb.GEOM_SPHERE, BLUE, radius=HALF)
         for box in (False, True, False, True, False)

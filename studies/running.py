@@ -16,17 +16,12 @@ from typing import Any
 PACKAGES = ("numpy", "pybullet", "mujoco", "sapien", "rapier3d", "coal")
 # Significant digits of a figure in JSON: more than any table shows.
 DIGITS = 5
+BEGUN = perf_counter()
 
 
-class Progress:
-    """Shows lines in place of one another on the standard error output, behind the time since it was made."""
-
-    def __init__(self) -> None:
-        self._began = perf_counter()
-
-    def __call__(self, line: str) -> None:
-        """Show a line."""
-        print(f"\r\033[K{perf_counter() - self._began:5.0f} s  {line}", end="", file=sys.stderr, flush=True)
+def say(line: str) -> None:
+    """Show a line in place of the one before on the standard error output, behind the time since the start."""
+    print(f"\r\033[K{perf_counter() - BEGUN:5.0f} s  {line}", end="", file=sys.stderr, flush=True)
 
 
 def describe() -> dict[str, Any]:

@@ -66,17 +66,6 @@ def general_mesh(waves: Waves) -> TriangleMesh:
     return TriangleMesh(grid_vertices(waves.next()), grid_triangles(waves.side, waves.side))
 
 
-def crowd_positions(count: int, side: int) -> FloatArray:
-    """Places (count, 2) [m] in a square around the middle of a map, none on a sample."""
-    rows = math.ceil(math.sqrt(count))
-    extent = (side - 1) * RESOLUTION
-    apart = min(_APART, 0.8 * extent / rows)
-    index = np.arange(count)
-    middle = 0.5 * extent
-    offset = np.stack([index % rows, index // rows], axis=1) - 0.5 * (rows - 1)
-    return np.asarray(middle + apart * offset + 0.07)
-
-
 class Player:
     """Bodies in a world over moving ground; each frame moves the ground and the bodies first."""
 
@@ -84,7 +73,11 @@ class Player:
         self._waves = waves
         self._mesh = mesh
         self.world = ReportWorld(mesh, WorldConfig(physics=PhysicsConfig(rate=60.0)), report=report)
-        places = crowd_positions(count, waves.side)
+        # In a square around the middle of the map, none on a sample.
+        rows, extent = math.ceil(math.sqrt(count)), (waves.side - 1) * RESOLUTION
+        numbers = np.arange(count)
+        offset = np.stack([numbers % rows, numbers // rows], axis=1) - 0.5 * (rows - 1)
+        places = 0.5 * extent + min(_APART, 0.8 * extent / rows) * offset + 0.07
         heights = self.world.terrain.at(places, 0.0).heights + RADIUS
         for index, (x, y) in enumerate(places.tolist()):
             self.world.spawn(f"body_{index}", Sphere(RADIUS), 1.0, BodyState((x, y, float(heights[index]))))

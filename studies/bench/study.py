@@ -15,7 +15,7 @@ from studies.bench.measure import FULL, LONGEST_FRAME, QUICK, Bench, Effort
 from studies.bench.searching import MAP_SIDES
 from studies.bench.smart_mesh import BATCH, BATCH_SIDE, SIDE
 from studies.pages import ROOT, fill, number, table, times
-from studies.running import Progress, describe, measured_on, save_results
+from studies.running import describe, measured_on, save_results, say
 
 # Above one: today is faster.
 RATIO = "report / today"
@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--quick", action="store_true", help="few frames, less than a minute: whether it runs at all")
     parser.add_argument("--out", type=Path, default=Path("out/bench"), help="folder of the results (%(default)s)")
     given = parser.parse_args(arguments)
-    bench, say = Bench(QUICK if given.quick else FULL), Progress()
+    bench = Bench(QUICK if given.quick else FULL)
     for label, run in jobs(bench.effort):
         say(label)
         run(bench)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import multiprocessing
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from studies.matrix.arena import METHODS, Outcome, Row
 from studies.matrix.real_maps import STEP, Site
 from studies.pages import table
 from studies.report.config import ReportConfig
+from studies.running import say
 
 _PARTS = (still_ground, moving_ground, rules, touching, real_maps, uneven_maps, sleeping)
 ROWS: tuple[Row, ...] = tuple(row for part in _PARTS for row in part.ROWS)
@@ -37,7 +38,7 @@ def run_cell(row: Row, method: str) -> Outcome:
     return Outcome(row=row.name, method=method, figure=figure, limit=row.limit, unit=row.unit, source=row.source)
 
 
-def run_matrix(say: Callable[[str], None], *, quick: bool = False, methods: Sequence[str] = ()) -> list[Outcome]:
+def run_matrix(*, quick: bool = False, methods: Sequence[str] = ()) -> list[Outcome]:
     """All cells, row by row, or those of some ``methods``; the quick run has fewer rows and methods.
 
     Each cell runs in a process of its own, on all cores: PyBullet keeps the memory of every mesh that was replaced,

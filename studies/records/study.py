@@ -15,7 +15,7 @@ from studies.chart import PLAIN
 from studies.pages import ROOT, fill
 from studies.records.motion import ENTRANTS, OURS, cells_table, touchdown_table
 from studies.records.tax import engine_table, world_table
-from studies.running import Progress, describe, measured_on, save_results
+from studies.running import describe, measured_on, save_results, say
 
 PAGE, RESULTS, PICTURE = (ROOT / "docs" / name for name in ("records.md", "records.json", "images/records.png"))
 # How often each cost is measured, in turns: in `World`, and in the engines.
@@ -27,7 +27,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m studies records", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="two turns in place of all, and no page")
     quick = parser.parse_args(arguments).quick
-    say = Progress()
     tables: dict[str, str] = {}
     results: dict[str, Any] = {}
     records: dict[str, Callable[[], tuple[str, Any]]] = {

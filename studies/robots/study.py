@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from studies.matrix.arena import Arena, square
 from studies.pages import table
 from studies.robots.contest import RobotContest
 from studies.robots.robot import DATA, HEAVING, STILL, RoughHills, scenes
-from studies.running import Progress, save_results
+from studies.running import save_results, say
 from studies.tables import Charts
 
 # Descriptions that come with PyBullet.
@@ -68,7 +68,7 @@ def run_stranger(name: str, *, moving: bool, braked: bool) -> Stranger:
         return Stranger(name, moving, braked, math.dist(before, after) if on_map else math.nan, world.rescues)
 
 
-def run_strangers(say: Callable[[str], None], names: Sequence[str]) -> list[Stranger]:
+def run_strangers(names: Sequence[str]) -> list[Stranger]:
     """Run robots on both grounds, limp and with braked joints."""
     found = []
     for name, moving, braked in product(names, (False, True), (False, True)):
@@ -88,13 +88,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     every = scenes()
     options = CHARTS.parser(__doc__, [scene.name for scene in every]).parse_args(arguments)
     out, machine = CHARTS.begin(options)
-    say = Progress()
     todo = CHARTS.chosen(options, every)
     chosen = robot_configurations(quick=options.quick)
     by_title = {scene.title: scene for scene in todo}
-    _, blocks = CHARTS.run(out, by_title, chosen, lambda scene: run(RobotContest(scene), chosen, say), machine)
+    _, blocks = CHARTS.run(out, by_title, lambda scene: run(RobotContest(scene), chosen), machine)
     names = ("mini_cheetah",) if options.quick else tuple(STRANGERS)
-    strangers = [] if options.scenes else run_strangers(say, names)
+    strangers = [] if options.scenes else run_strangers(names)
     save_results(CHARTS.data(out), {"strangers": [one._asdict() for one in strangers]})
     CHARTS.write(out, {"machine": machine, **blocks, "strangers": strangers_table(strangers)})
     return 0

@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from smartmesh_ros import BodyState, Soil, World
 from smartmesh_ros.scenes import eight, tracks
-from studies.running import Progress
+from studies.running import say
 from studies.tiny_renderer import Camera, Stage
 
 OUT = Path("out")
@@ -62,7 +62,7 @@ def film(
 ) -> None:
     """Run ``step`` with the number of each step; write a GIF with a picture of one of ``every`` steps, and the last
     picture."""
-    say, frames = Progress(), []
+    frames = []
     for number in range(round(seconds / world.dt)):
         step(number)
         if number % every == every - 1:

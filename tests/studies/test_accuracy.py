@@ -65,7 +65,7 @@ def small_scene() -> Scene:
 @pytest.fixture(scope="module")
 def results() -> dict[str, Result]:
     """The small scene in every engine."""
-    return run_scene(small_scene(), configurations(quick=True), lambda _: None)
+    return run_scene(small_scene(), configurations(quick=True))
 
 
 def test_a_scene_runs_in_every_engine_and_bodies_stay_on_level_ground(results: dict[str, Result]) -> None:
