@@ -18,6 +18,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.matrix.arena import Arena, Heights, Method, Row, deepest, off
 from studies.matrix.still_ground import sinks
+from studies.soil.vehicles import joint_of, link_of
 
 SLOPE = 0.3  # [-], less than the friction of 0.5
 
@@ -64,22 +65,12 @@ def box_on_ridge(method: Method) -> float:
     return worst
 
 
-_SPINNER = """
-<robot name="spinner">
-  <link name="base">
-    <inertial><mass value="50"/><inertia ixx="2" iyy="2" izz="2" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><geometry><box size="0.3 0.3 0.1"/></geometry></collision>
-  </link>
-  <link name="bar">
-    <inertial><mass value="1"/><inertia ixx="0.001" iyy="0.0836" izz="0.0836" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><geometry><box size="1.0 0.05 0.05"/></geometry></collision>
-  </link>
-  <joint name="spin" type="continuous">
-    <parent link="base"/><child link="bar"/><origin xyz="0 0 0.1"/><axis xyz="0 0 1"/>
-    <limit effort="5" velocity="50"/>
-  </joint>
-</robot>
-"""
+_BLOCK = '<collision><geometry><box size="{}"/></geometry></collision>'
+_LINKS = link_of("base", 50.0, (2.0, 2.0, 2.0), _BLOCK.format("0.3 0.3 0.1")) + link_of(
+    "bar", 1.0, (0.001, 0.0836, 0.0836), _BLOCK.format("1.0 0.05 0.05")
+)
+_MOUNT = '<origin xyz="0 0 0.1"/><limit effort="5" velocity="50"/>'
+_SPINNER = f'<robot name="spinner">{_LINKS}{joint_of("spin", "base", "bar", "0 0 1", _MOUNT)}</robot>'
 
 
 def spins_into_wall(method: Method) -> float:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from smartmesh_ros.ground.shown_ground import make_shape, quarter_turn, replace_heights
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from studies.report.config import MeshKind, WholeKind
+from studies.report.config import PatchKind
 
 # Depth of holes below a field's base [m].
 HOLE = 100.0
@@ -84,7 +84,7 @@ class MeshCollider:
         return same and bool((np.abs(self.vertices - vertices) <= SAME_PLACE).all())
 
 
-def make_mesh(client: Any, kind: MeshKind, vertices: FloatArray, triangles: NDArray[np.int32]) -> MeshCollider:
+def make_mesh(client: Any, kind: PatchKind, vertices: FloatArray, triangles: NDArray[np.int32]) -> MeshCollider:
     """Create a collider and its body."""
     if kind == "prisms":
         uid = _make_prisms(client, vertices[triangles])
@@ -123,7 +123,7 @@ class WholeMesh:
     compares its patches with. Its size stays the same. It ignores the ground's velocity, and its cost grows with the
     map instead of the bodies."""
 
-    def __init__(self, client: Any, kind: WholeKind) -> None:
+    def __init__(self, client: Any, kind: PatchKind) -> None:
         self._client, self._kind = client, kind
         self._made: Field | MeshCollider | None = None
         # The map and its version at the last update, and True if it moved.

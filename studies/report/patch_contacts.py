@@ -13,7 +13,7 @@ from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.map_contacts import MapContacts
 from smartmesh_ros.ground.shown_ground import quarter_turn
-from studies.report.config import ReportConfig, is_whole
+from studies.report.config import ReportConfig
 from studies.report.made import Field, MeshCollider, WholeMesh, make_field, make_mesh
 from studies.report.patches import ChosenPatches, PatchBatch
 
@@ -32,7 +32,7 @@ class PatchContacts(MapContacts):
         self._held: dict[Follower, Field | MeshCollider] = {}
         # By id of a collider, also of one that was removed: its links, each with the body and link that it touches.
         self._pairs: dict[int, list[tuple[int, int, int]]] = {}
-        self._whole = WholeMesh(client, config.kind) if is_whole(config.kind) else None
+        self._whole = WholeMesh(client, config.kind) if config.whole else None
 
     def attach(self, follower: Follower) -> None:
         """The core only reads and moves a follower, which gets its collider in the next `refresh`."""

@@ -19,7 +19,7 @@ from smartmesh_ros.ground.slot_tables import with_rows
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from studies.report.config import ReportConfig, is_whole
+from studies.report.config import ReportConfig
 from studies.report.search import (
     TriangleGraph,
     best_first_vertex,
@@ -51,7 +51,7 @@ class MapPatches:
         it can touch ground in that time."""
         self._set_extents(slots, reach)
         placed = self._map.placed_at(time)
-        nearest = np.stack(nearest_vertices(placed, placed.to_grid(states[:, :2])), axis=1)
+        nearest = nearest_vertices(placed, placed.to_grid(states[:, :2]))
         rings = self._extents[slots, 0].astype(np.int64)
         for size in np.unique(rings).tolist():
             chosen = np.flatnonzero(rings == size)
@@ -251,7 +251,7 @@ class ChosenPatches:
         radii, slots = self._followers.radii, np.flatnonzero(self._followers.table["alive"])
         slots = slots[np.isfinite(states[slots]).all(axis=1)]
         slots = slots[mesh.beyond(states[slots]) <= radii[slots]]
-        if slots.size and not is_whole(self._config.kind):
+        if slots.size and not self._config.whole:
             speeds = np.minimum(np.linalg.norm(states[slots, 7:10], axis=1), FASTEST)
             reach = radii[slots] + speeds * duration
             self.batches = list(self._patches.around(slots, states[slots], reach, time, duration))

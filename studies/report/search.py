@@ -29,35 +29,25 @@ from smartmesh_ros import GridGeometry
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
-# The eight neighbours of a grid vertex, in ascending order of their index, and the vertex itself first.
-_ROW_STEPS = np.array([0, -1, -1, -1, 0, 0, 1, 1, 1])
-_COLUMN_STEPS = np.array([0, -1, 0, 1, -1, 1, -1, 0, 1])
+# From a grid vertex to itself and to its eight neighbours, row and column.
+_STEPS = np.array([(0, 0), (-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)])
 # Number of grid vertices compared at a time. Raising it costs memory.
 CHUNK = 1 << 16
 # Smallest barycentric weight of a hit. Slightly negative, so that a ray at an edge hits one of the two triangles.
 ON_EDGE = -1e-9
 
 
-class Cells(NamedTuple):
-    """Nearest vertices of N bodies: rows and columns, shape (N,)."""
-
-    rows: IntArray
-    columns: IntArray
-
-
-def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray) -> Cells:
-    """Return the vertices, without the map's rim, horizontally nearest to points given as fractional (row, column).
+def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray) -> IntArray:
+    """Return the vertices (N, 2), row and column, without the map's rim, horizontally nearest to points given as
+    fractional (row, column).
 
     ``grid_rc``: (N, 2), see `GridGeometry.to_grid`. The rim is excluded to keep the topology of every patch constant
     (the report's Chapter 3, Figure 7); bodies beyond it get the nearest vertex inside. On a uniform grid, rounding
     gives the nearest vertex, so no best-first step is needed. Ties go to the lower row and column.
     """
-    nearest = grid_rc - 0.5
-    np.ceil(nearest, out=nearest)
-    cells = nearest.T.astype(np.int64, order="C")
-    np.minimum(cells, [[geometry.rows - 2], [geometry.columns - 2]], out=cells)
-    np.maximum(cells, 1, out=cells)
-    return Cells(cells[0], cells[1])
+    cells: IntArray = np.ceil(grid_rc - 0.5).astype(np.int64)
+    np.minimum(cells, [geometry.rows - 2, geometry.columns - 2], out=cells)
+    return np.maximum(cells, 1, out=cells)
 
 
 def best_first_vertex(mesh: TriangleMesh, graph: TriangleGraph, position_w: FloatArray, start: int) -> int:
@@ -82,25 +72,23 @@ def best_first_vertex(mesh: TriangleMesh, graph: TriangleGraph, position_w: Floa
             return best
 
 
-def best_first_cells(geometry: GridGeometry, grid_rc: FloatArray, starts: Cells) -> Cells:
-    """Return the vertices of a height map, without its rim, nearest to points given as fractional (row, column) (N, 2).
+def best_first_cells(geometry: GridGeometry, grid_rc: FloatArray, starts: IntArray) -> IntArray:
+    """Return the vertices (N, 2) of a height map, without its rim, nearest to points given as fractional (row, column)
+    (N, 2).
 
-    Walks over the eight-neighbour graph (Figure 6) from ``starts``, which must not lie on the rim.
+    Walks over the eight-neighbour graph (Figure 6) from ``starts`` (N, 2), which must not lie on the rim.
     """
-    rows, columns = starts.rows.copy(), starts.columns.copy()
-    walking = np.arange(len(rows))
+    found, walking = starts.copy(), np.arange(len(starts))
+    last = [geometry.rows - 2, geometry.columns - 2]
     while walking.size:
-        near_rows = np.clip(rows[walking, None] + _ROW_STEPS, 1, geometry.rows - 2)
-        near_columns = np.clip(columns[walking, None] + _COLUMN_STEPS, 1, geometry.columns - 2)
-        place = grid_rc[walking]
-        distance = (near_rows - place[:, :1]) ** 2 + (near_columns - place[:, 1:2]) ** 2
-        index = near_rows * geometry.columns + near_columns
+        near = np.clip(found[walking, None] + _STEPS, 1, last)
+        distance = ((near - grid_rc[walking, None]) ** 2).sum(axis=2)
+        index = near[..., 0] * geometry.columns + near[..., 1]
         nearest = distance.min(axis=1, keepdims=True)
         best = np.where(distance == nearest, index, np.iinfo(np.int64).max).min(axis=1)
-        moved = best != index[:, 0]
-        rows[walking], columns[walking] = np.divmod(best, geometry.columns)
-        walking = walking[moved]
-    return Cells(rows, columns)
+        found[walking] = np.stack(np.divmod(best, geometry.columns), axis=1)
+        walking = walking[best != index[:, 0]]
+    return found
 
 
 def brute_force_vertex(coordinates: FloatArray, position_w: FloatArray) -> int:
@@ -109,14 +97,15 @@ def brute_force_vertex(coordinates: FloatArray, position_w: FloatArray) -> int:
     return int(((coordinates - position_w[:, None]) ** 2).sum(axis=0).argmin())
 
 
-def brute_force_cells(geometry: GridGeometry, grid_rc: FloatArray) -> Cells:
-    """Return the vertices of a height map, without its rim, nearest to points given as fractional (row, column) (N, 2).
+def brute_force_cells(geometry: GridGeometry, grid_rc: FloatArray) -> IntArray:
+    """Return the vertices (N, 2) of a height map, without its rim, nearest to points given as fractional (row, column)
+    (N, 2).
 
     Compares horizontal distances to all vertices. Ties go to the lower row and column.
     """
     columns = np.arange(1, geometry.columns - 1, dtype=np.float64)
     step = max(1, CHUNK // len(columns))
-    found = np.empty((2, len(grid_rc)), np.int64)
+    found = np.empty((len(grid_rc), 2), np.int64)
     for index, (row, column) in enumerate(grid_rc):
         across = (columns - column) ** 2
         best = np.inf
@@ -126,8 +115,8 @@ def brute_force_cells(geometry: GridGeometry, grid_rc: FloatArray) -> Cells:
             nearest = int(distance.argmin())
             if distance.flat[nearest] < best:
                 best = distance.flat[nearest]
-                found[:, index] = first + nearest // len(columns), 1 + nearest % len(columns)
-    return Cells(found[0], found[1])
+                found[index] = first + nearest // len(columns), 1 + nearest % len(columns)
+    return found
 
 
 def ray_cast(position_w: FloatArray, vertices_w: FloatArray, triangles: NDArray[np.integer]) -> int:
