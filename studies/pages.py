@@ -20,10 +20,10 @@ from typing import NamedTuple
 from smartmesh_ros import InputError
 
 ROOT = Path(__file__).parents[1]
-_CORE = ("core", "terrain", "ground", "world", "../studies/report")
+_CORE = ("core", "terrain", "ground", "world")
 # The rooms that the figures of a block depend on, by its subject: folders, from that of the package.
 SUBJECTS = {
-    "core": _CORE,
+    "core": (*_CORE, "../studies/report"),
     "soil": ("core", "terrain", "soil"),
     "node": (*_CORE, "node"),
     "tuner": (*_CORE, "tools/evaluation", "tools/replay", "tools/tune"),
